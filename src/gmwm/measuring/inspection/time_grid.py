@@ -22,18 +22,10 @@ Range = tuple[int, int]
 
 @dataclass(frozen=True)
 class Extent:
-    """Segments of a recording and their start times, counted from the first sample of the file.
+    """Segments of a recording (half-open index ranges) and their start times, counted from the first sample of the
+    file.
 
-    Attributes
-    ----------
-    rate : float
-        Samples per second (Hz).
-    segments : tuple of (first, last)
-        Half-open index ranges without a gap.
-    starts : tuple of float
-        Time of the first sample of each segment (s).
-    gaps_known : bool
-        Whether the lengths of the gaps are known.
+    `gaps_known` tells whether the lengths of the gaps are known.
     """
 
     rate: float
@@ -45,8 +37,8 @@ class Extent:
     def of(
         cls, rate: float, segments: Sequence[Range], clock: Sequence[float], left: float, *, gaps_known: bool = True
     ) -> Extent:
-        """Make the extent of segments whose start times `clock` (s) are counted from any zero. The first sample gets
-        the time `left` (s)."""
+        """Make the extent of segments whose start times `clock` (s) are counted from any zero; the first sample gets
+        `left` (s)."""
         begins = begins_of(rate, segments, clock)
         return cls(rate, tuple(segments), tuple(left + begin for begin in begins), gaps_known)
 

@@ -34,14 +34,11 @@ class Conditions:
     covariates : Covariates or None
         Conditions in the form of covariates; None without a regression.
     found : mapping of axis to Regression
-        Regression of each axis. This includes regressions that are not applied because the axis does not depend on the
-        temperature.
+        Regression of each axis, also of those that do not depend on the temperature (not applied).
     unknown : str
-        Reason why the temperature of the recording cannot be used; an empty string if it can, or if there is no
-        temperature.
+        Reason why the temperature of the recording cannot be used, or "".
     raw : mapping of axis to WaveletVariance
-        Wavelet variances of the axes before the effect of the conditions is subtracted, for a recording that is not in
-        memory.
+        Wavelet variances before the effect of the conditions is subtracted, for a recording that is not in memory.
     """
 
     covariates: Covariates | None = None
@@ -55,12 +52,8 @@ class Conditions:
     ) -> Conditions:
         """Regress the axes of a recording, which were sampled at the same times.
 
-        With the automatic choice, axes that cannot be regressed are left out.
-
-        Raises
-        ------
-        OptionError, DataError
-            If a requested covariate is missing or cannot be used.
+        With the automatic choice, axes that cannot be regressed are left out. Raises OptionError or DataError if a
+        requested covariate is missing or cannot be used.
         """
         if not signals or not _wanted(asked, temperature is not None):
             return cls()
@@ -79,12 +72,8 @@ class Conditions:
         """Regress all axes of a recording in memory or in a file; see `of`.
 
         A recording in a file is read once, or twice if it has no time stamps or many lost samples. With `curves`, its
-        wavelet variances are measured while it is read the first time.
-
-        Raises
-        ------
-        OptionError
-            As for `of`, and if an exact covariate needs the samples of a recording that is not in memory.
+        wavelet variances are measured while it is read the first time. Raises OptionError also if an exact covariate
+        needs the samples of such a recording.
         """
         if isinstance(recording, Imu):
             return cls.of(recording.signals, asked, recording.temperature, threads=threads)

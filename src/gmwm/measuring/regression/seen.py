@@ -1,7 +1,4 @@
-"""Collect the data that a regression needs from a recording that is not in memory.
-
-These are the times of the samples, the temperature, and the sums over blocks.
-"""
+"""Collect from a recording that is not in memory what a regression needs: times, temperature, and sums over blocks."""
 
 from __future__ import annotations
 
@@ -21,22 +18,10 @@ from gmwm.recording.signals import Signal
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """Times, temperature and block sums of a recording that was read once in batches.
+    """Times, temperature (°C) and block sums of a recording that was read once in batches.
 
-    Attributes
-    ----------
-    recording : Streamed
-        The recording.
-    clock : Signal
-        A signal with the segments and times of the recording. Its values are the temperature, or zeros.
-    temperature : (N,) array or None
-        Temperature (°C).
-    length : int
-        Number of samples in a block.
-    sums : mapping of axis to (n,) array
-        Sum of the samples in each block, after outlying samples were clipped.
-    curves : mapping of axis to WaveletVariance
-        Wavelet variances of the axes, if they were requested, before the effect of conditions is subtracted.
+    `clock` is a signal with the segments and times of the recording. `sums` are over blocks of `length` samples, after
+    outlying samples were clipped. `curves` are wavelet variances, if requested, with the effect of the conditions.
     """
 
     recording: Streamed
@@ -51,10 +36,7 @@ class Seen:
         """Read a recording and sum it over blocks of `length` samples. With `curves`, also measure its wavelet
         variances.
 
-        Raises
-        ------
-        ReadError, DataError
-            If `read` would refuse the recording.
+        Raises ReadError or DataError if `read` would refuse the recording.
         """
         segments, parts = Segments(), list[Vector]()
         sums = {axis: np.zeros(0) for axis in recording.axes}
@@ -80,7 +62,6 @@ class Seen:
         return cls(recording, like, temperature, length=length, sums=sums, curves=found)
 
     def means(self, clock: Clock) -> dict[str, Vector]:
-        """Return the block means of all axes. If the clock has blocks of another length, the recording is read
-        again."""
+        """Return the block means of all axes. For a clock with blocks of another length, the recording is read again."""
         sums = self.sums if clock.length == self.length else Seen.of(self.recording, clock.length).sums
         return {axis: clock.mean_of(own) for axis, own in sums.items()}

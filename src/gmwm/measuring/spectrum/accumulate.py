@@ -20,12 +20,10 @@ SHORTEST = 32
 LONGEST = 1 << 16
 """Largest length of a block (samples) that is chosen automatically. It is 11 min at 100 Hz and takes 1 MB of memory."""
 ENOUGH = 15
-"""Number of blocks of one length that is enough, so that shorter blocks are not used. A recording of eight block
-lengths without gaps has 15 overlapping blocks. The standard error of the density is then 27 %, and the mean over
-neighbouring frequencies is as precise as with shorter blocks."""
+"""Number of blocks of one length from which shorter blocks are not used: the blocks of eight lengths without gaps. The
+standard error of the density is then 27 %, and means over frequencies are as precise as with shorter blocks."""
 LEAST_SAMPLES = 64
-"""Smallest number of samples without a gap for an estimate of the spectrum. They contain three blocks of the shortest
-length."""
+"""Smallest number of samples without a gap, three blocks of the shortest length."""
 FOLD = 1 << 18
 """Number of samples that are buffered before they are processed."""
 
@@ -34,8 +32,8 @@ FOLD = 1 << 18
 class _Sums:
     """Sums over the blocks of one length.
 
-    `pairs` is the number of blocks that overlap with the previous block. `first` and `last` are the indices of the
-    first samples of the first and the last block.
+    `pairs` is the number of blocks that overlap with the previous block. `first` and `last` are the first samples of
+    the first and the last block.
     """
 
     sums: Periodograms
@@ -138,13 +136,8 @@ class SpectrumAccumulator(OneAtATime):
 
     @one_at_a_time
     def update(self, chunk: ArrayLike) -> None:
-        """Add the next samples (n,), one or more.
-
-        Raises
-        ------
-        DataError
-            If a value is NaN or infinite. The chunk is rejected, and the earlier samples are kept.
-        """
+        """Add the next samples (n,), one or more. Raises DataError, and keeps the earlier ones, if a value is not
+        finite."""
         x = as_vector(chunk, "chunk", at_least=0)
         if not x.size:
             return
@@ -167,10 +160,7 @@ class SpectrumAccumulator(OneAtATime):
     def merge(self, following: SpectrumAccumulator) -> SpectrumAccumulator:
         """Merge this part with the part that directly follows it, into a new accumulator.
 
-        Raises
-        ------
-        OptionError
-            If `following` does not begin where this part ends, or was made with other options.
+        Raises OptionError if `following` does not begin where this part ends, or was made with other options.
         """
         if not isinstance(following, SpectrumAccumulator):
             raise OptionError(argument="following", expected="a SpectrumAccumulator", got=following)
@@ -194,13 +184,9 @@ class SpectrumAccumulator(OneAtATime):
 
     @one_at_a_time
     def beside(self, other: SpectrumAccumulator) -> SpectrumAccumulator:
-        """Return an accumulator of this recording and an independent recording. No block has samples of both.
+        """Return an accumulator of this recording and an independent recording `other`, with the same options.
 
-        Parameters
-        ----------
-        other : SpectrumAccumulator
-            Accumulator of the other recording, with the same options. The result has the sampling rate of this
-            recording.
+        No block has samples of both. The result has the sampling rate of this recording.
         """
         self.gap()
         other.gap()
@@ -208,17 +194,9 @@ class SpectrumAccumulator(OneAtATime):
 
     @one_at_a_time
     def result(self, confidence: float = 0.95) -> PowerSpectrum:
-        """Return the power spectral density so far; more samples may follow.
+        """Return the power spectral density so far, with limits at the level `confidence`; more samples may follow.
 
-        Parameters
-        ----------
-        confidence : float
-            Confidence level of the limits.
-
-        Raises
-        ------
-        DataError
-            If no segment without a gap is as long as one block.
+        Raises DataError if no segment without a gap is as long as one block.
         """
         self._fold()
         longest = max(self._segments, default=0)
@@ -327,13 +305,7 @@ class SpectrumAccumulator(OneAtATime):
 
 
 def checked_length(length: int | None) -> int | None:
-    """Check the length of the blocks, and return it.
-
-    Raises
-    ------
-    OptionError
-        If the length is neither None nor an even number of at least 8.
-    """
+    """Check the length of the blocks, None or an even number of at least 8, and return it."""
     if length is None:
         return None
     if isinstance(length, bool) or not isinstance(length, int | np.integer) or length < 8 or length % 2:

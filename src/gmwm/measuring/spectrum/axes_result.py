@@ -29,8 +29,6 @@ class PowerSpectra(Summarised, Plotted, Mapping[str, PowerSpectrum]):
     >>> spectra = psd(simulate("WN(sigma2=4e-8)", rate=100.0, samples=1000, rng=1)["gyro"])
     >>> spectra
     PowerSpectra(gyro_x, gyro_y, gyro_z: 30 blocks of 64 samples, 1000 samples at 100 Hz)
-    >>> spectra["gyro_y"].lines
-    ()
     """
 
     spectra: Mapping[str, PowerSpectrum]

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 def detectable_amplitude(spectrum: PowerSpectrum, frequency: ArrayLike, power: float = 0.9) -> Vector:
     """Return the smallest detectable amplitudes (u); see `PowerSpectrum.detectable_amplitude`.
 
-    At the frequency of the spectrum nearest to a line, the density is S χ²_ν(ν q) / ν. Here S is the level of the
-    noise, q is the ratio of the density of the line to S, and χ²_ν(ν q) is a noncentral chi-square variable with ν
-    degrees of freedom. The line is detected if the density exceeds a multiple of the higher one of the two flank
-    medians. q is the ratio at which this happens with the probability `power`, and it determines the amplitude.
+    At the frequency nearest to a line, the density is S χ²_ν(ν q) / ν, with the level S of the noise, the ratio q of
+    the density of the line to S, and a noncentral chi-square variable with ν degrees of freedom. The line is detected
+    if the density exceeds a multiple of the higher flank median. q is the ratio at which this has the probability
+    `power`.
     """
     from scipy.special import chndtrinc, fdtri
 

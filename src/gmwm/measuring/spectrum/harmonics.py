@@ -12,11 +12,10 @@ HIGHEST = 40
 
 
 def grouped(lines: Iterable[Line], resolution: float) -> tuple[Line, ...]:
-    """Return the lines sorted by frequency. The lines of a group have the number k of their harmonic and the
-    fundamental.
+    """Return the lines sorted by frequency, with the harmonic k and the fundamental f₀ of the lines of a group.
 
-    A line belongs to the group of the fundamental f₀ if its frequency differs from k f₀ by at most the resolution (Hz)
-    plus three standard errors. The fundamental with the most harmonics is chosen first.
+    The frequency of such a line differs from k f₀ by at most the resolution (Hz) plus three standard errors. The
+    fundamental with the most harmonics is chosen first.
     """
     waiting = sorted(lines, key=lambda line: line.frequency)
     done: list[Line] = []

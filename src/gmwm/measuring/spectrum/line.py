@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 LEAST_QUALITY = 60.0
-"""Smallest ratio of frequency to width for which a peak is a line. It is twice the Q factor of a sharp resonance,
-30."""
+"""Smallest ratio of frequency to width of a line, twice the Q factor of a sharp resonance, 30."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,13 +45,7 @@ class Line:
         return self.width == 0
 
     def described(self, unit: str = "u") -> str:
-        """Format the frequency and the amplitude with their standard errors, the width and the harmonic.
-
-        Parameters
-        ----------
-        unit : str
-            Unit of the amplitude.
-        """
+        """Format the frequency and the amplitude (in `unit`) with their standard errors, the width and the harmonic."""
         width = "" if self.narrow else f", width {self.width:.3g} Hz"
         number = "" if self.harmonic is None else f", {self.harmonic} × {self.fundamental:.6g} Hz"
         return (

@@ -16,14 +16,13 @@ if TYPE_CHECKING:
 CORRELATIONS = (1.0, 2 / 3, 1 / 6)
 """Absolute correlations of the Fourier coefficients of a block with a Hann window that are 0, 1 and 2 bins apart."""
 FREQUENCY_OVERLAP = 0.4
-"""Variance of the mean frequency over blocks that overlap by one half, relative to independent blocks. The noise is
-weighted by the window w times its derivative; the weights of overlapping halves have the correlation −3/10, which gives
-1 − 2 · 3/10."""
+"""Variance of the mean frequency over half-overlapping blocks, relative to independent blocks. The noise is weighted by
+the window times its derivative, whose overlapping halves have the correlation −3/10: 1 − 2 · 3/10."""
 WINDOW_MOMENT = 1 / 3
-"""Second central moment (bins²) of a line with a Hann window. It is −r''(0) / 4π², where r is the autocorrelation of
-the window."""
+"""Second central moment (bins²) of a line with a Hann window: −r''(0) / 4π², with the autocorrelation r of the window.
+"""
 TRUNCATION = 3e-4
-"""Largest error (bins) of the mean frequency over seven bins that the side lobes outside these bins cause."""
+"""Largest error (bins) of the mean frequency over seven bins, from the side lobes outside these bins."""
 GAUSSIAN_WIDTH = 2 * math.sqrt(2 * math.log(2))
 """Width of a Gaussian shape at half its height, in units of its standard deviation."""
 
@@ -31,13 +30,12 @@ GAUSSIAN_WIDTH = 2 * math.sqrt(2 * math.log(2))
 def measured_line(
     spectrum: PowerSpectrum, first: int, last: int, *, level: float, freedom: float, height: float, p_value: float
 ) -> Line:
-    """Measure the line in the bins `first` to `last`.
+    """Measure the line in the bins `first` to `last`, from the excess of the density over `level`.
 
-    The excess is the density minus `level`. Its sum gives the power A²/2 of a sinusoid with the amplitude A, its mean
-    position gives the frequency, and its second moment the width. All three are linear in the density, so their
-    standard errors follow from the covariance of the density. A narrow line is treated as a sinusoid in noise, and a
-    wider line as narrow-band noise. `freedom` are the degrees of freedom of a density; `height` and `p_value` are
-    copied.
+    Its sum gives the power A²/2 of a sinusoid with the amplitude A, its mean position the frequency, and its second
+    moment the width. All are linear in the density, so their standard errors follow from its covariance. A narrow line
+    is treated as a sinusoid in noise, a wider line as narrow-band noise. `freedom` are the degrees of freedom of a
+    density.
     """
     spacing = spectrum.rate / spectrum.length
     excess = spectrum.density[first : last + 1] - level

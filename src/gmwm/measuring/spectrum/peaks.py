@@ -18,20 +18,19 @@ if TYPE_CHECKING:
 
 FALSE_ALARMS = 0.01
 """Largest probability of a false line or bump in a spectrum of noise with a monotone density, by Bonferroni's
-inequality. One half is for narrow lines, and one half for wide peaks. Pinned by tests/spectrum/test_false_alarms.py."""
+inequality: one half for narrow lines and one half for wide peaks."""
 
 STATIONARY = 0.5
-"""Smallest degrees of freedom, relative to stationary noise, at which peaks are searched. If knocks have most of the
-power, densities at neighbouring frequencies are not independent, because the spectrum of a short knock has bumps."""
+"""Smallest degrees of freedom, relative to stationary noise, at which peaks are searched. The spectrum of a short knock
+has bumps, because it correlates neighbouring frequencies."""
 
 
 def find_peaks(spectrum: PowerSpectrum) -> tuple[tuple[Line, ...], tuple[Bump, ...]]:
     """Return the lines and the bumps of a spectrum, sorted by frequency.
 
     A line is a peak of a few bins whose density is significantly above the medians of 16 bins on both of its sides.
-    Wider peaks are found in the same way on grids of constant relative resolution, from 1/3072 to 1/6 octave. A wider
-    peak is a line of varying frequency if its frequency is at least 60 times its width, and a bump otherwise.
-    Frequencies at which the power of the noise differs much between the blocks are not searched.
+    Wider peaks are found in the same way on grids of constant relative resolution, from 1/3072 to 1/6 octave. They are
+    lines of varying frequency if their frequency is at least 60 times their width, and bumps otherwise.
     """
     if spectrum.density.size < FIRST_BIN + 2 * FAR or not np.any(spectrum.density[FIRST_BIN:] > 0):
         return (), ()

@@ -118,11 +118,7 @@ class PowerSpectrum(Summarised, Plotted):
 
         At low frequencies, and within six bins of a line, every frequency is kept. The frequency 0, which contains the
         mean of the signal, and the last frequency are left out. `Calibration` stores this spectrum, and plots show it.
-
-        Parameters
-        ----------
-        per_octave : int
-            Number of bins per octave, at least 1.
+        `per_octave` is the number of bins per octave, at least 1.
         """
         from gmwm.measuring.spectrum.smoothing import smoothed
 

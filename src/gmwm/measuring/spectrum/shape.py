@@ -11,29 +11,16 @@ from gmwm.base.arrays import Vector
 LEAST_POINTS = 8
 """Smallest number of densities to which the five parameters of the shape are fitted."""
 WITHIN = 3.0
-"""Largest factor by which a fit may change the width. After a larger change, the fit describes another feature of the
-spectrum and is rejected. The frequency may change by at most one width."""
+"""Largest factor by which a fit may change the width; beyond, it describes another feature of the spectrum."""
 
 
 def lorentz_fit(
     frequencies: Vector, density: Vector, freedom: Vector, *, center: float, width: float
 ) -> tuple[float, float] | None:
-    """Fit S(f) = a (f/c)^b + h / (1 + ((f − f₀) / (w/2))²) to densities by maximum likelihood.
+    """Fit S(f) = a (f/c)^b + h / (1 + ((f − f₀) / (w/2))²) to densities with `freedom` degrees of freedom.
 
-    Each density has a gamma distribution. The sum of the squared deviance residuals is minimised. In the formula, c is
-    `center`, a (f/c)^b is the level, h is the height of the peak, f₀ its frequency and w its width.
-
-    Parameters
-    ----------
-    frequencies, density, freedom : (n,) arrays
-        Frequencies (Hz), densities (u²/Hz) and their degrees of freedom.
-    center, width : float
-        Starting values of f₀ and w (Hz).
-
-    Returns
-    -------
-    (float, float) or None
-        Fitted f₀ and w (Hz); None if the fit fails.
+    Each density has a gamma distribution; the squared deviance residuals are minimised. c is `center`, also the start
+    of f₀, and `width` the start of w (Hz). Returns the fitted f₀ and w (Hz), or None if the fit fails.
     """
     from scipy.optimize import least_squares
 

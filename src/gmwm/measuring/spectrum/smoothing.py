@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from gmwm.measuring.spectrum.result import PowerSpectrum
 
 AROUND = 6
-"""Number of bins on each side of a line whose densities are not averaged. They are the four bins over which the window
-spreads the line, and some bins of the level."""
+"""Number of bins on each side of a line that are not averaged: four that the window affects, and some of the level."""
 
 
 def smoothed(spectrum: PowerSpectrum, per_octave: int = 24) -> PowerSpectrum:

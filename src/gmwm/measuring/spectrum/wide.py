@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from gmwm.measuring.spectrum.result import PowerSpectrum
 
 RESOLUTIONS = tuple(6 * 2**k for k in range(9, -1, -1))
-"""Number of bins per octave of each grid, the finest grid first. The grids find widths from 0.02 % to 50 % of the
-frequency."""
+"""Number of bins per octave of each grid, the finest first, for widths from 0.02 % to 50 % of the frequency."""
 LEAST_BINS = 2
 """Smallest number of frequencies of the spectrum in a bin of a grid."""
 NEAR, FAR = 4, 11
@@ -30,16 +29,15 @@ NEAR, FAR = 4, 11
 LEAST_FLANK = 3
 """Smallest number of bins of a flank at the ends of the grid."""
 INNER, OUTER = 1, 5
-"""Distances, in bins of the grid, for the test whether a grid is coarse enough for a peak. The excess of the peak at
-distances of 2 to 5 bins must be less than half of its excess within one bin, so that the flanks are outside the
-peak."""
+"""Distances (bins of the grid) for the test whether a grid is coarse enough: the excess at 2 to 5 bins must be less
+than half of that within one bin, so that the flanks are outside the peak."""
 SHARP = 3.0
 """Smallest Q factor of a resonance whose frequency and width are fitted with a Lorentz shape."""
 AROUND, PER_WIDTH = 3.0, 6.0
 """The fit uses the frequencies within three widths on each side, and bins of at most a sixth of the width."""
 LEAST_HEIGHT = 1.25
-"""Smallest ratio of the density of a bump to the level on both sides. Ripples in the response of the filter of a sensor
-are smaller and are not reported."""
+"""Smallest ratio of the density of a bump to the level on both sides; ripples in the response of a filter are smaller.
+"""
 
 
 class Grid(NamedTuple):
@@ -52,10 +50,7 @@ class Grid(NamedTuple):
 
 
 class WidePeak(NamedTuple):
-    """Significant peak on a grid.
-
-    `compact` tells whether the grid is coarse enough for the peak; the other attributes are as in `Bump`.
-    """
+    """Significant peak on a grid. `compact` tells whether the grid is coarse enough; the others are as in `Bump`."""
 
     frequency: float
     width: float
@@ -101,9 +96,8 @@ def wide_peaks(
 ) -> tuple[list[Line], list[Bump]]:
     """Return the significant wide lines and bumps.
 
-    `level` is the significance level for all bins of all grids together, by Bonferroni's inequality. `freedom` are the
-    degrees of freedom of each density, and `free` marks the bins without a narrow peak. `narrow` has the lines and
-    bumps that `narrow_lines` found. A broad base of such a line or bump is not reported as another peak.
+    `level` is the significance level for all bins of all grids together, by Bonferroni's inequality, and `free` marks
+    the bins without a narrow peak. A broad base of the lines and bumps in `narrow` is not reported as another peak.
     """
     grids = [grid_of(spectrum, freedom, free, resolution) for resolution in RESOLUTIONS]
     tests = max(1, sum(grid.density.size for grid in grids))
@@ -180,10 +174,9 @@ def _fitted(peak: WidePeak, grids: Sequence[Grid]) -> WidePeak:
 
 
 def _width(grid: Grid, k: int, half: float) -> float | None:
-    """Return the width (Hz) of the peak at bin k, measured where its density falls to `half`.
+    """Return the width (Hz) of the peak at bin k where its density falls to `half`; None if it does not on one side.
 
-    The width of the bins is subtracted in quadrature. The result is None if the density does not fall to `half` on one
-    side.
+    The width of the bins is subtracted in quadrature.
     """
     ends = []
     for step in (-1, 1):
@@ -217,10 +210,8 @@ def _is_compact(grid: Grid, k: int, level: float) -> bool:
 
 
 def _overlap(one: WidePeak, other: WidePeak, grid: Grid | None) -> bool:
-    """Return whether two peaks count as the same peak.
-
-    They do if they are closer than the width of the wider peak, or closer than two bins of `grid`.
-    """
+    """Return whether two peaks are closer than the width of the wider one, or than two bins of `grid`, and so the
+    same."""
     bin_width = 0.0 if grid is None else 2 * other.frequency * math.log(2) / grid.per_octave
     return abs(one.frequency - other.frequency) <= max(one.width, other.width, bin_width)
 

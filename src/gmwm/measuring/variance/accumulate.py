@@ -104,10 +104,7 @@ class WaveletAccumulator(SegmentedAccumulator):
     def merge(self, following: WaveletAccumulator) -> WaveletAccumulator:
         """Merge this part with the part that directly follows it, into a new accumulator.
 
-        Raises
-        ------
-        OptionError
-            If `following` does not begin where this part ends, or was made with other options.
+        Raises OptionError if `following` does not begin where this part ends, or was made with other options.
         """
         self._require_following(following, "rate", "exact", "levels", "unit", "robust")
         joint = self._copy()
@@ -128,10 +125,8 @@ class WaveletAccumulator(SegmentedAccumulator):
 
         Parameters
         ----------
-        confidence : float
-            Confidence level of the limits.
-        robust, efficiency : bool, float
-            As for `wavelet_variance`.
+        confidence, robust, efficiency
+            The same as for `wavelet_variance`.
 
         Raises
         ------
@@ -158,22 +153,15 @@ class WaveletAccumulator(SegmentedAccumulator):
     def second_pass(self, efficiency: float = EFFICIENCY, *, start: int | None = None) -> SecondPass:
         """Create a second pass over the same samples, which computes the exact robust wavelet variance.
 
-        This accumulator must contain the whole recording. It does not change.
+        This accumulator must contain the whole recording. It does not change. Errors are the same as for `result`.
 
         Parameters
         ----------
         efficiency : float
-            As for `wavelet_variance`.
+            The same as for `wavelet_variance`.
         start : int, optional
             Index of the first sample, if the second pass processes a part of the recording and is merged later; by
             default the first sample of the recording.
-
-        Raises
-        ------
-        DataError
-            If there are fewer than 8 samples without a gap.
-        OptionError
-            If an option has an invalid value, or the accumulator was made without `robust=True`.
 
         Examples
         --------
@@ -200,13 +188,8 @@ class WaveletAccumulator(SegmentedAccumulator):
         )
 
     def _sketched(self) -> SketchCoefficients:
-        """Return the sketches of the coefficients so far.
-
-        Raises
-        ------
-        DataError
-            If there are fewer than 8 samples without a gap.
-        """
+        """Return the sketches of the coefficients so far; raise DataError if there are fewer than 8 samples without a
+        gap."""
         self._fold()
         reach = self._measured()[1].size
         sketches: Sketches = self._all_statistics()
@@ -252,10 +235,7 @@ class WaveletAccumulator(SegmentedAccumulator):
 
     @one_at_a_time
     def to_dict(self) -> dict[str, Any]:
-        """Return the whole state as numbers, strings and arrays.
-
-        They can be stored by pickle or `numpy.savez`, or in JSON if the arrays are converted to lists.
-        """
+        """Return the whole state as numbers, strings and arrays, for pickle, `numpy.savez`, or (as lists) JSON."""
         self._fold()
         kept: Any = self._statistics if self.robust else Sketches()
         return {
@@ -272,13 +252,7 @@ class WaveletAccumulator(SegmentedAccumulator):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> WaveletAccumulator:
-        """Restore an accumulator from the result of its `to_dict`.
-
-        Raises
-        ------
-        ReadError
-            If `values` is not the state of an accumulator.
-        """
+        """Restore an accumulator from the result of its `to_dict`; raise ReadError if `values` is not such a state."""
         try:
             made = cls(
                 float(values["rate"]), levels=int(values["levels"]), exact=int(values["exact"]),

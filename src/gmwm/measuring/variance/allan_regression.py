@@ -38,8 +38,8 @@ class AllanRegression(Summarised, Plotted):
     lines : tuple of SlopeLine
         Fitted lines, one for each term that was found.
     remarks : tuple of Remark
-        One remark for each term that was not found. The subject of the remark is the term, and its fact `reason` is
-        "slope", "chance", "few" or "rising".
+        One remark for each term that was not found. Its subject is the term, and its fact `reason` is "slope",
+        "chance", "few" or "rising".
     """
 
     allan: ClusterVariance
@@ -233,10 +233,8 @@ def _inside(term: Term, bounds: tuple[float, float], tau: Vector) -> NDArray[np.
 
 
 def _fitted_range(log_tau: Vector, log_deviation: Vector, slope: float, tolerance: float) -> NDArray[np.bool_]:
-    """Mark the longest run of values in which the local slope differs from `slope` by at most `tolerance`.
-
-    No value is marked if there is no such run.
-    """
+    """Mark the longest run of values in which the local slope differs from `slope` by at most `tolerance`, if there is
+    one."""
     chosen = np.zeros(log_tau.size, dtype=bool)
     near = np.abs(np.diff(log_deviation) / np.diff(log_tau) - slope) <= tolerance
     length, start = 0.0, None

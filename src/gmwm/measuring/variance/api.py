@@ -320,9 +320,8 @@ def _plain(values: Vector, filter: WaveletFilter, transform: Transform, levels: 
 def _slope(segments: Sequence[Vector], rises: Sequence[float] = ()) -> float:
     """Return the mean slope of a signal (unit per sample). Raises DataError if a value is not finite.
 
-    Segments are weighted by the squares of their lengths. This is a compromise: the optimal weights are the lengths for
-    a random walk, and the cubes of the lengths for white noise. `rises` are the slopes of the segments with two samples
-    or more, if they are known. Such a slope is not finite if a value is not, or if a sum of values overflows.
+    The weights are the squared lengths of the segments, between those for a random walk (lengths) and for white noise
+    (cubes). `rises` are slopes of the segments from the kernel; they are not finite if a value or a sum is not.
     """
     long = [segment for segment in segments if segment.size > 1]
     known = rises or [math.nan] * len(long)

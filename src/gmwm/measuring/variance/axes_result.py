@@ -32,8 +32,6 @@ class WaveletVariances(Summarised, Plotted, Mapping[str, WaveletVariance]):
     --------
     >>> from gmwm import simulate, wavelet_variance
     >>> curves = wavelet_variance(simulate("WN(sigma2=4e-8)", rate=100.0, samples=1000, rng=1))
-    >>> list(curves)
-    ['gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z']
     >>> curves["gyro_x"]
     WaveletVariance(gyro_x, haar, 9 levels, 1000 samples at 100 Hz)
     """

@@ -1,7 +1,7 @@
 """Block sums of a segment of samples, from which the coefficients of large scales are computed; 64 blocks per scale.
 
-Block k of a step s contains the samples k s … (k + 1) s − 1, counted from the beginning of the whole recording.
-Therefore two consecutive segments have the same blocks as their union.
+Block k of a step s has the samples k s … (k + 1) s − 1, counted from the beginning of the whole recording. Two
+consecutive segments therefore have the same blocks as their union.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ class Blocks:
     step : int
         Number of samples in a block, τ/64.
     first, last : int
-        Index of the first complete block, and one past the index of the last complete block. last < first if no
-        multiple of the step lies inside the segment or at its ends.
+        Indices of the first complete block and of the end; last < first if the segment contains no multiple of the
+        step.
     before, after : float
-        Sums of the samples before the first and after the last complete block. If last < first, `before` is the sum of
-        all samples.
+        Sums of the samples before the first and after the last complete block; `before` is the sum of all if last <
+        first.
     heads, tails : arrays
         Sums of the samples in the first and the last 63 blocks.
     squares, count : float, int
@@ -179,10 +179,9 @@ def _empty(collector: StatisticsCollector | None, step: int) -> LevelStatistic |
 def blocks_of(
     sums: Vector, start: int, stop: int, *, steps: list[int], collector: StatisticsCollector | None = None
 ) -> list[Blocks]:
-    """Build the blocks of the samples `start` … `stop` − 1, for each step.
+    """Build the blocks of the samples `start` … `stop` − 1, for each step, a power of two times the first one.
 
-    `sums` are the sums of all samples before each multiple of the first step, and of all samples. The other steps are
-    powers of two times the first step.
+    `sums` are the sums of all samples before each multiple of the first step, and of all samples.
     """
     base, first, total = steps[0], -(-start // steps[0]), float(sums[-1])
     marks = sums[:-1]

@@ -35,30 +35,24 @@ class ClusterVariance(Summarised, Plotted):
 
     Attributes
     ----------
-    family : "allan", "hadamard" or "total"
-        Family of the variance.
-    kind : "overlapping", "nonoverlapping" or "modified"
-        Kind of the variance, as for `allan_variance`.
+    family, kind : str
+        "allan", "hadamard" or "total", and "overlapping", "nonoverlapping" or "modified", as for `allan_variance`.
     clusters : (J,) int array
         Cluster sizes n (samples), ascending.
     variance, lower, upper : (J,) arrays, in unit²
-        Estimate and limits at `confidence`.
+        Estimate and limits at the level `confidence`.
     counts : (J,) int array
         Number of squared differences that each estimate averages.
     degrees_of_freedom : (J,) array
         Equivalent degrees of freedom under the identified noise.
     noise : tuple of J str
         Dominant noise at each cluster size, such as "white FM"; `noise_terms` has the names used for inertial sensors.
-    rate : float
-        Sampling rate (Hz).
+    rate, confidence : float
+        Sampling rate (Hz), and confidence level of the limits.
     samples : int
         Number of input values. A recording of N intervals has N values of the rate, or N + 1 values of the phase.
-    unit : str
-        Unit of the rate, and therefore of the deviation.
-    axis : str
-        Name of the axis.
-    confidence : float
-        Confidence level of the limits.
+    unit, axis : str
+        Unit of the rate, and therefore of the deviation, and name of the axis.
     data : "rate" or "phase"
         Kind of the input values.
     """
@@ -133,10 +127,8 @@ class ClusterVariance(Summarised, Plotted):
         return cls(**(known | {"noise": tuple(known["noise"])}))
 
     def summary(self) -> str:
-        """Format a table with one row for each cluster size.
-
-        A row has the averaging time, the deviation with its limits, the degrees of freedom and the noise type.
-        """
+        """Format a table of the averaging time, deviation, limits, degrees of freedom and noise type of each cluster
+        size."""
         unit = f" ({self.unit})" if self.unit else ""
         of = f" of {self.axis}" if self.axis else ""
         lines = [

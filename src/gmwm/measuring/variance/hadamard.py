@@ -38,14 +38,12 @@ def hadamard_variance(
 
     Parameters
     ----------
-    x : Signal, or (N,) array in any unit
-        At least 8 finite samples without a gap.
-    rate : float
-        Sampling rate (Hz); leave it out for a Signal.
+    x, rate, data, confidence, progress
+        The same as for `allan_variance`.
     kind : "overlapping" or "nonoverlapping"
         Kind of Hadamard variance.
-    clusters, data, confidence, progress
-        The same as for `allan_variance`, except that cluster sizes are at most N/3.
+    clusters : "octave", "decade", "all", or (J,) int array
+        The same as for `allan_variance`, but at most N/3.
 
     Returns
     -------
@@ -54,10 +52,8 @@ def hadamard_variance(
 
     Raises
     ------
-    DataError
-        If the signal has gaps that cannot be filled, NaN or infinities, or fewer than 8 samples.
-    OptionError
-        If an option has an invalid value, or `rate` contradicts the rate of the Signal.
+    DataError, OptionError
+        The same as for `allan_variance`.
 
     References
     ----------

@@ -15,18 +15,10 @@ from gmwm.measuring.variance.phase import inner_product
 
 @dataclass(frozen=True)
 class NoiseType:
-    """Type of power-law noise, with its names in time keeping and in inertial sensing.
+    """Type of power-law noise, with its name in time keeping (PM: noise of the phase, FM: noise of its rate).
 
-    Parameters
-    ----------
-    name : str
-        Name in time keeping; PM is noise of the phase and FM is noise of its rate.
-    exponent : int
-        Exponent α of the spectral density of the rate, which is proportional to f^α.
-    slope : float
-        Slope of the Allan deviation (Hadamard deviation for α ≤ −3) over the averaging time on logarithmic axes.
-    term : str
-        Name in inertial sensing; "" if there is none.
+    `exponent` is α of the spectral density f^α of the rate, `slope` the slope of the Allan deviation (Hadamard
+    deviation for α ≤ −3) over the averaging time on logarithmic axes, and `term` the name in inertial sensing or "".
     """
 
     name: str
@@ -46,8 +38,7 @@ NOISE_TYPES = (
 )
 """The noise types in descending order of α."""
 DRIFT = NoiseType("drift", -2, 1.0, "rate ramp")
-"""A linear change of the rate. Confidence limits are computed for α = −2, the smallest α with a finite Allan
-variance."""
+"""A linear change of the rate. Its limits are computed for α = −2, the smallest α with a finite Allan variance."""
 UNDETERMINED = NoiseType("undetermined", 0, -0.5)
 """The type of a constant recording. Confidence limits are computed as for white FM."""
 
@@ -69,18 +60,13 @@ LEAST_DRIFT = 16
 LEAST_PHASE_RATIO = 8
 """Smallest cluster size at which the modified Allan variance distinguishes white from flicker PM."""
 LEAST_FREQUENCY_RATIO = 64
-"""Smallest cluster size at which the ratio of the modified to the overlapping Allan variance also distinguishes white
-FM from flicker PM."""
+"""Smallest cluster size at which this ratio also distinguishes white FM from flicker PM."""
 MOST_VALUES = 1024
 MOST_DIFFERENCES = 3
 
 
 def noise_type(name: str) -> NoiseType:
-    """Return the noise type with this name.
-
-    >>> noise_type("white FM").term
-    'angle or velocity random walk'
-    """
+    """Return the noise type with this name."""
     return _BY_NAME[name]
 
 
@@ -92,7 +78,7 @@ def noise_types(
     reddest: int,
     modified_ratio: Callable[[int], float],
 ) -> tuple[NoiseType, ...]:
-    """Identify the dominant noise at each cluster size.
+    """Identify the dominant noise at each cluster size, from the phase without a straight line and its `variance`.
 
     The phase is decimated to every n-th sample. If more than 1024 values remain, the 1024 values in the middle are
     used. The method depends on the number of values:
@@ -103,29 +89,13 @@ def noise_types(
     - For at least 10 cluster means, B1 is used, the ratio of their variance to their Allan variance.
     - For fewer cluster means, the type of the next smaller cluster is used.
 
-    For n ≥ 8, the ratio of the modified to the overlapping Allan variance distinguishes white from flicker PM; for
-    n ≥ 64 it can also reject PM. If the mean linear rise of the rate causes more than half of an Allan variance, the
-    type is drift.
+    For n ≥ 8, the ratio of the modified to the overlapping Allan variance (`modified_ratio` of n) distinguishes white
+    from flicker PM; for n ≥ 64 it can also reject PM. If the mean linear rise of the rate causes more than half of an
+    Allan variance, the type is drift. `reddest` is the smallest α for which the variance is finite: −2 for the Allan
+    variance, and −4 for the Hadamard variance, which a drift does not affect.
 
-    Parameters
-    ----------
-    phase : (N + 1,) array
-        Phase from which a straight line was subtracted.
-    clusters : (n,) int array
-        Cluster sizes, ascending.
-    variance : (n,) array
-        Estimated variance at these cluster sizes.
-    reddest : int
-        Smallest exponent α for which the variance is finite: −2 for the Allan variance, and −4 for the Hadamard
-        variance, which a drift does not affect.
-    modified_ratio : callable
-        Function of the cluster size that returns the ratio of the modified to the overlapping Allan variance.
-
-    References
-    ----------
-    Riley, W. J. and Greenhall, C. A. (2004), Power law noise identification using the lag 1 autocorrelation,
-    18th European Frequency and Time Forum. B1 and R(n): Riley, W. J., Handbook of Frequency Stability Analysis,
-    NIST Special Publication 1065 (2008), section 5.5.
+    Source: Riley and Greenhall (2004), Power law noise identification using the lag 1 autocorrelation, 18th EFTF. B1
+    and R(n): NIST Special Publication 1065 (2008), section 5.5.
     """
     found = []
     last = UNDETERMINED
@@ -180,9 +150,7 @@ def _by_autocorrelation(phase: Vector, n: int, reddest: int) -> NoiseType | None
 
 
 def b1_ratio(means: int, mu: int) -> float:
-    """Compute B1(N, μ), the expected ratio of the variance of N cluster means to their Allan variance.
-
-    The Allan variance is proportional to τ^μ.
+    """Compute B1(N, μ), the expected ratio of the variance of N cluster means to their Allan variance, which is ∝ τ^μ.
 
     >>> b1_ratio(10, -1), b1_ratio(10, 1)
     (1.0, 5.0)
@@ -209,7 +177,7 @@ def _by_ratio(phase: Vector, reddest: int) -> NoiseType | None:
 def _by_modified_ratio(ratio: float, n: int) -> NoiseType:
     """Return the noise type for the ratio R(n) of the modified to the overlapping Allan variance.
 
-    The theoretical ratio is 1/n for white PM, 3.37/(1.04 + 3 ln n) for flicker PM, and ½ for white FM.
+    In theory it is 1/n for white PM, 3.37/(1.04 + 3 ln n) for flicker PM, and ½ for white FM.
     """
     white, flicker, frequency = 1 / n, 3.37 / (1.04 + 3 * math.log(n)), 0.5
     if n >= LEAST_FREQUENCY_RATIO and ratio > math.sqrt(flicker * frequency):

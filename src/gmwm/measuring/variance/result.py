@@ -149,9 +149,8 @@ class WaveletVariance(Summarised, Plotted):
     def degrees_of_freedom(self) -> Vector:
         """Equivalent degrees of freedom (Percival 1995): max(M_j / 2^j, 1) for a MODWT, and M_j for a DWT.
 
-        For several segments s they are M_j² / Σ_s (M_sj² / η_sj), where η_sj ≥ 1 are the degrees of freedom of a
-        segment. They are divided by `loss_factor`. For a robust estimate they are multiplied by the efficiency, which
-        is conservative, because the efficiency is higher for correlated coefficients.
+        For several segments see `pooled_counts`. They are divided by `loss_factor`, and multiplied by the efficiency of
+        a robust estimate. This is conservative, because the efficiency is higher for correlated coefficients.
         """
         if self.segments:
             _, eta = pooled_counts(self.segments, self.levels, find_filter(self.filter), self.transform)
@@ -203,20 +202,14 @@ class WaveletVariance(Summarised, Plotted):
         ----------
         variance : (J,) array, in unit²
             Estimates at the scales 2, 4, 8, … samples. There may be fewer levels than the length allows.
-        samples : int
-            Length N of the signal.
-        rate : float
-            Sampling rate (Hz).
+        samples, rate : int, float
+            Length N of the signal, and sampling rate (Hz).
         lower, upper : (J,) arrays, optional
             Published confidence limits; by default chi-square limits.
         robust, efficiency : bool, float
             Whether the estimates are robust, and their efficiency, 0.6 by default.
-        filter, transform : str
-            Wavelet filter, see `gmwm.filters.find_filter`, and transform, "modwt" or "dwt".
-        confidence : float
-            Confidence level of the limits.
-        unit, axis : str
-            Unit and name of the signal.
+        filter, transform, confidence, unit, axis
+            The same as the attributes.
 
         Raises
         ------
@@ -418,18 +411,9 @@ class WaveletVariance(Summarised, Plotted):
     def only(self, levels: Iterable[int]) -> WaveletVariance:
         """Return the curve at some of its levels, to leave the other levels out of a fit.
 
-        Parameters
-        ----------
-        levels : sequence of int
-            Levels j to keep, for example ``range(3, 15)``.
+        `levels` are the levels j to keep, for example ``range(3, 15)``. Raises OptionError if `levels` is empty, or
+        contains a level that the curve does not have.
 
-        Raises
-        ------
-        OptionError
-            If `levels` is empty, or contains a level that the curve does not have.
-
-        Examples
-        --------
         >>> from gmwm import WN, fit, wavelet_variance
         >>> wv = wavelet_variance(WN(sigma2=4.0).simulate(4096, 100.0, rng=1), rate=100.0)
         >>> len(wv), fit("WN", wv.only(range(2, 8))).wavelet_variance.levels

@@ -11,18 +11,10 @@ from gmwm.recording.signals import Signal
 
 
 class RiseSums(NamedTuple):
-    """Sums for the least-squares slope of a straight line through samples at known times.
+    """Sums for the least-squares slope of a straight line through samples at known times t (in sampling intervals).
 
-    Attributes
-    ----------
-    number : float
-        Number of samples.
-    time, value : float
-        Mean t̄ of the times (in sampling intervals) and mean x̄ of the samples.
-    times2, product : float
-        Σ (t − t̄)² and Σ (t − t̄)(x − x̄) over the times t and the samples x.
-    known : float
-        1 if the times are known and in order, else 0.
+    `number` is the number of samples, `time` and `value` are the means t̄ and x̄, `times2` and `product` are Σ (t −
+    t̄)² and Σ (t − t̄)(x − x̄). `known` is 1 if the times are known and in order, else 0.
     """
 
     number: float = 0.0

@@ -16,24 +16,20 @@ from gmwm.measuring.variance.sketch import SKETCH_COLLECTOR, Sketch, Sketches
 from gmwm.measuring.variance.statistics_protocol import Statistics, StatisticsCollector
 
 LONGEST = 1 << 61
-"""Largest number of samples of a stored state, so that the sum with the index of the first sample is a 64-bit
-integer."""
+"""Largest number of samples of a stored state: a 64-bit integer can hold its sum with the first index."""
 
 
 @dataclass(frozen=True, eq=False)
 class SegmentState:
-    """State that is kept for a segment of consecutive samples.
-
-    The first sample is subtracted from all values, so a large offset causes no rounding errors.
+    """State of a segment of consecutive samples. The first sample is subtracted, so a large offset causes no rounding
+    error.
 
     Attributes
     ----------
     exact : int
         Number of levels at which every coefficient is used.
-    start, count : int
-        Index of the first sample in the recording, and number of samples.
-    reference : float
-        Value of the first sample.
+    start, count, reference : int, int, float
+        Index of the first sample in the recording, number of samples, and value of the first sample.
     head, tail : arrays
         The first and the last 2^exact − 1 samples, minus `reference`.
     squares : (exact,) array
@@ -149,8 +145,7 @@ class SegmentState:
 
     @property
     def rise(self) -> float:
-        """Mean rise per sample, by least squares over the block means, or from the means of both halves if there are no
-        blocks."""
+        """Mean rise per sample, by least squares over the block means, or from the means of both halves."""
         rise = self.blocks[0].rise
         if rise is not None:
             return rise
@@ -229,7 +224,7 @@ LARGEST_SUM = 1e140
 
 
 def as_count(value: Any, least: int = 0) -> int:
-    """Return a stored number of samples; raise a ValueError if no recording has that number."""
+    """Return a stored number of samples; raise ValueError if no recording has that number."""
     count = int(value)
     if not least <= count <= LONGEST:
         raise ValueError(f"a number of samples must be from {least} to {LONGEST}")
@@ -239,11 +234,10 @@ def as_count(value: Any, least: int = 0) -> int:
 def _measured(
     before: Vector, x: Vector, reference: float, *, start: int, exact: int, collector: StatisticsCollector | None
 ) -> tuple[Vector, Vector, Statistics | None]:
-    """Measure the samples x, which follow `before` and begin at sample `start` of the recording.
+    """Return Σ W² (exact,) of the coefficients that end in x, the sums for the blocks, and the further statistics.
 
-    Returns Σ W² (exact,) of the coefficients that end in x; the sums of x − `reference` before each multiple of the
-    smallest step of the blocks, and over all; and the statistics. The sums Σ W² are computed only if the collector
-    needs them or there is no collector. `before` is relative to `reference`.
+    The samples x follow `before`, which is relative to `reference`, and begin at sample `start` of the recording. Σ W²
+    is computed only if the collector needs it or there is no collector.
     """
     step = (2 << exact) // STEPS
     reach = min(exact, (before.size + x.size).bit_length() - 1) if collector is None or collector.squares else 0

@@ -1,11 +1,8 @@
-"""Sketches, which are histograms of wavelet coefficients |W|. They give a robust variance without stored coefficients.
+"""Sketches: histograms of wavelet coefficients |W|, which give a robust variance without stored coefficients.
 
-A sketch does not depend on the order or grouping of the coefficients. The bins are the same for every signal: each
-octave has 128 bins, so a bin is 0.4 to 0.8 % wide. A bin stores the number of its |W|, and their mean to 2^-31. The sum
-of a smooth function over all coefficients then has an error of second order in the bin width. The measured relative
-error of a robust variance at a root is 1e-7 for smooth distributions and 3e-5 for quantized data (1e-4 at an efficiency
-of 0.3). If the estimating equation has no root, the variance follows from the median, which is accurate to half a bin.
-The relative error of the variance is then typically 1e-3 and at most 8e-3.
+A sketch does not depend on the order or grouping of the coefficients. Each octave has 128 bins, 0.4 to 0.8 % wide, with
+the number and the mean (to 2^-31) of their |W|. The measured relative error of a robust variance at a root is 1e-7 for
+smooth and 3e-5 for quantized data (1e-4 at efficiency 0.3); without a root, typically 1e-3 and at most 8e-3.
 """
 
 from __future__ import annotations
@@ -39,8 +36,8 @@ def _nothing() -> Counts:
 class Sketch:
     """Histogram of the |W| of one level: the number and the sum of the |W| in each bin, as integers.
 
-    A sketch needs 2 kB of memory per octave between the smallest and the largest |W|: about 30 octaves, or 60 kB. A
-    bin can hold up to 5·10^11 coefficients without overflow.
+    A sketch needs 2 kB of memory per octave between the smallest and the largest |W|, about 60 kB. A bin can hold up to
+    5·10^11 coefficients without overflow.
 
     Attributes
     ----------
@@ -51,8 +48,6 @@ class Sketch:
     counts, sums : (128 m,) arrays
         Number of values in each bin of m octaves, and the sum of (|W| − lower edge) / bin width, in units of 2^-24.
 
-    Examples
-    --------
     >>> w = np.random.default_rng(1).normal(size=100_000)
     >>> part = Sketch.of(w[:30_000]).merge(Sketch.of(w[30_000:]))
     >>> bool(np.all(part.to_array() == Sketch.of(w).to_array())), len(part)
@@ -72,11 +67,8 @@ class Sketch:
 
     @classmethod
     def of_haar(cls, running_sum: Vector, level: int, begin: int, end: int) -> Sketch:
-        """Build the sketch of the Haar coefficients W_{j,t} of one level, begin ≤ t < end and t ≥ 2^j − 1.
-
-        `running_sum` is the running sum of all samples (`_core.running_sum`). If there are too few samples for the
-        level, the sketch is empty.
-        """
+        """Build the sketch of the Haar coefficients W_{j,t} of one level, begin ≤ t < end and t ≥ 2^j − 1, from a
+        running sum."""
         if running_sum.size <= 1 << level:
             return cls()
         return cls(*_core.haar_sketch(running_sum, level, begin, end))
@@ -110,13 +102,7 @@ class Sketch:
 
     @classmethod
     def from_array(cls, rows: ArrayLike) -> Sketch:
-        """Restore a sketch from the output of `to_array`.
-
-        Raises
-        ------
-        ReadError
-            If the rows do not describe a sketch.
-        """
+        """Restore a sketch from the output of `to_array`; raise ReadError if the rows do not describe a sketch."""
         array = np.asarray(rows)
         if array.size == 0:
             return cls()
@@ -149,15 +135,7 @@ class Sketch:
 
 @dataclass(frozen=True, eq=False)
 class Sketches:
-    """Sketches of all levels of a recording, with the rounding error of the coefficients of each level.
-
-    Attributes
-    ----------
-    levels : tuple of Sketch
-        Sketches of levels 1 … J.
-    resolutions : (J,) array
-        Largest |W| of each level that can be a rounding error in any of the merged parts.
-    """
+    """Sketches of levels 1 … J of a recording, with the largest |W| of each level that can be a rounding error."""
 
     levels: tuple[Sketch, ...] = ()
     resolutions: Vector = field(default_factory=lambda: np.empty(0))
@@ -193,13 +171,7 @@ class Sketches:
 
     @classmethod
     def from_arrays(cls, rows: ArrayLike, resolutions: ArrayLike) -> Sketches:
-        """Restore sketches from the output of `to_arrays`.
-
-        Raises
-        ------
-        ReadError
-            If the arrays do not describe sketches.
-        """
+        """Restore sketches from the output of `to_arrays`; raise ReadError if the arrays do not describe sketches."""
         table, sizes = np.asarray(rows), np.asarray(resolutions, dtype=np.float64)
         if table.size == 0:
             table = np.empty((0, 4), dtype=np.int64)

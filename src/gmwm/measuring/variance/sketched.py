@@ -20,11 +20,8 @@ class SketchCoefficients:
     """Source of coefficients for `robust_variances` that knows only one sketch per level.
 
     The coefficients of a bin are represented by two points on both sides of their mean, which have the variance of a
-    uniform distribution over the bin. If the neighbouring bins are nearly empty, all coefficients of the bin are
-    treated as equal.
+    uniform distribution over the bin. If the neighbouring bins are nearly empty, they are treated as equal.
 
-    Examples
-    --------
     >>> from gmwm.variance.robust import robust_variance, robust_variances
     >>> w = np.random.default_rng(1).normal(size=100_000)
     >>> sketched = robust_variances(SketchCoefficients([Sketch.of(w)], [0.0])).variance[0]
@@ -64,10 +61,7 @@ class SketchCoefficients:
         return below, self._levels[k].at(np.arange(below, above))
 
     def median(self, k: int) -> float:
-        """Compute the median of |W|, assuming that the values in its bin are uniform or equal.
-
-        The error is at most half a bin, which is 0.4 %.
-        """
+        """Compute the median of |W|, with an error of at most half a bin, which is 0.4 %."""
         count = int(self.counts[k])
         return float(self._levels[k].at(np.array([(count - 1) // 2, count // 2])).mean())
 
@@ -85,14 +79,8 @@ class SketchCoefficients:
 class _Bins:
     """Nonempty bins of a sketch in ascending order, including zero and infinity.
 
-    Attributes
-    ----------
-    mean, half : arrays
-        Mean of |W|, and half the width of the interval about the mean in which the values are assumed to lie.
-    ends : array
-        Number of values in a bin and all bins below it.
-    squares, weights : arrays
-        W² of the points that represent the finite nonzero values, and the number of values that each point stands for.
+    `mean` ± `half` is the interval in which the values are assumed to lie, and `ends` the number of values in a bin and
+    below. `squares` are the W² of the points that represent the finite nonzero values, and `weights` their numbers.
     """
 
     mean: Vector
@@ -142,10 +130,8 @@ class _Bins:
         return np.asarray(self.mean[k] + (2.0 * inside - 1.0) * self.half[k])
 
     def edges(self, ranks: Counts) -> tuple[float, float]:
-        """Return the lower edge of the bin of the first rank and the upper edge of the bin of the last rank.
-
-        The edges are slightly widened for rounding.
-        """
+        """Return the lower edge of the bin of the first rank and the upper edge of the bin of the last rank, widened
+        for rounding."""
         means = self.mean[np.searchsorted(self.ends, ranks, side="right")]
         first, last = means.view(np.int64) >> _BELOW_BIN
         low, high = (np.array([first, last + 1], dtype=np.int64) << _BELOW_BIN).view(np.float64).tolist()

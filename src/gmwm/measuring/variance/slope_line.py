@@ -15,8 +15,8 @@ from gmwm.base.units import datasheet_units, find_unit, noise_unit
 from gmwm.recording.options import one_of
 
 Term: TypeAlias = Literal["Q", "N", "B", "K", "R"]
-"""Noise terms of IEEE Std 952. In this order, they are quantization noise, angle or velocity random walk, bias
-instability, rate random walk and rate ramp."""
+"""Noise terms of IEEE Std 952: quantization noise, angle or velocity random walk, bias instability, rate random walk
+and rate ramp."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,7 @@ LAWS: dict[Term, _Law] = {
 
 
 def coefficient_unit(term: Term, unit: str, units: Literal["si", "datasheet"] = "si") -> tuple[str, float]:
-    """Return the unit of a coefficient for data in `unit`, and the factor that converts a coefficient to this unit.
-
-    The factor applies to a coefficient in the unit of the data and seconds.
+    """Return the unit of a coefficient for data in `unit`, and the factor from the unit of the data and seconds to it.
 
     >>> name, factor = coefficient_unit("N", "rad/s", "datasheet")
     >>> name, round(factor, 3)
@@ -72,13 +70,10 @@ class SlopeLine:
         Noise term: "Q", "N", "B", "K" or "R".
     coefficient : float
         Coefficient of the term, in the unit of the data and seconds.
-    first, last : float
-        First and last averaging times (s) of the range.
-    points : int
-        Number of values of the Allan deviation to which the line was fitted.
+    first, last, points : float, float, int
+        First and last averaging times (s) of the range, and number of values that were used.
     bound : bool
-        Whether the coefficient is only an upper bound. This is the case for the bias instability if the curve still
-        falls at the longest averaging time.
+        Whether the coefficient is only an upper bound: the bias instability of a curve that still falls at its end.
     """
 
     term: Term
@@ -100,10 +95,7 @@ class SlopeLine:
 
     @property
     def reading_time(self) -> float:
-        """Averaging time (s) at which the line has the value of its coefficient.
-
-        It is √3 s for Q, 1 s for N, 3 s for K and √2 s for R. For B it is the time of the minimum of the curve.
-        """
+        """Averaging time (s) at which the line has the value of its coefficient; for B the minimum of the curve."""
         law = LAWS[self.term]
         return self.first if law.slope == 0 else float(law.factor ** (-1 / law.slope))
 

@@ -22,13 +22,7 @@ class Statistics(Protocol):
 
 
 class StatisticsCollector(Protocol):
-    """Object that computes statistics of wavelet coefficients.
-
-    Attributes
-    ----------
-    squares : bool
-        Whether an accumulator with this collector also computes the sums of the squared coefficients.
-    """
+    """Object that computes statistics of wavelet coefficients; `squares` tells whether Σ W² is needed too."""
 
     squares: bool
 
@@ -42,10 +36,8 @@ class StatisticsCollector(Protocol):
         """Return the statistic of an array of coefficients of one level, which can be empty."""
 
     def at(self, level: int, part: Any, resolution: float) -> Statistics:
-        """Return the statistics of all levels, with `part` at `level` and no coefficients at other levels.
-
-        Coefficients with an absolute value up to `resolution` can be rounding errors.
-        """
+        """Return the statistics of all levels, with `part` at `level`. Any |W| up to `resolution` can be a rounding
+        error."""
 
     def empty(self) -> Statistics:
         """Return the statistics of no coefficients."""

@@ -50,13 +50,11 @@ def total_variance(
 
     Parameters
     ----------
-    x : Signal, or (N,) array in any unit
-        At least 8 finite samples without a gap.
-    rate : float
-        Sampling rate (Hz); leave it out for a Signal.
-    clusters, data, confidence, progress
-        The same as for `allan_variance`, except for the largest cluster size. "octave", "decade" and "all" include
-        sizes up to N/2, for which the theory of the limits holds; an array may have sizes up to N − 1.
+    x, rate, data, confidence, progress
+        The same as for `allan_variance`.
+    clusters : "octave", "decade", "all", or (J,) int array
+        The same as for `allan_variance`, but the names include sizes up to N/2, for which the theory of the limits
+        holds; an array may have sizes up to N − 1.
 
     Returns
     -------
@@ -65,10 +63,8 @@ def total_variance(
 
     Raises
     ------
-    DataError
-        If the signal has gaps that cannot be filled, NaN or infinities, or fewer than 8 samples.
-    OptionError
-        If an option has an invalid value, or `rate` contradicts the rate of the Signal.
+    DataError, OptionError
+        The same as for `allan_variance`.
 
     References
     ----------
@@ -121,13 +117,11 @@ def _bias(alphas: NDArray[np.int64]) -> Vector:
 def total_degrees_of_freedom(alphas: NDArray[np.int64], clusters: NDArray[np.int64], points: int) -> Vector:
     """Compute the equivalent degrees of freedom of the total variance, at least 1.
 
-    For white, flicker and random-walk noise of the rate they are b T/τ − c, with b and c from Howe and Greenhall. This
-    holds for many samples per cluster. For few samples per cluster, the value is reduced by the same factor as the
-    degrees of freedom of the overlapping Allan variance.
-
-    For white PM they are 72 (1 + 4/(3r))² / (64/r² + (320/r + 140)/N) to leading orders in τ/T, with r = T/τ. This
-    formula was derived for gmwm; its term 64/r² comes from the end values. For flicker PM, simulations support the
-    degrees of freedom of the overlapping Allan variance up to τ = T/4, and proportionality to T/τ beyond.
+    For white, flicker and random-walk noise of the rate they are b T/τ − c (Howe and Greenhall). For few samples per
+    cluster, they are reduced by the same factor as those of the overlapping Allan variance. For white PM they are 72 (1
+    + 4/(3r))² / (64/r² + (320/r + 140)/N) to leading orders in τ/T, with r = T/τ; this formula was derived for gmwm,
+    and its term 64/r² comes from the end values. For flicker PM, simulations support the degrees of freedom of the
+    overlapping Allan variance up to τ = T/4, and proportionality to T/τ beyond.
     """
     intervals = points - 1
     r = intervals / clusters

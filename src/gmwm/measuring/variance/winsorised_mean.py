@@ -1,8 +1,7 @@
 """Mean rise of a recording whose values are clipped (winsorised), so that outliers have a bounded effect.
 
-The first of two passes keeps a sample of the values, from which their median and spread are estimated. The second pass
-computes a weighted sum of the clipped values. The weights depend on the lengths of the segments, which the first pass
-provides.
+The first of two passes keeps a sample of the values, for their median and spread. The second pass computes a weighted
+sum of the clipped values, with weights that depend on the lengths of the segments.
 """
 
 from __future__ import annotations
@@ -26,14 +25,7 @@ _ROW_SUMS = np.column_stack([np.arange(ROW, dtype=np.float64), np.ones(ROW)])
 class ThinnedValues:
     """Every 2^k-th value of a recording, counted from its beginning.
 
-    Attributes
-    ----------
-    every : int
-        Distance between kept values (samples), a power of two.
-    first : int
-        Index of the first kept value in the recording, a multiple of `every`.
-    values : (n,) array
-        The kept values.
+    `every` is their distance (samples), a power of two, and `first` the index of the first one, a multiple of `every`.
     """
 
     every: int = 1
@@ -63,10 +55,9 @@ class ThinnedValues:
         return ThinnedValues(own, first, values)
 
     def winsorised_rise(self, start: int, lengths: tuple[int, ...]) -> WinsorisedRise:
-        """Return the object that computes the mean rise of the recording in the second pass.
+        """Return the object that computes the mean rise in the second pass, with clipping limits from the kept values.
 
-        The clipping limits follow from the median and the spread of the kept values. `start` is the index of the first
-        sample, and `lengths` are the lengths of the segments.
+        `start` is the index of the first sample, and `lengths` are the lengths of the segments.
         """
         middle = float(np.median(self.values)) if self.values.size else 0.0
         spread = float(np.median(np.abs(self.values - middle))) if self.values.size else 0.0
@@ -82,14 +73,8 @@ class ThinnedValues:
 class WinsorisedRise:
     """Weights and clipping limits for the mean rise of a recording. Contributions of parts can be added in any order.
 
-    Attributes
-    ----------
-    middle, reach : float
-        Values are clipped to middle ± reach.
-    edges : (S + 1,) array
-        Index of the first sample of each of S segments, and one past the index of the last sample of the recording.
-    weights : (S,) array
-        Weight of Σ (t − t_m) x_t for each segment, where t_m is the middle of the segment.
+    Values are clipped to `middle` ± `reach`. `edges` (S + 1,) are the indices at which the S segments begin and the
+    last one ends, and `weights` (S,) the weights of Σ (t − t_m) x_t, where t_m is the middle of the segment.
     """
 
     middle: float
@@ -98,10 +83,8 @@ class WinsorisedRise:
     weights: Vector
 
     def rise(self, x: Vector, start: int) -> float:
-        """Return the contribution of samples to the mean rise per sample.
-
-        The samples belong to one segment, and the first of them has the index `start`.
-        """
+        """Return the contribution of samples of one segment, the first of which has the index `start`, to the mean
+        rise."""
         k = int(np.searchsorted(self.edges, start, side="right")) - 1
         if not 0 <= k < self.weights.size:
             return 0.0  # more samples than in the first pass
