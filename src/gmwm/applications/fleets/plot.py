@@ -74,10 +74,7 @@ class FleetLike(Protocol):
 
 
 def fleet_figure(fleet: FleetLike) -> Figure:
-    """Return the figure that `plot_fleet` draws.
-
-    It has a panel for each quantity of a sensor, such as N of the gyroscopes. A panel has a strip for each axis.
-    """
+    """Return the figure of `Fleet.plot`: a panel for each quantity of a sensor, with a strip for each axis."""
     found = fleet.statistics
     if not found.rows:
         raise OptionError(
@@ -153,20 +150,11 @@ def _ticks(samples: Sequence[Sample]) -> tuple[Tick, ...]:
 
 @dataclass(frozen=True, eq=False)
 class _Strip:
-    """Part of a panel that shows one axis.
-
-    Attributes
-    ----------
-    marks : list of Mark
-    heights : (n,) array
-        Values that the vertical axis must include.
-    stars : list of (x, y, name)
-        Positions and names of outliers.
-    """
+    """Part of a panel that shows one axis."""
 
     marks: list[Mark]
-    heights: Vector
-    stars: list[tuple[float, float, str]]
+    heights: Vector  # (n,) values that the vertical axis must include
+    stars: list[tuple[float, float, str]]  # positions and names of outliers
 
 
 def _strips(samples: Sequence[Sample], found: FleetStatistics, factor: float, units: Sequence[str]) -> list[_Strip]:
@@ -247,10 +235,7 @@ def _dots(
 def _further(
     place: int, row: FleetNumber, *, factor: float, colour: str, confidence: float
 ) -> tuple[list[Mark], Vector]:
-    """Return the marks of the prediction interval for a new unit and of the typical value, and the interval's ends.
-
-    If they are unknown, both results are empty.
-    """
+    """Return the marks of the prediction interval and the typical value, and the interval's ends; all may be empty."""
     if row.predicted_low is None or row.predicted_high is None or row.typical is None:
         return [], np.array([])
     ends = place + np.array([-HALF, HALF])
@@ -266,10 +251,7 @@ def _further(
 
 
 def _limited(place: int, sample: Sample, row: FleetNumber, factor: float) -> tuple[list[Mark], Vector]:
-    """Return the marks for units that have only an upper limit, and the heights of these marks.
-
-    Each limit is a triangle. If there are many limits, a line shows their 5 % to 95 % quantiles.
-    """
+    """Return the marks of upper limits and their heights: triangles, or a line over the quantiles of many limits."""
     if row.signed or not np.any(sample.limited):
         return [], np.array([])
     high = np.sort(factor * sample.high[sample.limited])
@@ -329,9 +311,7 @@ def _names(stars: Sequence[tuple[float, float, str]], x: Axis, y: Axis) -> tuple
 
 
 def _short(unit: str) -> str:
-    """Return a short name of a unit: its file name without folder and suffix, of which only the last letters are kept.
-
-    Most file names differ in their last letters.
+    """Return the last letters of a unit's file name without suffix, in which most names differ.
 
     >>> _short("lot2/unit_0005.csv"), _short("a_recording_of_unit_0005.csv")
     ('unit_0005', '…g_of_unit_0005')

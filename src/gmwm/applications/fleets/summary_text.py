@@ -175,9 +175,7 @@ def _span(low: float | None, high: float | None, factor: float) -> str:
 
 
 def shown_unit(si: str) -> tuple[str, float]:
-    """Return the usual datasheet unit for an SI unit, and the factor from SI to it.
-
-    If there is no datasheet unit, the SI unit and 1 are returned.
+    """Return the usual datasheet unit for an SI unit, or the SI unit, and the factor from SI to it.
 
     >>> shown_unit("rad/s/√Hz")[0], shown_unit("s")
     ('deg/√h', ('s', 1.0))

@@ -326,8 +326,7 @@ class Monitor(OneAtATime):
         return [Event(kind="lost", time=before, began=before, size=size, unit="samples")]
 
     def _advance(self, parts: Mapping[str, Vector], events: list[Event]) -> int:
-        """Process samples up to the time at which pending alarms are evaluated, and return the number of processed
-        samples."""
+        """Process samples up to the time at which pending alarms are evaluated, and return their number."""
         n = next(iter(parts.values())).size
         before = {axis: one.save() for axis, one in self._axes.items()}
         found = self._passed(parts)

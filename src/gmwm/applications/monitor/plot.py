@@ -32,13 +32,7 @@ HEIGHT = 30.0
 
 
 def trace_figure(trace: Trace) -> Figure:
-    """Return the figure that `plot_trace` draws, with a row for each axis that shows its signal and its charts.
-
-    Raises
-    ------
-    DataError
-        If the trace has no samples.
-    """
+    """Return the figure that `plot_trace` draws, with a row for each axis that shows its signal and its charts."""
     axes = trace.monitor.axes
     times = [trace.signal(axis)[0] for axis in axes]
     if not times[0].size:

@@ -16,10 +16,7 @@ DURATION = 60.0
 
 
 def budget_table(calibration: Calibration) -> dict[str, Any]:
-    """Return the headline, table rows and remarks of the error budget.
-
-    The result is empty if the budget cannot be computed, for example because an axis is in raw counts.
-    """
+    """Return headline, table rows and remarks of the error budget; empty if it fails, for example with raw counts."""
     try:
         found = calibration.budget(DURATION)
     except GmwmError:
