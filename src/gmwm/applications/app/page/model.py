@@ -255,7 +255,7 @@ def _regression_note(fit: Fit, session: Session, workspace: Workspace) -> str:
 def _round(model: str) -> str:
     """Return the text of a model with its held values rounded to four digits.
 
-    >>> _rounded("DR + MA(1, theta1=fixed(0.16732089037064277))")
+    >>> _round("DR + MA(1, theta1=fixed(0.16732089037064277))")
     'DR + MA(1, theta1=fixed(0.1673))'
     """
     return re.sub(r"(?<=fixed\()[^)]+", lambda found: f"{float(found[0]):.4g}", model)
