@@ -22,7 +22,7 @@ class SketchCoefficients:
     The coefficients of a bin are represented by two points on both sides of their mean, which have the variance of a
     uniform distribution over the bin. If the neighbouring bins are nearly empty, they are treated as equal.
 
-    >>> from gmwm.variance.robust import robust_variance, robust_variances
+    >>> from gmwm.measuring.variance.robust import robust_variance, robust_variances
     >>> w = np.random.default_rng(1).normal(size=100_000)
     >>> sketched = robust_variances(SketchCoefficients([Sketch.of(w)], [0.0])).variance[0]
     >>> bool(abs(sketched / robust_variance(w) - 1) < 1e-6)
