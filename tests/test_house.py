@@ -258,6 +258,8 @@ def test_commands_are_short_and_return_an_outcome() -> None:
         tree = parsed(PACKAGE / "cli" / f"{name}.py")
         (found,) = (node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == name)
         body = found.body[1:]  # without the docstring
+        summary, *_ = (ast.get_docstring(found) or "").split("\n\n")
+        assert " ".join(summary.split()) == NAMES[name]
         lengths[name] = found.body[-1].end_lineno - body[0].lineno + 1  # type: ignore[operator]
         if [ast.unparse(one) for one in found.decorator_list] != ["command"] or ast.unparse(found.returns) != "Outcome":  # type: ignore[arg-type]
             wrong.append(name)
