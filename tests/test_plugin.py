@@ -1,4 +1,4 @@
-"""The package in examples/plugin: installed beside gmwm, it adds a process, a reader, an exporter, a command, a plot."""
+"""The package in examples/plugin adds a process, a reader, an exporter, a command and a plot to gmwm."""
 
 import json
 import os
