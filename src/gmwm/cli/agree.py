@@ -34,7 +34,6 @@ def agree(
             help="The calibration.json that gmwm calibrate --output wrote for each recording, or its folder. With "
             "--reference, one calibration is enough.",
             metavar="CALIBRATION…",
-            show_default=False,
         ),
     ],
     reference: Annotated[
@@ -44,7 +43,6 @@ def agree(
             "be written sqrt). Repeat the option for more values. Alternatively, give a file of another program, as "
             "for gmwm export --from.",
             metavar="SYMBOL=VALUE|FILE",
-            show_default=False,
         ),
     ] = None,
     label: Annotated[
@@ -52,7 +50,6 @@ def agree(
         typer.Option(
             help="Name of a recording in the output. Give the option once for each recording, in the same order.",
             metavar="NAME",
-            show_default=False,
         ),
     ] = None,
     size: Annotated[

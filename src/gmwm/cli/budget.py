@@ -26,7 +26,6 @@ EXAMPLES = (
 _DURATION = typer.Option(
     help="Time of navigation without corrections, such as 60s, 10min, 1h or a number of seconds.",
     metavar="LENGTH",
-    show_default=False,
 )
 
 
@@ -45,9 +44,7 @@ def budget(
     latitude: Annotated[float, typer.Option(help="Latitude (deg).")] = LATITUDE,
     rate: Annotated[
         float | None,
-        typer.Option(
-            help="Sampling rate (Hz), if SOURCE is a datasheet or a file that does not state it.", show_default=False
-        ),
+        typer.Option(help="Sampling rate (Hz), if SOURCE is a datasheet or a file that does not state it."),
     ] = None,
     level: Annotated[float, typer.Option(help="Confidence level of the intervals.")] = 0.95,
     against: Annotated[
@@ -55,7 +52,6 @@ def budget(
         typer.Option(
             help="Also compute the budget of this calibration, file or datasheet, and compare both budgets.",
             metavar="SOURCE",
-            show_default=False,
         ),
     ] = None,
     plot: Annotated[

@@ -87,7 +87,6 @@ def calibrate(
             "models of the axes that are not named.",
             metavar="[AXIS=]MODEL",
             rich_help_panel="Estimation",
-            show_default=False,
         ),
     ] = None,
     against: AgainstOption = AUTO,
@@ -106,7 +105,6 @@ def calibrate(
             help="Local gravity (m/s²), which determines the bias of the accelerometers. Default: 9.806 ± 0.016, the "
             "range at sea level.",
             rich_help_panel="Bias at rest",
-            show_default=False,
         ),
     ] = None,
     tilt: Annotated[
@@ -116,7 +114,6 @@ def calibrate(
             "With this option, the biases of the level accelerometers are computed too; without it, only the bias of "
             "the vertical accelerometer.",
             rich_help_panel="Bias at rest",
-            show_default=False,
         ),
     ] = None,
     output: Annotated[

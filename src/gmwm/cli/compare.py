@@ -31,9 +31,7 @@ EXAMPLES = (
 def compare(
     files: Annotated[
         list[Path],
-        typer.Argument(
-            help="One or more recordings, each in any supported format.", metavar="FILE…", show_default=False
-        ),
+        typer.Argument(help="One or more recordings, each in any supported format.", metavar="FILE…"),
     ],
     reading: ReadOptions,
     axis: Axes = None,

@@ -44,15 +44,12 @@ def export(
             help="The calibration.json that gmwm calibrate --output wrote, or its folder. Give two if gyroscopes and "
             "accelerometers were calibrated separately. The state-space formats also accept the fits.json of gmwm fit.",
             metavar="CALIBRATION...",
-            show_default=False,
         ),
     ] = None,
     source: GivenText = None,
     format: Annotated[
         str | None,
-        typer.Option(
-            help=f"Format: {', '.join(export_formats())}. Default: {DEFAULT}.", metavar="NAME", show_default=False
-        ),
+        typer.Option(help=f"Format: {', '.join(export_formats())}. Default: {DEFAULT}.", metavar="NAME"),
     ] = None,
     axes: Annotated[
         Literal["worst", "mean", "each"] | None,
@@ -60,7 +57,6 @@ def export(
             help="How to combine the axes of a sensor: use the largest value (worst), the root mean square (mean), or "
             "one value for each axis (each) if the format allows it. Default: worst for filters, each for simulators "
             "and messages.",
-            show_default=False,
         ),
     ] = None,
     inflation: Annotated[
@@ -77,9 +73,7 @@ def export(
     ] = f"{HORIZON:g}s",
     rate: Annotated[
         float | None,
-        typer.Option(
-            help="Sampling rate (Hz) in the other program. Default: the rate of the recording.", show_default=False
-        ),
+        typer.Option(help="Sampling rate (Hz) in the other program. Default: the rate of the recording."),
     ] = None,
     duration: Annotated[
         str | None,
@@ -87,7 +81,6 @@ def export(
             help="For programs that model the bias as a Gauss-Markov process: longest averaging time to which this "
             "process is fitted. Default: 1h, or the duration of the recording if it is shorter.",
             metavar="LENGTH",
-            show_default=False,
         ),
     ] = None,
     output: Annotated[

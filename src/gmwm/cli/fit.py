@@ -74,7 +74,6 @@ def fit(
             help=f"Sum of processes: {_PROCESSES}. 2*GM means two Gauss-Markov processes. Values in the model are "
             "starting values; a value in fixed(…), as in GM(beta=fixed(0.01)), is not estimated.",
             metavar="MODEL",
-            show_default=False,
         ),
     ],
     axis: Axes = None,
@@ -87,7 +86,6 @@ def fit(
             "fitted to all parts.",
             metavar="TABLE",
             rich_help_panel="Estimation",
-            show_default=False,
         ),
     ] = None,
     varies: Annotated[
@@ -98,7 +96,6 @@ def fit(
             "Repeat the option for other terms.",
             metavar="TERM: SUM",
             rich_help_panel="Estimation",
-            show_default=False,
         ),
     ] = None,
     weighting: Annotated[
@@ -108,7 +105,6 @@ def fit(
             "or equal weights (identity). Default: diagonal, but optimal for processes with several shape parameters "
             "such as AR(2).",
             rich_help_panel="Estimation",
-            show_default=False,
         ),
     ] = None,
     filter: Filter = "haar",
@@ -140,7 +136,6 @@ def fit(
             metavar="DRAWS",
             min=1,
             rich_help_panel="Estimation",
-            show_default=False,
         ),
     ] = None,
     confidence: Annotated[
@@ -160,7 +155,6 @@ def fit(
             "example 500, instead of from theory. Intervals at 95 % need at least 39 records.",
             metavar="DRAWS",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
     seed: Annotated[

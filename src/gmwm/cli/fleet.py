@@ -54,7 +54,6 @@ def fleet(
             help="Folder with one recording of each unit; subfolders are searched too. Each IMU topic of a file counts "
             "as a unit.",
             metavar="DIR",
-            show_default=False,
         ),
     ],
     output: Annotated[
@@ -65,7 +64,6 @@ def fleet(
             help="Write units/<unit>.json, fleet.json, fleet.parquet, summary.txt and fleet.png to this directory. "
             "Units whose results are already in this directory are skipped.",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ],
     reading: ReadOptions,
@@ -76,7 +74,6 @@ def fleet(
             "Default: all recordings.",
             metavar="PATTERN",
             rich_help_panel=INPUT,
-            show_default=False,
         ),
     ] = None,
     axis: Axes = None,
@@ -95,7 +92,6 @@ def fleet(
             "paths. Default: this machine.",
             metavar="ADDRESS",
             rich_help_panel=MACHINES,
-            show_default=False,
         ),
     ] = None,
     workers: Annotated[
@@ -105,7 +101,6 @@ def fleet(
             "processor.",
             min=0,
             rich_help_panel=MACHINES,
-            show_default=False,
         ),
     ] = None,
     retries: Annotated[

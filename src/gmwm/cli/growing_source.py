@@ -22,7 +22,6 @@ Idle = Annotated[
     typer.Option(
         help="Stop after this time without new data. Default: stop at Ctrl-C or at the end of standard input.",
         metavar="LENGTH",
-        show_default=False,
     ),
 ]
 

@@ -44,7 +44,6 @@ def info(
             help="Test whether the noise of each axis depends on the temperature or on time, at each scale and for "
             "each term of the noise model.",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
     plot: Annotated[

@@ -45,7 +45,6 @@ def joint(
             help="Levels to use: a range such as 9-17, or 12 for the first twelve. Default: all levels with at least "
             "five coefficients.",
             metavar="FIRST-LAST",
-            show_default=False,
         ),
     ] = None,
     certify: Annotated[

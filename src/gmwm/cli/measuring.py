@@ -36,7 +36,6 @@ Scheduler = Annotated[
         "needs the file at the same path. Default: this process.",
         metavar="ADDRESS",
         rich_help_panel=MACHINES,
-        show_default=False,
     ),
 ]
 Workers = Annotated[
@@ -46,7 +45,6 @@ Workers = Annotated[
         "process.",
         min=1,
         rich_help_panel=MACHINES,
-        show_default=False,
     ),
 ]
 

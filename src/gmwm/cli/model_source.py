@@ -26,7 +26,6 @@ ModelText = Annotated[
         help="Sum of processes, as for gmwm fit. If all parameters have values, the command uses these values; "
         "otherwise it first fits the model to each axis.",
         metavar="MODEL",
-        show_default=False,
     ),
 ]
 FromFits = Annotated[
@@ -34,7 +33,6 @@ FromFits = Annotated[
     typer.Option(
         help="Instead of --model: the fits.json of gmwm fit or the calibration.json of gmwm calibrate. It can come "
         "from this recording, or from another recording of the same unit at the same rate.",
-        show_default=False,
     ),
 ]
 ByLikelihood = Annotated[

@@ -48,7 +48,6 @@ def monitor(
             help="One recording in any supported format, or - for text on standard input; or the recordings of three "
             "or more units that were recorded at the same time.",
             metavar="FILE|-…",
-            show_default=False,
         ),
     ],
     reading: ReadOptions,
@@ -57,7 +56,6 @@ def monitor(
         typer.Option(
             help="Noise models of the sensor: the calibration.json of gmwm calibrate, the fits.json of gmwm fit, or "
             "the folder of one of them.",
-            show_default=False,
         ),
     ] = None,
     source: GivenText = None,
@@ -66,7 +64,6 @@ def monitor(
         typer.Option(
             help="Recording of the healthy sensor at rest, from which the baseline of the control charts is computed. "
             "Default: the baseline in calibration.json.",
-            show_default=False,
         ),
     ] = None,
     every: Annotated[
@@ -86,14 +83,11 @@ def monitor(
         typer.Option(
             help="Plot the signals with the events, and the control charts, to this .png, .pdf or .svg file.",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output", "-o", help="Write a summary to this .html file.", rich_help_panel=RESULT, show_default=False
-        ),
+        typer.Option("--output", "-o", help="Write a summary to this .html file.", rich_help_panel=RESULT),
     ] = None,
     json: Json = False,
 ) -> Outcome:

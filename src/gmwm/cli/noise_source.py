@@ -24,7 +24,6 @@ NoiseText = Annotated[
         help="The calibration.json of gmwm calibrate, the fits.json of gmwm fit, or the folder of one of them; or the "
         "numbers of a datasheet or a file of another program, as for gmwm export --from.",
         metavar="SOURCE",
-        show_default=False,
     ),
 ]
 GivenText = Annotated[
@@ -35,7 +34,6 @@ GivenText = Annotated[
         "accel: N=60µg/√Hz, B=0.02mg', or a file of Kalibr, allan_variance_ros, imu_utils, OpenVINS, Kimera, VINS, "
         "ORB-SLAM3, LIO-SAM, FAST-LIO, KF-GINS, PX4, ArduPilot or MATLAB.",
         metavar="SOURCE",
-        show_default=False,
     ),
 ]
 

@@ -41,7 +41,6 @@ def plan(
         typer.Option(
             help="Duration of the planned recording, such as 90s, 30min, 1h30m, 2h, 1d or a number of seconds.",
             metavar="LENGTH",
-            show_default=False,
         ),
     ],
     model: Annotated[
@@ -50,7 +49,6 @@ def plan(
             help="Model with all parameter values (in SI units, per sample where time enters, but GM.beta in 1/s). "
             "Values in fixed(…) are treated as known.",
             metavar="MODEL",
-            show_default=False,
         ),
     ] = None,
     from_fits: Annotated[
@@ -58,16 +56,11 @@ def plan(
         typer.Option(
             help="Instead of MODEL: the fits.json of gmwm fit or the calibration.json of gmwm calibrate for a pilot "
             "recording.",
-            show_default=False,
         ),
     ] = None,
     source: GivenText = None,
-    axis: Annotated[
-        str | None, typer.Option(help="Axis to use from --from-fits or --from.", show_default=False)
-    ] = None,
-    rate: Annotated[
-        float | None, typer.Option(help="Sampling rate (Hz). Not needed with --from-fits.", show_default=False)
-    ] = None,
+    axis: Annotated[str | None, typer.Option(help="Axis to use from --from-fits or --from.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Sampling rate (Hz). Not needed with --from-fits.")] = None,
     accuracy: Annotated[
         str,
         typer.Option(help="Desired relative standard error, as 0.1 or 10%; at most 0.5.", metavar="SHARE"),
@@ -77,7 +70,6 @@ def plan(
         typer.Option(
             help="Weights of the planned fit: inverse variances (diagonal) or inverse covariance matrix (optimal). "
             "Default: diagonal, but optimal for processes with several shape parameters such as AR(2).",
-            show_default=False,
         ),
     ] = None,
     plot: Annotated[

@@ -41,7 +41,6 @@ def psd(
             help="Length of the blocks (samples), an even number of at least 8. Default: the largest power of two up "
             "to 65536 that gives at least 15 blocks.",
             rich_help_panel=ESTIMATION,
-            show_default=False,
         ),
     ] = None,
     detrend: Annotated[

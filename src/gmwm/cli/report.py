@@ -26,7 +26,6 @@ def report(
         typer.Argument(
             help="The calibration.json that gmwm calibrate --output wrote, or its folder.",
             metavar="CALIBRATION",
-            show_default=False,
         ),
     ],
     one_page: Annotated[
@@ -50,7 +49,6 @@ def report(
             "-o",
             help="Write to this file. Default: report.html, or one_page.html, in the folder of the calibration.",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
 ) -> Outcome:

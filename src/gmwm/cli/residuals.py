@@ -45,7 +45,6 @@ def residuals(
             help="Number of lags of the Ljung-Box test. Default: 10 log₁₀ n for n samples.",
             min=1,
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
     plot: Annotated[
@@ -54,7 +53,6 @@ def residuals(
             help="Plot the residuals of one axis, their quantiles and their autocorrelation to this .png, .pdf or "
             ".svg file.",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
 ) -> Outcome:

@@ -25,9 +25,7 @@ EXAMPLES = (
 def same(
     files: Annotated[
         list[Path],
-        typer.Argument(
-            help="Two or more recordings of any supported format.", metavar="FILE FILE…", show_default=False
-        ),
+        typer.Argument(help="Two or more recordings of any supported format.", metavar="FILE FILE…"),
     ],
     reading: ReadOptions,
     axis: Axes = None,
@@ -36,7 +34,6 @@ def same(
         typer.Option(
             help="Compare the parameters of this model, such as 'WN + RW', instead of the noise at each scale.",
             metavar="MODEL",
-            show_default=False,
         ),
     ] = None,
     tolerance: Annotated[

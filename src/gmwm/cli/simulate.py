@@ -30,15 +30,12 @@ EXAMPLES = (
 
 @command
 def simulate(
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help="File to write: .csv or .parquet.", show_default=False)
-    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .csv or .parquet.")],
     duration: Annotated[
         str,
         typer.Option(
             help="Duration of the recording, such as 90s, 20min, 1h30m, 2h, 1d or a number of seconds.",
             metavar="LENGTH",
-            show_default=False,
         ),
     ],
     model: Annotated[
@@ -49,7 +46,6 @@ def simulate(
             help="Model with all parameter values: MODEL for all six axes, gyro=MODEL or accel=MODEL for the three "
             "axes of a sensor, gyro_x=MODEL for one axis. Repeat the option for other axes.",
             metavar="[AXIS=]MODEL",
-            show_default=False,
         ),
     ] = None,
     reference: Annotated[
@@ -61,7 +57,7 @@ def simulate(
     source: GivenText = None,
     rate: Annotated[
         float | None,
-        typer.Option(help="Sampling rate (Hz). Default: 100, or the rate in the file of --from.", show_default=False),
+        typer.Option(help="Sampling rate (Hz). Default: 100, or the rate in the file of --from."),
     ] = None,
     seed: Annotated[
         int, typer.Option(help="Seed of the simulation. The same seed gives the same recording.", min=0)
@@ -71,7 +67,6 @@ def simulate(
         typer.Option(
             help="Also write the simulated process of each term to this .csv or .parquet file, in columns such as "
             "'gyro_x WN \\[rad/s]'.",
-            show_default=False,
         ),
     ] = None,
 ) -> Outcome:

@@ -61,7 +61,6 @@ def track(
             "number of seconds, instead of estimating them in it.",
             metavar="LENGTH",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
     label: Annotated[
@@ -71,7 +70,6 @@ def track(
             "option for more processes. Default: all processes for --output, the bias for --plot.",
             metavar="LABEL",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
     confidence: Annotated[
@@ -88,7 +86,6 @@ def track(
             help="Write the time, the data, and each process with its standard deviation to this .csv or .parquet "
             "file, in SI units. Missing samples are NaN.",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
     plot: Annotated[
@@ -96,7 +93,6 @@ def track(
         typer.Option(
             help="Plot the data and the processes of one axis, with confidence bands, to this .png, .pdf or .svg file.",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
     datasheet: Datasheet = False,

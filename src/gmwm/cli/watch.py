@@ -54,7 +54,6 @@ def watch(
             "-m",
             help="Sum of processes, as for gmwm fit. It is fitted again at each update.",
             metavar="MODEL",
-            show_default=False,
         ),
     ] = None,
     accuracy: Annotated[
