@@ -79,6 +79,12 @@ def plot(result: object, *arguments: Any, **options: Any) -> MatplotlibFigure:
     ------
     OptionError
         If no function is registered for the type of the result, or if an option is unknown.
+
+    Examples
+    --------
+    >>> from gmwm import Signal
+    >>> plot(Signal([1.0, 2.0, 4.0], 100.0, "rad/s", "gyro_x"), units="datasheet").axes[0].get_title()
+    'Gyroscope X'
     """
     function = _function(type(result))
     if function is None:
