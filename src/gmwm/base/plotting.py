@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib import import_module, metadata
+from importlib import import_module
 from pkgutil import resolve_name
 from types import MethodType
 from typing import TYPE_CHECKING, Any
 
 from gmwm.base.errors import OptionError
+from gmwm.base.guests import admit_guests
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
 GROUP = "gmwm.plots"
-"""The package that registers the functions of gmwm, and the entry points of other packages."""
+"""The package that registers the functions of gmwm, and the group of the entry points of other packages."""
 _functions: dict[str, str | Callable[..., MatplotlibFigure]] = {}
 """Functions by the full name of the type that they draw. Those named by a text are imported when they are used.
 
 `functools.singledispatch` would import every type and every plot to draw one."""
-_loaded: list[str] = []
 
 
 def register(kind: type | str, function: Callable[..., MatplotlibFigure] | str) -> None:
@@ -49,11 +49,8 @@ def register(kind: type | str, function: Callable[..., MatplotlibFigure] | str) 
 
 
 def _function(kind: type) -> Callable[..., MatplotlibFigure] | None:
-    if not _loaded:
-        import_module(GROUP)
-        for entry in metadata.entry_points(group=GROUP):
-            register(entry.name, entry.value)
-        _loaded.append(GROUP)
+    import_module(GROUP)
+    admit_guests(GROUP, register)
     for base in kind.__mro__:
         name = f"{base.__module__}.{base.__qualname__}"
         function = _functions.get(name)
@@ -82,6 +79,12 @@ def plot(result: object, *arguments: Any, **options: Any) -> MatplotlibFigure:
     ------
     OptionError
         If no function is registered for the type of the result, or if an option is unknown.
+
+    Examples
+    --------
+    >>> from gmwm import Signal
+    >>> plot(Signal([1.0, 2.0, 4.0], 100.0, "rad/s", "gyro_x"), units="datasheet").axes[0].get_title()
+    'Gyroscope X'
     """
     function = _function(type(result))
     if function is None:

@@ -19,6 +19,7 @@ from gmwm.base.errors import OptionError
 from gmwm.base.text import counted
 from gmwm.showing.plots.axes import limits_of, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, Symbol, Text, Tick
 from gmwm.showing.plots.imu import PAGE
 from gmwm.showing.plots.labels import sensor_and_letter, sensor_title
@@ -27,7 +28,6 @@ from gmwm.showing.plots.style import BLACK, DASHED, GREY, curve_stroke, letter_s
 
 if TYPE_CHECKING:
     import polars
-    from matplotlib.figure import Figure as MatplotlibFigure
 
     from gmwm.applications.fleets.statistics_result import FleetNumber, FleetStatistics
 
@@ -98,30 +98,20 @@ def fleet_figure(fleet: FleetLike) -> Figure:
     return Figure(tuple(rows), width=PAGE, height=ROW * len(rows) + BELOW, title=title, legend_columns=3)
 
 
-def plot_fleet(fleet: FleetLike, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+@drawing
+def plot_fleet(fleet: FleetLike, *, path: str | os.PathLike[str] | None = None) -> Figure:
     """Draw the datasheet parameters of all units in ascending order, for each axis.
 
     Up to 40 units are drawn as dots with confidence intervals, more units as a curve. The line is the typical
     value. The shaded region contains the true value of a further unit with the confidence level. Stars with names
     are outlying units, and triangles are upper limits.
 
-    Parameters
-    ----------
-    path : path, optional
-        File to write the picture to, ending in .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Raises
     ------
     OptionError
         If there is nothing to draw, or if the picture cannot be written to `path`.
     """
-    from gmwm.showing.plots.matplotlib import draw
-
-    return draw(fleet_figure(fleet), path=path)
+    return fleet_figure(fleet)
 
 
 # --- one panel --------------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError
 from gmwm.base.units import SI_UNIT
 from gmwm.showing.plots.axes import quiet
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.linear import even_axis, time_unit
@@ -22,7 +23,7 @@ from gmwm.showing.plots.style import BLUE, DASHED, GREEN, ORANGE, PURPLE, VERMIL
 from gmwm.showing.plots.view import view_of
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
+    pass
 
 _CHARTS = {"noise up": ("Noise up", ORANGE), "noise down": ("Noise down", GREEN), "level": ("Level", PURPLE)}
 TOP = 1.1
@@ -86,17 +87,9 @@ def _uprights(places: Vector, limits: tuple[float, float]) -> tuple[Vector, Vect
     return x, y
 
 
-def plot_trace(trace: Trace, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+@drawing
+def plot_trace(trace: Trace, *, path: str | os.PathLike[str] | None = None) -> Figure:
     """Draw the signals with the events, and the chart statistics over time.
-
-    Parameters
-    ----------
-    path : path, optional
-        File to write the picture to, ending in .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
 
     Raises
     ------
@@ -105,6 +98,4 @@ def plot_trace(trace: Trace, *, path: str | os.PathLike[str] | None = None) -> M
     OptionError
         If the ending of `path` is unknown.
     """
-    from gmwm.showing.plots.matplotlib import draw
-
-    return draw(trace_figure(trace), path=path)
+    return trace_figure(trace)

@@ -18,10 +18,9 @@ if TYPE_CHECKING:
     from gmwm.showing.plots.allan import plot_allan, plot_allan_axes, plot_avlr
     from gmwm.showing.plots.autocorrelation import plot_autocorrelation
     from gmwm.showing.plots.coefficients import plot_coefficients
-    from gmwm.showing.plots.comparison import compare
     from gmwm.showing.plots.fit import plot_fit
     from gmwm.showing.plots.imu import plot_imu
-    from gmwm.showing.plots.overlay import plot_comparison
+    from gmwm.showing.plots.overlay import compare, plot_comparison
     from gmwm.showing.plots.plan import plot_plan
     from gmwm.showing.plots.ranking import plot_candidates, plot_ranking
     from gmwm.showing.plots.residuals import plot_residuals
@@ -80,7 +79,7 @@ _RESULTS = {
 }
 """Functions of this package by the result that they draw."""
 _OTHERS = ("allan.plot_allan_axes", "autocorrelation.plot_autocorrelation", "coefficients.plot_coefficients",
-           "comparison.compare", "overlay.plot_comparison")  # fmt: skip
+           "overlay.compare", "overlay.plot_comparison")  # fmt: skip
 """Functions that draw several results, or with other arguments than `result.plot()`."""
 _MODULES = {name: module for module, _, name in (place.partition(".") for place in (*_RESULTS.values(), *_OTHERS))}
 

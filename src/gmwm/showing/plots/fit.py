@@ -12,14 +12,14 @@ import numpy as np
 
 from gmwm.base.arrays import Vector
 from gmwm.showing.plots.curves import ABOVE, MIDDLE, closed_panel, observed_marks, view_for
-from gmwm.showing.plots.figure import Line, Panel, Stroke, Text, drawable, single_panel
+from gmwm.showing.plots.drawing import drawing
+from gmwm.showing.plots.figure import Figure, Line, Panel, Stroke, Text, drawable, single_panel
 from gmwm.showing.plots.labels import axis_title, datasheet_label, model_text, term_label
 from gmwm.showing.plots.style import GREY, IMPLIED, term_strokes
 from gmwm.showing.plots.view import UnitSystem, View, ViewName
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
 
     from gmwm.measuring.variance.result import WaveletVariance
     from gmwm.theory.processes.base import Process
@@ -174,6 +174,7 @@ def _with_hidden_terms(panel: Panel, terms: tuple[Line, ...]) -> Panel:
     return replace(panel, marks=marks)
 
 
+@drawing
 def plot_fit(
     fit: Fitted,
     *,
@@ -184,16 +185,11 @@ def plot_fit(
     color: str | None = None,
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> MatplotlibFigure:
+) -> Figure:
     """Draw the data with their confidence band, the curve that the model implies, and the curve of each term.
 
     Parameters
     ----------
-    view : "wavelet" or "allan"
-        Quantity to draw: the wavelet variance ν² against the scale τ (s), or the Allan deviation √(2ν²) against the
-        averaging time τ/2 (s).
-    units : "si" or "datasheet"
-        Units of the plot: rad/s and m/s², or deg/h and mg.
     decomposition : bool, optional
         Whether to draw the curves of the terms. By default they are drawn unless `label` or `color` is given.
     label : str, optional
@@ -201,14 +197,6 @@ def plot_fit(
         `monday.plot(ax=ax, label="monday")`. Each fit then has its own colour and symbol.
     color : str, optional
         Matplotlib colour such as "#D55E00"; by default a colour that no earlier fit has.
-    ax : matplotlib Axes, optional
-        Axes to draw on; by default the axes of a new figure.
-    path : path, optional
-        File to write the picture to, ending in .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
 
     Raises
     ------
@@ -217,7 +205,6 @@ def plot_fit(
     ModelError
         If a maximum-likelihood fit was read from a file, which does not hold the recording.
     """
-    from gmwm.showing.plots.matplotlib import draw
     from gmwm.showing.plots.shared_axes import named_fit_panel
 
     if label is None and color is None:
@@ -226,4 +213,4 @@ def plot_fit(
         panel = named_fit_panel(
             fit, label=label, color=color, view=view, units=units, ax=ax, decomposition=decomposition is True
         )
-    return draw(single_panel(panel), ax=ax, path=path)
+    return single_panel(panel)

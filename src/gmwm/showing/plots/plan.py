@@ -15,13 +15,13 @@ from gmwm.base.text import duration_text
 from gmwm.fitting.inference.planning import SEEN, Plan, as_accuracy
 from gmwm.showing.plots.axes import limits_of, time_axis, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
-from gmwm.showing.plots.figure import Band, Line, Mark, Panel, Stroke, Symbol, single_panel
+from gmwm.showing.plots.drawing import drawing
+from gmwm.showing.plots.figure import Band, Figure, Line, Mark, Panel, Stroke, Symbol, single_panel
 from gmwm.showing.plots.labels import model_text
 from gmwm.showing.plots.style import BLACK, DOTTED, GREY, term_strokes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
 
 HIGHEST = 2.0
 """Largest relative standard error that is drawn. Pinned by tests/plots/test_plot_plan.py."""
@@ -132,13 +132,14 @@ def _need_text(name: str, seconds: float, plan: Plan, accuracy: float) -> str:
     return f"more than {100 * accuracy:g} % in {duration_text(plan.horizon)}"
 
 
+@drawing
 def plot_plan(
     plan: Plan,
     *,
     accuracy: float = 0.1,
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> MatplotlibFigure:
+) -> Figure:
     """Draw the relative standard error of each parameter over the length of the recording.
 
     The curves continue beyond the planned duration, which is marked.
@@ -148,21 +149,11 @@ def plot_plan(
     accuracy : float
         Desired relative standard error. It is drawn as a horizontal line, with a ring where each parameter reaches
         it.
-    ax : matplotlib Axes, optional
-        Axes to draw on; by default the axes of a new figure.
-    path : path, optional
-        File to write the picture to, ending in .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
 
     Raises
     ------
     OptionError
         If `accuracy` is not between 0 and 0.5, or the plot cannot be drawn on `ax` or written to `path`.
     """
-    from gmwm.showing.plots.matplotlib import draw
-
     panel = plan_panel(plan, accuracy=accuracy)
-    return draw(single_panel(panel, 84.0), ax=ax, path=path)
+    return single_panel(panel, 84.0)

@@ -14,6 +14,7 @@ from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
 from gmwm.showing.plots.axes import signed_axis, time_axis
 from gmwm.showing.plots.curves import ABOVE, BAND, BEHIND, FRONT, MIDDLE, closed_panel, observed_marks, view_for
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, Symbol, Tick, drawable
 from gmwm.showing.plots.imu import PAGE, SINGLE
 from gmwm.showing.plots.labels import axis_title, model_text
@@ -21,8 +22,6 @@ from gmwm.showing.plots.style import GREY, IMPLIED, OBSERVED, term_stroke
 from gmwm.showing.plots.view import UnitSystem, ViewName
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
     from gmwm.choosing.selection.ranking import Candidate, Comparison, Ranking
     from gmwm.measuring.variance.result import WaveletVariance
 
@@ -209,6 +208,7 @@ def _score_name(candidate: Candidate) -> str:
     return "WIC" if candidate.out_of_sample is None else "Loss out of sample"
 
 
+@drawing
 def plot_ranking(
     ranking: Ranking,
     *,
@@ -216,7 +216,7 @@ def plot_ranking(
     view: ViewName = "wavelet",
     units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
-) -> MatplotlibFigure:
+) -> Figure:
     """Draw the best models with the data, their distances from the data, and the criteria.
 
     The curves of different models often look the same. The second panel shows their distances from the data, scaled
@@ -226,21 +226,6 @@ def plot_ranking(
     ----------
     limit : int
         Number of the best distinct candidates to draw. The recommended candidate is always drawn.
-    view : "wavelet" or "allan"
-        Wavelet variance ν² against the scale τ (s), or Allan deviation √(2ν²) against the averaging time τ/2 (s).
-    units : "si" or "datasheet"
-        rad/s and m/s², or deg/h and mg.
-    path : path, optional
-        File to write the picture to, ending in .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown, or the data do not support it.
 
     Examples
     --------
@@ -250,40 +235,19 @@ def plot_ranking(
     >>> figure.axes[2].get_xlabel()
     'WIC above the best'
     """
-    from gmwm.showing.plots.matplotlib import draw
-
-    return draw(ranking_figure(ranking, limit=limit, view=view, units=units), path=path)
+    return ranking_figure(ranking, limit=limit, view=view, units=units)
 
 
+@drawing
 def plot_candidates(
     comparison: Comparison,
     *,
     view: ViewName = "wavelet",
     units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
-) -> MatplotlibFigure:
+) -> Figure:
     """Draw the two candidates with the data, and their distances from the data.
 
     The title states the difference of the criteria. With several recordings, the mean wavelet variance is drawn.
-
-    Parameters
-    ----------
-    view : "wavelet" or "allan"
-        Wavelet variance ν² against the scale τ (s), or Allan deviation √(2ν²) against the averaging time τ/2 (s).
-    units : "si" or "datasheet"
-        rad/s and m/s², or deg/h and mg.
-    path : path, optional
-        File to write the picture to, ending in .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown, or the data do not support it.
     """
-    from gmwm.showing.plots.matplotlib import draw
-
-    return draw(candidates_figure(comparison, view=view, units=units), path=path)
+    return candidates_figure(comparison, view=view, units=units)

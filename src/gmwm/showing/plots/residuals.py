@@ -14,6 +14,7 @@ from gmwm.fitting.likelihood.innovations import Residuals
 from gmwm.showing.plots.autocorrelation import DOTTED, EXPECTED, LEVEL, autocorrelation_panel, percent
 from gmwm.showing.plots.axes import number_text, power_text
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.labels import axis_title, model_text
 from gmwm.showing.plots.linear import even_axis, number_at, time_unit
@@ -22,7 +23,7 @@ from gmwm.showing.plots.style import BLUE, GREY, VERMILLION
 from gmwm.showing.plots.trace import even_trace, isolated
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
+    pass
 
 LEAST_P = 1e-6
 """Smallest p-value that is shown as a number. Smaller p-values are shown as "p < 10⁻⁶". Pinned by
@@ -145,9 +146,10 @@ def _p_text(p_value: float) -> str:
 # --- pictures -----------------------------------------------------------------------------------------
 
 
+@drawing
 def plot_residuals(
     residuals: Residuals, lags: int | None = None, *, path: str | os.PathLike[str] | None = None
-) -> MatplotlibFigure:
+) -> Figure:
     """Draw the residuals over time, their normal probability plot, and their autocorrelation.
 
     The titles give the results of the tests.
@@ -156,12 +158,6 @@ def plot_residuals(
     ----------
     lags : int, optional
         Number of lags of the autocorrelation and of the Ljung-Box test; 10 log₁₀ N by default.
-    path : path, optional
-        File to write the picture to, ending in .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
 
     Raises
     ------
@@ -176,6 +172,4 @@ def plot_residuals(
     >>> [axes.get_title().partition(":")[0] for axes in picture.findobj(match=type(picture.axes[0]))]
     ['WN + RW', 'Jarque-Bera', 'Ljung-Box, 30 lags']
     """
-    from gmwm.showing.plots.matplotlib import draw
-
-    return draw(residuals_figure(residuals, lags), path=path)
+    return residuals_figure(residuals, lags)

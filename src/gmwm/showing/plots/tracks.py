@@ -18,6 +18,7 @@ from gmwm.fitting.likelihood.system import LEVEL
 from gmwm.fitting.likelihood.tracks import BIAS, Kind, Tracks, wanders
 from gmwm.showing.plots.axes import number_text, quiet
 from gmwm.showing.plots.curves import ABOVE, BAND, BEHIND, FRONT, MIDDLE
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.labels import axis_title, model_text, term_label
 from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit, time_unit
@@ -28,7 +29,6 @@ from gmwm.showing.plots.view import UnitSystem, View, view_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
 
 COLUMNS = round(DOTS * PAGE)
 RECORD = Stroke(PALE, 0.5)
@@ -265,6 +265,7 @@ def _as_truth(tracks: Tracks, truth: Mapping[str, ArrayLike] | ArrayLike | None)
 # --- pictures -----------------------------------------------------------------------------------------
 
 
+@drawing
 def plot_tracks(
     tracks: Tracks,
     labels: str | Sequence[str] | None = None,
@@ -274,7 +275,7 @@ def plot_tracks(
     units: UnitSystem = "si",
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> MatplotlibFigure:
+) -> Figure:
     """Draw the recording with its bias and, below it, the bias or other tracks with their confidence bands.
 
     The line of the recording has gaps where samples are missing; the tracks do not. Samples with an infinite
@@ -288,16 +289,8 @@ def plot_tracks(
         The true values, in the unit of the recording, if they are known. A single array is the true bias.
     level : float
         Probability that the band contains the process at a given sample, if the parameters of the model are exact.
-    units : "si" or "datasheet"
-        rad/s and m/s², or deg/h and mg. Other units are not converted.
     ax : matplotlib Axes, optional
         Axes on which to draw one track without the recording; a new figure by default.
-    path : path, optional
-        File to write the picture to, ending in .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
 
     Raises
     ------
@@ -316,7 +309,4 @@ def plot_tracks(
     >>> [axes.get_title() for axes in picture.axes]
     ['Record and its bias: WN + RW', 'Bias: RW']
     """
-    from gmwm.showing.plots.matplotlib import draw
-
-    figure = tracks_figure(tracks, labels, truth=truth, level=level, units=units, record=ax is None)
-    return draw(figure, ax=ax, path=path)
+    return tracks_figure(tracks, labels, truth=truth, level=level, units=units, record=ax is None)
