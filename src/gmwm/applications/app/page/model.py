@@ -17,7 +17,7 @@ from gmwm.applications.app.terms import adding, held_at, holding, removing, repl
 from gmwm.applications.app.workspace import Workspace
 from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import GmwmError
-from gmwm.choosing.selection.search import Searched
+from gmwm.choosing.selection.search import ModelChoice
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.inference.model_error import relative_misfit
 from gmwm.fitting.inference.summary import IntervalMethod, estimate_text, intervals_if_known, rows, test_in_words
@@ -246,7 +246,8 @@ def _measured(fit: Fit, session: Session, workspace: Workspace) -> str:
     data = workspace.data(session).value[fit.wavelet_variance.axis]
     curve = "robust" if fit.wavelet_variance.robust else "classical"
     found = data.regression
-    removed = "" if found is None else f" without the effect of {covariates_text(found)}, {effect_text(found)}"
+    applied = found is not None and found.applied
+    removed = f" without the effect of {covariates_text(found)}, {effect_text(found)}" if applied else ""
     return f"As gmwm calibrate does, this page fits the {curve} curve{removed}."
 
 
@@ -296,7 +297,7 @@ def _tests(fit: Fit) -> Any:
 def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
     axis = axis_of(session, workspace)
 
-    def show(found: Searched) -> list[Any]:
+    def show(found: ModelChoice) -> list[Any]:
         ranking, listed = found.ranking, []
         for one in ranking.distinct[:LISTED]:
             mark = "recommended" if one.recommended else "as good" if one.equivalent else ""
