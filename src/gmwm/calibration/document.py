@@ -25,6 +25,7 @@ from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.rest import BiasAtRest
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.choosing.datasheets import Datasheet
+from gmwm.choosing.selection.search_steps import SearchStep
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.inference.goodness import GoodnessOfFit
 from gmwm.fitting.inference.intervals import Interval
@@ -87,6 +88,7 @@ def _of_axis(found: AxisCalibration) -> dict[str, Any]:
         "misfit": None if found.misfit is None else found.misfit.to_dict(),
         "model_error": found.model_error,
         "tried": list(found.tried),
+        "search": [step.to_dict() for step in found.search],
         "regression": None if found.regression is None else found.regression.to_dict(),
         "left_in": found.left_in,
         "rest": None if found.rest is None else found.rest.to_dict(),
@@ -159,6 +161,7 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
         misfit=None if misfit is None else _read(f"{axis}.misfit", lambda: RelativeMisfit.from_dict(misfit)),
         model_error=content["model_error"],
         tried=tuple(content["tried"]),
+        search=_read(f"{axis}.search", lambda: tuple(map(SearchStep.from_dict, content.get("search", ())))),
         regression=None if removed is None else _read(f"{axis}.regression", lambda: Regression.from_dict(removed)),
         left_in=content["left_in"],
         rest=None if rest is None else _read(f"{axis}.rest", lambda: BiasAtRest.from_dict(rest)),

@@ -21,6 +21,7 @@ from gmwm.calibration.summary_text import summary
 from gmwm.choosing.datasheets import Datasheet
 from gmwm.choosing.replicates import Replicates
 from gmwm.choosing.selection import Ranking
+from gmwm.choosing.selection.search_steps import SearchStep
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.inference.goodness import GoodnessOfFit
 from gmwm.fitting.inference.intervals import Interval
@@ -68,6 +69,8 @@ class AxisCalibration:
         addition to the scatter of the data. The intervals include it.
     tried : tuple of str
         The families of models that the search tried, in order.
+    search : tuple of SearchStep
+        The steps of the search: each family with the p-values of its models, and why it was entered and left.
     spectrum : PowerSpectrum or None
         Power spectral density with its lines and bumps, averaged over 1/24 octave except at lines; None if the data
         were a wavelet variance, or if the recording has fewer than 64 samples without a gap.
@@ -92,6 +95,7 @@ class AxisCalibration:
     misfit: RelativeMisfit | None = None
     model_error: float = 0.0
     tried: tuple[str, ...] = ()
+    search: tuple[SearchStep, ...] = ()
     spectrum: PowerSpectrum | None = None
     regression: Regression | None = None
     left_in: float | None = None

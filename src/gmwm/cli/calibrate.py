@@ -257,7 +257,8 @@ def calibrated(
     workers: int | None = None,
 ) -> Calibration:
     """Calibrate a recording, or several recordings of one unit by name, with a progress bar."""
-    from gmwm.calibration.api import STAGES, calibrate_recording
+    from gmwm.calibration.api import calibrate_recording
+    from gmwm.calibration.calibrate_axis import STAGES
 
     before = 0
     axes = options.wanted or (next(iter(recording.values())) if isinstance(recording, Mapping) else recording).axes

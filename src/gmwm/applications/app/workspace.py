@@ -15,9 +15,11 @@ from gmwm.applications.app.overview import overview
 from gmwm.applications.app.session import Session
 from gmwm.base.errors import GmwmError
 from gmwm.base.text import duration_text
-from gmwm.calibration.choice import chosen_model, final_fit, given_fit
-from gmwm.calibration.reading import AxisData, axes_data
-from gmwm.choosing.selection.search import Searched
+from gmwm.calibration.calibrate_axis import choose_model, final_fit, given_fit
+from gmwm.calibration.data import Recordings
+from gmwm.calibration.measure import MeasuredAxis, measure
+from gmwm.calibration.passes import Run
+from gmwm.choosing.selection.search import ModelChoice
 from gmwm.files.readers.streams import Stream, is_large
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.inspection import inspect
@@ -108,8 +110,9 @@ class Workspace:
     def data(self, session: Session) -> Job:
         """Measure all axes like `gmwm calibrate`, with wrong samples replaced and temperature effects removed."""
 
-        def work(recording: Imu | Stream, job: Job) -> dict[str, AxisData]:
-            return axes_data(recording, session.calibration, progress=job.step)
+        def work(recording: Imu | Stream, job: Job) -> dict[str, MeasuredAxis | GmwmError]:
+            options = replace(session.calibration, models={})
+            return measure(Recordings.of(recording, options), options, Run(progress=job.step)).axes
 
         return self._of_recording("data", session, "Measuring", work)
 
@@ -119,9 +122,9 @@ class Workspace:
 
         def work(job: Job) -> Fit:
             if options.models:
-                return given_fit(options.general, self._axis(session, axis, job).measured(options).wv, options)
-            search: Searched = self.search(session, axis).result_for(job)
-            return final_fit(search.ranking.recommended.model, search.with_error, options.weighting)
+                return given_fit(options.general, self._axis(session, axis, job).curve(options), options)
+            choice: ModelChoice = self.search(session, axis).result_for(job)
+            return final_fit(choice.ranking.recommended.model, choice.with_error, options.weighting)
 
         key = self._of_axis(session, axis, session.models.get(axis))
         return self.jobs.ask("fit", key, f"Fitting {axis}", work, kept=FITS)
@@ -130,9 +133,9 @@ class Workspace:
         """Search for the model of an axis like `gmwm calibrate`."""
         options = replace(session.calibration, models={})
 
-        def work(job: Job) -> Searched:
-            measured = self._axis(session, axis, job).measured(options)
-            return chosen_model(measured.wv, measured.spectrum, options, check=job.check)
+        def work(job: Job) -> ModelChoice:
+            measured = self._axis(session, axis, job)
+            return choose_model(measured.curve(options), measured.spectrum, options, check=job.check)
 
         return self.jobs.ask("search", self._of_axis(session, axis), f"Comparing models of {axis}", work, kept=12)
 
@@ -156,9 +159,11 @@ class Workspace:
 
         return self.jobs.ask(kind, (*self._recorded(session), *more), title, begin)
 
-    def _axis(self, session: Session, axis: str, job: Job) -> AxisData:
-        axis_data: AxisData = self.data(session).result_for(job)[axis]
-        return axis_data
+    def _axis(self, session: Session, axis: str, job: Job) -> MeasuredAxis:
+        measured: MeasuredAxis | GmwmError = self.data(session).result_for(job)[axis]
+        if isinstance(measured, GmwmError):
+            raise measured
+        return measured
 
     def _recorded(self, session: Session, *, cut: bool = True) -> tuple[Hashable, ...]:
         reading = dict(session.reading) if cut else _uncut(session.reading)

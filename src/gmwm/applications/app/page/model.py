@@ -17,7 +17,7 @@ from gmwm.applications.app.terms import adding, held_at, holding, removing, repl
 from gmwm.applications.app.workspace import Workspace
 from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import GmwmError
-from gmwm.choosing.selection.search import Searched
+from gmwm.choosing.selection.search import ModelChoice
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.inference.model_error import relative_misfit
 from gmwm.fitting.inference.summary import IntervalMethod, estimate_text, intervals_if_known, rows, test_in_words
@@ -245,10 +245,9 @@ def _regression_note(fit: Fit, session: Session, workspace: Workspace) -> str:
     """Return a sentence that states which wavelet variance is fitted, and which effects were removed from it."""
     data = workspace.data(session).value[fit.wavelet_variance.axis]
     curve = "robust" if fit.wavelet_variance.robust else "classical"
-    regression = data.regression
-    removed = (
-        "" if regression is None else f" without the effect of {covariates_text(regression)}, {effect_text(regression)}"
-    )
+    fitted = data.regression
+    applied = fitted is not None and fitted.applied
+    removed = f" without the effect of {covariates_text(fitted)}, {effect_text(fitted)}" if applied else ""
     return f"As gmwm calibrate does, this page fits the {curve} curve{removed}."
 
 
@@ -298,7 +297,7 @@ def _tests(fit: Fit) -> Any:
 def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
     axis = axis_of(session, workspace)
 
-    def show(found: Searched) -> list[Any]:
+    def show(found: ModelChoice) -> list[Any]:
         ranking, listed = found.ranking, []
         for candidate in ranking.distinct[:LISTED]:
             mark = "recommended" if candidate.recommended else "as good" if candidate.equivalent else ""
