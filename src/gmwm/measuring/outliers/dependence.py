@@ -1,4 +1,4 @@
-"""Test whether a robust wavelet variance depends on its efficiency by more than chance, because of too many outliers."""
+"""Test whether a robust wavelet variance depends on its efficiency because of too many outliers."""
 
 from __future__ import annotations
 

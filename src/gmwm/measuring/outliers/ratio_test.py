@@ -1,4 +1,4 @@
-"""Test a recording for outliers by the ratio of its classical to its robust wavelet variance, and by bursts and spikes."""
+"""Test a recording for outliers by the ratio of its classical to its robust wavelet variance, bursts and spikes."""
 
 from __future__ import annotations
 

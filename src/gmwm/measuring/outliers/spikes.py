@@ -227,7 +227,7 @@ def _bulk(
 
 
 def _at(places: NDArray[np.int64], scale: Vector, length: int) -> Vector:
-    """Return the standard deviation at some positions, from that of each block; the last block also has the remainder."""
+    """Return the standard deviation at some positions, from that of each block; the last one has the remainder."""
     return np.asarray(scale[np.minimum(places // length, scale.size - 1)])
 
 

@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Vector, as_vector
@@ -164,10 +163,3 @@ def _distinct(terms: Iterable[Term]) -> tuple[Term, ...]:
 def is_given(asked: Asked) -> bool:
     """Return whether a regression or the automatic test of the temperature was requested."""
     return asked.automatic or bool(asked.terms)
-
-
-def finite_or_none(values: Vector | None) -> Vector | None:
-    """Return the values of a covariate, or None if some are missing or all are equal."""
-    if values is None or not np.all(np.isfinite(values)) or not np.ptp(values) > 0:
-        return None
-    return values

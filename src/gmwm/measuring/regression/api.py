@@ -301,6 +301,6 @@ def effect_of(found: Regression, covariates: Covariates, first: int, last: int) 
 
 
 def without(signal: Signal, found: Regression, covariates: Covariates, first: int = 0) -> Signal:
-    """Subtract the effect of the covariates, zero at their reference values, from a part that begins at sample `first`."""
+    """Subtract the effect of the covariates, zero at their reference values, from a part that begins at `first`."""
     values = signal.values - effect_of(found, covariates, first, first + len(signal))
     return replace(signal, values=values)

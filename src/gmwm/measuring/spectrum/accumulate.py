@@ -136,7 +136,7 @@ class SpectrumAccumulator(OneAtATime):
 
     @one_at_a_time
     def update(self, chunk: ArrayLike) -> None:
-        """Add a `chunk` of samples (n,), one or more; raise DataError, and keep the others, if a value is not finite."""
+        """Add a `chunk` of samples (n,), one or more; raise DataError, and keep the others, if one is not finite."""
         x = as_vector(chunk, "chunk", at_least=0)
         if not x.size:
             return

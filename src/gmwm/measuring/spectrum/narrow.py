@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
 from gmwm.measuring.spectrum.level import flanks, p_values
-from gmwm.measuring.spectrum.line import LEAST_QUALITY, Bump, Line
-from gmwm.measuring.spectrum.line_measurement import measured_line
-from gmwm.measuring.spectrum.shape import lorentz_fit
+from gmwm.measuring.spectrum.line import LEAST_QUALITY, Bump, Line, lorentz_fit, measured_line
 from gmwm.measuring.spectrum.welch import HALF_POWER_WIDTH
 
 if TYPE_CHECKING:

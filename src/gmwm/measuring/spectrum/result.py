@@ -151,7 +151,7 @@ class PowerSpectrum(Summarised, Plotted):
         >>> psd(x, rate=100.0).detectable_amplitude([1.0, 30.0]).round(3)
         array([0.035, 0.036])
         """
-        from gmwm.measuring.spectrum.detection import detectable_amplitude
+        from gmwm.measuring.spectrum.peaks import detectable_amplitude
 
         return detectable_amplitude(self, frequency, power)
 

@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
 from gmwm.measuring.spectrum.level import flanks, p_values, pooled_freedom
-from gmwm.measuring.spectrum.line import LEAST_QUALITY, Bump, Line
-from gmwm.measuring.spectrum.line_measurement import measured_line
+from gmwm.measuring.spectrum.line import LEAST_QUALITY, Bump, Line, lorentz_fit, measured_line
 from gmwm.measuring.spectrum.narrow import FIRST_BIN
-from gmwm.measuring.spectrum.shape import lorentz_fit
 
 if TYPE_CHECKING:
     from gmwm.measuring.spectrum.result import PowerSpectrum

@@ -18,13 +18,11 @@ from gmwm.measuring.variance.biweight import EFFICIENCY, biweight, require_robus
 from gmwm.measuring.variance.coefficients import require_digits
 from gmwm.measuring.variance.open_segments import DEEPEST, EXACT, SegmentedAccumulator
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.measuring.variance.rise import RiseSums
+from gmwm.measuring.variance.rise import RiseSums, ThinnedValues
 from gmwm.measuring.variance.robust import RobustVariances, robust_variances
 from gmwm.measuring.variance.second_pass import SecondPass, sum_request
 from gmwm.measuring.variance.segment_state import LARGEST_SUM, SegmentState, as_count
-from gmwm.measuring.variance.sketch import SKETCH_COLLECTOR, Counts, Sketches
-from gmwm.measuring.variance.sketched import SketchCoefficients
-from gmwm.measuring.variance.winsorised_mean import ThinnedValues
+from gmwm.measuring.variance.sketch import SKETCH_COLLECTOR, Counts, SketchCoefficients, Sketches
 from gmwm.recording.signals import MINIMUM_SAMPLES, Signal
 
 

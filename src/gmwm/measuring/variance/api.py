@@ -16,7 +16,12 @@ from gmwm.base.errors import DataError
 from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.variance.axes_result import WaveletVariances
 from gmwm.measuring.variance.biweight import require_robust
-from gmwm.measuring.variance.coefficients import Coefficients, HaarCoefficients, PlainCoefficients, PooledCoefficients
+from gmwm.measuring.variance.coefficients import (
+    CoefficientSource,
+    HaarCoefficients,
+    PlainCoefficients,
+    PooledCoefficients,
+)
 from gmwm.measuring.variance.phase import SCALE_DOWN, TOO_LARGE, contradicting_rate
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.measuring.variance.rise import RiseSums
@@ -288,7 +293,7 @@ def _robust(
     segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int, efficiency: float
 ) -> RobustVariances:
     """Compute robust estimates from all coefficients of all segments, with one estimating equation for each level."""
-    sources: list[Coefficients] = [
+    sources: list[CoefficientSource] = [
         HaarCoefficients(segment, reach)
         if _by_running_sum(filter, transform)
         else _plain(segment, filter, transform, reach)

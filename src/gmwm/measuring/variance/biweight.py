@@ -46,11 +46,6 @@ class Biweight:
         square = self.c**2
         return square * fourth / count - self.a, square * (4 * cubed - 5 * fourth) / count
 
-    @property
-    def least_share(self) -> float:
-        """Smallest share of nonzero coefficients for which a root can exist, which is a / max ρ."""
-        return self.a / (self.c**2 * 4**4 / 5**5)
-
 
 def biweight(efficiency: float) -> Biweight:
     """Return the biweight with an efficiency from 0.3 to 0.99 for uncorrelated Gaussian coefficients.

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from gmwm.base import _core
 from gmwm.base.arrays import Vector, as_vector
 from gmwm.measuring.variance.biweight import NORMAL_QUARTILE, Biweight, Criterion, biweight, newton, root_beyond, scan
-from gmwm.measuring.variance.coefficients import SAMPLE, Coefficients, HaarCoefficients, PlainCoefficients
+from gmwm.measuring.variance.coefficients import SAMPLE, CoefficientSource, PlainCoefficients
 
 PART = 8
 """Before the passes over all coefficients, one Newton step uses one eighth of the recording, if this part has more
@@ -66,7 +66,7 @@ class RobustVariances:
     diagnostics: Mapping[str, list[Any]]
 
 
-def robust_variances(source: Coefficients, efficiency: float = 0.6) -> RobustVariances:
+def robust_variances(source: CoefficientSource, efficiency: float = 0.6) -> RobustVariances:
     """Compute the M-estimate of σ² at every level.
 
     It is a root of mean ρ(W/σ) = a, see `Biweight`. If there are several roots, the search starts at (MAD / 0.67449)²,
@@ -87,11 +87,6 @@ def robust_variances(source: Coefficients, efficiency: float = 0.6) -> RobustVar
     return RobustVariances(np.array([level.variance for level in levels]), diagnostics)
 
 
-def haar_robust_variances(x: Vector, levels: int, efficiency: float = 0.6) -> RobustVariances:
-    """Compute robust Haar MODWT variances of a finite signal at levels 1 … `levels`."""
-    return robust_variances(HaarCoefficients(x, levels), efficiency)
-
-
 def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6, *, resolution: float = 0.0) -> float:
     """Compute the robust variance of zero-mean coefficients (M,), the square of Tukey's biweight M-estimate of scale.
 
@@ -107,7 +102,7 @@ def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6, *, resolut
     return float(robust_variances(plain, efficiency).variance[0])
 
 
-def _first(source: Coefficients, k: int, tuning: Biweight) -> _Level:
+def _first(source: CoefficientSource, k: int, tuning: Biweight) -> _Level:
     """Search the root of a level on a sample of its coefficients. The result is final if the sample has all of them."""
     sample = source.sample(k, SAMPLE)
     count, resolution = int(source.counts[k]), source.resolution(k)
@@ -168,7 +163,7 @@ def _on_sample(level: _Level, sample: Vector, tuning: Biweight) -> Criterion:
     return criterion
 
 
-def _on_all(source: Coefficients, k: int, level: _Level, tuning: Biweight) -> Criterion:
+def _on_all(source: CoefficientSource, k: int, level: _Level, tuning: Biweight) -> Criterion:
     limits = np.zeros(len(source.counts))
 
     def criterion(place: float) -> tuple[float, float]:
@@ -179,7 +174,7 @@ def _on_all(source: Coefficients, k: int, level: _Level, tuning: Biweight) -> Cr
     return criterion
 
 
-def _polish(source: Coefficients, levels: Sequence[_Level], tuning: Biweight) -> None:
+def _polish(source: CoefficientSource, levels: Sequence[_Level], tuning: Biweight) -> None:
     """Refine the sample roots of all levels by Newton's method on all coefficients, pass by pass."""
     active = np.array([level.rooted and level.outcome is None for level in levels])
     start = np.array([level.start for level in levels])
@@ -232,7 +227,7 @@ def _interpolated(
     return moved, error
 
 
-def _settle(source: Coefficients, k: int, level: _Level, tuning: Biweight) -> None:
+def _settle(source: CoefficientSource, k: int, level: _Level, tuning: Biweight) -> None:
     """Solve a level without a root on its sample, or that has not converged, by a scan of all coefficients.
 
     Without a root, the variance follows from the MAD, or is 0 if the MAD is 0.

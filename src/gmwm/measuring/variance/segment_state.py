@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from gmwm.base import _core
 from gmwm.base.arrays import Vector
-from gmwm.measuring.variance.blocks import STEPS, Blocks, blocks_of
+from gmwm.measuring.variance.blocks import STEPS, Blocks, Statistics, StatisticsCollector, blocks_of
 from gmwm.measuring.variance.sketch import SKETCH_COLLECTOR, Sketch, Sketches
-from gmwm.measuring.variance.statistics_protocol import Statistics, StatisticsCollector
 
 LONGEST = 1 << 61
 """Largest number of samples of a stored state: a 64-bit integer can hold its sum with the first index."""
