@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm.base import _core
 from gmwm.base.arrays import Vector
 from gmwm.measuring.variance.phase import inner_product
 
@@ -70,13 +71,17 @@ def noise_type(name: str) -> NoiseType:
     return _BY_NAME[name]
 
 
+def exponents(noise: Sequence[NoiseType]) -> NDArray[np.int64]:
+    """Return the exponents α of noise types."""
+    return np.array([kind.exponent for kind in noise], dtype=np.int64)
+
+
 def noise_types(
     phase: Vector,
     clusters: NDArray[np.int64],
     variance: Vector,
     *,
     reddest: int,
-    modified_ratio: Callable[[int], float],
 ) -> tuple[NoiseType, ...]:
     """Identify the dominant noise at each cluster size, from the phase without a straight line and its `variance`.
 
@@ -110,7 +115,7 @@ def noise_types(
         elif means >= LEAST_RATIO and last is not DRIFT:
             last = _by_ratio(taken, reddest) or last
         if last.exponent > 0 and n >= LEAST_PHASE_RATIO and means >= LEAST_RATIO:
-            last = _by_modified_ratio(modified_ratio(n), n)
+            last = _by_modified_ratio(modified_ratio(phase, n), n)
         found.append(last)
     return tuple(found)
 
@@ -172,6 +177,15 @@ def _by_ratio(phase: Vector, reddest: int) -> NoiseType | None:
     while mu < 2 and ratio > math.sqrt(b1_ratio(rates.size, mu) * b1_ratio(rates.size, mu + 1)):
         mu += 1
     return _BY_EXPONENT[2 if mu == -2 else max(reddest, -mu - 1)]
+
+
+def modified_ratio(phase: Vector, n: int) -> float:
+    """Return the ratio of the modified to the overlapping Allan variance; 1 if the phase is too short for it."""
+    if 3 * n > phase.size:
+        return 1.0
+    modified = _core.moving_second_differences(phase, n) / (phase.size - 3 * n + 1) / n**2
+    plain = _core.second_differences(phase, n) / (phase.size - 2 * n)
+    return modified / plain if plain > 0 else 1.0
 
 
 def _by_modified_ratio(ratio: float, n: int) -> NoiseType:

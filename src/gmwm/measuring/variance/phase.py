@@ -41,6 +41,7 @@ class Phase:
     samples: int
     unit: str = ""
     axis: str = ""
+    data: Data = "rate"
     octaves: Vector | None = None
 
     @property
@@ -81,7 +82,7 @@ def phase_of(
     if not np.isfinite(phase[-1]):
         require_finite(values, "x")
         raise DataError(TOO_LARGE, argument="x", advice=SCALE_DOWN)
-    return Phase(values=phase, rate=rate, samples=values.size, unit=unit, axis=axis, octaves=sums)
+    return Phase(values=phase, rate=rate, samples=values.size, unit=unit, axis=axis, data=data, octaves=sums)
 
 
 def contradicting_rate(rate: float, known: float, owner: str) -> OptionError:

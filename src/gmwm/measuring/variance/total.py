@@ -7,11 +7,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base import _core
 from gmwm.base.arrays import Vector
-from gmwm.measuring.confidence_limits import chi_square_limits
-from gmwm.measuring.variance.allan import REDDEST, exponents, modified_ratio
-from gmwm.measuring.variance.clusters import ClusterVariance
+from gmwm.measuring.variance.allan import REDDEST
+from gmwm.measuring.variance.clusters import ClusterVariance, cluster_variance
 from gmwm.measuring.variance.edf import degrees_of_freedom
-from gmwm.measuring.variance.noise_type import noise_types
+from gmwm.measuring.variance.noise_type import exponents, noise_types
 from gmwm.measuring.variance.phase import Clusters, Data, Progress, cluster_sizes, mean_squares, phase_of
 from gmwm.recording.options import as_confidence
 from gmwm.recording.signals import Signal
@@ -86,27 +85,11 @@ def total_variance(
     counts = np.full(sizes.size, p.size - 2)
     squares = mean_squares(lambda n: _core.reflected_second_differences(p, n), sizes, counts, progress)
     variance = squares / (2.0 * sizes * sizes)
-    noise = noise_types(p, sizes, variance, reddest=REDDEST, modified_ratio=lambda n: modified_ratio(p, n))
+    noise = noise_types(p, sizes, variance, reddest=REDDEST)
     freedom = total_degrees_of_freedom(exponents(noise), sizes, p.size)
-    expected = 1 - _bias(exponents(noise)) * np.minimum(sizes / phase.intervals, 0.5)
-    lower, upper = chi_square_limits(variance / expected, freedom, confidence)
-    return ClusterVariance(
-        family="total",
-        kind="overlapping",
-        clusters=sizes,
-        variance=variance,
-        lower=lower,
-        upper=upper,
-        counts=counts,
-        degrees_of_freedom=freedom,
-        noise=tuple(n.name for n in noise),
-        rate=phase.rate,
-        samples=phase.samples,
-        unit=phase.unit,
-        axis=phase.axis,
-        confidence=confidence,
-        data=data,
-    )
+    bias = 1 - _bias(exponents(noise)) * np.minimum(sizes / phase.intervals, 0.5)
+    values = {"clusters": sizes, "variance": variance, "counts": counts, "degrees_of_freedom": freedom}
+    return cluster_variance(phase, noise, confidence, bias=bias, family="total", kind="overlapping", **values)
 
 
 def _bias(alphas: NDArray[np.int64]) -> Vector:

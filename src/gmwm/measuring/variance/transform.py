@@ -20,26 +20,9 @@ Boundary = Literal["periodic", "reflection"]
 """Extension of a signal beyond its ends, either periodic or by its mirror image."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Modwt:
-    """Maximal-overlap discrete wavelet transform of a signal.
-
-    Attributes
-    ----------
-    filter : WaveletFilter
-        The wavelet filter.
-    details : mapping of level j to array
-        Wavelet coefficients W_{j,t} = Σ_l h_{j,l} X_{t−l}. Each level has N coefficients, or 2N with reflection.
-    smooth : array
-        Scaling coefficients V_{J,t} of the last level.
-    interior : mapping of level j to slice
-        Positions t = L_j − 1 … N − 1 of the coefficients that do not depend on the boundary, because they only use
-        X_{t−L_j+1} … X_t. The slice is empty if the filter at level j is longer than the signal.
-    samples : int
-        Length N of the signal.
-    boundary : "periodic" or "reflection"
-        Extension of the signal beyond its ends.
-    """
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class _Transform:
+    """Coefficients of a wavelet transform."""
 
     filter: WaveletFilter
     details: Mapping[int, Vector]
@@ -56,6 +39,32 @@ class Modwt:
         """Number of levels J."""
         return len(self.details)
 
+    def __repr__(self) -> str:
+        name, samples = type(self).__name__, self.samples
+        return f"{name}({self.filter.name}, {self.levels} levels, {samples} samples, {self.boundary})"
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Modwt(_Transform):
+    """Maximal-overlap discrete wavelet transform of a signal.
+
+    Attributes
+    ----------
+    filter : WaveletFilter
+        The wavelet filter.
+    details : mapping of level j to array
+        Wavelet coefficients W_{j,t} = Σ_l h_{j,l} X_{t−l}. Each level has N coefficients, or 2N with reflection.
+    smooth : array
+        Scaling coefficients V_{J,t} of the last level.
+    interior : mapping of level j to slice
+        Positions t = L_j − 1 … N − 1 of the coefficients that do not depend on the boundary, because they only use
+        X_{t−L_j+1} … X_t. The slice is empty if the filter at level j is longer than the signal.
+    levels, samples : int
+        Number of levels J, and length N of the signal.
+    boundary : "periodic" or "reflection"
+        Extension of the signal beyond its ends.
+    """
+
     @property
     def interior(self) -> dict[int, slice]:
         """For each level, the slice of the coefficients that do not depend on the boundary."""
@@ -69,12 +78,9 @@ class Modwt:
             values = _core.pyramid_unstep(values, self.details[j], scaling, wavelet, 1 << (j - 1))
         return values[: self.samples].copy()
 
-    def __repr__(self) -> str:
-        return f"Modwt({self.filter.name}, {self.levels} levels, {self.samples} samples, {self.boundary})"
 
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Dwt:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Dwt(_Transform):
     """Orthonormal discrete wavelet transform of a signal, with as many coefficients as samples.
 
     Level j halves the scaling coefficients of level j − 1. If their number is odd, the last one is stored in `extras`.
@@ -95,27 +101,13 @@ class Dwt:
     interior : mapping of level j to slice
         Positions of the coefficients that do not depend on the boundary, because they only use X_{t−L_j+1} … X_t. The
         slice can be empty.
-    samples : int
-        Length N of the signal.
+    levels, samples : int
+        Number of levels J, and length N of the signal.
     boundary : "periodic" or "reflection"
         Extension of the signal beyond its ends.
     """
 
-    filter: WaveletFilter
-    details: Mapping[int, Vector]
-    smooth: Vector
     extras: Mapping[int, float]
-    samples: int
-    boundary: Boundary
-
-    def __post_init__(self) -> None:
-        for values in (*self.details.values(), self.smooth):
-            freeze(values)
-
-    @property
-    def levels(self) -> int:
-        """Number of levels J."""
-        return len(self.details)
 
     @property
     def interior(self) -> dict[int, slice]:
@@ -131,9 +123,6 @@ class Dwt:
             if j in self.extras:
                 values = np.append(values, self.extras[j])
         return values[: self.samples].copy()
-
-    def __repr__(self) -> str:
-        return f"Dwt({self.filter.name}, {self.levels} levels, {self.samples} samples, {self.boundary})"
 
 
 def modwt(
@@ -189,7 +178,7 @@ def modwt(
     smooth, details = _continued(values, boundary), {}
     for j in range(1, count + 1):
         smooth, details[j] = _core.pyramid_step(smooth, scaling, wavelet, 1 << (j - 1))
-    return Modwt(wavelet_filter, details, smooth=smooth, samples=values.size, boundary=boundary)
+    return Modwt(filter=wavelet_filter, details=details, smooth=smooth, samples=values.size, boundary=boundary)
 
 
 def dwt(
