@@ -161,11 +161,9 @@ class FirstPass:
 
 
 class RecordingStatistics:
-    """Statistics of all axes of a recording, from its batches in order.
-
-    `remarks` are those of the reader, `base` the time stamps, `resolutions` the quantization step of each axis or None,
-    and `temperature` its range (°C) or None. `values(axis, first, last)` returns a range of samples.
-    """
+    """Statistics of all axes of a recording, from its batches in order. `remarks` are those of the reader, `base` the
+    time stamps, `resolutions` the quantization step of each axis or None, and `temperature` its range (°C) or None.
+    `values(axis, first, last)` returns a range of samples."""
 
     def __init__(
         self, source: str, remarks: Sequence[Remark], base: TimeBase, extent: Extent,
@@ -260,10 +258,7 @@ class RecordingStatistics:
 
     def _stuck(self, axis: str, one: AxisStatistics) -> tuple[float, float] | None:
         """Return the first time (s) at which the output of an axis is constant for a window, and the share of such
-        windows.
-
-        The result is None if there are none, or if rounding explains them.
-        """
+        windows. The result is None if there are none, or if rounding explains them."""
         there = one.steps.counts > 0
         still, step = there & (one.steps.means == 0), self._resolutions[axis] or 0.0
         moving = there & ~still

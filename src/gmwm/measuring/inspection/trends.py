@@ -127,11 +127,9 @@ def _longest(means: Sequence[tuple[int, Vector]], extent: Extent, length: int) -
 
 
 class TrendTest:
-    """The test for a trend in n block means. Times are in blocks.
-
-    `statistic` is the reduction of −2 log L by the best trend, minus `_EXTRA` for a second parameter. `kind` is None if
-    a jump describes the means better, and `tau` the time constant of the nearest exponential.
-    """
+    """The test for a trend in n block means. Times are in blocks. `statistic` is the reduction of −2 log L by the best
+    trend, minus `_EXTRA` for a second parameter. `kind` is None if a jump describes the means better, and `tau` the
+    time constant of the nearest exponential."""
 
     def __init__(self, means: Vector) -> None:
         n = means.size

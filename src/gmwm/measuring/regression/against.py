@@ -100,10 +100,8 @@ class Term:
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """A requested regression: its terms, and the arrays of covariates that are not part of the recording.
-
-    With `automatic`, the temperature of the recording is used only if a test finds that the axis depends on it.
-    """
+    """A requested regression: its terms, and the arrays of covariates that are not part of the recording. With
+    `automatic`, the temperature of the recording is used only if a test finds that the axis depends on it."""
 
     terms: tuple[Term, ...] = ()
     arrays: Mapping[str, Vector] | None = None

@@ -27,11 +27,9 @@ from gmwm.recording.signals import Imu, Signal
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """Times, temperature (°C) and block sums of a recording that was read once in batches.
-
-    `clock` is a signal with the segments and times of the recording. `sums` are over blocks of `length` samples, after
-    outlying samples were clipped. `curves` are wavelet variances, if requested, with the effect of the conditions.
-    """
+    """Times, temperature (°C) and block sums of a recording that was read once in batches. `clock` is a signal with the
+    segments and times of the recording. `sums` are over blocks of `length` samples, after outlying samples were
+    clipped. `curves` are wavelet variances, if requested, with the effect of the conditions."""
 
     recording: Streamed
     clock: Signal
@@ -43,10 +41,7 @@ class Seen:
     @classmethod
     def of(cls, recording: Streamed, length: int, *, curves: bool = False, threads: int | None = None) -> Seen:
         """Read a recording and sum it over blocks of `length` samples. With `curves`, also measure its wavelet
-        variances.
-
-        Raises ReadError or DataError if `read` would refuse the recording.
-        """
+        variances. Raises ReadError or DataError if `read` would refuse the recording."""
         segments, parts = Segments(), list[Vector]()
         sums = {axis: np.zeros(0) for axis in recording.axes}
         measured = curves_of(recording, recording.axes, robust=False) if curves else {}
@@ -101,11 +96,9 @@ class Conditions:
     def of(
         cls, signals: Mapping[str, Signal], asked: Asked, temperature: Vector | None, *, threads: int | None = None
     ) -> Conditions:
-        """Regress the axes of a recording, which were sampled at the same times.
-
-        With the automatic choice, axes that cannot be regressed are left out. Raises OptionError or DataError if a
-        requested covariate is missing or cannot be used.
-        """
+        """Regress the axes of a recording, which were sampled at the same times. With the automatic choice, axes that
+        cannot be regressed are left out. Raises OptionError or DataError if a requested covariate is missing or cannot
+        be used."""
         if not signals or not _wanted(asked, temperature is not None):
             return cls()
         clock = next(iter(signals.values()))
@@ -120,12 +113,9 @@ class Conditions:
     def of_recording(
         cls, recording: Imu | Streamed, asked: Asked, *, threads: int | None = None, curves: bool = False
     ) -> Conditions:
-        """Regress all axes of a recording in memory or in a file; see `of`.
-
-        A recording in a file is read once, or twice if it has no time stamps or many lost samples. With `curves`, its
-        wavelet variances are measured while it is read the first time. Raises OptionError also if an exact covariate
-        needs the samples of such a recording.
-        """
+        """Regress all axes of a recording in memory or in a file; see `of`. A recording in a file is read once, or
+        twice if it has no time stamps or many lost samples. With `curves`, its wavelet variances are measured while it
+        is read the first time. Raises OptionError also if an exact covariate needs the samples of such a recording."""
         if isinstance(recording, Imu):
             return cls.of(recording.signals, asked, recording.temperature, threads=threads)
         if not _wanted(asked, recording.has_temperature):

@@ -30,11 +30,8 @@ FOLD = 1 << 18
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
-    """Sums over the blocks of one length.
-
-    `pairs` is the number of blocks that overlap with the previous block. `first` and `last` are the first samples of
-    the first and the last block.
-    """
+    """Sums over the blocks of one length. `pairs` is the number of blocks that overlap with the previous block. `first`
+    and `last` are the first samples of the first and the last block."""
 
     sums: Periodograms
     pairs: int = 0
@@ -251,9 +248,7 @@ class SpectrumAccumulator(OneAtATime):
 
     def _add(self, values: Vector, boundary: int, *, after: int, crossing: bool = False) -> None:
         """Add the blocks of `values` that end at or after the sample with the index `boundary`, which is values[after].
-
-        If `crossing`, only blocks that begin before this sample are added.
-        """
+        If `crossing`, only blocks that begin before this sample are added."""
         begin = boundary - after
         for n, sums in list(self._sums.items()):
             half = n // 2

@@ -115,13 +115,10 @@ GAUSSIAN_WIDTH = 2 * math.sqrt(2 * math.log(2))
 def measured_line(
     spectrum: PowerSpectrum, first: int, last: int, *, level: float, freedom: float, height: float, p_value: float
 ) -> Line:
-    """Measure the line in the bins `first` to `last`, from the excess of the density over `level`.
-
-    Its sum gives the power A²/2 of a sinusoid with the amplitude A, its mean position the frequency, and its second
-    moment the width. All are linear in the density, so their standard errors follow from its covariance. A narrow line
-    is treated as a sinusoid in noise, a wider line as narrow-band noise. `freedom` are the degrees of freedom of a
-    density.
-    """
+    """Measure the line in the bins `first` to `last`, from the excess of the density over `level`. Its sum gives the
+    power A²/2 of a sinusoid with the amplitude A, its mean position the frequency, and its second moment the width. All
+    are linear in the density, so their standard errors follow from its covariance. A narrow line is treated as a
+    sinusoid in noise, a wider line as narrow-band noise. `freedom` are the degrees of freedom of a density."""
     spacing = spectrum.rate / spectrum.length
     excess = spectrum.density[first : last + 1] - level
     place = np.arange(first, last + 1, dtype=np.float64)
@@ -156,11 +153,9 @@ def measured_line(
 def _variance(
     weights: Vector, excess: Vector, *, level: float, freedom: float, wandering: bool, overlap: float = 1.0
 ) -> float:
-    """Compute the variance of Σ weights · excess, including the error of the level.
-
-    If `wandering`, the line is treated as narrow-band noise, and otherwise as a sinusoid. `overlap` is the factor by
-    which overlapping blocks change the variance of the product of the sinusoid and the noise.
-    """
+    """Compute the variance of Σ weights · excess, including the error of the level. If `wandering`, the line is treated
+    as narrow-band noise, and otherwise as a sinusoid. `overlap` is the factor by which overlapping blocks change the
+    variance of the product of the sinusoid and the noise."""
     line = np.maximum(excess, 0.0)
     # The level is the mean of two medians of 16 bins each, so it has ten times the degrees of freedom of a bin.
     total = (float(weights.sum()) * level) ** 2 / 10
@@ -186,11 +181,9 @@ WITHIN = 3.0
 def lorentz_fit(
     frequencies: Vector, density: Vector, freedom: Vector, *, center: float, width: float
 ) -> tuple[float, float] | None:
-    """Fit S(f) = a (f/c)^b + h / (1 + ((f − f₀) / (w/2))²) to densities with `freedom` degrees of freedom.
-
-    Each density has a gamma distribution; the squared deviance residuals are minimised. c is `center`, also the start
-    of f₀, and `width` the start of w (Hz). Returns the fitted f₀ and w (Hz), or None if the fit fails.
-    """
+    """Fit S(f) = a (f/c)^b + h / (1 + ((f − f₀) / (w/2))²) to densities with `freedom` degrees of freedom. Each density
+    has a gamma distribution; the squared deviance residuals are minimised. c is `center`, also the start of f₀, and
+    `width` the start of w (Hz). Returns the fitted f₀ and w (Hz), or None if the fit fails."""
     from scipy.optimize import least_squares
 
     known = density > 0

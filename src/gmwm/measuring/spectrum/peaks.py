@@ -30,12 +30,10 @@ has bumps, because it correlates neighbouring frequencies."""
 
 
 def find_peaks(spectrum: PowerSpectrum) -> tuple[tuple[Line, ...], tuple[Bump, ...]]:
-    """Return the lines and the bumps of a spectrum, sorted by frequency.
-
-    A line is a peak of a few bins whose density is significantly above the medians of 16 bins on both of its sides.
-    Wider peaks are found in the same way on grids of constant relative resolution, from 1/3072 to 1/6 octave. They are
-    lines of varying frequency if their frequency is at least 60 times their width, and bumps otherwise.
-    """
+    """Return the lines and the bumps of a spectrum, sorted by frequency. A line is a peak of a few bins whose density
+    is significantly above the medians of 16 bins on both of its sides. Wider peaks are found in the same way on grids
+    of constant relative resolution, from 1/3072 to 1/6 octave. They are lines of varying frequency if their frequency
+    is at least 60 times their width, and bumps otherwise."""
     if spectrum.density.size < FIRST_BIN + 2 * FAR or not np.any(spectrum.density[FIRST_BIN:] > 0):
         return (), ()
     freedom = effective_freedom(spectrum.density, spectrum.degrees_of_freedom)
@@ -52,11 +50,9 @@ HIGHEST = 40
 
 
 def grouped(lines: Iterable[Line], resolution: float) -> tuple[Line, ...]:
-    """Return the lines sorted by frequency, with the harmonic k and the fundamental f₀ of the lines of a group.
-
-    The frequency of such a line differs from k f₀ by at most the resolution (Hz) plus three standard errors. The
-    fundamental with the most harmonics is chosen first.
-    """
+    """Return the lines sorted by frequency, with the harmonic k and the fundamental f₀ of the lines of a group. The
+    frequency of such a line differs from k f₀ by at most the resolution (Hz) plus three standard errors. The
+    fundamental with the most harmonics is chosen first."""
     waiting = sorted(lines, key=lambda line: line.frequency)
     done: list[Line] = []
     while waiting:
@@ -84,13 +80,10 @@ def _multiples(first: Line, lines: Iterable[Line], resolution: float) -> list[tu
 
 
 def detectable_amplitude(spectrum: PowerSpectrum, frequency: ArrayLike, power: float = 0.9) -> Vector:
-    """Return the smallest detectable amplitudes (u); see `PowerSpectrum.detectable_amplitude`.
-
-    At the frequency nearest to a line, the density is S χ²_ν(ν q) / ν, with the level S of the noise, the ratio q of
-    the density of the line to S, and a noncentral chi-square variable with ν degrees of freedom. The line is detected
-    if the density exceeds a multiple of the higher flank median. q is the ratio at which this has the probability
-    `power`.
-    """
+    """Return the smallest detectable amplitudes (u); see `PowerSpectrum.detectable_amplitude`. At the frequency nearest
+    to a line, the density is S χ²_ν(ν q) / ν, with the level S of the noise, the ratio q of the density of the line to
+    S, and a noncentral chi-square variable with ν degrees of freedom. The line is detected if the density exceeds a
+    multiple of the higher flank median. q is the ratio at which this has the probability `power`."""
     from scipy.special import chndtrinc, fdtri
 
     if not 0.5 <= power < 1:

@@ -216,10 +216,8 @@ def _empty(collector: StatisticsCollector | None, step: int) -> LevelStatistic |
 def blocks_of(
     sums: Vector, start: int, stop: int, *, steps: list[int], collector: StatisticsCollector | None = None
 ) -> list[Blocks]:
-    """Build the blocks of the samples `start` … `stop` − 1, for each step, a power of two times the first one.
-
-    `sums` are the sums of all samples before each multiple of the first step, and of all samples.
-    """
+    """Build the blocks of the samples `start` … `stop` − 1, for each step, a power of two times the first one. `sums`
+    are the sums of all samples before each multiple of the first step, and of all samples."""
     base, first, total = steps[0], -(-start // steps[0]), float(sums[-1])
     marks = sums[:-1]
     return [

@@ -21,9 +21,7 @@ class CoefficientSource(Protocol):
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
         """Return Σ v q³, Σ v q⁴ and the number of terms for each level, with v = min(W²/limit, 1) and q = 1 − v.
-
-        `limits` has (cσ)² for each level, or 0 for a level to skip. Only about one in `every` coefficients is used.
-        """
+        `limits` has (cσ)² for each level, or 0 for a level to skip. Only about one in `every` coefficients is used."""
 
     def sample(self, k: int, size: int) -> Vector:
         """Return |W| at `size` evenly spread positions, or all |W| if there are no more."""

@@ -17,10 +17,8 @@ from gmwm.measuring.variance.phase import inner_product
 @dataclass(frozen=True)
 class NoiseType:
     """Type of power-law noise, with its name in time keeping (PM: noise of the phase, FM: noise of its rate).
-
     `exponent` is α of the spectral density f^α of the rate, `slope` the slope of the Allan deviation (Hadamard
-    deviation for α ≤ −3) over the averaging time on logarithmic axes, and `term` the name in inertial sensing or "".
-    """
+    deviation for α ≤ −3) over the averaging time on logarithmic axes, and `term` the name in inertial sensing or ""."""
 
     name: str
     exponent: int
@@ -189,10 +187,8 @@ def modified_ratio(phase: Vector, n: int) -> float:
 
 
 def _by_modified_ratio(ratio: float, n: int) -> NoiseType:
-    """Return the noise type for the ratio R(n) of the modified to the overlapping Allan variance.
-
-    In theory it is 1/n for white PM, 3.37/(1.04 + 3 ln n) for flicker PM, and ½ for white FM.
-    """
+    """Return the noise type for the ratio R(n) of the modified to the overlapping Allan variance. In theory it is 1/n
+    for white PM, 3.37/(1.04 + 3 ln n) for flicker PM, and ½ for white FM."""
     white, flicker, frequency = 1 / n, 3.37 / (1.04 + 3 * math.log(n)), 0.5
     if n >= LEAST_FREQUENCY_RATIO and ratio > math.sqrt(flicker * frequency):
         return _BY_EXPONENT[0]

@@ -14,10 +14,8 @@ from gmwm.recording.signals import Signal
 
 class RiseSums(NamedTuple):
     """Sums for the least-squares slope of a straight line through samples at known times t (in sampling intervals).
-
     `number` is the number of samples, `time` and `value` are the means t̄ and x̄, `times2` and `product` are Σ (t −
-    t̄)² and Σ (t − t̄)(x − x̄). `known` is 1 if the times are known and in order, else 0.
-    """
+    t̄)² and Σ (t − t̄)(x − x̄). `known` is 1 if the times are known and in order, else 0."""
 
     number: float = 0.0
     time: float = 0.0
@@ -71,10 +69,8 @@ _ROW_SUMS = np.column_stack([np.arange(ROW, dtype=np.float64), np.ones(ROW)])
 
 @dataclass(frozen=True, eq=False)
 class ThinnedValues:
-    """Every 2^k-th value of a recording, counted from its beginning.
-
-    `every` is their distance (samples), a power of two, and `first` the index of the first one, a multiple of `every`.
-    """
+    """Every 2^k-th value of a recording, counted from its beginning. `every` is their distance (samples), a power of
+    two, and `first` the index of the first one, a multiple of `every`."""
 
     every: int = 1
     first: int = 0
@@ -104,9 +100,7 @@ class ThinnedValues:
 
     def winsorised_rise(self, start: int, lengths: tuple[int, ...]) -> WinsorisedRise:
         """Return the object that computes the mean rise in the second pass, with clipping limits from the kept values.
-
-        `start` is the index of the first sample, and `lengths` are the lengths of the segments.
-        """
+        `start` is the index of the first sample, and `lengths` are the lengths of the segments."""
         middle = float(np.median(self.values)) if self.values.size else 0.0
         spread = float(np.median(np.abs(self.values - middle))) if self.values.size else 0.0
         sizes = np.array(lengths, dtype=np.float64)
@@ -120,10 +114,8 @@ class ThinnedValues:
 @dataclass(frozen=True, eq=False)
 class WinsorisedRise:
     """Weights and clipping limits for the mean rise of a recording. Contributions of parts can be added in any order.
-
     Values are clipped to `middle` ± `reach`. `edges` (S + 1,) are the indices at which the S segments begin and the
-    last one ends, and `weights` (S,) the weights of Σ (t − t_m) x_t, where t_m is the middle of the segment.
-    """
+    last one ends, and `weights` (S,) the weights of Σ (t − t_m) x_t, where t_m is the middle of the segment."""
 
     middle: float
     reach: float

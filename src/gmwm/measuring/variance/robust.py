@@ -55,25 +55,20 @@ class _Level:
 
 @dataclass(frozen=True)
 class RobustVariances:
-    """Robust variances of several levels (J,), with diagnostics of the search.
-
-    The diagnostics are lists with one value for each level: "outcome", see `Outcome`; "start", the starting value of
-    σ²; "iterations" on a sample of the coefficients; "passes" over all coefficients; "zeros", the share of zero
-    coefficients.
-    """
+    """Robust variances of several levels (J,), with diagnostics of the search. The diagnostics are lists with one value
+    for each level: "outcome", see `Outcome`; "start", the starting value of σ²; "iterations" on a sample of the
+    coefficients; "passes" over all coefficients; "zeros", the share of zero coefficients."""
 
     variance: Vector
     diagnostics: Mapping[str, list[Any]]
 
 
 def robust_variances(source: CoefficientSource, efficiency: float = 0.6) -> RobustVariances:
-    """Compute the M-estimate of σ² at every level.
-
-    It is a root of mean ρ(W/σ) = a, see `Biweight`. If there are several roots, the search starts at (MAD / 0.67449)²,
-    with the median MAD of |W|, and accepts only roots at which the left side decreases with σ. The MAD is 0 if more
-    than half of the coefficients are zero, as at fine levels of a coarsely quantized signal. The search then starts at
-    the median of the nonzero coefficients, and the variance is 0 without a root.
-    """
+    """Compute the M-estimate of σ² at every level. It is a root of mean ρ(W/σ) = a, see `Biweight`. If there are
+    several roots, the search starts at (MAD / 0.67449)², with the median MAD of |W|, and accepts only roots at which
+    the left side decreases with σ. The MAD is 0 if more than half of the coefficients are zero, as at fine levels of a
+    coarsely quantized signal. The search then starts at the median of the nonzero coefficients, and the variance is 0
+    without a root."""
     tuning = biweight(efficiency)
     levels = [_first(source, k, tuning) for k in range(len(source.counts))]
     _polish(source, levels, tuning)
@@ -208,12 +203,10 @@ def _polish(source: CoefficientSource, levels: Sequence[_Level], tuning: Biweigh
 def _interpolated(
     before: tuple[Vector, Vector, Vector], here: tuple[Vector, Vector, Vector], step: Vector
 ) -> tuple[Vector, Vector]:
-    """Return the step to the root of the cubic through the last two points and slopes, and the predicted error.
-
-    The cubic is log σ² as a function of the criterion. Its error is proportional to the product of the squared
-    distances of both points from the root; the error of a Newton step, to the squared distance of the later point. The
-    Newton step is used if the later criterion is not below a tenth of the earlier one.
-    """
+    """Return the step to the root of the cubic through the last two points and slopes, and the predicted error. The
+    cubic is log σ² as a function of the criterion. Its error is proportional to the product of the squared distances of
+    both points from the root; the error of a Newton step, to the squared distance of the later point. The Newton step
+    is used if the later criterion is not below a tenth of the earlier one."""
     (x0, y0, d0), (x1, y1, d1) = before, here
     usable = (np.abs(y1) < 0.1 * np.abs(y0)) & (d0 < 0) & (d1 < 0)
     span = np.where(usable, y1 - y0, 1.0)
@@ -228,10 +221,8 @@ def _interpolated(
 
 
 def _settle(source: CoefficientSource, k: int, level: _Level, tuning: Biweight) -> None:
-    """Solve a level without a root on its sample, or that has not converged, by a scan of all coefficients.
-
-    Without a root, the variance follows from the MAD, or is 0 if the MAD is 0.
-    """
+    """Solve a level without a root on its sample, or that has not converged, by a scan of all coefficients. Without a
+    root, the variance follows from the MAD, or is 0 if the MAD is 0."""
     criterion = _on_all(source, k, level, tuning)
     root: float | None = None
     if level.rooted:

@@ -283,11 +283,9 @@ class SketchCoefficients:
 
 @dataclass(frozen=True, eq=False)
 class _Bins:
-    """Nonempty bins of a sketch in ascending order, including zero and infinity.
-
-    `mean` ± `half` is the interval in which the values are assumed to lie, and `ends` the number of values in a bin and
-    below. `squares` are the W² of the points that represent the finite nonzero values, and `weights` their numbers.
-    """
+    """Nonempty bins of a sketch in ascending order, including zero and infinity. `mean` ± `half` is the interval in
+    which the values are assumed to lie, and `ends` the number of values in a bin and below. `squares` are the W² of the
+    points that represent the finite nonzero values, and `weights` their numbers."""
 
     mean: Vector
     half: Vector

@@ -98,14 +98,12 @@ def _bias(alphas: NDArray[np.int64]) -> Vector:
 
 
 def total_degrees_of_freedom(alphas: NDArray[np.int64], clusters: NDArray[np.int64], points: int) -> Vector:
-    """Compute the equivalent degrees of freedom of the total variance, at least 1.
-
-    For white, flicker and random-walk noise of the rate they are b T/τ − c (Howe and Greenhall). For few samples per
-    cluster, they are reduced by the same factor as those of the overlapping Allan variance. For white PM they are 72 (1
-    + 4/(3r))² / (64/r² + (320/r + 140)/N) to leading orders in τ/T, with r = T/τ; this formula was derived for gmwm,
-    and its term 64/r² comes from the end values. For flicker PM, simulations support the degrees of freedom of the
-    overlapping Allan variance up to τ = T/4, and proportionality to T/τ beyond.
-    """
+    """Compute the equivalent degrees of freedom of the total variance, at least 1. For white, flicker and random-walk
+    noise of the rate they are b T/τ − c (Howe and Greenhall). For few samples per cluster, they are reduced by the same
+    factor as those of the overlapping Allan variance. For white PM they are 72 (1 + 4/(3r))² / (64/r² + (320/r +
+    140)/N) to leading orders in τ/T, with r = T/τ; this formula was derived for gmwm, and its term 64/r² comes from the
+    end values. For flicker PM, simulations support the degrees of freedom of the overlapping Allan variance up to τ =
+    T/4, and proportionality to T/τ beyond."""
     intervals = points - 1
     r = intervals / clusters
     many = 1 + intervals * FINE

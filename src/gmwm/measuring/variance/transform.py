@@ -307,10 +307,8 @@ def _first_interior(filter: WaveletFilter, level: int) -> int:
 def coefficient_counts(
     samples: int | NDArray[np.int64], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
 ) -> NDArray[np.int64]:
-    """Return the number M_j of coefficients that only use samples of the recording; ≤ 0 if there are none.
-
-    There are N − L_j + 1 of the maximal-overlap transform; the decimated transform has every 2^j-th of them.
-    """
+    """Return the number M_j of coefficients that only use samples of the recording; ≤ 0 if there are none. There are N
+    − L_j + 1 of the maximal-overlap transform; the decimated transform has every 2^j-th of them."""
     if transform == "modwt":
         return np.asarray(samples - filter.widths(levels) + 1, dtype=np.int64)
     first = np.array([_first_interior(filter, int(j)) for j in levels], dtype=np.int64)
@@ -320,11 +318,9 @@ def coefficient_counts(
 def pooled_counts(
     lengths: Sequence[int], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the total number M_j of coefficients of several segments, and the edf η_j of their mean square.
-
-    M_j = Σ_s M_sj, and η_j = M_j² / Σ_s (M_sj² / η_sj) with η_sj ≥ 1. If no segment is shorter than two scales,
-    η_j = M_j / 2^j; it is larger if there are many segments with few coefficients.
-    """
+    """Return the total number M_j of coefficients of several segments, and the edf η_j of their mean square. M_j = Σ_s
+    M_sj, and η_j = M_j² / Σ_s (M_sj² / η_sj) with η_sj ≥ 1. If no segment is shorter than two scales, η_j = M_j / 2^j;
+    it is larger if there are many segments with few coefficients."""
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
     own = np.maximum(coefficient_counts(sizes[:, None], levels, filter, transform), 0)
     counts = np.asarray(times @ own, dtype=np.int64)
@@ -351,10 +347,8 @@ def degrees_of_freedom(
 
 
 def loss_factor(filled: int, samples: int) -> float:
-    """Return the factor by which filled samples increase the covariance of wavelet variances.
-
-    It is 1 + 2.5 p for a share p of filled samples, which add scatter but no information.
-    """
+    """Return the factor by which filled samples increase the covariance of wavelet variances. It is 1 + 2.5 p for a
+    share p of filled samples, which add scatter but no information."""
     return 1.0 + LOSS * filled / samples
 
 
@@ -366,10 +360,8 @@ def variances(values: Vector, filter: WaveletFilter, transform: Transform, level
 
 
 def inner_coefficients(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> list[Vector]:
-    """Return the coefficients of levels 1 … J that do not depend on the boundary.
-
-    Decimated coefficients, 2^(j/2) times the maximal-overlap coefficients, are scaled to the size of the latter.
-    """
+    """Return the coefficients of levels 1 … J that do not depend on the boundary. Decimated coefficients, 2^(j/2) times
+    the maximal-overlap coefficients, are scaled to the size of the latter."""
     centred = values - _core.mean(values)
     whole = modwt(centred, filter, levels) if transform == "modwt" else dwt(centred, filter, levels)
     inside = whole.interior
