@@ -220,23 +220,11 @@ class RecordingStatistics:
         )
         segments = len(extent.segments)
         return Inspection(
-            source=self._source,
-            rate=extent.rate,
-            duration=extent.samples / extent.rate,
-            samples=extent.samples,
-            segments=segments,
-            time_base=self._base,
-            axes=axes,
-            gravity=gravity,
-            tilt=tilt,
-            static=not (moved or restless),
-            knocks=knocks,
-            steps=tuple(steps),
-            trends=trends,
-            temperature=self._temperature,
-            regressions=dict(conditions.found),
-            remarks=remarks,
-        )
+            source=self._source, rate=extent.rate, duration=extent.samples / extent.rate, samples=extent.samples,
+            segments=segments, time_base=self._base, axes=axes, gravity=gravity, tilt=tilt,
+            static=not (moved or restless), knocks=knocks, steps=tuple(steps), trends=trends,
+            temperature=self._temperature, regressions=dict(conditions.found), remarks=remarks,
+        )  # fmt: skip
 
     def _axis(self, axis: str, one: AxisStatistics) -> AxisInspection:
         noise = float(np.sqrt(one.differences.means[0] / 2))
@@ -246,15 +234,9 @@ class RecordingStatistics:
         counts = one.calm.counts
         rest = float(counts @ one.calm.means / np.sum(counts)) if np.any(counts) else mean
         return AxisInspection(
-            unit=self._units[axis],
-            mean=mean,
-            sd=sd,
-            rest=rest,
-            noise=noise,
-            lsb=step,
-            before_rounding=None if step is None else before_rounding(one.runs(), step),
-            wander=wander,
-        )
+            unit=self._units[axis], mean=mean, sd=sd, rest=rest, noise=noise, lsb=step,
+            before_rounding=None if step is None else before_rounding(one.runs(), step), wander=wander,
+        )  # fmt: skip
 
     def _stuck(self, axis: str, one: AxisStatistics) -> tuple[float, float] | None:
         """Return the first time (s) at which the output of an axis is constant for a window, and the share of such

@@ -97,16 +97,10 @@ def trend_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> 
     walk, limit, whole = test.walks()
     until = test.until()
     return Trend(
-        axis=axis,
-        kind=test.kind,
-        size=test.size(),
-        tau=None if test.kind != "exponential" else test.tau * step,
-        pvalue=test.pvalue,
-        until=None if until is None else start + until * step,
-        walk=math.sqrt(walk) * scale,
-        walk_limit=math.sqrt(limit) * scale,
-        walk_with_trend=math.sqrt(whole) * scale,
-    )
+        axis=axis, kind=test.kind, size=test.size(), tau=None if test.kind != "exponential" else test.tau * step,
+        pvalue=test.pvalue, until=None if until is None else start + until * step, walk=math.sqrt(walk) * scale,
+        walk_limit=math.sqrt(limit) * scale, walk_with_trend=math.sqrt(whole) * scale,
+    )  # fmt: skip
 
 
 def _longest(means: Sequence[tuple[int, Vector]], extent: Extent, length: int) -> tuple[float, Vector]:

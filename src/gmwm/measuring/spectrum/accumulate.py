@@ -207,15 +207,9 @@ class SpectrumAccumulator(OneAtATime):
         spectrum = PowerSpectrum(
             frequencies=np.arange(length // 2 + 1, dtype=np.float64) * (self.rate / length),
             density=one_sided_density(sums.sums, length, self.rate),
-            degrees_of_freedom=degrees_of_freedom(sums.sums, sums.pairs, length),
-            rate=self.rate,
-            samples=len(self),
-            length=length,
-            blocks=sums.blocks,
-            unit=self.unit,
-            axis=self.axis,
-            confidence=confidence,
-        )
+            degrees_of_freedom=degrees_of_freedom(sums.sums, sums.pairs, length), rate=self.rate, samples=len(self),
+            length=length, blocks=sums.blocks, unit=self.unit, axis=self.axis, confidence=confidence,
+        )  # fmt: skip
         lines, bumps = find_peaks(spectrum)
         return replace(spectrum, lines=lines, bumps=bumps)
 

@@ -140,14 +140,10 @@ def measured_line(
     power = total * spacing
     amplitude = math.sqrt(2 * power)
     return Line(
-        frequency=middle * spacing,
-        frequency_error=spacing * math.hypot(scatter["frequency"], TRUNCATION),
-        amplitude=amplitude,
-        amplitude_error=scatter["power"] * spacing / amplitude,
-        width=GAUSSIAN_WIDTH * math.sqrt(spread) * spacing if wandering else 0.0,
-        height=height,
-        p_value=p_value,
-    )
+        frequency=middle * spacing, frequency_error=spacing * math.hypot(scatter["frequency"], TRUNCATION),
+        amplitude=amplitude, amplitude_error=scatter["power"] * spacing / amplitude,
+        width=GAUSSIAN_WIDTH * math.sqrt(spread) * spacing if wandering else 0.0, height=height, p_value=p_value,
+    )  # fmt: skip
 
 
 def _variance(

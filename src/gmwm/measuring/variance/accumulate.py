@@ -207,25 +207,12 @@ class WaveletAccumulator(SegmentedAccumulator):
         if found is not None:
             variance = found.variance
         wv = WaveletVariance(
-            levels=np.arange(1, counts.size + 1, dtype=np.int64),
-            variance=variance,
-            lower=variance,
-            upper=variance,
-            counts=counts,
-            rate=self.rate,
-            samples=sum(lengths),
-            unit=self.unit,
-            axis=self.axis,
-            confidence=confidence,
-            slope=self._slope() if found is None else slope,
-            segments=lengths if len(lengths) > 1 else (),
-            filled=self.filled,
-            rise=self.rise,
-            strides=_strides(self.exact, counts.size),
-            robust=found is not None,
-            efficiency=efficiency,
-            diagnostics={} if found is None else {"robust": found.diagnostics},
-        )
+            levels=np.arange(1, counts.size + 1, dtype=np.int64), variance=variance, lower=variance, upper=variance,
+            counts=counts, rate=self.rate, samples=sum(lengths), unit=self.unit, axis=self.axis, confidence=confidence,
+            slope=self._slope() if found is None else slope, segments=lengths if len(lengths) > 1 else (),
+            filled=self.filled, rise=self.rise, strides=_strides(self.exact, counts.size), robust=found is not None,
+            efficiency=efficiency, diagnostics={} if found is None else {"robust": found.diagnostics},
+        )  # fmt: skip
         lower, upper = chi_square_limits(variance, wv.degrees_of_freedom, confidence)
         return replace(wv, lower=lower, upper=upper)
 
@@ -297,15 +284,9 @@ class WaveletAccumulator(SegmentedAccumulator):
         """Return a copy of the accumulator, which shares the data of closed segments, because they never change."""
         self._fold()
         made = WaveletAccumulator(
-            self.rate,
-            levels=self.levels,
-            exact=self.exact,
-            start=self.start,
-            unit=self.unit,
-            axis=self.axis,
-            robust=self.robust,
-            held=self.held,
-        )
+            self.rate, levels=self.levels, exact=self.exact, start=self.start, unit=self.unit, axis=self.axis,
+            robust=self.robust, held=self.held,
+        )  # fmt: skip
         made._take_state(self)
         made._thinned = self._thinned
         return made

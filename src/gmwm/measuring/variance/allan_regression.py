@@ -360,10 +360,6 @@ def _minimum(tau: Vector, deviation: Vector) -> SlopeLine | _Reason:
         return "rising"
     at = float(tau[k])
     return SlopeLine(
-        term="B",
-        coefficient=float(deviation[k]) / LAWS["B"].factor,
-        first=at,
-        last=at,
-        points=1,
+        term="B", coefficient=float(deviation[k]) / LAWS["B"].factor, first=at, last=at, points=1,
         bound=k == tau.size - 1,
-    )
+    )  # fmt: skip

@@ -230,26 +230,12 @@ def signal_wavelet_variance(
     filled = 0 if signal is None else signal.filled
     lower, upper = chi_square_limits(variance, eta / loss_factor(filled, sum(lengths)), confidence)
     return WaveletVariance(
-        levels=numbers,
-        variance=variance,
-        lower=lower,
-        upper=upper,
-        counts=counts,
-        rate=rate,
-        samples=sum(lengths),
-        unit="" if signal is None else signal.unit,
-        axis="" if signal is None else signal.axis,
-        confidence=confidence,
-        filter=wavelet.name,
-        transform=transform,
-        robust=robust,
-        efficiency=efficiency if robust else None,
-        slope=slope,
-        diagnostics=diagnostics,
-        segments=lengths if len(lengths) > 1 else (),
-        filled=filled,
+        levels=numbers, variance=variance, lower=lower, upper=upper, counts=counts, rate=rate, samples=sum(lengths),
+        unit="" if signal is None else signal.unit, axis="" if signal is None else signal.axis, confidence=confidence,
+        filter=wavelet.name, transform=transform, robust=robust, efficiency=efficiency if robust else None, slope=slope,
+        diagnostics=diagnostics, segments=lengths if len(lengths) > 1 else (), filled=filled,
         rise=None if signal is None or len(lengths) == 1 else RiseSums.of(signal).slope(),
-    )
+    )  # fmt: skip
 
 
 def variances_alone(

@@ -158,18 +158,9 @@ class Blocks:
         """Restore the blocks from the output of `numbers` and the sums of the first and last blocks."""
         first, last, before, after, squares, count, total, moment, _ = numbers
         return cls(
-            step=step,
-            first=int(first),
-            last=int(last),
-            before=before,
-            after=after,
-            heads=heads.copy(),
-            tails=tails.copy(),
-            squares=squares,
-            count=int(count),
-            total=total,
-            moment=moment,
-        )
+            step=step, first=int(first), last=int(last), before=before, after=after, heads=heads.copy(),
+            tails=tails.copy(), squares=squares, count=int(count), total=total, moment=moment,
+        )  # fmt: skip
 
     def raised(self, offset: float, start: int, stop: int) -> Blocks:
         """Return the blocks of the segment from `start` to `stop` with `offset` added to every sample."""
@@ -177,14 +168,11 @@ class Blocks:
             return replace(self, before=self.before + offset * (stop - start))
         s, n = self.step, self.last - self.first
         return replace(
-            self,
-            before=self.before + offset * (self.first * s - start),
-            after=self.after + offset * (stop - self.last * s),
-            heads=self.heads + offset * s,
-            tails=self.tails + offset * s,
-            total=self.total + offset * s * n,
+            self, before=self.before + offset * (self.first * s - start),
+            after=self.after + offset * (stop - self.last * s), heads=self.heads + offset * s,
+            tails=self.tails + offset * s, total=self.total + offset * s * n,
             moment=self.moment + offset * s * (n * (n - 1) / 2),
-        )
+        )  # fmt: skip
 
 
 def measured(
@@ -241,17 +229,7 @@ def _of(step: int, start: int, stop: int, marks: Vector, total: float, collector
     blocks = np.diff(marks)
     squares, count, part, resolution = measured(blocks, step, collector)
     return Blocks(
-        step=step,
-        first=first,
-        last=last,
-        before=float(marks[0]),
-        after=total - float(marks[-1]),
-        heads=blocks[:_KEPT].copy(),
-        tails=blocks[-_KEPT:].copy(),
-        squares=squares,
-        count=count,
-        total=float(blocks.sum()),
-        moment=float(np.arange(blocks.size) @ blocks),
-        part=part,
-        resolution=resolution,
-    )
+        step=step, first=first, last=last, before=float(marks[0]), after=total - float(marks[-1]),
+        heads=blocks[:_KEPT].copy(), tails=blocks[-_KEPT:].copy(), squares=squares, count=count,
+        total=float(blocks.sum()), moment=float(np.arange(blocks.size) @ blocks), part=part, resolution=resolution,
+    )  # fmt: skip

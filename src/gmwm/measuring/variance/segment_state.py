@@ -62,16 +62,11 @@ class SegmentState:
         nothing = np.empty(0)
         squares, sums, statistics = _measured(nothing, x, reference, start=start, exact=exact, collector=collector)
         return cls(
-            exact=exact,
-            start=start,
-            count=x.size,
-            reference=reference,
-            head=x[:reach] - reference,
-            tail=x[-reach:] - reference,
-            squares=squares,
+            exact=exact, start=start, count=x.size, reference=reference, head=x[:reach] - reference,
+            tail=x[-reach:] - reference, squares=squares,
             blocks=tuple(blocks_of(sums, start, start + x.size, steps=steps, collector=collector)),
             statistics=statistics,
-        )
+        )  # fmt: skip
 
     def grown(self, x: Vector, collector: StatisticsCollector | None = None) -> SegmentState:
         """Return the state of this segment extended by the samples `x`."""
@@ -83,16 +78,13 @@ class SegmentState:
         fresh = blocks_of(sums, self.stop, self.stop + x.size, steps=steps, collector=collector)
         missing = reach - self.head.size
         return SegmentState(
-            exact=self.exact,
-            start=self.start,
-            count=self.count + x.size,
-            reference=self.reference,
+            exact=self.exact, start=self.start, count=self.count + x.size, reference=self.reference,
             head=self.head if missing == 0 else np.concatenate([self.head, x[:missing] - self.reference]),
             tail=np.concatenate([self.tail[x.size :], x[-reach:] - self.reference])[-reach:],
             squares=self.squares + squares,
             blocks=tuple(a.followed_by(b, collector) for a, b in zip(self.blocks, fresh, strict=True)),
             statistics=_merged(self.statistics, statistics),
-        )
+        )  # fmt: skip
 
     def followed_by(self, later: SegmentState, collector: StatisticsCollector | None = None) -> SegmentState:
         """Return the state of this segment and the segment that directly follows it."""
@@ -206,16 +198,9 @@ class SegmentState:
             blocks = [replace(b, part=p[0], resolution=p[1]) for b, p in zip(blocks, known, strict=False)]
         start, count = (as_count(values[prefix + name]) for name in ("start", "count"))
         return cls(
-            exact=exact,
-            start=start,
-            count=count,
-            reference=float(values[f"{prefix}reference"]),
-            head=head,
-            tail=tail,
-            squares=squares,
-            blocks=tuple(blocks),
-            statistics=statistics,
-        )
+            exact=exact, start=start, count=count, reference=float(values[f"{prefix}reference"]), head=head, tail=tail,
+            squares=squares, blocks=tuple(blocks), statistics=statistics,
+        )  # fmt: skip
 
 
 LARGEST_SUM = 1e140
