@@ -161,11 +161,9 @@ class FirstPass:
 
 
 class RecordingStatistics:
-    """Statistics of all axes of a recording, from its batches in order.
-
-    `remarks` are those of the reader, `base` the time stamps, `resolutions` the quantization step of each axis or None,
-    and `temperature` its range (°C) or None. `values(axis, first, last)` returns a range of samples.
-    """
+    """Statistics of all axes of a recording, from its batches in order. `remarks` are those of the reader, `base` the
+    time stamps, `resolutions` the quantization step of each axis or None, and `temperature` its range (°C) or None.
+    `values(axis, first, last)` returns a range of samples."""
 
     def __init__(
         self, source: str, remarks: Sequence[Remark], base: TimeBase, extent: Extent,
@@ -222,23 +220,11 @@ class RecordingStatistics:
         )
         segments = len(extent.segments)
         return Inspection(
-            source=self._source,
-            rate=extent.rate,
-            duration=extent.samples / extent.rate,
-            samples=extent.samples,
-            segments=segments,
-            time_base=self._base,
-            axes=axes,
-            gravity=gravity,
-            tilt=tilt,
-            static=not (moved or restless),
-            knocks=knocks,
-            steps=tuple(steps),
-            trends=trends,
-            temperature=self._temperature,
-            regressions=dict(conditions.found),
-            remarks=remarks,
-        )
+            source=self._source, rate=extent.rate, duration=extent.samples / extent.rate, samples=extent.samples,
+            segments=segments, time_base=self._base, axes=axes, gravity=gravity, tilt=tilt,
+            static=not (moved or restless), knocks=knocks, steps=tuple(steps), trends=trends,
+            temperature=self._temperature, regressions=dict(conditions.found), remarks=remarks,
+        )  # fmt: skip
 
     def _axis(self, axis: str, one: AxisStatistics) -> AxisInspection:
         noise = float(np.sqrt(one.differences.means[0] / 2))
@@ -248,22 +234,13 @@ class RecordingStatistics:
         counts = one.calm.counts
         rest = float(counts @ one.calm.means / np.sum(counts)) if np.any(counts) else mean
         return AxisInspection(
-            unit=self._units[axis],
-            mean=mean,
-            sd=sd,
-            rest=rest,
-            noise=noise,
-            lsb=step,
-            before_rounding=None if step is None else before_rounding(one.runs(), step),
-            wander=wander,
-        )
+            unit=self._units[axis], mean=mean, sd=sd, rest=rest, noise=noise, lsb=step,
+            before_rounding=None if step is None else before_rounding(one.runs(), step), wander=wander,
+        )  # fmt: skip
 
     def _stuck(self, axis: str, one: AxisStatistics) -> tuple[float, float] | None:
         """Return the first time (s) at which the output of an axis is constant for a window, and the share of such
-        windows.
-
-        The result is None if there are none, or if rounding explains them.
-        """
+        windows. The result is None if there are none, or if rounding explains them."""
         there = one.steps.counts > 0
         still, step = there & (one.steps.means == 0), self._resolutions[axis] or 0.0
         moving = there & ~still

@@ -15,11 +15,8 @@ _SLAB = 256 * BLOCK  # samples that are processed together; it affects memory an
 
 
 class AxisStatistics:
-    """Statistics of one axis: moments, outliers and levels.
-
-    `extent` has the segments and times of the recording, whose samples are passed to `update` in order. `resolution` is
-    the quantization step, 0 if none is visible.
-    """
+    """Statistics of one axis: moments, outliers and levels. `extent` has the segments and times of the recording, whose
+    samples are passed to `update` in order. `resolution` is the quantization step, 0 if none is visible."""
 
     def __init__(self, extent: Extent, resolution: float) -> None:
         self._extent, self._resolution = extent, resolution

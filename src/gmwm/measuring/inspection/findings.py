@@ -85,12 +85,9 @@ def of_stuck(still: Mapping[str, tuple[float, float] | None]) -> Iterator[Remark
 def of_motion(
     restless: Mapping[str, tuple[float, float, float]], tilt: float | None, knocks: tuple[Knock, ...]
 ) -> Iterator[Remark]:
-    """Yield remarks on motion and knocks.
-
-    `restless` has begin and length (s) of the window with the largest standard deviation and its ratio to the usual
-    one, for axes where it is unusual. `tilt` is the change of the direction of gravity (degrees), None if noise
-    explains it.
-    """
+    """Yield remarks on motion and knocks. `restless` has begin and length (s) of the window with the largest standard
+    deviation and its ratio to the usual one, for axes where it is unusual. `tilt` is the change of the direction of
+    gravity (degrees), None if noise explains it."""
     if restless:
         axis = max(restless, key=lambda name: restless[name][2])
         time, window, ratio = restless[axis]
@@ -134,10 +131,8 @@ def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Exten
 
 
 def of_conditions(found: Mapping[str, Regression], unknown: str) -> Iterator[Remark]:
-    """Yield remarks on the axes that depend on conditions, and on those that do not.
-
-    `unknown` is the reason why the temperature cannot be used, or "".
-    """
+    """Yield remarks on the axes that depend on conditions, and on those that do not. `unknown` is the reason why the
+    temperature cannot be used, or ""."""
     if unknown:
         yield Remark.of("temperature-unknown", reason=unknown)
     for axis, one in found.items():
@@ -155,11 +150,8 @@ def of_conditions(found: Mapping[str, Regression], unknown: str) -> Iterator[Rem
 
 
 def removed(axis: str, found: Regression, left_in: str = "") -> Remark:
-    """Make the remark on an effect that is removed.
-
-    `left_in` is a phrase about the effect if it were not removed; by default about the Allan deviation three octaves
-    below the longest averaging time.
-    """
+    """Make the remark on an effect that is removed. `left_in` is a phrase about the effect if it were not removed; by
+    default about the Allan deviation three octaves below the longest averaging time."""
     level = max(found.share.size - 3, 1)
     times = 1 / math.sqrt(max(1 - float(found.share[level - 1]), 1e-4))
     time = duration_text(2.0 ** (level - 1) / found.rate)
@@ -243,10 +235,8 @@ def _as_printed(value: float, unit: str) -> Quantity:
 
 
 def of_units(densities: Mapping[str, float]) -> Iterator[Remark]:
-    """Yield remarks on gyroscopes whose noise density (rad/s/√Hz) makes the unit doubtful.
-
-    If deg/s is read as rad/s, the noise is 57 times as large.
-    """
+    """Yield remarks on gyroscopes whose noise density (rad/s/√Hz) makes the unit doubtful. If deg/s is read as rad/s,
+    the noise is 57 times as large."""
     found = {axis: degrees for axis, density in densities.items() if (degrees := math.degrees(density)) > _NOISY}
     limit = Quantity(_NOISY, "deg/s/√Hz")
     for axis in found:

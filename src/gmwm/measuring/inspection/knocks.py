@@ -41,12 +41,9 @@ Outliers = tuple[Indices, Vector]
 
 @dataclass(frozen=True, kw_only=True)
 class Knock:
-    """A burst of outliers on `axes`.
-
-    `time` (s) is that of the first outlier, counted from the first sample of the file like the option `skip` of `read`,
-    `duration` (s) the time from the first to the last one, and `peak` the largest deviation in local standard
-    deviations.
-    """
+    """A burst of outliers on `axes`. `time` (s) is that of the first outlier, counted from the first sample of the file
+    like the option `skip` of `read`, `duration` (s) the time from the first to the last one, and `peak` the largest
+    deviation in local standard deviations."""
 
     time: float
     duration: float
@@ -56,12 +53,10 @@ class Knock:
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """A lasting jump of the mean of an axis.
-
-    `time` (s) is counted from the first sample of the file. `size` is the mean after minus the mean before, in the unit
-    of the axis, and `times` the same in standard deviations of the usual changes. `at_gap` tells whether it is at a
-    short gap: the sensor restarted, and the gap is not filled (`Signal.fill_gaps`).
-    """
+    """A lasting jump of the mean of an axis. `time` (s) is counted from the first sample of the file. `size` is the
+    mean after minus the mean before, in the unit of the axis, and `times` the same in standard deviations of the usual
+    changes. `at_gap` tells whether it is at a short gap: the sensor restarted, and the gap is not filled
+    (`Signal.fill_gaps`)."""
 
     time: float
     axis: str
@@ -97,11 +92,9 @@ def knocks_of(outliers: Mapping[str, Outliers], extent: Extent) -> tuple[Knock, 
 
 
 def outliers_of(blocks: Vector, resolution: float) -> Outliers:
-    """Find the samples that are far from the median of their block, one block in each row.
-
-    Return their indices in the flattened array and their distances in standard deviations, which are at least half the
-    `resolution`, the quantization step.
-    """
+    """Find the samples that are far from the median of their block, one block in each row. Return their indices in the
+    flattened array and their distances in standard deviations, which are at least half the `resolution`, the
+    quantization step."""
     distance = np.abs(blocks - row_medians(blocks)[:, None])
     spread = _usual_spread(blocks, distance, resolution)
     at = np.flatnonzero((distance > _KNOCK * spread) & (spread > 0))
@@ -109,11 +102,9 @@ def outliers_of(blocks: Vector, resolution: float) -> Outliers:
 
 
 def _usual_spread(blocks: Vector, distance: Vector, step: float) -> Vector:
-    """Estimate the standard deviation of each block without its knocks.
-
-    A knock raises it, so the median distance is an upper bound. For coarsely quantized values this distance is accurate
-    to one step only, so one step is added, and the result is at least half a step.
-    """
+    """Estimate the standard deviation of each block without its knocks. A knock raises it, so the median distance is an
+    upper bound. For coarsely quantized values this distance is accurate to one step only, so one step is added, and the
+    result is at least half a step."""
     bound = row_medians(distance)[:, None] / 0.67449 + step
     spread = np.minimum(np.std(blocks, axis=1, keepdims=True), bound)
     return np.asarray(np.maximum(spread, 0.5 * step))

@@ -23,10 +23,7 @@ Range = tuple[int, int]
 @dataclass(frozen=True)
 class Extent:
     """Segments of a recording (half-open index ranges) and their start times, counted from the first sample of the
-    file.
-
-    `gaps_known` tells whether the lengths of the gaps are known.
-    """
+    file. `gaps_known` tells whether the lengths of the gaps are known."""
 
     rate: float
     segments: tuple[Range, ...]
@@ -71,11 +68,9 @@ class Extent:
         return times_of(indices, self.rate, self.segments, self.starts)
 
     def windows(self) -> list[Range]:
-        """Return about 64 half-open index ranges of similar length, whose means can be compared.
-
-        A window contains no gap that is too long to fill, with one exception: neighbouring ranges that are shorter than
-        half a window are joined. If the result is still too short, it is left out.
-        """
+        """Return about 64 half-open index ranges of similar length, whose means can be compared. A window contains no
+        gap that is too long to fill, with one exception: neighbouring ranges that are shorter than half a window are
+        joined. If the result is still too short, it is left out."""
         length = max(self.samples // _WINDOWS, 1)
         ranges: list[Range] = []
         joined = False  # whether the last range consists of short segments and may still grow

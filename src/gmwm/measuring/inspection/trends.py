@@ -97,16 +97,10 @@ def trend_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> 
     walk, limit, whole = test.walks()
     until = test.until()
     return Trend(
-        axis=axis,
-        kind=test.kind,
-        size=test.size(),
-        tau=None if test.kind != "exponential" else test.tau * step,
-        pvalue=test.pvalue,
-        until=None if until is None else start + until * step,
-        walk=math.sqrt(walk) * scale,
-        walk_limit=math.sqrt(limit) * scale,
-        walk_with_trend=math.sqrt(whole) * scale,
-    )
+        axis=axis, kind=test.kind, size=test.size(), tau=None if test.kind != "exponential" else test.tau * step,
+        pvalue=test.pvalue, until=None if until is None else start + until * step, walk=math.sqrt(walk) * scale,
+        walk_limit=math.sqrt(limit) * scale, walk_with_trend=math.sqrt(whole) * scale,
+    )  # fmt: skip
 
 
 def _longest(means: Sequence[tuple[int, Vector]], extent: Extent, length: int) -> tuple[float, Vector]:
@@ -127,11 +121,9 @@ def _longest(means: Sequence[tuple[int, Vector]], extent: Extent, length: int) -
 
 
 class TrendTest:
-    """The test for a trend in n block means. Times are in blocks.
-
-    `statistic` is the reduction of −2 log L by the best trend, minus `_EXTRA` for a second parameter. `kind` is None if
-    a jump describes the means better, and `tau` the time constant of the nearest exponential.
-    """
+    """The test for a trend in n block means. Times are in blocks. `statistic` is the reduction of −2 log L by the best
+    trend, minus `_EXTRA` for a second parameter. `kind` is None if a jump describes the means better, and `tau` the
+    time constant of the nearest exponential."""
 
     def __init__(self, means: Vector) -> None:
         n = means.size

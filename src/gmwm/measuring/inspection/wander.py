@@ -32,12 +32,9 @@ because a Gauss-Markov process can replace a random walk (docs/validation/trends
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Noise models on a grid, relative to the white noise of a block mean.
-
-    `transform` (n − 1, n − 1) is the sine transform of the differences. `weights` (G, n − 1) are 1/λ_k of each model
-    for σ² = 1, `logs` Σ log λ_k, and `walks` γ²/σ². `rest` (G, n − 1) is λ_k without the walk, and `walk` λ_k of γ² = 1
-    alone.
-    """
+    """Noise models on a grid, relative to the white noise of a block mean. `transform` (n − 1, n − 1) is the sine
+    transform of the differences. `weights` (G, n − 1) are 1/λ_k of each model for σ² = 1, `logs` Σ log λ_k, and `walks`
+    γ²/σ². `rest` (G, n − 1) is λ_k without the walk, and `walk` λ_k of γ² = 1 alone."""
 
     transform: Matrix
     weights: Matrix
@@ -99,10 +96,7 @@ def _crossing(walks: Vector, excess: Vector) -> float:
 @dataclass(frozen=True, eq=False)
 class Profile:
     """−2 log L, up to a constant, of block means for G noise models and C courses c with the best coefficient a of
-    each.
-
-    `squares` (G, C) are Σ (z − a c)²/λ for σ² = 1; divided by the number of differences they estimate σ².
-    """
+    each. `squares` (G, C) are Σ (z − a c)²/λ for σ² = 1; divided by the number of differences they estimate σ²."""
 
     values: Matrix
     squares: Matrix
@@ -149,12 +143,9 @@ class Likelihood:
 
     def walk(self, courses: Matrix, *, alone: bool = False) -> tuple[float, float]:
         """Return the variance γ² of a step of the random walk in addition to courses (p, n − 1), and its 95 % upper
-        limit.
-
-        The restricted likelihood (REML) excludes the low frequencies that the transformed courses explain; otherwise
-        the walk would be underestimated. For an exponential, its derivative with respect to the time constant is a
-        course too. With `alone`, the noise model has no Gauss-Markov process, which can replace a random walk.
-        """
+        limit. The restricted likelihood (REML) excludes the low frequencies that the transformed courses explain;
+        otherwise the walk would be underestimated. For an exponential, its derivative with respect to the time constant
+        is a course too. With `alone`, the noise model has no Gauss-Markov process, which can replace a random walk."""
         grid, used = self.grid, _WALKS.size if alone else len(self.grid.walks)
         values, scales = self._restricted(grid.weights[:used], grid.logs[:used], courses)
         best = int(np.argmin(values))

@@ -180,13 +180,10 @@ def find_bursts(x: Signal | ArrayLike, rate: float | None = None) -> Bursts:
 
 
 class Coefficients(NamedTuple):
-    """The coefficients of a panel at one level, half a scale apart, and those of them that may be in a burst.
-
-    `path` (n + 2,) are the sums of the samples up to each half scale; the coefficients are its second differences times
-    `unit`. `at` and `w` (k,) are indices and values of the coefficients beyond `_SMALL` local standard deviations.
-    `piece` coefficients have the same local standard deviation `spread` (m,). `energy` is the sum of the squares of
-    all.
-    """
+    """The coefficients of a panel at one level, half a scale apart, and those of them that may be in a burst. `path` (n
+    + 2,) are the sums of the samples up to each half scale; the coefficients are its second differences times `unit`.
+    `at` and `w` (k,) are indices and values of the coefficients beyond `_SMALL` local standard deviations. `piece`
+    coefficients have the same local standard deviation `spread` (m,). `energy` is the sum of the squares of all."""
 
     number: int
     path: Vector
@@ -229,11 +226,9 @@ def coefficients(panel: Vector, rate: float, step: float) -> Iterator[Coefficien
 
 
 def burst_ranges(levels: Iterable[Coefficients], *, small: bool = False) -> Ranges:
-    """Return index ranges (k, 2) of the samples in bursts of one panel, ordered and without overlap.
-
-    A burst is left out if it overlaps a burst of a finer level, at which its position is known better. With `small`,
-    bursts of coefficients below `LARGE` that are large for this noise are found too.
-    """
+    """Return index ranges (k, 2) of the samples in bursts of one panel, ordered and without overlap. A burst is left
+    out if it overlaps a burst of a finer level, at which its position is known better. With `small`, bursts of
+    coefficients below `LARGE` that are large for this noise are found too."""
     found = np.empty((0, 2), dtype=np.int64)
     for level in levels:
         bursts = _bursts(level, small)

@@ -33,10 +33,8 @@ _BESIDE = 32
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cleaned:
     """A signal without its isolated wrong samples and knocks, which are drawn from their distribution given the others.
-
     `knocks` (k, 2) are the half-open index ranges that were replaced because of knocks, and `replaced` counts the
-    samples.
-    """
+    samples."""
 
     signal: Signal
     knocks: Ranges

@@ -1,4 +1,4 @@
-"""Test a recording for outliers by the ratio of its classical to its robust wavelet variance, and by bursts and spikes."""
+"""Test a recording for outliers by the ratio of its classical to its robust wavelet variance, bursts and spikes."""
 
 from __future__ import annotations
 
@@ -204,14 +204,11 @@ class Verdict(Summarised):
         depends = values["dependence"]
         scalars = {name: values[name] for name in _SCALARS}
         return cls(
-            **scalars,
-            **arrays,
-            levels=levels,
-            left_out=left_out,
+            **scalars, **arrays, levels=levels, left_out=left_out,
             bursts=None if bursts is None else Bursts.from_dict(bursts),
             dependence=None if depends is None else Dependence.from_dict(depends),
             replaced=Replaced.from_dict(values["replaced"]),
-        )
+        )  # fmt: skip
 
     def __str__(self) -> str:
         return self.summary()
@@ -329,25 +326,14 @@ def contamination(
         critical[tested] = np.expm1(allowed + e * place)
     pvalue = min(1.0, count * float(np.min(pvalues[tested], initial=1.0))) if count else 1.0
     return Verdict(
-        contaminated=pvalue <= size and (screen is None or screen.bursts.found or screen.spikes > 0),
-        pvalue=pvalue,
-        levels=robust.levels.copy(),
-        tau=robust.tau.copy(),
-        excess=excess,
-        critical=critical,
-        standard_errors=error,
-        pvalues=pvalues,
-        left_out=dict(sorted(left_out.items())),
-        size=float(size),
-        comparisons=int(comparisons),
-        tolerance=float(tolerance),
-        efficiency=robust.efficiency,
-        axis=robust.axis,
+        contaminated=pvalue <= size and (screen is None or screen.bursts.found or screen.spikes > 0), pvalue=pvalue,
+        levels=robust.levels.copy(), tau=robust.tau.copy(), excess=excess, critical=critical, standard_errors=error,
+        pvalues=pvalues, left_out=dict(sorted(left_out.items())), size=float(size), comparisons=int(comparisons),
+        tolerance=float(tolerance), efficiency=robust.efficiency, axis=robust.axis,
         bursts=None if screen is None or not screen.bursts.tau.size else screen.bursts,
-        spikes=0 if screen is None else screen.spikes,
-        largest=0.0 if screen is None else screen.largest,
+        spikes=0 if screen is None else screen.spikes, largest=0.0 if screen is None else screen.largest,
         replaced=NOTHING_REPLACED if screen is None else screen.replaced,
-    )
+    )  # fmt: skip
 
 
 def _is_pair(x: Any) -> bool:

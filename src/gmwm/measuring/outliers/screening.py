@@ -16,12 +16,9 @@ from gmwm.recording.signals import Signal
 
 @dataclass(frozen=True, kw_only=True)
 class Replaced:
-    """Samples of one axis that were replaced before the measurement.
-
-    `spikes` and `in_knocks` are the numbers of isolated wrong samples and of samples in knocks, `largest` the largest
-    deviation of the former in local standard deviations. `knocks` has the begin and end (s) of each knock, counted like
-    the option `skip` of `read`.
-    """
+    """Samples of one axis that were replaced before the measurement. `spikes` and `in_knocks` are the numbers of
+    isolated wrong samples and of samples in knocks, `largest` the largest deviation of the former in local standard
+    deviations. `knocks` has the begin and end (s) of each knock, counted like the option `skip` of `read`."""
 
     spikes: int = 0
     largest: float = 0.0

@@ -208,10 +208,8 @@ def _bulk(
     values: Vector, rate: float, step: float, *, most: int, right: NDArray[np.bool_] | None, reach: int
 ) -> tuple[Vector, int, float, float]:
     """Return the local standard deviation of the residuals in each block, the length of a block, and a lower limit and
-    an estimate of the degrees of freedom of the tails.
-
-    About `most` residuals are used at most. The tails are estimated from the samples that are `right`.
-    """
+    an estimate of the degrees of freedom of the tails. About `most` residuals are used at most. The tails are estimated
+    from the samples that are `right`."""
     places, stride = _sampled(values.size, most)
     residual = np.abs(_core.neighbour_residuals(values, values, places, reach))
     piece = min(max(round(NEIGHBOURHOOD * rate / stride), 128), residual.size)
@@ -227,7 +225,7 @@ def _bulk(
 
 
 def _at(places: NDArray[np.int64], scale: Vector, length: int) -> Vector:
-    """Return the standard deviation at some positions, from that of each block; the last block also has the remainder."""
+    """Return the standard deviation at some positions, from that of each block; the last one has the remainder."""
     return np.asarray(scale[np.minimum(places // length, scale.size - 1)])
 
 
@@ -274,12 +272,10 @@ def _beyond(deviation: Vector, freedom: float) -> Vector:
 
 
 def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) -> NDArray[np.bool_]:
-    """Select the residuals beyond the bulk, so that the number of remaining residuals agrees with the bulk.
-
-    Near the threshold, single spikes cannot be distinguished from the tails of the bulk. In each bin of deviations,
-    residuals are chosen at random, as many as exceed the number expected from the bulk; far beyond, these are all. Bins
-    below the threshold follow until one has no clear surplus. The choice has a fixed seed.
-    """
+    """Select the residuals beyond the bulk, so that the number of remaining residuals agrees with the bulk. Near the
+    threshold, single spikes cannot be distinguished from the tails of the bulk. In each bin of deviations, residuals
+    are chosen at random, as many as exceed the number expected from the bulk; far beyond, these are all. Bins below the
+    threshold follow until one has no clear surplus. The choice has a fixed seed."""
     chosen = np.zeros(deviation.size, dtype=np.bool_)
     if not np.isfinite(threshold):
         return chosen

@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Vector, as_vector
@@ -101,10 +100,8 @@ class Term:
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """A requested regression: its terms, and the arrays of covariates that are not part of the recording.
-
-    With `automatic`, the temperature of the recording is used only if a test finds that the axis depends on it.
-    """
+    """A requested regression: its terms, and the arrays of covariates that are not part of the recording. With
+    `automatic`, the temperature of the recording is used only if a test finds that the axis depends on it."""
 
     terms: tuple[Term, ...] = ()
     arrays: Mapping[str, Vector] | None = None
@@ -164,10 +161,3 @@ def _distinct(terms: Iterable[Term]) -> tuple[Term, ...]:
 def is_given(asked: Asked) -> bool:
     """Return whether a regression or the automatic test of the temperature was requested."""
     return asked.automatic or bool(asked.terms)
-
-
-def finite_or_none(values: Vector | None) -> Vector | None:
-    """Return the values of a covariate, or None if some are missing or all are equal."""
-    if values is None or not np.all(np.isfinite(values)) or not np.ptp(values) > 0:
-        return None
-    return values

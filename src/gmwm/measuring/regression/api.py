@@ -84,11 +84,9 @@ def regress_axis(
 
 def _coarse(found: Regression, means: Vector, covariates: Covariates) -> tuple[float, float, float] | None:
     """Return the first coefficient from the longer half of the scales, its standard error, and the shortest of them
-    (s).
-
-    The result is None unless this coefficient is significantly farther from zero than the coefficient from all scales.
-    Reading errors that are correlated in time are not detected as errors; they make it too small at short scales.
-    """
+    (s). The result is None unless this coefficient is significantly farther from zero than the coefficient from all
+    scales. Reading errors that are correlated in time are not detected as errors; they make it too small at short
+    scales."""
     if not found.terms[0].measured or found.terms[0].exact:
         return None
     clock = covariates.clock
@@ -235,11 +233,9 @@ def regressed_variance(
     robust: bool = False,
     efficiency: float = EFFICIENCY,
 ) -> WaveletVariance:
-    """Estimate the wavelet variance of a signal after the effect of covariates is subtracted.
-
-    The attribute `regression` of the result contains the regression. Raises OptionError or DataError if a covariate
-    cannot be used, or if `data` is a wavelet variance, which has no samples.
-    """
+    """Estimate the wavelet variance of a signal after the effect of covariates is subtracted. The attribute
+    `regression` of the result contains the regression. Raises OptionError or DataError if a covariate cannot be used,
+    or if `data` is a wavelet variance, which has no samples."""
     if isinstance(data, WaveletVariance):
         raise OptionError(
             "against needs the samples; got a WaveletVariance",
@@ -266,10 +262,8 @@ def restated(
     freedoms: tuple[float, ...],
     freedom: float,
 ) -> Regression:
-    """Return a copy of a regression with other estimates (p,), their covariance (p, p) and degrees of freedom.
-
-    The joint test and the residuals are computed again.
-    """
+    """Return a copy of a regression with other estimates (p,), their covariance (p, p) and degrees of freedom. The
+    joint test and the residuals are computed again."""
     clock = covariates.clock
     present = clock.present()
     means = clock.means(signal.values, clipped=True)
@@ -301,6 +295,6 @@ def effect_of(found: Regression, covariates: Covariates, first: int, last: int) 
 
 
 def without(signal: Signal, found: Regression, covariates: Covariates, first: int = 0) -> Signal:
-    """Subtract the effect of the covariates, zero at their reference values, from a part that begins at sample `first`."""
+    """Subtract the effect of the covariates, zero at their reference values, from a part that begins at `first`."""
     values = signal.values - effect_of(found, covariates, first, first + len(signal))
     return replace(signal, values=values)

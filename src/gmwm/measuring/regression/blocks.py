@@ -30,11 +30,9 @@ def usual_length(samples: int, end: int) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """Times of the samples of a recording, divided into blocks of `length` samples, a power of two.
-
-    `segments` are index ranges (first, last) without gaps, and `offsets` the time of the first sample of each, in
-    sampling intervals since the first sample of the recording.
-    """
+    """Times of the samples of a recording, divided into blocks of `length` samples, a power of two. `segments` are
+    index ranges (first, last) without gaps, and `offsets` the time of the first sample of each, in sampling intervals
+    since the first sample of the recording."""
 
     length: int
     rate: float
@@ -176,11 +174,8 @@ class Clock:
 
     def onto(self, means: Vector, finer: Clock) -> Vector:
         """Return means over the blocks of a finer clock, interpolated so that the means over the present blocks are
-        kept.
-
-        The interpolating curve is the derivative of a cubic spline through the running sum. Linear interpolation
-        between the centres would reduce the amplitude of a daily cycle with 16 blocks per day by 2 %.
-        """
+        kept. The interpolating curve is the derivative of a cubic spline through the running sum. Linear interpolation
+        between the centres would reduce the amplitude of a daily cycle with 16 blocks per day by 2 %."""
         from scipy.interpolate import CubicSpline
 
         at, curve = self._lines(means)

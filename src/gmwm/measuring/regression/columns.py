@@ -16,11 +16,9 @@ _SIGNS = {2: "²", 3: "³", 4: "⁴", 5: "⁵"}
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a regression, of the covariate `term`.
-
-    `name` is, for example, "temperature^2", "temperature lag", "temperature knot 1" or "warmup tau", and `power` the
-    unit of the column such as "°C²"; "" if it is unknown or the column has no unit.
-    """
+    """One column of a regression, of the covariate `term`. `name` is, for example, "temperature^2", "temperature lag",
+    "temperature knot 1" or "warmup tau", and `power` the unit of the column such as "°C²"; "" if it is unknown or the
+    column has no unit."""
 
     name: str
     term: str
@@ -29,11 +27,9 @@ class Column:
 
 @dataclass(frozen=True)
 class Basis:
-    """The terms of a regression, and the constants that their columns depend on.
-
-    `references` are the values of the covariates (time in hours) at which their effect is zero, and `knots` the knots
-    of the splines, including the outer ones.
-    """
+    """The terms of a regression, and the constants that their columns depend on. `references` are the values of the
+    covariates (time in hours) at which their effect is zero, and `knots` the knots of the splines, including the outer
+    ones."""
 
     terms: tuple[Term, ...]
     references: Mapping[str, float]
@@ -93,10 +89,7 @@ def _columns(term: Term) -> list[Column]:
 
 def _spline(values: Vector, knots: tuple[float, ...]) -> list[Vector]:
     """Return the nonlinear columns of a natural cubic spline, in the unit of the covariate; linear beyond the outer
-    knots.
-
-    Source: Hastie, Tibshirani and Friedman (2009), The Elements of Statistical Learning, eq. 5.4.
-    """
+    knots. Source: Hastie, Tibshirani and Friedman (2009), The Elements of Statistical Learning, eq. 5.4."""
     at, last = np.array(knots), knots[-1]
     width = last - at[0]
 

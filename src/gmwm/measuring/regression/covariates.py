@@ -67,10 +67,8 @@ class Covariates:
     @classmethod
     def of(cls, terms: Sequence[Term], arrays: Mapping[str, Vector], signal: Signal) -> Covariates:
         """Prepare the covariates of a recording. `signal` is one of its signals and states the times of the samples.
-
         Raises DataError if a covariate is missing, is constant, has another length, or has too large errors at all
-        scales.
-        """
+        scales."""
         usual = 1 if any(term.exact for term in terms) else None
         clock = Clock.of(signal.rate, signal.segments, signal.starts, length=usual)
         block, lowest, known, smooth = clock.length, 1, dict(arrays), dict(arrays)
@@ -206,10 +204,8 @@ def _checked(term: Term, arrays: Mapping[str, Vector], signal: Signal) -> Vector
 
 def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
     """Return the finest wavelet level at which the reading error of a covariate is small, and its quantization step.
-
     The step is 0 if noise makes a quantized reading jump up and down, because its means are then accurate. Raises
-    DataError if there is no such level, or if the recording has too few blocks of its scale.
-    """
+    DataError if there is no such level, or if the recording has too few blocks of its scale."""
     step = lsb(values)
     step = 0.0 if step is None or _dithered(values) else step
     level = known_level(values, signal, step)
@@ -226,11 +222,9 @@ def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
 
 def known_level(values: Vector, signal: Signal, step: float) -> int | None:
     """Return the finest level at which the wavelet variance of a covariate is `KNOWN` times that of its reading error.
-
     Each reading may be held for several samples. At longer scales, the reading error is white, so its wavelet variance
     decreases with the scale. The total variance decreases until the changes of the covariate dominate. Without noise,
-    the rounding error of quantization steps q has the variance q²/12, which is used at every scale.
-    """
+    the rounding error of quantization steps q has the variance q²/12, which is used at every scale."""
     curve = signal_wavelet_variance(_beside(signal, values)).variance
     valley = 0 if step else min(max(int(np.ceil(np.log2(_usual_run(values)))), 0), curve.size - 1)
     while valley + 1 < curve.size and curve[valley + 1] < curve[valley]:
@@ -244,10 +238,8 @@ def known_level(values: Vector, signal: Signal, step: float) -> int | None:
 
 
 def without_steps(values: Vector, step: float) -> Vector:
-    """Smooth a quantized series by a spline that passes halfway between two values when the series changes.
-
-    The result differs from the series by at most half a step. A series that often jumps back is returned unchanged.
-    """
+    """Smooth a quantized series by a spline that passes halfway between two values when the series changes. The result
+    differs from the series by at most half a step. A series that often jumps back is returned unchanged."""
     from scipy.interpolate import CubicSpline
 
     at = np.flatnonzero(values[1:] != values[:-1])

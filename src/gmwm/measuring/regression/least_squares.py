@@ -24,11 +24,8 @@ GRID = 4096
 
 @dataclass(frozen=True, eq=False)
 class RegressionDesign:
-    """A regression on p columns X (n, p) at n equally spaced times.
-
-    `present` masks the times with a value; the others are ignored. `whole` masks those times that are also used for the
-    wavelet variance of the residuals.
-    """
+    """A regression on p columns X (n, p) at n equally spaced times. `present` masks the times with a value; the others
+    are ignored. `whole` masks those times that are also used for the wavelet variance of the residuals."""
 
     columns: Matrix
     present: np.ndarray
@@ -71,10 +68,8 @@ class RegressionDesign:
         return [(first, last) for first, last in runs_of(self.present).tolist() if last - first > 1]
 
     def weights(self, density: Callable[[Vector], Vector], highest: float = 0.5) -> list[Vector]:
-        """Compute, for each run, the weights 1/S(f) at the frequencies (cycles per value) of its cosine transform.
-
-        They are zero above `highest`, where the errors of the columns are too large.
-        """
+        """Compute, for each run, the weights 1/S(f) at the frequencies (cycles per value) of its cosine transform. They
+        are zero above `highest`, where the errors of the columns are too large."""
         found: dict[int, Vector] = {}
         for size in {last - first for first, last in self.runs}:
             at = np.arange(1, size) / (2 * size)
@@ -136,10 +131,8 @@ class Weighted:
         return np.asarray(self.rows.T @ np.where(self.design.present, values, 0.0))
 
     def spread(self, lags: Vector) -> Matrix:
-        """Compute Σ Bᵀ (n, p), for noise with the generalised covariance `lags` at the lags 0 … n − 1.
-
-        The columns of U sum to zero in every run, so each run may have its own offset, and a random walk is allowed.
-        """
+        """Compute Σ Bᵀ (n, p), for noise with the generalised covariance `lags` at the lags 0 … n − 1. The columns of U
+        sum to zero in every run, so each run may have its own offset, and a random walk is allowed."""
         from scipy import fft
 
         n = len(self.rows)
@@ -151,10 +144,8 @@ class Weighted:
 
     @cached_property
     def lag_products(self) -> Matrix:
-        """Sums Σ_t (B_at B_b,t+l + B_a,t+l B_bt) over the rows a and b of B at the lags l = 1 … n − 1 (n, p, p).
-
-        The first entry, for lag 0, is Σ_t B_at B_bt.
-        """
+        """Sums Σ_t (B_at B_b,t+l + B_a,t+l B_bt) over the rows a and b of B at the lags l = 1 … n − 1 (n, p, p). The
+        first entry, for lag 0, is Σ_t B_at B_bt."""
         from scipy import fft
 
         n = len(self.rows)
@@ -170,12 +161,9 @@ class Weighted:
         return np.asarray(np.tensordot(lags, self.lag_products, axes=1))
 
     def removed(self, spread: Matrix) -> Vector:
-        """Compute the part (J,) of the wavelet variance ν_j² of the noise that the regression removes.
-
-        With W_j for the Haar coefficients of level j and D_j = W_j X, E ‖W_j (y − X β̂)‖² = M_j ν_j² − 2 tr(D_jᵀ W_j Σ
-        Bᵀ) + tr(D_jᵀ D_j Cov β̂). The mean is over the coefficients for the wavelet variance, or over all if there are
-        none.
-        """
+        """Compute the part (J,) of the wavelet variance ν_j² of the noise that the regression removes. With W_j for the
+        Haar coefficients of level j and D_j = W_j X, E ‖W_j (y − X β̂)‖² = M_j ν_j² − 2 tr(D_jᵀ W_j Σ Bᵀ) + tr(D_jᵀ D_j
+        Cov β̂). The mean is over the coefficients for the wavelet variance, or over all if there are none."""
         covariance = self.rows.T @ spread
         found = np.zeros(self.design.levels)
         for j, (d, counted) in enumerate(zip(self.design.coefficients, self.design.counted, strict=True), 1):

@@ -27,9 +27,7 @@ chance. Without it, standard errors for a random walk were too small by a quarte
 @dataclass(frozen=True, eq=False)
 class Mixture:
     """The likeliest mixture of K processes for correlation times up to a limit, with their wavelet variances (K, J).
-
-    `weight` is the weight of the mixture in the average.
-    """
+    `weight` is the weight of the mixture in the average."""
 
     processes: tuple[Process, ...]
     parts: Matrix
@@ -38,10 +36,8 @@ class Mixture:
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Weighted average of mixtures of processes that describe a wavelet variance.
-
-    `curve` (J,) is the wavelet variance of the average, and `freedom` (J,) the degrees of freedom of the measured one.
-    """
+    """Weighted average of mixtures of processes that describe a wavelet variance. `curve` (J,) is the wavelet variance
+    of the average, and `freedom` (J,) the degrees of freedom of the measured one."""
 
     mixtures: tuple[Mixture, ...]
     curve: Vector
@@ -84,9 +80,7 @@ class Noise:
 
     def freedom_of(self, shares: Sequence[Vector]) -> float:
         """Return the degrees of freedom 2 C²/Var Ĉ of an estimated variance C, by Satterthwaite's approximation.
-
-        `shares` has, for each mixture, the contributions of its K processes to C, which is linear in their scales.
-        """
+        `shares` has, for each mixture, the contributions of its K processes to C, which is linear in their scales."""
         totals = np.array([float(np.sum(own)) for own in shares])
         weights = np.array([one.weight for one in self.mixtures])
         mean = float(weights @ totals)

@@ -30,11 +30,8 @@ FOLD = 1 << 18
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
-    """Sums over the blocks of one length.
-
-    `pairs` is the number of blocks that overlap with the previous block. `first` and `last` are the first samples of
-    the first and the last block.
-    """
+    """Sums over the blocks of one length. `pairs` is the number of blocks that overlap with the previous block. `first`
+    and `last` are the first samples of the first and the last block."""
 
     sums: Periodograms
     pairs: int = 0
@@ -136,8 +133,7 @@ class SpectrumAccumulator(OneAtATime):
 
     @one_at_a_time
     def update(self, chunk: ArrayLike) -> None:
-        """Add the next samples (n,), one or more. Raises DataError, and keeps the earlier ones, if a value is not
-        finite."""
+        """Add a `chunk` of samples (n,), one or more; raise DataError, and keep the others, if one is not finite."""
         x = as_vector(chunk, "chunk", at_least=0)
         if not x.size:
             return
@@ -211,15 +207,9 @@ class SpectrumAccumulator(OneAtATime):
         spectrum = PowerSpectrum(
             frequencies=np.arange(length // 2 + 1, dtype=np.float64) * (self.rate / length),
             density=one_sided_density(sums.sums, length, self.rate),
-            degrees_of_freedom=degrees_of_freedom(sums.sums, sums.pairs, length),
-            rate=self.rate,
-            samples=len(self),
-            length=length,
-            blocks=sums.blocks,
-            unit=self.unit,
-            axis=self.axis,
-            confidence=confidence,
-        )
+            degrees_of_freedom=degrees_of_freedom(sums.sums, sums.pairs, length), rate=self.rate, samples=len(self),
+            length=length, blocks=sums.blocks, unit=self.unit, axis=self.axis, confidence=confidence,
+        )  # fmt: skip
         lines, bumps = find_peaks(spectrum)
         return replace(spectrum, lines=lines, bumps=bumps)
 
@@ -252,9 +242,7 @@ class SpectrumAccumulator(OneAtATime):
 
     def _add(self, values: Vector, boundary: int, *, after: int, crossing: bool = False) -> None:
         """Add the blocks of `values` that end at or after the sample with the index `boundary`, which is values[after].
-
-        If `crossing`, only blocks that begin before this sample are added.
-        """
+        If `crossing`, only blocks that begin before this sample are added."""
         begin = boundary - after
         for n, sums in list(self._sums.items()):
             half = n // 2

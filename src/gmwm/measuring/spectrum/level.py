@@ -37,10 +37,8 @@ class Flanks(NamedTuple):
 
 def flanks(values: Vector, freedom: Vector, nearest: int, farthest: int, *, least: int) -> Flanks:
     """Compute the medians of the values that are `nearest` to `farthest` positions away on each side of every value.
-
     They are divided by the median of χ²_ν / ν, so that they estimate the level. A side with fewer than `least` values
-    gives NaN.
-    """
+    gives NaN."""
     width = farthest - nearest + 1
     padded = np.concatenate([np.full(farthest, np.nan), values, np.full(farthest, np.nan)])
     windows = sliding_window_view(padded, width)
@@ -66,9 +64,7 @@ def median_factor(freedom: Vector) -> Vector:
 
 def p_values(ratio: Vector, freedom: Vector, below: float) -> Vector:
     """Return the probability that noise gives a larger ratio of a value to the level of a flank, by the F distribution.
-
-    Only probabilities up to `below` are computed. Larger ones are 1, and those of NaN are NaN.
-    """
+    Only probabilities up to `below` are computed. Larger ones are 1, and those of NaN are NaN."""
     from scipy.special import fdtrc, fdtri
 
     # With fewer degrees of freedom, a ratio of the same significance is larger.

@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
 from gmwm.measuring.spectrum.level import flanks, p_values
-from gmwm.measuring.spectrum.line import LEAST_QUALITY, Bump, Line
-from gmwm.measuring.spectrum.line_measurement import measured_line
-from gmwm.measuring.spectrum.shape import lorentz_fit
+from gmwm.measuring.spectrum.line import LEAST_QUALITY, Bump, Line, lorentz_fit, measured_line
 from gmwm.measuring.spectrum.welch import HALF_POWER_WIDTH
 
 if TYPE_CHECKING:
@@ -37,11 +35,9 @@ CORE = 3
 def narrow_lines(
     spectrum: PowerSpectrum, freedom: Vector, testable: NDArray[np.bool_], *, level: float
 ) -> tuple[list[Line], list[Bump], NDArray[np.bool_]]:
-    """Return the significant narrow lines and bumps, and the bins that are free of them.
-
-    `level` is the significance level for all bins together, by Bonferroni's inequality. `testable` marks the bins in
-    which peaks are searched. A peak of a few bins with the shape of a resonance is a bump; other peaks are lines.
-    """
+    """Return the significant narrow lines and bumps, and the bins that are free of them. `level` is the significance
+    level for all bins together, by Bonferroni's inequality. `testable` marks the bins in which peaks are searched. A
+    peak of a few bins with the shape of a resonance is a bump; other peaks are lines."""
     density, size = spectrum.density, spectrum.density.size - 1
     free = testable.copy()
     # The spectrum of a sampled signal is symmetric about half the rate, so a line close to it has flanks on both sides.
@@ -89,11 +85,8 @@ def narrow_lines(
 
 def _resonance_width(spectrum: PowerSpectrum, line: Line, freedom: Vector) -> float | None:
     """Return the width (Hz) of a resonance that is only a few bins wide; None if the peak is too narrow for a
-    resonance.
-
-    The Hann window broadens the Lorentz shape of width w to a Voigt shape, whose width is fitted: 0.5346 w +
-    √(0.2166 w² + v²), where v is the width of the window (Olivero and Longbothum).
-    """
+    resonance. The Hann window broadens the Lorentz shape of width w to a Voigt shape, whose width is fitted: 0.5346 w +
+    √(0.2166 w² + v²), where v is the width of the window (Olivero and Longbothum)."""
     if line.narrow or line.frequency >= LEAST_QUALITY * line.width:
         return None
     spacing = spectrum.rate / spectrum.length
@@ -113,9 +106,7 @@ def _resonance_width(spectrum: PowerSpectrum, line: Line, freedom: Vector) -> fl
 
 def _half_width(density: Vector, k: int, level: float, noise: float) -> int | None:
     """Return the number of bins on each side that contain the power of the peak at bin k; None if it is not narrow.
-
-    `noise` is the standard error of one density.
-    """
+    `noise` is the standard error of one density."""
     excess = density[max(k - OUTER, 0) : k + OUTER + 1] - level
     distance = np.abs(np.arange(excess.size) - min(k, OUTER))
     inside, outside = float(excess[distance <= INNER].sum()), float(excess[distance > INNER].sum())

@@ -45,11 +45,9 @@ _SMOOTH = 5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Alternative:
-    """Process of another order that describes the density nearly as well as the best process.
-
-    `phi` and `theta` are as in `SpectralShape`, `density` is the density at the frequency 0 (unit² per cycle per
-    sample), and `weight` the posterior probability among all orders, by the Bayesian information criterion.
-    """
+    """Process of another order that describes the density nearly as well as the best process. `phi` and `theta` are as
+    in `SpectralShape`, `density` is the density at the frequency 0 (unit² per cycle per sample), and `weight` the
+    posterior probability among all orders, by the Bayesian information criterion."""
 
     phi: Vector
     theta: Vector
@@ -197,11 +195,8 @@ def _log_bias(degrees_of_freedom: Vector) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class _Data:
-    """The measured density at n frequencies.
-
-    `waves` (2, HIGHEST, n) are the real and the imaginary parts of exp(−i ω k). The `rows` (3, n) are the known part,
-    the logarithms of the density, and their weights.
-    """
+    """The measured density at n frequencies. `waves` (2, HIGHEST, n) are the real and the imaginary parts of exp(−i ω
+    k). The `rows` (3, n) are the known part, the logarithms of the density, and their weights."""
 
     waves: NDArray[np.float64]
     angles: Vector
@@ -237,10 +232,8 @@ class _Data:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Point:
-    """Process with the density e^scale |b|²/|a|²; `slow` is the logarithm of the factor on the known part.
-
-    `a` and `b` are the coefficients of the two polynomials without the leading 1.
-    """
+    """Process with the density e^scale |b|²/|a|²; `slow` is the logarithm of the factor on the known part. `a` and `b`
+    are the coefficients of the two polynomials without the leading 1."""
 
     data: _Data
     a: Vector
@@ -294,10 +287,8 @@ class _Point:
 def _descend(
     data: _Data, a: Vector, b: Vector, scale: float, *, slow: float = 0.0, free: bool = False, steps: int = _ITERATIONS
 ) -> _Point:
-    """Find the local optimum by the Levenberg-Marquardt method, with all roots inside the unit circle.
-
-    If `free`, the factor on the known part is fitted too.
-    """
+    """Find the local optimum by the Levenberg-Marquardt method, with all roots inside the unit circle. If `free`, the
+    factor on the known part is fitted too."""
     found = np.concatenate([[scale], a, b, [slow]])
     _core.spectral_descent(
         data.waves, data.rows, floor=data.floor, prior=KNOWN, p=a.size, free=free, steps=steps, near=_NEAR,
@@ -341,10 +332,8 @@ def _bend(data: _Data, point: _Point) -> float:
 
 
 def _inside(tail: Vector, most: float) -> tuple[Vector, float]:
-    """Return the coefficients of the polynomial 1 + c₁z⁻¹ + … after its roots are moved inside the unit circle.
-
-    The second value is the logarithm of the factor by which this reduces the squared modulus on the unit circle.
-    """
+    """Return the coefficients of the polynomial 1 + c₁z⁻¹ + … after its roots are moved inside the unit circle. The
+    second value is the logarithm of the factor by which this reduces the squared modulus on the unit circle."""
     if _core.roots_inside(tail, most):
         return tail, 0.0
     roots = np.roots(np.concatenate([[1.0], tail]))
@@ -385,10 +374,8 @@ def _widened(tail: Vector, count: int, angle: float, radius: float) -> Vector:
 
 
 def _alternatives(data: _Data, chosen: _Point, tried: Sequence[_Point], price: float) -> tuple[Alternative, ...]:
-    """Return the best process of each other order with a weight of at least `LIKELY`.
-
-    The weight is proportional to exp(−d/2), with d the information criterion minus that of the chosen process.
-    """
+    """Return the best process of each other order with a weight of at least `LIKELY`. The weight is proportional to
+    exp(−d/2), with d the information criterion minus that of the chosen process."""
     best = {(point.a.size, point.b.size): point for point in (*_best_of_each_order(tried), chosen)}
     spread = max(chosen.loss / max(data.logs.size - chosen.order - 1, 1), 1.0)
     own = _score(chosen, price, spread)

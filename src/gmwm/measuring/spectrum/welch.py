@@ -36,12 +36,9 @@ def hann(length: int) -> Vector:
 
 
 class Periodograms(NamedTuple):
-    """Sums over the periodograms |FFT(w · block)|² of blocks of one length, with the Hann window w.
-
-    `total` (length/2 + 1,) is the sum over the blocks. `levels` and `squares` (bands,) are the sums of the geometric
-    mean in each band and of its square. They show whether the noise has the same power in all blocks: lines hardly
-    change them.
-    """
+    """Sums over the periodograms |FFT(w · block)|² of blocks of one length, with the Hann window w. `total` (length/2 +
+    1,) is the sum over the blocks. `levels` and `squares` (bands,) are the sums of the geometric mean in each band and
+    of its square. They show whether the noise has the same power in all blocks: lines hardly change them."""
 
     total: Vector
     levels: Vector
@@ -120,20 +117,16 @@ def one_sided_density(sums: Periodograms, length: int, rate: float) -> Vector:
 
 
 def nominal_freedom(blocks: int, pairs: int) -> float:
-    """Return the edf 2 K² / (K + 2 P r) of the mean of K periodograms of stationary noise (Welch 1967).
-
-    P is the number of pairs of overlapping blocks, and r the correlation of the periodograms of a pair.
-    """
+    """Return the edf 2 K² / (K + 2 P r) of the mean of K periodograms of stationary noise (Welch 1967). P is the number
+    of pairs of overlapping blocks, and r the correlation of the periodograms of a pair."""
     return 2 * blocks**2 / (blocks + 2 * pairs * OVERLAP_CORRELATION)
 
 
 def degrees_of_freedom(sums: Periodograms, pairs: int, length: int) -> Vector:
-    """Return the equivalent degrees of freedom (length/2 + 1,) of the mean periodogram at each frequency.
-
-    If the power of the noise differs between the blocks, they are divided by 1 + c², where c² is the squared
-    coefficient of variation of the power of the blocks, minus the value expected for stationary noise. The first and
-    the last frequency have half as many degrees of freedom, because their Fourier coefficients are real.
-    """
+    """Return the equivalent degrees of freedom (length/2 + 1,) of the mean periodogram at each frequency. If the power
+    of the noise differs between the blocks, they are divided by 1 + c², where c² is the squared coefficient of
+    variation of the power of the blocks, minus the value expected for stationary noise. The first and the last
+    frequency have half as many degrees of freedom, because their Fourier coefficients are real."""
     blocks, edges = sums.blocks, band_edges(length)
     sizes = np.diff(np.append(edges, length // 2 + 1))
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
 from gmwm.measuring.spectrum.level import flanks, p_values, pooled_freedom
-from gmwm.measuring.spectrum.line import LEAST_QUALITY, Bump, Line
-from gmwm.measuring.spectrum.line_measurement import measured_line
+from gmwm.measuring.spectrum.line import LEAST_QUALITY, Bump, Line, lorentz_fit, measured_line
 from gmwm.measuring.spectrum.narrow import FIRST_BIN
-from gmwm.measuring.spectrum.shape import lorentz_fit
 
 if TYPE_CHECKING:
     from gmwm.measuring.spectrum.result import PowerSpectrum
@@ -94,11 +92,9 @@ def wide_peaks(
     narrow: tuple[Sequence[Line], Sequence[Bump]],
     level: float,
 ) -> tuple[list[Line], list[Bump]]:
-    """Return the significant wide lines and bumps.
-
-    `level` is the significance level for all bins of all grids together, by Bonferroni's inequality, and `free` marks
-    the bins without a narrow peak. A broad base of the lines and bumps in `narrow` is not reported as another peak.
-    """
+    """Return the significant wide lines and bumps. `level` is the significance level for all bins of all grids
+    together, by Bonferroni's inequality, and `free` marks the bins without a narrow peak. A broad base of the lines and
+    bumps in `narrow` is not reported as another peak."""
     grids = [grid_of(spectrum, freedom, free, resolution) for resolution in RESOLUTIONS]
     tests = max(1, sum(grid.density.size for grid in grids))
     found: list[WidePeak] = []
@@ -175,9 +171,7 @@ def _fitted(peak: WidePeak, grids: Sequence[Grid]) -> WidePeak:
 
 def _width(grid: Grid, k: int, half: float) -> float | None:
     """Return the width (Hz) of the peak at bin k where its density falls to `half`; None if it does not on one side.
-
-    The width of the bins is subtracted in quadrature.
-    """
+    The width of the bins is subtracted in quadrature."""
     ends = []
     for step in (-1, 1):
         j = k
@@ -217,10 +211,8 @@ def _overlap(one: WidePeak, other: WidePeak, grid: Grid | None) -> bool:
 
 
 def _is_known(peak: WidePeak, lines: Sequence[Line], bumps: Sequence[Bump]) -> bool:
-    """Return whether a peak is the flank of a narrow bump, or the broad base of a line whose phase is not steady.
-
-    Such a base has less than half the power of the line in it.
-    """
+    """Return whether a peak is the flank of a narrow bump, or the broad base of a line whose phase is not steady. Such
+    a base has less than half the power of the line in it."""
     if any(abs(bump.frequency - peak.frequency) <= 4 * bump.width + peak.width for bump in bumps):
         return True
     # The power of a Lorentz shape is π/2 times its height and its width.

@@ -18,13 +18,11 @@ from gmwm.measuring.variance.biweight import EFFICIENCY, biweight, require_robus
 from gmwm.measuring.variance.coefficients import require_digits
 from gmwm.measuring.variance.open_segments import DEEPEST, EXACT, SegmentedAccumulator
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.measuring.variance.rise import RiseSums
+from gmwm.measuring.variance.rise import RiseSums, ThinnedValues
 from gmwm.measuring.variance.robust import RobustVariances, robust_variances
 from gmwm.measuring.variance.second_pass import SecondPass, sum_request
 from gmwm.measuring.variance.segment_state import LARGEST_SUM, SegmentState, as_count
-from gmwm.measuring.variance.sketch import SKETCH_COLLECTOR, Counts, Sketches
-from gmwm.measuring.variance.sketched import SketchCoefficients
-from gmwm.measuring.variance.winsorised_mean import ThinnedValues
+from gmwm.measuring.variance.sketch import SKETCH_COLLECTOR, Counts, SketchCoefficients, Sketches
 from gmwm.recording.signals import MINIMUM_SAMPLES, Signal
 
 
@@ -209,25 +207,12 @@ class WaveletAccumulator(SegmentedAccumulator):
         if found is not None:
             variance = found.variance
         wv = WaveletVariance(
-            levels=np.arange(1, counts.size + 1, dtype=np.int64),
-            variance=variance,
-            lower=variance,
-            upper=variance,
-            counts=counts,
-            rate=self.rate,
-            samples=sum(lengths),
-            unit=self.unit,
-            axis=self.axis,
-            confidence=confidence,
-            slope=self._slope() if found is None else slope,
-            segments=lengths if len(lengths) > 1 else (),
-            filled=self.filled,
-            rise=self.rise,
-            strides=_strides(self.exact, counts.size),
-            robust=found is not None,
-            efficiency=efficiency,
-            diagnostics={} if found is None else {"robust": found.diagnostics},
-        )
+            levels=np.arange(1, counts.size + 1, dtype=np.int64), variance=variance, lower=variance, upper=variance,
+            counts=counts, rate=self.rate, samples=sum(lengths), unit=self.unit, axis=self.axis, confidence=confidence,
+            slope=self._slope() if found is None else slope, segments=lengths if len(lengths) > 1 else (),
+            filled=self.filled, rise=self.rise, strides=_strides(self.exact, counts.size), robust=found is not None,
+            efficiency=efficiency, diagnostics={} if found is None else {"robust": found.diagnostics},
+        )  # fmt: skip
         lower, upper = chi_square_limits(variance, wv.degrees_of_freedom, confidence)
         return replace(wv, lower=lower, upper=upper)
 
@@ -299,15 +284,9 @@ class WaveletAccumulator(SegmentedAccumulator):
         """Return a copy of the accumulator, which shares the data of closed segments, because they never change."""
         self._fold()
         made = WaveletAccumulator(
-            self.rate,
-            levels=self.levels,
-            exact=self.exact,
-            start=self.start,
-            unit=self.unit,
-            axis=self.axis,
-            robust=self.robust,
-            held=self.held,
-        )
+            self.rate, levels=self.levels, exact=self.exact, start=self.start, unit=self.unit, axis=self.axis,
+            robust=self.robust, held=self.held,
+        )  # fmt: skip
         made._take_state(self)
         made._thinned = self._thinned
         return made

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from itertools import groupby
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from gmwm.base.errors import DataError
-from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import texts
-from gmwm.base.text import Summarised
+from gmwm.measuring.axis_results import AxisResults
 from gmwm.measuring.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
@@ -20,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class WaveletVariances(Summarised, Plotted, Mapping[str, WaveletVariance]):
+class WaveletVariances(AxisResults[WaveletVariance]):
     """Wavelet variances of the axes of one recording, as a mapping of axis to `WaveletVariance`.
 
     Parameters
@@ -37,38 +33,7 @@ class WaveletVariances(Summarised, Plotted, Mapping[str, WaveletVariance]):
     """
 
     curves: Mapping[str, WaveletVariance]
-
-    def __post_init__(self) -> None:
-        if not self.curves:
-            raise DataError(argument="curves", expected="the wavelet variance of at least one axis", got=self.curves)
-        object.__setattr__(self, "curves", MappingProxyType(dict(self.curves)))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # A mapping proxy cannot be pickled, so the copy is rebuilt from a plain dict.
-        return partial(WaveletVariances, curves=dict(self.curves)), ()
-
-    def __getitem__(self, axis: str) -> WaveletVariance:
-        try:
-            return self.curves[axis]
-        except KeyError:
-            raise DataError(argument="axis", expected=f"one of {', '.join(self.curves)}", got=axis) from None
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.curves)
-
-    def __len__(self) -> int:
-        return len(self.curves)
-
-    def __contains__(self, axis: object) -> bool:
-        return axis in self.curves
-
-    def get(self, axis: str, default: Any = None) -> Any:
-        """Return the wavelet variance of an axis, or `default` if there is none."""
-        return self.curves.get(axis, default)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fields of each axis as plain numbers, lists and strings, by axis."""
-        return {axis: wv.to_dict() for axis, wv in self.curves.items()}
+    noun = "wavelet variance"
 
     def to_frame(self) -> DataFrame:
         """Return the curves as a Polars data frame with one row for each axis and level."""

@@ -29,27 +29,18 @@ Criterion = Callable[[float], tuple[float, float]]
 
 @dataclass(frozen=True)
 class Biweight:
-    """Tukey's biweight ρ(r) = r² (1 − r²/c²)⁴ for |r| ≤ c, and 0 otherwise.
-
-    The M-estimate of the scale σ of coefficients W solves mean ρ(W/σ) = a, the expectation of ρ under N(0, 1).
-    Coefficients beyond the cut-off c σ have no weight.
-    """
+    """Tukey's biweight ρ(r) = r² (1 − r²/c²)⁴ for |r| ≤ c, and 0 otherwise. The M-estimate of the scale σ of
+    coefficients W solves mean ρ(W/σ) = a, the expectation of ρ under N(0, 1). Coefficients beyond the cut-off c σ have
+    no weight."""
 
     c: float
     a: float
 
     def criterion(self, cubed: Number, fourth: Number, count: Number) -> tuple[Number, Number]:
-        """Compute mean ρ − a and its derivative with respect to log σ².
-
-        `cubed` and `fourth` are Σ v q³ and Σ v q⁴ over `count` coefficients, with v = min(r²/c², 1) and q = 1 − v.
-        """
+        """Compute mean ρ − a and its derivative with respect to log σ². `cubed` and `fourth` are Σ v q³ and Σ v q⁴ over
+        `count` coefficients, with v = min(r²/c², 1) and q = 1 − v."""
         square = self.c**2
         return square * fourth / count - self.a, square * (4 * cubed - 5 * fourth) / count
-
-    @property
-    def least_share(self) -> float:
-        """Smallest share of nonzero coefficients for which a root can exist, which is a / max ρ."""
-        return self.a / (self.c**2 * 4**4 / 5**5)
 
 
 def biweight(efficiency: float) -> Biweight:
@@ -116,11 +107,9 @@ def _legendre() -> tuple[Vector, Vector]:
 
 
 def newton(criterion: Criterion, tolerance: float) -> tuple[float | None, int]:
-    """Find the root that Newton's method in log σ² reaches from 0; return it and the number of evaluations.
-
-    The root is None if the criterion does not decrease at an iterate, or an iterate leaves the accepted range. This
-    excludes the spurious root at 0.07 σ², where the criterion increases, which exists even without outliers.
-    """
+    """Find the root that Newton's method in log σ² reaches from 0; return it and the number of evaluations. The root is
+    None if the criterion does not decrease at an iterate, or an iterate leaves the accepted range. This excludes the
+    spurious root at 0.07 σ², where the criterion increases, which exists even without outliers."""
     place = 0.0
     for count in range(1, 41):
         value, slope = criterion(place)
@@ -145,12 +134,10 @@ class Scan:
 
 
 def scan(criterion: Criterion, tolerance: float) -> Scan:
-    """Find a root at which the criterion decreases, starting from log σ² = 0, and all local maxima.
-
-    If the criterion is positive at 0, σ² is too small there, and the first root above 0 is chosen; if it is negative,
-    the first root below 0. The iteration σ² ← σ² mean ρ / a would converge to the same root. Without a root in this
-    direction, the nearest root in the other direction is chosen.
-    """
+    """Find a root at which the criterion decreases, starting from log σ² = 0, and all local maxima. If the criterion is
+    positive at 0, σ² is too small there, and the first root above 0 is chosen; if it is negative, the first root below
+    0. The iteration σ² ← σ² mean ρ / a would converge to the same root. Without a root in this direction, the nearest
+    root in the other direction is chosen."""
     grid = np.linspace(-REACH, REACH, 61)
     values = np.array([criterion(float(place))[0] for place in grid])
     inside = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:])) + 1

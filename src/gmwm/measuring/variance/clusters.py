@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Literal, TypeAlias
 
@@ -13,8 +13,9 @@ from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised
-from gmwm.measuring.variance.noise_type import noise_type
-from gmwm.measuring.variance.phase import Data
+from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.variance.noise_type import NoiseType, noise_type
+from gmwm.measuring.variance.phase import Data, Phase
 
 Family: TypeAlias = Literal["allan", "hadamard", "total"]
 Kind: TypeAlias = Literal["overlapping", "nonoverlapping", "modified"]
@@ -153,6 +154,17 @@ class ClusterVariance(Summarised, Plotted):
             f"ClusterVariance({self.axis or 'unnamed'}, {self.title.removesuffix(' deviation')}, {len(self)} "
             f"cluster sizes, {self.samples} samples at {self.rate:g} Hz)"
         )
+
+
+def cluster_variance(
+    phase: Phase, noise: Sequence[NoiseType], confidence: float, *, bias: Vector | float = 1.0, **values: Any
+) -> ClusterVariance:
+    """Return the result of a phase. Its limits are those of the variance over `bias`; `values` are other fields."""
+    lower, upper = chi_square_limits(values["variance"] / bias, values["degrees_of_freedom"], confidence)
+    return ClusterVariance(
+        lower=lower, upper=upper, noise=tuple(kind.name for kind in noise), rate=phase.rate, samples=phase.samples,
+        unit=phase.unit, axis=phase.axis, data=phase.data, confidence=confidence, **values,
+    )  # fmt: skip
 
 
 def _plain(value: Any) -> Any:

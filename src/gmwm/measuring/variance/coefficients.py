@@ -14,16 +14,14 @@ from gmwm.base.arrays import MISSING_SAMPLES, Vector
 from gmwm.base.errors import DataError
 
 
-class Coefficients(Protocol):
+class CoefficientSource(Protocol):
     """Interface to the coefficients W of all levels. The index k is level k + 1, and `counts` has their numbers."""
 
     counts: NDArray[np.int64]
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
         """Return Σ v q³, Σ v q⁴ and the number of terms for each level, with v = min(W²/limit, 1) and q = 1 − v.
-
-        `limits` has (cσ)² for each level, or 0 for a level to skip. Only about one in `every` coefficients is used.
-        """
+        `limits` has (cσ)² for each level, or 0 for a level to skip. Only about one in `every` coefficients is used."""
 
     def sample(self, k: int, size: int) -> Vector:
         """Return |W| at `size` evenly spread positions, or all |W| if there are no more."""
@@ -32,7 +30,19 @@ class Coefficients(Protocol):
         """Return the number of |W| ≤ `low`, and the values with `low` < |W| ≤ `high`."""
 
     def median(self, k: int) -> float:
-        """Return the median of |W|."""
+        """Return the exact median of |W| at level k + 1. Only the values near the median of a sample are stored."""
+        count = int(self.counts[k])
+        sample = np.sort(self.sample(k, SAMPLE))
+        if sample.size < count:
+            around = 3 * math.isqrt(sample.size)
+            low, high = float(sample[sample.size // 2 - around]), float(sample[sample.size // 2 + around])
+            below, sizes = self.between(k, low, high)
+            first, last = (count - 1) // 2 - below, count // 2 - below
+            if first >= 0 and last < sizes.size:
+                middle = np.partition(sizes, (first, last))
+                return float(middle[first] + middle[last]) / 2
+            sample = self.sample(k, count)
+        return float(np.median(sample))
 
     def resolution(self, k: int) -> float:
         """Return the largest |W| that can be a rounding error."""
@@ -40,22 +50,6 @@ class Coefficients(Protocol):
 
 SAMPLE = 2048
 """Number of coefficients of a level that are used for the first search for the root and for the median."""
-
-
-def selected_median(source: Coefficients, k: int) -> float:
-    """Compute the exact median of |W| at level k + 1. Only the values near the median of a sample are stored."""
-    count = int(source.counts[k])
-    sample = np.sort(source.sample(k, SAMPLE))
-    if sample.size < count:
-        around = 3 * math.isqrt(sample.size)
-        low, high = float(sample[sample.size // 2 - around]), float(sample[sample.size // 2 + around])
-        below, kept = source.between(k, low, high)
-        first, last = (count - 1) // 2 - below, count // 2 - below
-        if first >= 0 and last < kept.size:
-            middle = np.partition(kept, (first, last))
-            return float(middle[first] + middle[last]) / 2
-        sample = source.sample(k, count)
-    return float(np.median(sample))
 
 
 def haar_resolution(peak: float, level: int) -> float:
@@ -88,7 +82,7 @@ def require_digits(x: Vector) -> None:
     )
 
 
-class HaarCoefficients:
+class HaarCoefficients(CoefficientSource):
     """Haar MODWT coefficients, computed from one running sum of the signal."""
 
     def __init__(self, x: Vector, levels: int) -> None:
@@ -98,27 +92,23 @@ class HaarCoefficients:
         self._peak = max(float(self.sum.max()), -float(self.sum.min()))
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
-        """See `Coefficients.sums`. All levels are computed in one pass over the running sum."""
+        """See `CoefficientSource.sums`. All levels are computed in one pass over the running sum."""
         return _core.haar_biweight_sums(self.sum, limits, every)
 
     def sample(self, k: int, size: int) -> Vector:
-        """See `Coefficients.sample`."""
+        """See `CoefficientSource.sample`."""
         return _core.haar_sample(self.sum, k + 1, size)
 
     def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
-        """See `Coefficients.between`."""
+        """See `CoefficientSource.between`."""
         return _core.haar_between(self.sum, k + 1, low, high)
-
-    def median(self, k: int) -> float:
-        """See `selected_median`."""
-        return selected_median(self, k)
 
     def resolution(self, k: int) -> float:
         """See `haar_resolution`."""
         return haar_resolution(self._peak, k + 1)
 
 
-class PlainCoefficients:
+class PlainCoefficients(CoefficientSource):
     """Coefficients stored as one array per level."""
 
     def __init__(self, levels: Sequence[Vector], resolutions: Sequence[float]) -> None:
@@ -127,7 +117,7 @@ class PlainCoefficients:
         self._resolutions = resolutions
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
-        """See `Coefficients.sums`."""
+        """See `CoefficientSource.sums`."""
         sums = np.zeros((3, len(self.levels)))
         for k, limit in enumerate(limits.tolist()):
             if limit > 0:
@@ -146,29 +136,25 @@ class PlainCoefficients:
         return np.abs(w[np.minimum(places, w.size - 1)])
 
     def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
-        """See `Coefficients.between`."""
+        """See `CoefficientSource.between`."""
         size = np.abs(self.levels[k])
         return int(np.count_nonzero(size <= low)), size[(size > low) & (size <= high)]
-
-    def median(self, k: int) -> float:
-        """See `selected_median`."""
-        return selected_median(self, k)
 
     def resolution(self, k: int) -> float:
         """Return the stored resolution."""
         return self._resolutions[k]
 
 
-class PooledCoefficients:
+class PooledCoefficients(CoefficientSource):
     """Coefficients of several segments, which can have different numbers of levels."""
 
-    def __init__(self, sources: Sequence[Coefficients]) -> None:
+    def __init__(self, sources: Sequence[CoefficientSource]) -> None:
         self.sources = sources
         self.counts = np.zeros(max(len(source.counts) for source in sources), dtype=np.int64)
         for source in sources:
             self.counts[: len(source.counts)] += source.counts
 
-    def _reaching(self, k: int) -> list[Coefficients]:
+    def _reaching(self, k: int) -> list[CoefficientSource]:
         return [source for source in self.sources if len(source.counts) > k]
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
@@ -193,10 +179,6 @@ class PooledCoefficients:
         """Combine the counts and values of all segments."""
         found = [source.between(k, low, high) for source in self._reaching(k)]
         return sum(below for below, _ in found), np.concatenate([kept for _, kept in found])
-
-    def median(self, k: int) -> float:
-        """See `selected_median`."""
-        return selected_median(self, k)
 
     def resolution(self, k: int) -> float:
         """Return the largest resolution of the segments."""

@@ -122,11 +122,9 @@ def _covariance(t: Vector, filter_factor: Vector, alpha: int, d: int, modified: 
 
 
 def _averaged(t: Vector, filter_factor: Vector, alpha: int, modified: bool) -> Vector:
-    """Compute s_x(t), the generalised autocovariance of the phase, at a lag of t clusters.
-
-    s_x is −F² times the second difference, with a step of 1/F, of the kernel s_w for α, with F = `filter_factor`. For
-    F → ∞ it is the kernel for α + 2. For running sums of white and random-walk samples it is |t| and |t|³ − |t|/n².
-    """
+    """Compute s_x(t), the generalised autocovariance of the phase, at a lag of t clusters. s_x is −F² times the second
+    difference, with a step of 1/F, of the kernel s_w for α, with F = `filter_factor`. For F → ∞ it is the kernel for α
+    + 2. For running sums of white and random-walk samples it is |t| and |t|³ − |t|/n²."""
     endless = np.isinf(filter_factor)
     f = np.where(endless, 1.0, filter_factor)
     if alpha == 1:
@@ -152,10 +150,8 @@ def _kernel(t: Vector, alpha: int) -> Vector:
 
 
 def _flicker_phase(u: Vector, f: Vector) -> Vector:
-    """Compute s_x for α = 1 at the lag t = u/F: 2 ln F minus the second difference of u² ln|u| with step 1.
-
-    Far from 0 the difference follows from its series 2 ln|u| + 3 − 1/(6u²), which avoids cancellation.
-    """
+    """Compute s_x for α = 1 at the lag t = u/F: 2 ln F minus the second difference of u² ln|u| with step 1. Far from 0
+    the difference follows from its series 2 ln|u| + 3 − 1/(6u²), which avoids cancellation."""
     far = np.abs(u) > 1000
     near = np.where(far, 0.0, u)
     difference = _square_log(near - 1) + _square_log(near + 1) - 2 * _square_log(near)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm.base import _core
 from gmwm.base.arrays import Vector
 from gmwm.measuring.variance.phase import inner_product
 
@@ -16,10 +17,8 @@ from gmwm.measuring.variance.phase import inner_product
 @dataclass(frozen=True)
 class NoiseType:
     """Type of power-law noise, with its name in time keeping (PM: noise of the phase, FM: noise of its rate).
-
     `exponent` is α of the spectral density f^α of the rate, `slope` the slope of the Allan deviation (Hadamard
-    deviation for α ≤ −3) over the averaging time on logarithmic axes, and `term` the name in inertial sensing or "".
-    """
+    deviation for α ≤ −3) over the averaging time on logarithmic axes, and `term` the name in inertial sensing or ""."""
 
     name: str
     exponent: int
@@ -70,13 +69,17 @@ def noise_type(name: str) -> NoiseType:
     return _BY_NAME[name]
 
 
+def exponents(noise: Sequence[NoiseType]) -> NDArray[np.int64]:
+    """Return the exponents α of noise types."""
+    return np.array([kind.exponent for kind in noise], dtype=np.int64)
+
+
 def noise_types(
     phase: Vector,
     clusters: NDArray[np.int64],
     variance: Vector,
     *,
     reddest: int,
-    modified_ratio: Callable[[int], float],
 ) -> tuple[NoiseType, ...]:
     """Identify the dominant noise at each cluster size, from the phase without a straight line and its `variance`.
 
@@ -110,7 +113,7 @@ def noise_types(
         elif means >= LEAST_RATIO and last is not DRIFT:
             last = _by_ratio(taken, reddest) or last
         if last.exponent > 0 and n >= LEAST_PHASE_RATIO and means >= LEAST_RATIO:
-            last = _by_modified_ratio(modified_ratio(n), n)
+            last = _by_modified_ratio(modified_ratio(phase, n), n)
         found.append(last)
     return tuple(found)
 
@@ -174,11 +177,18 @@ def _by_ratio(phase: Vector, reddest: int) -> NoiseType | None:
     return _BY_EXPONENT[2 if mu == -2 else max(reddest, -mu - 1)]
 
 
-def _by_modified_ratio(ratio: float, n: int) -> NoiseType:
-    """Return the noise type for the ratio R(n) of the modified to the overlapping Allan variance.
+def modified_ratio(phase: Vector, n: int) -> float:
+    """Return the ratio of the modified to the overlapping Allan variance; 1 if the phase is too short for it."""
+    if 3 * n > phase.size:
+        return 1.0
+    modified = _core.moving_second_differences(phase, n) / (phase.size - 3 * n + 1) / n**2
+    plain = _core.second_differences(phase, n) / (phase.size - 2 * n)
+    return modified / plain if plain > 0 else 1.0
 
-    In theory it is 1/n for white PM, 3.37/(1.04 + 3 ln n) for flicker PM, and ½ for white FM.
-    """
+
+def _by_modified_ratio(ratio: float, n: int) -> NoiseType:
+    """Return the noise type for the ratio R(n) of the modified to the overlapping Allan variance. In theory it is 1/n
+    for white PM, 3.37/(1.04 + 3 ln n) for flicker PM, and ½ for white FM."""
     white, flicker, frequency = 1 / n, 3.37 / (1.04 + 3 * math.log(n)), 0.5
     if n >= LEAST_FREQUENCY_RATIO and ratio > math.sqrt(flicker * frequency):
         return _BY_EXPONENT[0]

@@ -11,10 +11,10 @@ from gmwm.base.arrays import Vector, as_vector
 from gmwm.base.errors import OptionError
 from gmwm.base.locks import OneAtATime, one_at_a_time
 from gmwm.base.text import with_article
+from gmwm.measuring.variance.blocks import Statistics, StatisticsCollector
 from gmwm.measuring.variance.held_samples import HeldSamples
 from gmwm.measuring.variance.rise import RiseSums
 from gmwm.measuring.variance.segment_state import SegmentState
-from gmwm.measuring.variance.statistics_protocol import Statistics, StatisticsCollector
 from gmwm.recording.batches import feed
 from gmwm.recording.signals import Signal
 
@@ -40,13 +40,11 @@ LARGE = 1 << 18
 
 
 class SegmentedAccumulator(OneAtATime):
-    """Sums over the wavelet coefficients of a recording that arrives in chunks of any size.
-
-    Several threads may use one accumulator: one call runs at a time, and samples are in the order of the calls. Up to
-    `held` samples (2^exact − 1 by default, for which all levels are exact) are stored unprocessed. More samples are
-    processed in panels, and only sums are kept. `start` is the index of the first sample in the recording, and
-    `collector` computes further statistics of the coefficients. The other parameters are as for `WaveletAccumulator`.
-    """
+    """Sums over the wavelet coefficients of a recording that arrives in chunks of any size. Several threads may use one
+    accumulator: one call runs at a time, and samples are in the order of the calls. Up to `held` samples (2^exact − 1
+    by default, for which all levels are exact) are stored unprocessed. More samples are processed in panels, and only
+    sums are kept. `start` is the index of the first sample in the recording, and `collector` computes further
+    statistics of the coefficients. The other parameters are as for `WaveletAccumulator`."""
 
     def __init__(
         self, levels: int, exact: int, start: int, collector: StatisticsCollector | None, held: int | None = None
@@ -98,11 +96,9 @@ class SegmentedAccumulator(OneAtATime):
         return self._first is None and self._last is None and not self._lengths
 
     def update(self, chunk: ArrayLike) -> None:
-        """Add the next samples (n,), one or more.
-
-        Raises DataError if a value is NaN or infinite, or if, in a robust accumulator, it is so large that double
-        precision loses the other values. The chunk is rejected, and the earlier samples are kept.
-        """
+        """Add the next samples (n,), one or more. Raises DataError if a value is NaN or infinite, or if, in a robust
+        accumulator, it is so large that double precision loses the other values. The chunk is rejected, and the earlier
+        samples are kept."""
         with self._lock:
             # The checks of a small chunk in Python take three times as long as its sums.
             if not (self._usual and self._held.inbox.append(chunk, LARGE - 1)):

@@ -31,16 +31,15 @@ SCALE_DOWN = "Pass the signal in a larger unit."
 @dataclass(frozen=True, eq=False)
 class Phase:
     """Phase of a recording, minus a straight line. It is in the unit of the rate: time is measured in samples.
-
     `samples` is the number of input values, `rate` the sampling rate (Hz), and `unit` the unit of the rate. `octaves`
-    are the sums of squared second differences at 1, 2, 4, … samples, if they were computed together with the phase.
-    """
+    are the sums of squared second differences at 1, 2, 4, … samples, if they were computed together with the phase."""
 
     values: Vector
     rate: float
     samples: int
     unit: str = ""
     axis: str = ""
+    data: Data = "rate"
     octaves: Vector | None = None
 
     @property
@@ -52,12 +51,10 @@ class Phase:
 def phase_of(
     x: Signal | ArrayLike, rate: float | None, data: Data, *, straighten: bool = False, octaves: bool = False
 ) -> Phase:
-    """Compute the phase: the running sum of the rate without its mean, or the given phase without a straight line.
-
-    With `straighten`, a straight line is subtracted from the rate, which reduces the rounding errors of third
-    differences. With `octaves`, the sums of squared second differences at octaves are computed in the same pass. Raises
-    DataError or OptionError for unusable samples or options, as `allan_variance` does.
-    """
+    """Compute the phase: the running sum of the rate without its mean, or the given phase without a straight line. With
+    `straighten`, a straight line is subtracted from the rate, which reduces the rounding errors of third differences.
+    With `octaves`, the sums of squared second differences at octaves are computed in the same pass. Raises DataError or
+    OptionError for unusable samples or options, as `allan_variance` does."""
     one_of(data, "data", ("rate", "phase"))
     if isinstance(x, Signal):
         if rate is not None and rate != x.rate:
@@ -81,7 +78,7 @@ def phase_of(
     if not np.isfinite(phase[-1]):
         require_finite(values, "x")
         raise DataError(TOO_LARGE, argument="x", advice=SCALE_DOWN)
-    return Phase(values=phase, rate=rate, samples=values.size, unit=unit, axis=axis, octaves=sums)
+    return Phase(values=phase, rate=rate, samples=values.size, unit=unit, axis=axis, data=data, octaves=sums)
 
 
 def contradicting_rate(rate: float, known: float, owner: str) -> OptionError:
@@ -156,10 +153,8 @@ def cluster_sizes(clusters: Clusters | ArrayLike, largest: int, usual: int | Non
 def mean_squares(
     kernel: Callable[[int], float], clusters: NDArray[np.int64], counts: NDArray[np.int64], progress: Progress | None
 ) -> Vector:
-    """Divide the sum of squares that `kernel` returns for each cluster size by the number of terms.
-
-    Ctrl-C stops between two sizes.
-    """
+    """Divide the sum of squares that `kernel` returns for each cluster size by the number of terms. Ctrl-C stops
+    between two sizes."""
     sums = np.empty(clusters.size)
     for k, n in enumerate(clusters.tolist()):
         if progress is not None:

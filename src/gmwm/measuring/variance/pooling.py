@@ -107,11 +107,8 @@ def _differ(what: str, one: str, other: str) -> DataError:
 
 def _reach(items: list[WaveletVariance]) -> int:
     """Return the number of levels of the pooled curve: those of the longest curve, up to a level that another curve
-    lacks.
-
-    A curve lacks a level that its length allows if, for example, a regression left it out. The covariance of segments
-    requires the coefficients of every segment that is long enough.
-    """
+    lacks. A curve lacks a level that its length allows if, for example, a regression left it out. The covariance of
+    segments requires the coefficients of every segment that is long enough."""
     reach = max(map(len, items))
     for wv in items:
         if len(wv) < reach and _counts(wv, reach)[len(wv)] > 0:

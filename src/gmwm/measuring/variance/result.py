@@ -251,21 +251,10 @@ class WaveletVariance(Summarised, Plotted):
                 "the limits must enclose the variance: lower ≤ variance ≤ upper at every level", argument="limits"
             )
         return cls(
-            levels=levels,
-            variance=values,
-            lower=limits[0],
-            upper=limits[1],
-            counts=counts,
-            rate=as_rate(rate),
-            samples=samples,
-            unit=unit,
-            axis=axis,
-            confidence=confidence,
-            filter=wavelet.name,
-            transform=transform,
-            robust=robust,
-            efficiency=efficiency,
-        )
+            levels=levels, variance=values, lower=limits[0], upper=limits[1], counts=counts, rate=as_rate(rate),
+            samples=samples, unit=unit, axis=axis, confidence=confidence, filter=wavelet.name, transform=transform,
+            robust=robust, efficiency=efficiency,
+        )  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain numbers, lists and strings for JSON."""

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from gmwm.base import _core
 from gmwm.base.arrays import Vector, as_vector
 from gmwm.measuring.variance.biweight import NORMAL_QUARTILE, Biweight, Criterion, biweight, newton, root_beyond, scan
-from gmwm.measuring.variance.coefficients import SAMPLE, Coefficients, HaarCoefficients, PlainCoefficients
+from gmwm.measuring.variance.coefficients import SAMPLE, CoefficientSource, PlainCoefficients
 
 PART = 8
 """Before the passes over all coefficients, one Newton step uses one eighth of the recording, if this part has more
@@ -55,25 +55,20 @@ class _Level:
 
 @dataclass(frozen=True)
 class RobustVariances:
-    """Robust variances of several levels (J,), with diagnostics of the search.
-
-    The diagnostics are lists with one value for each level: "outcome", see `Outcome`; "start", the starting value of
-    σ²; "iterations" on a sample of the coefficients; "passes" over all coefficients; "zeros", the share of zero
-    coefficients.
-    """
+    """Robust variances of several levels (J,), with diagnostics of the search. The diagnostics are lists with one value
+    for each level: "outcome", see `Outcome`; "start", the starting value of σ²; "iterations" on a sample of the
+    coefficients; "passes" over all coefficients; "zeros", the share of zero coefficients."""
 
     variance: Vector
     diagnostics: Mapping[str, list[Any]]
 
 
-def robust_variances(source: Coefficients, efficiency: float = 0.6) -> RobustVariances:
-    """Compute the M-estimate of σ² at every level.
-
-    It is a root of mean ρ(W/σ) = a, see `Biweight`. If there are several roots, the search starts at (MAD / 0.67449)²,
-    with the median MAD of |W|, and accepts only roots at which the left side decreases with σ. The MAD is 0 if more
-    than half of the coefficients are zero, as at fine levels of a coarsely quantized signal. The search then starts at
-    the median of the nonzero coefficients, and the variance is 0 without a root.
-    """
+def robust_variances(source: CoefficientSource, efficiency: float = 0.6) -> RobustVariances:
+    """Compute the M-estimate of σ² at every level. It is a root of mean ρ(W/σ) = a, see `Biweight`. If there are
+    several roots, the search starts at (MAD / 0.67449)², with the median MAD of |W|, and accepts only roots at which
+    the left side decreases with σ. The MAD is 0 if more than half of the coefficients are zero, as at fine levels of a
+    coarsely quantized signal. The search then starts at the median of the nonzero coefficients, and the variance is 0
+    without a root."""
     tuning = biweight(efficiency)
     levels = [_first(source, k, tuning) for k in range(len(source.counts))]
     _polish(source, levels, tuning)
@@ -85,11 +80,6 @@ def robust_variances(source: Coefficients, efficiency: float = 0.6) -> RobustVar
         for name in ("outcome", "start", "iterations", "passes", "zeros")
     }
     return RobustVariances(np.array([level.variance for level in levels]), diagnostics)
-
-
-def haar_robust_variances(x: Vector, levels: int, efficiency: float = 0.6) -> RobustVariances:
-    """Compute robust Haar MODWT variances of a finite signal at levels 1 … `levels`."""
-    return robust_variances(HaarCoefficients(x, levels), efficiency)
 
 
 def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6, *, resolution: float = 0.0) -> float:
@@ -107,7 +97,7 @@ def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6, *, resolut
     return float(robust_variances(plain, efficiency).variance[0])
 
 
-def _first(source: Coefficients, k: int, tuning: Biweight) -> _Level:
+def _first(source: CoefficientSource, k: int, tuning: Biweight) -> _Level:
     """Search the root of a level on a sample of its coefficients. The result is final if the sample has all of them."""
     sample = source.sample(k, SAMPLE)
     count, resolution = int(source.counts[k]), source.resolution(k)
@@ -168,7 +158,7 @@ def _on_sample(level: _Level, sample: Vector, tuning: Biweight) -> Criterion:
     return criterion
 
 
-def _on_all(source: Coefficients, k: int, level: _Level, tuning: Biweight) -> Criterion:
+def _on_all(source: CoefficientSource, k: int, level: _Level, tuning: Biweight) -> Criterion:
     limits = np.zeros(len(source.counts))
 
     def criterion(place: float) -> tuple[float, float]:
@@ -179,7 +169,7 @@ def _on_all(source: Coefficients, k: int, level: _Level, tuning: Biweight) -> Cr
     return criterion
 
 
-def _polish(source: Coefficients, levels: Sequence[_Level], tuning: Biweight) -> None:
+def _polish(source: CoefficientSource, levels: Sequence[_Level], tuning: Biweight) -> None:
     """Refine the sample roots of all levels by Newton's method on all coefficients, pass by pass."""
     active = np.array([level.rooted and level.outcome is None for level in levels])
     start = np.array([level.start for level in levels])
@@ -213,12 +203,10 @@ def _polish(source: Coefficients, levels: Sequence[_Level], tuning: Biweight) ->
 def _interpolated(
     before: tuple[Vector, Vector, Vector], here: tuple[Vector, Vector, Vector], step: Vector
 ) -> tuple[Vector, Vector]:
-    """Return the step to the root of the cubic through the last two points and slopes, and the predicted error.
-
-    The cubic is log σ² as a function of the criterion. Its error is proportional to the product of the squared
-    distances of both points from the root; the error of a Newton step, to the squared distance of the later point. The
-    Newton step is used if the later criterion is not below a tenth of the earlier one.
-    """
+    """Return the step to the root of the cubic through the last two points and slopes, and the predicted error. The
+    cubic is log σ² as a function of the criterion. Its error is proportional to the product of the squared distances of
+    both points from the root; the error of a Newton step, to the squared distance of the later point. The Newton step
+    is used if the later criterion is not below a tenth of the earlier one."""
     (x0, y0, d0), (x1, y1, d1) = before, here
     usable = (np.abs(y1) < 0.1 * np.abs(y0)) & (d0 < 0) & (d1 < 0)
     span = np.where(usable, y1 - y0, 1.0)
@@ -232,11 +220,9 @@ def _interpolated(
     return moved, error
 
 
-def _settle(source: Coefficients, k: int, level: _Level, tuning: Biweight) -> None:
-    """Solve a level without a root on its sample, or that has not converged, by a scan of all coefficients.
-
-    Without a root, the variance follows from the MAD, or is 0 if the MAD is 0.
-    """
+def _settle(source: CoefficientSource, k: int, level: _Level, tuning: Biweight) -> None:
+    """Solve a level without a root on its sample, or that has not converged, by a scan of all coefficients. Without a
+    root, the variance follows from the MAD, or is 0 if the MAD is 0."""
     criterion = _on_all(source, k, level, tuning)
     root: float | None = None
     if level.rooted:

@@ -21,10 +21,10 @@ from gmwm.measuring.variance.biweight import REACH, Biweight, Criterion, biweigh
 from gmwm.measuring.variance.coefficients import SAMPLE
 from gmwm.measuring.variance.open_segments import SegmentedAccumulator
 from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.measuring.variance.rise import WinsorisedRise
 from gmwm.measuring.variance.robust import RobustVariances, robust_variances
 from gmwm.measuring.variance.second_pass_sums import LevelSums, SecondPassSums, SumRequest
-from gmwm.measuring.variance.sketched import SketchCoefficients
-from gmwm.measuring.variance.winsorised_mean import WinsorisedRise
+from gmwm.measuring.variance.sketch import SketchCoefficients
 
 if TYPE_CHECKING:
     from gmwm.measuring.variance.accumulate import WaveletAccumulator

@@ -19,11 +19,9 @@ MOST = 1 << 17
 
 @dataclass(frozen=True, eq=False)
 class MedianCells:
-    """Counts of |W| in narrow cells around the median, as fine as their maximum number allows; merged in any order.
-
-    A cell has all numbers with the same leading bits: `shift` low-order bits are omitted. `cells` are the leading bits
-    in ascending order, and `counts` the numbers of |W|.
-    """
+    """Counts of |W| in narrow cells around the median, as fine as their maximum number allows; merged in any order. A
+    cell has all numbers with the same leading bits: `shift` low-order bits are omitted. `cells` are the leading bits in
+    ascending order, and `counts` the numbers of |W|."""
 
     shift: int = FINEST
     cells: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
@@ -76,11 +74,9 @@ class MedianCells:
 
 @dataclass(frozen=True, eq=False)
 class LevelSums:
-    """Sums and counts over a set of coefficients of one level.
-
-    `cubed` and `fourth` are Σ v q³ and Σ v q⁴ (see `Biweight.criterion`) at the limit (cσ)² of the level, `below` and
-    `inside` the counts of |W| below and in the bracket of the median, and `sizes` all |W| of a level with few of them.
-    """
+    """Sums and counts over a set of coefficients of one level. `cubed` and `fourth` are Σ v q³ and Σ v q⁴ (see
+    `Biweight.criterion`) at the limit (cσ)² of the level, `below` and `inside` the counts of |W| below and in the
+    bracket of the median, and `sizes` all |W| of a level with few of them."""
 
     cubed: float = 0.0
     fourth: float = 0.0
@@ -116,10 +112,8 @@ class SecondPassSums:
 @dataclass(frozen=True, eq=False)
 class SumRequest:
     """Specification of the sums that the second pass collects at each level (J,); it is a `StatisticsCollector`.
-
     `limits` has (cσ)² for the sums, or 0 for none. `low` and `high` are the bracket of the median of |W|; `high` is 0
-    without a bracket. `kept` tells whether all |W| of a level are stored.
-    """
+    without a bracket. `kept` tells whether all |W| of a level are stored."""
 
     limits: Vector
     low: Vector

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from gmwm.base import _core
 from gmwm.base.arrays import Vector
-from gmwm.measuring.variance.blocks import STEPS, Blocks, blocks_of
+from gmwm.measuring.variance.blocks import STEPS, Blocks, Statistics, StatisticsCollector, blocks_of
 from gmwm.measuring.variance.sketch import SKETCH_COLLECTOR, Sketch, Sketches
-from gmwm.measuring.variance.statistics_protocol import Statistics, StatisticsCollector
 
 LONGEST = 1 << 61
 """Largest number of samples of a stored state: a 64-bit integer can hold its sum with the first index."""
@@ -63,16 +62,11 @@ class SegmentState:
         nothing = np.empty(0)
         squares, sums, statistics = _measured(nothing, x, reference, start=start, exact=exact, collector=collector)
         return cls(
-            exact=exact,
-            start=start,
-            count=x.size,
-            reference=reference,
-            head=x[:reach] - reference,
-            tail=x[-reach:] - reference,
-            squares=squares,
+            exact=exact, start=start, count=x.size, reference=reference, head=x[:reach] - reference,
+            tail=x[-reach:] - reference, squares=squares,
             blocks=tuple(blocks_of(sums, start, start + x.size, steps=steps, collector=collector)),
             statistics=statistics,
-        )
+        )  # fmt: skip
 
     def grown(self, x: Vector, collector: StatisticsCollector | None = None) -> SegmentState:
         """Return the state of this segment extended by the samples `x`."""
@@ -84,16 +78,13 @@ class SegmentState:
         fresh = blocks_of(sums, self.stop, self.stop + x.size, steps=steps, collector=collector)
         missing = reach - self.head.size
         return SegmentState(
-            exact=self.exact,
-            start=self.start,
-            count=self.count + x.size,
-            reference=self.reference,
+            exact=self.exact, start=self.start, count=self.count + x.size, reference=self.reference,
             head=self.head if missing == 0 else np.concatenate([self.head, x[:missing] - self.reference]),
             tail=np.concatenate([self.tail[x.size :], x[-reach:] - self.reference])[-reach:],
             squares=self.squares + squares,
             blocks=tuple(a.followed_by(b, collector) for a, b in zip(self.blocks, fresh, strict=True)),
             statistics=_merged(self.statistics, statistics),
-        )
+        )  # fmt: skip
 
     def followed_by(self, later: SegmentState, collector: StatisticsCollector | None = None) -> SegmentState:
         """Return the state of this segment and the segment that directly follows it."""
@@ -207,16 +198,9 @@ class SegmentState:
             blocks = [replace(b, part=p[0], resolution=p[1]) for b, p in zip(blocks, known, strict=False)]
         start, count = (as_count(values[prefix + name]) for name in ("start", "count"))
         return cls(
-            exact=exact,
-            start=start,
-            count=count,
-            reference=float(values[f"{prefix}reference"]),
-            head=head,
-            tail=tail,
-            squares=squares,
-            blocks=tuple(blocks),
-            statistics=statistics,
-        )
+            exact=exact, start=start, count=count, reference=float(values[f"{prefix}reference"]), head=head, tail=tail,
+            squares=squares, blocks=tuple(blocks), statistics=statistics,
+        )  # fmt: skip
 
 
 LARGEST_SUM = 1e140
@@ -234,11 +218,9 @@ def as_count(value: Any, least: int = 0) -> int:
 def _measured(
     before: Vector, x: Vector, reference: float, *, start: int, exact: int, collector: StatisticsCollector | None
 ) -> tuple[Vector, Vector, Statistics | None]:
-    """Return Σ W² (exact,) of the coefficients that end in x, the sums for the blocks, and the further statistics.
-
-    The samples x follow `before`, which is relative to `reference`, and begin at sample `start` of the recording. Σ W²
-    is computed only if the collector needs it or there is no collector.
-    """
+    """Return Σ W² (exact,) of the coefficients that end in x, the sums for the blocks, and the further statistics. The
+    samples x follow `before`, which is relative to `reference`, and begin at sample `start` of the recording. Σ W² is
+    computed only if the collector needs it or there is no collector."""
     step = (2 << exact) // STEPS
     reach = min(exact, (before.size + x.size).bit_length() - 1) if collector is None or collector.squares else 0
     squares = np.zeros(exact)

@@ -67,7 +67,7 @@ _RESULTS = {
     "fitting.likelihood.result.LikelihoodFit": "fit.plot_fit",
     "fitting.likelihood.tracks.Tracks": "tracks.plot_tracks",
     "measuring.regression.result.Regression": "regression.plot_regression",
-    "measuring.spectrum.axes_result.PowerSpectra": "spectrum.plot_spectra",
+    "measuring.spectrum.result.PowerSpectra": "spectrum.plot_spectra",
     "measuring.spectrum.result.PowerSpectrum": "spectrum.plot_spectrum",
     "measuring.variance.allan_regression.AllanRegression": "allan.plot_avlr",
     "measuring.variance.axes_result.WaveletVariances": "imu.plot_imu",

@@ -12,8 +12,8 @@ import numpy as np
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
+from gmwm.measuring.variance.allan_regression import Term, coefficient_unit
 from gmwm.measuring.variance.clusters import ClusterVariance
-from gmwm.measuring.variance.slope_line import Term, coefficient_unit
 from gmwm.showing.plots.axes import number_text, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE, band_edges, closed_panel, curves_then_bands
 from gmwm.showing.plots.drawing import drawing
