@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Quantity, Remark
-from gmwm.base.time_base import TimeBase
+from gmwm.base.time_base import TimeBase, gap_duration
 from gmwm.base.units import LONG_TIME_UNITS, TIME_UNITS
 from gmwm.files.clock.loss_levels import Rows
 from gmwm.files.clock.rate_check import require_one_rate, require_order
 from gmwm.files.clock.sampling_interval import RATE_TOLERANCE, Found, find_losses, resolution_of
 from gmwm.files.clock.stamp_order import Steps, in_order, nominal_interval, require_span, without_steps_back
-from gmwm.files.clock.time_stamps import Timing, about_stamps, as_stamps, require_countable
+from gmwm.files.clock.time_stamps import SegmentStarts, Timing, about_stamps, as_stamps, require_countable
 
 BLOCK, MARGIN = 1 << 20, 1 << 16
 """Number of rows of a block, and of the rows on each side that are analysed with it. A change of the rate is found if
@@ -272,32 +272,20 @@ def _joined(blocks: Sequence[_Block], origin: float, per_second: int, unit: str,
         remarks += _about_declared(rate, measured, grave)
     elif remark := _about_regular(rows, lost, count, measured) or _about_rounded(blocks, count, measured, per_second):
         remarks = [*(one for one in remarks if one.code != "rate-from-mean"), remark]
-    reliable = {0: origin / per_second} | {row: (origin + tick) / per_second for row, tick in walls.items()}
-    starts = _starts(segments, dict(zip(rows.tolist(), lost.tolist(), strict=True)), reliable, used)
+    gaps = dict(zip(rows.tolist(), lost.tolist(), strict=True))
+    times = {row: (origin + tick) / per_second for row, tick in walls.items()}
+    clock = SegmentStarts(origin / per_second, used)
+    starts = tuple(clock.at(row, gaps.get(row, 0), times.get(row)) for row, _ in segments)
     base = TimeBase(
         rate=used,
         stamped=True,
         start=starts[0],
         jitter=jitter / per_second,
-        gaps=tuple((row, (n + 1) / used) for row, n in zip(rows.tolist(), lost.tolist(), strict=True)),
+        gaps=tuple((row, gap_duration(count, used)) for row, count in gaps.items()),
         duplicates=sum(b.duplicates for b in blocks),
         backward=sum(b.backward for b in blocks),
     )
     return Timing(base, segments, starts=starts, remarks=(*remarks, *about_stamps(base)), width=blocks[0].found.width)
-
-
-def _starts(
-    segments: Sequence[tuple[int, int]], lost: dict[int, int], walls: dict[int, float], rate: float
-) -> tuple[float, ...]:
-    """Return the start times of the segments (s). They differ by whole sampling intervals unless the clock was set
-    back."""
-    begin, time, missing, starts = 0, walls[0], 0, []
-    for first, _ in segments:
-        if first in walls:
-            begin, time, missing = first, walls[first], 0
-        missing += lost.get(first, 0)
-        starts.append(time + (first - begin + missing) / rate)
-    return tuple(starts)
 
 
 def _interval(

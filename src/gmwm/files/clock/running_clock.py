@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Quantity, Remark
-from gmwm.base.time_base import TimeBase
+from gmwm.base.time_base import TimeBase, gap_duration
 from gmwm.base.units import LONG_TIME_UNITS, TIME_UNITS
 from gmwm.files.clock.rate_check import require_one_rate, require_order
 from gmwm.files.clock.sampling_interval import find_losses, resolution_of
 from gmwm.files.clock.stamp_order import in_order, without_steps_back
-from gmwm.files.clock.time_stamps import Timing, about_stamps
+from gmwm.files.clock.time_stamps import SegmentStarts, Timing, about_stamps
 
 # Pinned by tests/readers/test_growing.py.
 
@@ -186,7 +186,7 @@ class RunningClock:
         self.pace = pace
         self._window = np.empty(0)  # ticks from row `_base` on
         self._base = self._stop = 0
-        self._anchor, self._lost = (0, pace.time(0.0)), 0
+        self._starts = SegmentStarts(pace.time(0.0), pace.rate)
         self._counted = Counted()
 
     @property
@@ -291,11 +291,9 @@ class RunningClock:
         starts = []
         for row in firsts:
             if cuts[row]:
-                self._lost += cuts[row]
-                self._counted.gaps.append((row, (cuts[row] + 1) / pace.rate))
-            else:
-                self._anchor, self._lost = (row, pace.time(float(window[row - base]))), 0
-            starts.append(self._anchor[1] + (row - self._anchor[0] + self._lost) / pace.rate)
+                self._counted.gaps.append((row, gap_duration(cuts[row], pace.rate)))
+            # No sample is lost where the clock was set back.
+            starts.append(self._starts.at(row, cuts[row], None if cuts[row] else pace.time(float(window[row - base]))))
         if self._stop == 0 < stop:
             firsts, starts = [0, *firsts], [pace.time(0.0), *starts]
         self._stop = stop

@@ -84,6 +84,21 @@ class Timing:
     width: int = 1
 
 
+class SegmentStarts:
+    """Start times of segments: whole sampling intervals from the last place at which the clock was set."""
+
+    def __init__(self, time: float, rate: float) -> None:
+        self._row, self._time, self._rate, self._lost = 0, time, rate, 0
+
+    def at(self, row: int, lost: int, clock: float | None) -> float:
+        """Return the start time (s) of a segment that begins with `row`, after a gap with `lost` samples. `clock` is
+        the time stamp (s) of the row if the clock was set back there."""
+        if clock is not None:
+            self._row, self._time, self._lost = row, clock, 0
+        self._lost += lost
+        return self._time + (row - self._row + self._lost) / self._rate
+
+
 def unstamped(rate: float, samples: int) -> Timing:
     """Return the time base of a recording without time stamps: one segment at the given rate (Hz)."""
     return Timing(TimeBase(rate), ((0, samples),), starts=(0.0,), remarks=())
