@@ -39,56 +39,28 @@ standard deviation of the distances between gaps is at most 0.1."""
 @dataclass(frozen=True)
 class _Block:
     """Results for the time stamps of one block. Ticks, the unit of the time stamps, are counted from the first time
-    stamp of the recording. They continue to increase where the clock was set back.
+    stamp of the recording. They continue to increase where the clock was set back."""
 
-    Attributes
-    ----------
-    rows : int
-        Number of rows.
-    found : Found
-        Sampling interval, and gaps by the number of the row in the recording.
-    walls : sequence of (row, tick)
-        Each row before which the clock was set back, and its time stamp.
-    index, tick : float
-        Mean index of the samples, in which lost samples are counted, and mean of the time stamps.
-    spread : float
-        Sum of the squared differences of the sample indices from their mean.
-    inside, span, squares : int, float, float
-        Number and sum of the intervals within segments, and the sum of their squared differences from `reference`.
-    reference, median : float
-        Sampling interval of the first block, and its median interval within segments (ticks).
-    exact : bool
-        Whether all intervals are multiples of the median within the resolution of float64.
-    whole : float
-        Sum of all intervals.
-    spacing : float
-        Spacing of float64 numbers at the magnitude of the time stamps.
-    duplicates, backward : int
-        Number of time stamps that equal the previous one, and number that are smaller than the previous one.
-    steps : Steps
-        Wraps of a counter and changes of summer time.
-    end : float
-        Tick of the first row of the next block.
-    """
-
-    rows: int
-    found: Found
-    walls: tuple[tuple[int, float], ...]
-    index: float
+    rows: int  # number of rows
+    found: Found  # sampling interval, and gaps by the number of the row in the recording
+    walls: tuple[tuple[int, float], ...]  # each row before which the clock was set back, and its time stamp
+    index: float  # mean index of the samples, in which lost samples are counted, and mean of the time stamps
     tick: float
-    spread: float
+    spread: float  # sum of the squared differences of the sample indices from their mean
+    # number and sum of the intervals within segments, and the sum of their squared differences from `reference`
     inside: int
     span: float
     squares: float
-    reference: float
+    reference: float  # sampling interval of the first block, and its median interval within segments (ticks)
     median: float
-    exact: bool
-    whole: float
-    spacing: float
+    exact: bool  # whether all intervals are multiples of the median within the resolution of float64
+    whole: float  # sum of all intervals
+    spacing: float  # spacing of float64 numbers at the magnitude of the time stamps
+    # number of time stamps that equal the previous one, and number that are smaller than the previous one
     duplicates: int
     backward: int
-    steps: Steps
-    end: float
+    steps: Steps  # wraps of a counter and changes of summer time
+    end: float  # tick of the first row of the next block
 
 
 def clock_of(chunks: Iterable[NDArray[Any]], unit: str, rate: float | None) -> tuple[Timing, Remark | None]:
@@ -99,24 +71,7 @@ def clock_of(chunks: Iterable[NDArray[Any]], unit: str, rate: float | None) -> t
     time stamps within 1 %. The time stamps then only determine where the gaps are. The remark on the difference is a
     warning if two conditions are met: it is more than 0.1 %, and over the longest segment it adds up to more than one
     sampling interval and three times the jitter. The start times of the segments differ by whole sampling intervals,
-    except where the clock was set back.
-
-    Parameters
-    ----------
-    chunks : iterable of (n,) arrays of int64 or float64
-        The column of time stamps as it is in the file.
-    unit : str
-        One of `TIME_UNITS` or `LONG_TIME_UNITS` if declared or stated; "" to infer it.
-    rate : float or None
-        Declared rate (Hz).
-
-    Raises
-    ------
-    UnitError
-        If the unit cannot be inferred.
-    ReadError
-        If the time stamps do not increase, are not in order, change their rate, or contradict the declared rate.
-    """
+    except where the clock was set back. `unit` is "" to infer it; `rate` is the declared rate (Hz)."""
     blocks: list[_Block] = []
     first, remark, row = None, None, 0
     for window, begin, end in _windows(chunks):
@@ -366,13 +321,7 @@ def _shortest_decimal(interval: float, tolerance: float, per_second: int) -> flo
 
 
 def _require_agreement(rate: float, measured: float, unit: str) -> None:
-    """Require that the declared rate and the rate of the time stamps (Hz) differ by 1 % at most.
-
-    Raises
-    ------
-    ReadError
-        If they differ by more; the advice names the unit in which they would agree.
-    """
+    """Require that the declared rate and the rate of the time stamps (Hz) differ by 1 % at most."""
     if abs(measured / rate - 1) <= RATE_TOLERANCE:
         return
     known = TIME_UNITS | {u: 1 / seconds for u, seconds in LONG_TIME_UNITS.items()}

@@ -170,18 +170,8 @@ def placed(x: Vector, level: Vector, width: int, steps: Vector) -> Rows:
 def _cheapest(costs: Vector, price: Vector) -> list[tuple[int, int, int]]:
     """Return the path from the first to the last level with the lowest cost.
 
-    Parameters
-    ----------
-    costs : (M, n) array
-        Cost of each row at each level.
-    price : (n,) array
-        Cost of a rise before each row.
-
-    Returns
-    -------
-    list of (row, from, to)
-        The rises in order: the first row after the rise, and the indices of the levels before and after it.
-    """
+    `costs` (M, n) has the cost of each row at each level, and `price` (n,) the cost of a rise before each row. Each
+    step of the path is the first row after a rise, and the indices of the levels before and after it."""
     total = np.concatenate([np.zeros((costs.shape[0], 1)), np.cumsum(costs, axis=1)], axis=1)[:, :-1]
     values, sources, rows = [total[0]], [np.zeros(total.shape[1], dtype=int)], [np.zeros(total.shape[1], dtype=int)]
     index = np.arange(total.shape[1])

@@ -48,25 +48,7 @@ class Change:
 def require_order(ticks: Vector, nominal: float, origin: float, per_second: float, row: int = 0) -> None:
     """Require that time stamps are in order, except for a few.
 
-    Parameters
-    ----------
-    ticks : (N,) array
-        Time stamps minus the first one, in their unit.
-    nominal : float
-        Approximate sampling interval in ticks.
-    origin : float
-        The first time stamp in ticks.
-    per_second : float
-        Ticks in a second.
-    row : int
-        Number of rows before the first time stamp.
-
-    Raises
-    ------
-    ReadError
-        If more than two time stamps and more than 0.1 % of them are out of order, or if the time steps backward more
-        than 8 times and in more than 1 % of the rows.
-    """
+    `ticks` are counted from the first time stamp, `origin`. `row` rows are before it."""
     steps = np.diff(ticks)
     back = np.flatnonzero(steps < 0)
     near = int(np.count_nonzero(steps[back] > -_NEAR * nominal))
@@ -84,14 +66,7 @@ def require_order(ticks: Vector, nominal: float, origin: float, per_second: floa
 
 
 def require_one_rate(ticks: Vector, per_second: float, row: int = 0) -> None:
-    """Require that the sampling rate does not change within the recording.
-
-    Raises
-    ------
-    ReadError
-        If the rate changes. The message states both rates, and the row and time of the change. The fact `when` is this
-        time (s), counted from the zero of `ticks`. `row` is the number of rows before the first one of `ticks`.
-    """
+    """Require that the sampling rate does not change within the recording."""
     change = rate_change(ticks)
     if change is None:
         return
@@ -113,11 +88,6 @@ def rate_change(ticks: Vector) -> Change | None:
     on gaps, and the mean does not depend on jitter and rounding. Both must change by about the same factor, and all
     blocks of one side must lie beyond all of the other side. If samples come in bursts, the median has no meaning, and
     the mean must change by 20 %, with eight blocks on either side.
-
-    Parameters
-    ----------
-    ticks : (N,) array
-        Time stamps in any unit, in order except for a few.
 
     >>> rate_change(np.cumsum(np.repeat([1.0, 2.0], 500)))
     Change(index=499, before=1.0, after=2.0)

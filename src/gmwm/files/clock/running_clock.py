@@ -45,15 +45,7 @@ class Settled:
 
 
 class KnownClock:
-    """Clock of a recording whose time stamps have all been analysed.
-
-    Parameters
-    ----------
-    timing : Timing
-        Segments of all rows.
-    row : int
-        Number of the first row that will be added.
-    """
+    """Clock of a recording whose time stamps have all been analysed."""
 
     def __init__(self, timing: Timing, row: int = 0) -> None:
         self._firsts = np.array([first for first, _ in timing.segments])
@@ -84,31 +76,16 @@ class KnownClock:
 
 @dataclass(frozen=True)
 class Pace:
-    """Sampling interval, unit and origin of the time stamps of a live stream, from its first rows.
+    """Sampling interval, unit and origin of the time stamps of a live stream, from its first rows."""
 
-    Attributes
-    ----------
-    first : int or float
-        The first time stamp as it is in the file, from which the others are counted.
-    rows : int
-        Number of the first rows.
-    rate : float
-        Samples per second (Hz).
-    seconds, per_second : float, int
-        Seconds in a tick if it is longer than a second, and ticks in a second if it is shorter; 1 otherwise.
-    width : int
-        Number of rows in the blocks that were compared to find the gaps; 1 for single rows.
-    spacing : float
-        Spacing of float64 numbers at the magnitude of the time stamps (ticks); 0 for integers.
-    """
-
-    first: int | float
-    rows: int
-    rate: float
+    first: int | float  # the first time stamp as it is in the file, from which the others are counted
+    rows: int  # number of the first rows
+    rate: float  # samples per second (Hz)
+    # seconds in a tick if it is longer than a second, and ticks in a second if it is shorter; 1 otherwise
     seconds: float
     per_second: int
-    width: int
-    spacing: float
+    width: int  # number of rows in the blocks that were compared to find the gaps; 1 for single rows
+    spacing: float  # spacing of float64 numbers at the magnitude of the time stamps (ticks); 0 for integers
 
     @classmethod
     def of(cls, head: NDArray[Any], unit: str, timing: Timing) -> Self:
@@ -147,25 +124,15 @@ class Pace:
 
 @dataclass
 class Counted:
-    """Counts and sums over the intervals between time stamps.
+    """Counts and sums over the intervals between time stamps."""
 
-    Attributes
-    ----------
-    inside : int
-        Number of intervals within segments.
-    span, squares : float
-        Sum of these intervals (ticks), and sum of their squared differences from the sampling interval.
-    duplicates, backward : int
-        Number of time stamps that equal the previous one, and number that are smaller than the previous one.
-    gaps : list of (row, seconds)
-        For each gap, the first row after it and its length (s).
-    """
-
-    inside: int = 0
-    span: float = 0.0
+    inside: int = 0  # number of intervals within segments
+    span: float = 0.0  # sum of these intervals (ticks), and sum of their squared differences from the sampling interval
     squares: float = 0.0
+    # number of time stamps that equal the previous one, and number that are smaller than the previous one
     duplicates: int = 0
     backward: int = 0
+    # for each gap, the first row after it and its length (s)
     gaps: list[tuple[int, float]] = field(default_factory=list)
 
 
@@ -174,13 +141,7 @@ class RunningClock:
 
     A long interval is a gap if the time stamps after it stay late. To find this out, some later rows are needed, so the
     segments of the last rows of a block are determined with the next block. For a file, whose time stamps are all
-    known, `KnownClock` is used instead.
-
-    Parameters
-    ----------
-    pace : Pace
-        The time stamps of the first rows.
-    """
+    known, `KnownClock` is used instead."""
 
     def __init__(self, pace: Pace) -> None:
         self.pace = pace
@@ -195,13 +156,7 @@ class RunningClock:
         return self._base + self._window.size
 
     def take(self, values: NDArray[Any]) -> Settled:
-        """Add the time stamps of the next rows, and return the rows whose segments are now known.
-
-        Raises
-        ------
-        ReadError
-            If the time stamps are not in order, or the rate changes.
-        """
+        """Add the time stamps of the next rows, and return the rows whose segments are now known."""
         before = self.rows
         self._window = np.concatenate([self._window, self.pace.ticks(values)])
         self._require_steady(self._window[max(0, before - self._base - 1) :], max(0, before - 1))
@@ -241,13 +196,7 @@ class RunningClock:
                 )
 
     def _require_steady(self, new: Vector, row: int) -> None:
-        """Require that the new time stamps, from `row` on, are in order and at the same rate.
-
-        Raises
-        ------
-        ReadError
-            If they are out of order, or the rate changes.
-        """
+        """Require that the new time stamps, from `row` on, are in order and at the same rate."""
         pace = self.pace
         if new.size < 2:
             return

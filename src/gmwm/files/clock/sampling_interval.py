@@ -76,39 +76,20 @@ _SLIPS = 5
 
 @dataclass(frozen=True)
 class Found:
-    """Sampling interval and lost samples of time stamps without backward steps.
+    """Sampling interval and lost samples of time stamps without backward steps."""
 
-    Attributes
-    ----------
-    interval : float
-        Sampling interval in ticks.
-    rows, lost : (G,) arrays
-        Row after each gap, and the number of samples lost there, at least 1.
-    width : int
-        Number of rows in the blocks whose statistics were compared; 1 if single rows show the lost samples.
-    repeated : (R,) array
-        Rows that were written twice.
-    """
-
-    interval: float
-    rows: Rows
+    interval: float  # sampling interval in ticks
+    rows: Rows  # row after each gap, and the number of samples lost there, at least 1
     lost: Rows
-    width: int
-    repeated: Rows = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    width: int  # number of rows in the blocks whose statistics were compared; 1 if single rows show the lost samples
+    repeated: Rows = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # rows that were written twice
 
 
 def find_losses(ticks: Vector, resolution: float, declared: float | None = None) -> Found:
     """Find the sampling interval and the lost samples.
 
-    Parameters
-    ----------
-    ticks : (N,) array
-        Time stamps that never decrease.
-    resolution : float
-        Unit of which the time stamps are multiples (ticks).
-    declared : float, optional
-        Declared sampling interval in ticks. It decides if several intervals explain the time stamps.
-    """
+    `ticks` (N,) never decrease and are multiples of `resolution`. The declared interval (ticks) decides if several
+    intervals explain the time stamps."""
     none = np.empty(0, dtype=np.int64)
     line = _one_line(ticks, resolution)
     contradicts = declared is not None and line is not None and abs(line / declared - 1) > RATE_TOLERANCE

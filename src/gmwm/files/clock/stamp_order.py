@@ -70,13 +70,7 @@ class Ordered:
 
 
 def nominal_interval(ticks: Vector) -> float:
-    """Return the approximate sampling interval in ticks: the median interval, or the mean of time stamps in bursts.
-
-    Raises
-    ------
-    ReadError
-        If the time stamps do not increase.
-    """
+    """Return the approximate sampling interval in ticks: the median interval, or the mean of time stamps in bursts."""
     forward = np.diff(ticks)
     forward = forward[forward >= 0]
     single = float(np.median(forward)) if forward.size else 0.0
@@ -169,13 +163,7 @@ def without_steps_back(ticks: Vector, nominal: float) -> tuple[Vector, NDArray[n
 
 
 def require_span(ticks: Vector, nominal: float, per_second: float) -> None:
-    """Raise an error if the time stamps span a longer time than a recording can last.
-
-    Raises
-    ------
-    ReadError
-        If the time stamps span more than 300 years, or more sampling intervals than float64 can count.
-    """
+    """Raise an error if the time stamps span a longer time than a recording can last."""
     span = float(np.max(ticks) - np.min(ticks))
     if span > _LONGEST * per_second or not span < 2.0**52 * nominal:
         raise ReadError(

@@ -100,13 +100,7 @@ def described(cell: str) -> Remark:
 
 
 def require_readable(cell: str, path: object) -> None:
-    """Require that the first cell of a time column is a number, or a date or time that can be read.
-
-    Raises
-    ------
-    ReadError
-        If the cell is a date without a time, has day and month in an unknown order, or has no seconds.
-    """
+    """Require that the first cell of a time column is a number, or a date or time that can be read."""
     text = cell.strip()
     if is_stamp(text) or not _LOOKS.search(text):
         return
@@ -142,18 +136,8 @@ def what_is_wrong(cell: str, first: str) -> str:
 def times_of(cells: pl.Series, first: str) -> NDArray[np.datetime64]:
     """Parse time stamps to datetime64[ns] in UTC. Times of day are on the first day of 1970.
 
-    Parameters
-    ----------
-    cells : Series of String, without nulls
-    first : str
-        The first time stamp of the column in the file. It shows whether the column has dates or times of day, and
-        whether it has offsets from UTC.
-
-    Returns
-    -------
-    (N,) array
-        The times, with NaT for a cell that cannot be read.
-    """
+    `first` is the first time stamp of the column in the file: it shows whether the column has dates or times of day,
+    and offsets from UTC. A cell that cannot be read gives NaT."""
     zoned = None if is_time_of_day(first) else bool(_zone(first))
     widths = cells.str.len_bytes().to_numpy()
     found = np.empty(widths.size, dtype="M8[ns]")

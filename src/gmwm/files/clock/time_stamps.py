@@ -41,27 +41,13 @@ _JITTER = 0.5
 
 @dataclass(frozen=True)
 class Stamps:
-    """Time stamps counted from the first one.
+    """Time stamps counted from the first one."""
 
-    Parameters
-    ----------
-    ticks : (N,) array
-        Time stamps minus the first, in `unit`; exact if the file holds integers.
-    origin : float
-        The first time stamp, in `unit`.
-    spacing : float
-        Spacing of float64 numbers at the magnitude of the time stamps, in `unit`; 0 for integers.
-    unit : str
-        "s", "ms", "us" or "ns".
-    integer : bool
-        Whether the file holds integers in this unit.
-    """
-
-    ticks: Vector
-    origin: float
-    spacing: float
-    unit: str
-    integer: bool = False
+    ticks: Vector  # time stamps minus the first, in `unit`; exact if the file holds integers
+    origin: float  # the first time stamp, in `unit`
+    spacing: float  # spacing of float64 numbers at the magnitude of the time stamps, in `unit`; 0 for integers
+    unit: str  # "s", "ms", "us" or "ns"
+    integer: bool = False  # whether the file holds integers in this unit
 
     @property
     def per_second(self) -> int:
@@ -108,20 +94,7 @@ def as_stamps(values: NDArray[Any], unit: str, rate: float | None) -> tuple[Stam
     """Count time stamps in their unit from the first one. Return also a remark if the unit is inferred or longer than a
     second.
 
-    Parameters
-    ----------
-    values : (N,) array of int64 or float64
-        The column as it is in the file.
-    unit : str
-        One of `TIME_UNITS` or `LONG_TIME_UNITS` if declared or stated; "" to infer it.
-    rate : float or None
-        Declared rate (Hz), which decides if several units are possible.
-
-    Raises
-    ------
-    UnitError
-        If the unit cannot be inferred.
-    """
+    `unit` is "" to infer it. A declared rate (Hz) decides if several units are possible."""
     require_countable(values)
     integer = values.dtype.kind in "iu"
     values = values.astype(np.int64) if integer else values
@@ -144,13 +117,7 @@ _COUNTABLE = 1e25
 
 
 def require_countable(values: NDArray[Any]) -> None:
-    """Raise an error if a time stamp is larger than any clock can count.
-
-    Raises
-    ------
-    ReadError
-        If there is such a time stamp. The message states the first one.
-    """
+    """Raise an error if a time stamp is larger than any clock can count."""
     if values.dtype.kind != "f" or not values.size or float(np.max(np.abs(values))) <= _COUNTABLE:
         return
     row = int(np.argmax(~(np.abs(values) <= _COUNTABLE)))
@@ -162,13 +129,7 @@ def require_countable(values: NDArray[Any]) -> None:
 
 
 def _inferred_unit(ticks: Vector, origin: float, rate: float | None) -> str:
-    """Return the only unit in which the time stamps are plausible.
-
-    Raises
-    ------
-    UnitError
-        If several units are plausible, or none. The message states the rate in each unit.
-    """
+    """Return the only unit in which the time stamps are plausible."""
     interval = nominal_interval(ticks)
     rates = {unit: per_second / interval for unit, per_second in TIME_UNITS.items()}
     if rate is not None:

@@ -53,14 +53,7 @@ class _Known:
 
 def time_unit(layout: Layout, choice: Choice, declared: Mapping[str, str]) -> tuple[str, Remark | None]:
     """Return the unit of the time stamps ("" if it is neither declared nor stated), and a remark if the time stamps are
-    dates or if the declared unit replaces a stated one.
-
-    Raises
-    ------
-    UnitError
-        If the file names an unknown unit (it is not replaced by an inferred one), or if a unit is declared although the
-        time stamps are dates and times.
-    """
+    dates or if the declared unit replaces a stated one."""
     column = choice.columns["time"]
     channel = layout.channels[column]
     if holds_stamps(layout, column):
@@ -100,24 +93,8 @@ def resolve(
 ) -> Scales:
     """Find the unit of every axis.
 
-    Parameters
-    ----------
-    layout, choice
-        Description of the file, and the choice of its columns.
-    declared : mapping
-        The option `units` after its check: the unit of each sensor.
-    values : mapping of axis to (N,) array
-        The numbers as they are in the file, to infer the unit of the accelerometers.
-    rate : float
-        Sampling rate (Hz). The error for a gyroscope without a unit uses it to state the noise density.
-    increments : sequence of str
-        Axes or sensors that were declared as increments, for which "deg" in the file does not contradict "deg/s".
-
-    Raises
-    ------
-    UnitError
-        If the unit of a gyroscope is unknown, or the unit of the accelerometers can neither be found nor inferred.
-    """
+    `declared` maps sensors to units. `values` (N,) are the numbers in the file, for the norm of gravity. For axes in
+    `increments`, "deg" in the file does not contradict "deg/s"."""
     units: dict[str, Unit] = {}
     remarks: list[Remark] = []
     for quantity in SI_UNIT:
@@ -159,13 +136,7 @@ def resolve(
 
 
 def _known(layout: Layout, choice: Choice, declared: Mapping[str, str], axis: str, integral: bool) -> _Known:
-    """Return the unit of an axis if it is declared by the user or stated in the file.
-
-    Raises
-    ------
-    UnitError
-        If the file names an unknown unit.
-    """
+    """Return the unit of an axis if it is declared by the user or stated in the file."""
     quantity = axis_quantity(axis)
     channel = layout.channels[choice.columns[axis]]
     by_name = named_unit(channel.name, axis)
@@ -219,13 +190,7 @@ def _norm(axes: list[str], values: Mapping[str, Vector]) -> float:
 
 
 def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, Remark]:
-    """Infer the unit of the accelerometers from the norm of gravity; return it with the remark that states it.
-
-    Raises
-    ------
-    UnitError
-        If an axis is missing, or the norm of the accelerometers is not gravity in any of the units.
-    """
+    """Infer the unit of the accelerometers from the norm of gravity; return it with the remark that states it."""
     if len(axes) < 3:
         raise UnitError(
             f"the unit of {', '.join(axes)} is unknown, and it can be inferred from gravity only with all three axes",

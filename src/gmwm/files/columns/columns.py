@@ -20,17 +20,10 @@ from gmwm.recording.options import ROLES, Columns
 
 @dataclass(frozen=True)
 class Choice:
-    """The columns to read, and their roles.
+    """The columns to read, and their roles."""
 
-    Attributes
-    ----------
-    columns : dict of role to index
-        Index of the column of each role: an axis, "time" or "temperature".
-    remarks : tuple of Remark
-        Remarks on columns that are not read, and on a column that was chosen among several.
-    """
-
-    columns: dict[str, int]
+    columns: dict[str, int]  # index of the column of each role: an axis, "time" or "temperature"
+    # remarks on columns that are not read, and on a column that was chosen among several
     remarks: tuple[Remark, ...] = ()
 
     @property
@@ -48,15 +41,7 @@ def choose(layout: Layout, columns: Columns | None, path: Path) -> Choice:
     """Choose the columns to read.
 
     If `columns` names a column for at least one axis, only the named axes are read. The time column is still found by
-    its name unless `columns` has "time". An axis whose column is None is left out.
-
-    Raises
-    ------
-    ReadError
-        If no axis is found, or two columns could be the same axis.
-    OptionError
-        If `columns` names a column that the file does not have.
-    """
+    its name unless `columns` has "time". An axis whose column is None is left out."""
     if columns is not None and not isinstance(columns, Mapping):
         return _finished(Choice(_by_order(layout, columns, path)), layout, path)
     given = dict(columns or {})

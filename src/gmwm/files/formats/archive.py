@@ -126,13 +126,7 @@ class ArchiveReader(Reader):
 
 
 def _tables(path: Path) -> list[_Table]:
-    """Return the tables in an archive that have values of an inertial sensor.
-
-    Raises
-    ------
-    ReadError
-        If there is no such table, or a table is damaged.
-    """
+    """Return the tables in an archive that have values of an inertial sensor."""
     with open_archive(path) as archive:
         names = list(dict.fromkeys(file_names(archive)))
     if sum(PurePosixPath(name).suffix.lower() in _SUFFIXES for name in names) > MAX_TABLES:

@@ -49,33 +49,16 @@ _BRACKET = re.compile(r"\s*[\[({<].*$")
 
 @dataclass(frozen=True)
 class Array:
-    """An array in a file.
+    """An array in a file."""
 
-    Parameters
-    ----------
-    name : str
-        Path in the file; its last part is the name of the array.
-    shape : tuple of int
-        (N,) for a column, (N, k) for a table.
-    dtype : dtype
-        Type of the numbers in the array.
-    rows : callable
-        Function that reads a part of the array; see `RowReader`.
-    unit : str
-        Unit that the file states for the array; "" if none.
-    axes : tuple of str
-        Role of each column ("time" or an axis such as "gyro_x") if the format determines it; "" for no role.
-    units : tuple of str
-        Unit of each column if the format determines it.
-    """
-
-    name: str
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-    rows: RowReader
-    unit: str = ""
+    name: str  # path in the file; its last part is the name of the array
+    shape: tuple[int, ...]  # (N,) for a column, (N, k) for a table
+    dtype: np.dtype[Any]  # type of the numbers in the array
+    rows: RowReader  # function that reads a part of the array; see `RowReader`
+    unit: str = ""  # unit that the file states for the array; "" if none
+    # role of each column ("time" or an axis such as "gyro_x") if the format determines it; "" for no role
     axes: tuple[str, ...] = ()
-    units: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()  # unit of each column if the format determines it
 
     @property
     def columns(self) -> int:
@@ -118,22 +101,7 @@ def with_stated_units(arrays: Sequence[Array], texts: Sequence[str]) -> list[Arr
 
 def layouts_of(arrays: Sequence[Array], path: object, remarks: tuple[Remark, ...] = ()) -> tuple[Layout, ...]:
     """Group arrays of the same length into recordings. If an axis occurs twice, each group (folder) in the file is a
-    separate recording.
-
-    Parameters
-    ----------
-    arrays : sequence of Array
-        All arrays of the file.
-    path : path
-        The file, for messages.
-    remarks : tuple of Remark
-        Remarks on how the reader interpreted the file.
-
-    Raises
-    ------
-    ReadError
-        If no array has the shape of a recording.
-    """
+    separate recording."""
     usable = [upright(array) for array in arrays if _is_real(array)]
     series = [a for a in usable if len(a.shape) in (1, 2) and a.shape[0] > 1 and 0 < a.columns <= MAX_COLUMNS]
     if not series:

@@ -22,13 +22,7 @@ _EMPTY = (("structure_needs_at_least_one_member", (1, ("uint8", 0))),)  # how CD
 
 
 def definition(topic: Topic) -> Definition | None:
-    """Return the type of the messages of a topic, or None if it is not defined or its messages cannot be decoded.
-
-    Raises
-    ------
-    ReadError
-        If the definition in the file cannot be parsed.
-    """
+    """Return the type of the messages of a topic, or None if it is not defined or its messages cannot be decoded."""
     if topic.encoding not in ENCODINGS:
         return None
     ros1 = topic.encoding == "ros1"

@@ -35,31 +35,15 @@ TOPIC_LIMIT = 10_000
 
 @dataclass(frozen=True)
 class Topic:
-    """A stream of messages of one type.
+    """A stream of messages of one type."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the topic, for example "/imu/data".
-    type : str
-        Type of the messages, for example "sensor_msgs/msg/Imu", also for ROS 1.
-    encoding : str
-        Serialisation of the messages: "cdr", "ros1", or another one, which cannot be read.
-    text, language : str
-        Definition of the type and its language: "ros1msg", "ros2msg", "ros2idl", or "" for none.
-    ids : tuple of int
-        Identifiers of the topic in the file; there is one for each publisher.
-    count : int or None
-        Number of messages; None if the file does not state it.
-    """
-
-    name: str
-    type: str
-    encoding: str
-    text: str = ""
+    name: str  # name of the topic, for example "/imu/data"
+    type: str  # type of the messages, for example "sensor_msgs/msg/Imu", also for ROS 1
+    encoding: str  # serialisation of the messages: "cdr", "ros1", or another one, which cannot be read
+    text: str = ""  # definition of the type and its language: "ros1msg", "ros2msg", "ros2idl", or "" for none
     language: str = ""
-    ids: tuple[int, ...] = ()
-    count: int | None = None
+    ids: tuple[int, ...] = ()  # identifiers of the topic in the file; there is one for each publisher
+    count: int | None = None  # number of messages; None if the file does not state it
 
 
 class Storage(ABC):
@@ -80,20 +64,7 @@ class Storage(ABC):
 def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
     """Decompress a chunk, and check that it has the size that the file states.
 
-    Parameters
-    ----------
-    data : bytes
-        The bytes in the file.
-    compression : str
-        "", "none", "lz4", "bz2" or "zstd".
-    size : int
-        Expected size after decompression (bytes).
-
-    Raises
-    ------
-    ReadError
-        If the chunk is damaged, has a different size, is too large, or has another compression.
-    """
+    `compression` is "", "none", "lz4", "bz2" or "zstd"."""
     if size > CHUNK_LIMIT:
         raise ReadError(
             f"{path}: a chunk of {size} bytes; more than {CHUNK_LIMIT >> 20} MB are not unpacked at once",

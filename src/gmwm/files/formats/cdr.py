@@ -52,21 +52,12 @@ Description = Any
 
 @dataclass(frozen=True)
 class Definition:
-    """A message type with all types that it contains.
+    """A message type with all types that it contains."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the type, for example "sensor_msgs/msg/Imu".
-    types : mapping
-        For each type name, the name and the description of each field of the type.
-    encoding : "cdr" or "ros1"
-        Serialisation of the messages.
-    """
-
-    name: str
+    name: str  # name of the type, for example "sensor_msgs/msg/Imu"
+    # for each type name, the name and the description of each field of the type
     types: Mapping[str, Sequence[tuple[str, Description]]]
-    encoding: Encoding
+    encoding: Encoding  # serialisation of the messages
 
     def leaves(self) -> tuple[str, ...]:
         """Return the names of the numbers in every message, for example "angular_velocity.x" and "gyro[0]".
@@ -119,25 +110,13 @@ class Definition:
 
 @dataclass(frozen=True)
 class Template:
-    """Positions of the numbers in a message, valid for all messages with the same lengths of strings and sequences.
+    """Positions of the numbers in a message, valid for all messages with the same lengths of strings and sequences."""
 
-    Parameters
-    ----------
-    order : "<" or ">"
-        Byte order.
-    places : mapping
-        For each wanted number, its NumPy type and its offset in the message (bytes). The type "time" is two 32-bit
-        words.
-    words : tuple of (offset, value)
-        Offset (bytes) and value of the length of each string and sequence.
-    size : int
-        Length of the message (bytes).
-    """
-
-    order: str
+    order: str  # byte order
+    # For each wanted number, its NumPy type and its offset in the message (bytes). The type "time" is two 32-bit words
     places: Mapping[str, tuple[str, int]]
-    words: tuple[tuple[int, int], ...]
-    size: int
+    words: tuple[tuple[int, int], ...]  # offset (bytes) and value of the length of each string and sequence
+    size: int  # length of the message (bytes)
 
 
 @dataclass
@@ -241,13 +220,7 @@ class _Walk:
 
 
 def template(definition: Definition, message: bytes, wanted: Sequence[str]) -> Template:
-    """Find the positions of the numbers in a message.
-
-    Raises
-    ------
-    ReadError
-        If the message does not fit its type.
-    """
+    """Find the positions of the numbers in a message."""
     cdr = definition.encoding == "cdr"
     if cdr and message[:2] not in (b"\0\0", b"\0\1"):
         begin = " ".join(f"{byte:02x}" for byte in message[:4])
@@ -275,15 +248,7 @@ def template(definition: Definition, message: bytes, wanted: Sequence[str]) -> T
 
 
 class Decoder:
-    """Decodes the numbers of messages of one type.
-
-    Parameters
-    ----------
-    definition : Definition
-        The type of the messages.
-    wanted : sequence of str
-        Names of the numbers to decode, from `Definition.leaves`.
-    """
+    """Decodes the numbers of messages of one type."""
 
     def __init__(self, definition: Definition, wanted: Sequence[str]) -> None:
         self.definition = definition
@@ -294,13 +259,7 @@ class Decoder:
         self._store: Any = None
 
     def decode(self, messages: Sequence[bytes]) -> dict[str, NDArray[Any]]:
-        """Decode the wanted numbers of N messages. Return an array (N,) of int64 or float64 for each name.
-
-        Raises
-        ------
-        ReadError
-            If a message does not fit its type.
-        """
+        """Decode the wanted numbers of N messages. Return an array (N,) of int64 or float64 for each name."""
         sizes = np.fromiter(map(len, messages), np.int64, len(messages))
         out: dict[str, NDArray[Any]] = {}
         left = np.arange(len(messages))
@@ -369,13 +328,7 @@ class Decoder:
         return numbers, fits
 
     def general(self, messages: Sequence[bytes]) -> dict[str, NDArray[Any]]:
-        """Decode the same numbers as `decode` with the decoder of rosbags, one message at a time.
-
-        Raises
-        ------
-        ReadError
-            If a message does not fit its type.
-        """
+        """Decode the same numbers as `decode` with the decoder of rosbags, one message at a time."""
         self.slow += len(messages)
         if self._store is None:
             self._store = _store(self.definition)

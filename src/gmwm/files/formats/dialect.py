@@ -35,74 +35,36 @@ _NAME_IN_BLANKS = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\]()\[]*[\])])?|\([^()]*\)|
 
 @dataclass(frozen=True)
 class Dialect:
-    """The dialect of a text file.
+    """The dialect of a text file."""
 
-    Parameters
-    ----------
-    delimiter : str
-        One character; " " for any number of blanks.
-    decimal_comma : bool
-        Whether the decimal sign is a comma, so that 0,5 is one half.
-    fields : int
-        Number of fields in a row of numbers, including an empty one after a trailing delimiter.
-    columns : int
-        Number of columns, without the empty field after a trailing delimiter.
-    first_line : int
-        Line in which the numbers begin, counted from 1.
-    names : tuple of str
-        Names of the columns; empty if the file has none.
-    column_units : tuple of str
-        Units from a row below or above the names; empty if there is none.
-    units : dict
-        Units that a comment states for a whole quantity.
-    comment : str
-        Sign with which comment lines begin; "" if there are none.
-    first_row : tuple of str
-        The first row of numbers, as text.
-    integers : tuple of bool
-        For each column, whether the first rows hold only integers.
-    rate : float or None
-        Samples per second (Hz), if a comment states it.
-    stamps : tuple of bool
-        For each column, whether the first rows hold dates with times or times of day that are not all the same.
-    header : tuple of str
-        The lines above the numbers that have more than one cell. Some programs repeat them between the numbers.
-    above : tuple of str
-        All lines above the numbers.
-    sensors : (int, tuple of str) or None
-        In a file with rows of several sensors, the index of the column that states the sensor, and the values of this
-        column; None otherwise.
-    sensor : (int, str) or None
-        Index of this column, and its value in the rows to read; None to read all rows.
-    stamp_parts : (int, int) or None
-        Indices of the columns of seconds and nanoseconds if the time stamps have two columns, as in ROS messages; None
-        otherwise.
-    cleaning : tuple of (pattern, replacement)
-        Replacements in each line before it is split. They remove labels of numbers, and arrows after a time.
-    cut : tuple of str
-        The last cell of the file, and the last cell of the line before, if the file ends within a number; empty
-        otherwise.
-    """
-
-    delimiter: str
-    decimal_comma: bool
-    fields: int
-    columns: int
-    first_line: int
-    names: tuple[str, ...]
-    column_units: tuple[str, ...]
-    units: dict[str, str]
-    comment: str
-    first_row: tuple[str, ...]
-    integers: tuple[bool, ...]
-    rate: float | None = None
+    delimiter: str  # one character; " " for any number of blanks
+    decimal_comma: bool  # whether the decimal sign is a comma, so that 0,5 is one half
+    fields: int  # number of fields in a row of numbers, including an empty one after a trailing delimiter
+    columns: int  # number of columns, without the empty field after a trailing delimiter
+    first_line: int  # line in which the numbers begin, counted from 1
+    names: tuple[str, ...]  # names of the columns; empty if the file has none
+    column_units: tuple[str, ...]  # units from a row below or above the names; empty if there is none
+    units: dict[str, str]  # units that a comment states for a whole quantity
+    comment: str  # sign with which comment lines begin; "" if there are none
+    first_row: tuple[str, ...]  # the first row of numbers, as text
+    integers: tuple[bool, ...]  # for each column, whether the first rows hold only integers
+    rate: float | None = None  # samples per second (Hz), if a comment states it
+    # for each column, whether the first rows hold dates with times or times of day that are not all the same
     stamps: tuple[bool, ...] = ()
+    # The lines above the numbers that have more than one cell. Some programs repeat them between the numbers
     header: tuple[str, ...] = ()
-    above: tuple[str, ...] = ()
+    above: tuple[str, ...] = ()  # all lines above the numbers
+    # in a file with rows of several sensors, the index of the column that states the sensor, and the values of this
+    # column; None otherwise
     sensors: tuple[int, tuple[str, ...]] | None = None
+    # index of this column, and its value in the rows to read; None to read all rows
     sensor: tuple[int, str] | None = None
+    # indices of the columns of seconds and nanoseconds if the time stamps have two columns, as in ROS messages; None
+    # otherwise
     stamp_parts: tuple[int, int] | None = None
+    # Replacements in each line before it is split. They remove labels of numbers, and arrows after a time
     cleaning: tuple[tuple[bytes, bytes], ...] = ()
+    # the last cell of the file, and the last cell of the line before, if the file ends within a number; empty otherwise
     cut: tuple[str, ...] = ()
 
 
@@ -140,13 +102,7 @@ def comment_sign(line: str) -> str:
 
 
 def detect(lines: list[str], path: object) -> Dialect:
-    """Detect the dialect of a file from its first lines.
-
-    Raises
-    ------
-    ReadError
-        If no line holds numbers, or the header and the rows differ in their number of columns.
-    """
+    """Detect the dialect of a file from its first lines."""
     body = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and not comment_sign(line)]
     if not body:
         raise ReadError(
@@ -328,13 +284,7 @@ def _parted(
     where: tuple[object, int],
 ) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
     """Return names and units if the delimiter also splits each time stamp in two, so that a name is missing; None
-    otherwise.
-
-    Raises
-    ------
-    ReadError
-        If the delimiter is a comma that separates the fraction of a second from the seconds.
-    """
+    otherwise."""
     at = parted_stamp(row)
     if at is None or any(len(cells) == len(row) for _, cells in header):
         return None

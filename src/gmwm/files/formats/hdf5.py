@@ -67,15 +67,7 @@ class Hdf5Reader(Reader):
 
 
 def arrays_in(path: Path) -> list[Array]:
-    """Return all arrays of numbers in an HDF5 file, named by their paths without the first slash.
-
-    Raises
-    ------
-    MissingDependencyError
-        If h5py is not installed.
-    ReadError
-        If the file is damaged, or contains more data sets or bytes than any recording has.
-    """
+    """Return all arrays of numbers in an HDF5 file, named by their paths without the first slash."""
     library = _library(path)
     found: list[Array] = []
     texts: list[str] = []
@@ -101,13 +93,7 @@ def _library(path: Path) -> Any:
 
 
 def _collect(library: Any, group: Any, where: str, path: Path, found: list[Array], depth: int) -> None:
-    """Append the arrays of a group and of the groups in it to `found`.
-
-    Raises
-    ------
-    ReadError
-        If there are too many arrays, or the groups are nested too deeply.
-    """
+    """Append the arrays of a group and of the groups in it to `found`."""
     found += _stated_rates(group, where)
     for key in group:
         if not isinstance(group.get(key, getlink=True), library.HardLink):

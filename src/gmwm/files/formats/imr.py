@@ -79,13 +79,7 @@ class ImrReader(Reader):
 
 
 def _header(path: Path) -> _Header:
-    """Read the header and check each field.
-
-    Raises
-    ------
-    ReadError
-        If the signature is missing, the header is truncated, or a field has an invalid value.
-    """
+    """Read the header and check each field."""
     with path.open("rb") as file:
         head = file.read(_HEADER_BYTES)
     if not head.startswith(_SIGNATURE):

@@ -34,18 +34,7 @@ _MAX_FIELDS = 1000
 
 def variables(path: Path) -> Iterator[tuple[str, NDArray[Any]]]:
     """Yield the name and the value of each numeric matrix and each string in a file. Fields of structures are named
-    "structure/field".
-
-    Parameters
-    ----------
-    path : Path
-        A .mat file that is not HDF5.
-
-    Raises
-    ------
-    ReadError
-        If the file is truncated or damaged, or decompresses to more bytes than any recording has.
-    """
+    "structure/field"."""
     # The file is not memory-mapped: if a mapped file is truncated while it is read, the process is killed.
     data = memoryview(path.read_bytes())
     head = bytes(data[:_HEADER])

@@ -161,13 +161,7 @@ class _Packed:
 
 
 def _header(file: BinaryIO, name: object) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Read the header of an array. Return its shape, whether it is in Fortran order, and its type.
-
-    Raises
-    ------
-    ReadError
-        If the header is damaged, or the array holds Python objects or empty elements.
-    """
+    """Read the header of an array. Return its shape, whether it is in Fortran order, and its type."""
     try:
         version = npy_format.read_magic(file)
         # Version 3 differs from version 2 only in the encoding of names.

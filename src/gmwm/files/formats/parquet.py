@@ -121,13 +121,7 @@ def _first_cell(series: pl.Series) -> str:
 
 
 def _numbers(series: pl.Series, path: Path, row: int, first: str) -> NDArray[Any]:
-    """Convert a column to an array, with NaN or `MISSING` for a null; `first` is its first cell in the file.
-
-    Raises
-    ------
-    ReadError
-        If a cell is not a number; the message states its row.
-    """
+    """Convert a column to an array, with NaN or `MISSING` for a null; `first` is its first cell in the file."""
     import polars as pl
 
     dtype = series.dtype

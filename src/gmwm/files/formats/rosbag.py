@@ -132,13 +132,7 @@ def _opened(path: Path) -> Iterator[list[Storage]]:
 
 
 def _storage(path: Path) -> Storage:
-    """Open a bag file (ROS 1, SQLite or MCAP); the signature at its beginning shows the format.
-
-    Raises
-    ------
-    ReadError
-        If the signature is unknown.
-    """
+    """Open a bag file (ROS 1, SQLite or MCAP); the signature at its beginning shows the format."""
     with path.open("rb") as file:
         head = file.read(16)
     if head.startswith(bag_mcap.MAGIC):
@@ -173,13 +167,7 @@ def _plain(path: Path, folder: Path) -> Path:
 
 
 def _listed(path: Path) -> list[Path]:
-    """Return the files that a metadata.yaml lists.
-
-    Raises
-    ------
-    ReadError
-        If the list cannot be read, or a file is missing.
-    """
+    """Return the files that a metadata.yaml lists."""
     from ruamel.yaml import YAML
 
     if path.stat().st_size > _YAML_LIMIT:

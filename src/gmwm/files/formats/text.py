@@ -174,13 +174,7 @@ def _time_by_content(dialect: Dialect) -> int | None:
 
 
 def _head_lines(source: FileSource) -> list[str]:
-    """Return the first complete lines as text, without a byte order mark.
-
-    Raises
-    ------
-    ReadError
-        If the text is UTF-16, binary, or has bare carriage returns as line ends.
-    """
+    """Return the first complete lines as text, without a byte order mark."""
     with source.open() as file:
         head = file.read(HEAD_BYTES)
         more = bool(file.read(1))
@@ -229,13 +223,7 @@ def _open_end(source: FileSource, delimiter: str) -> tuple[str, str] | tuple[()]
 
 
 def _require_end(source: FileSource, layout: Layout) -> None:
-    """Raise an error if the last number of the text was cut off.
-
-    Raises
-    ------
-    ReadError
-        If the last number was cut off, and bad lines are not skipped.
-    """
+    """Raise an error if the last number of the text was cut off."""
     cut = layout.state.cut
     if cut and not layout.skip_bad_lines:
         raise ReadError(

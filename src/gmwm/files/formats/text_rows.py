@@ -101,13 +101,7 @@ class RowParser:
         return times
 
     def _require_no_thousands(self, block: bytes, line: int) -> None:
-        """Raise an error if a number has a point before three digits, in a file with decimal commas.
-
-        Raises
-        ------
-        ReadError
-            If there is such a number. The message states the line, the column and the content of the cell.
-        """
+        """Raise an error if a number has a point before three digits, in a file with decimal commas."""
         columns = [k for k in self.wanted if k not in self.stamps]
         for number, text in self._lines(block, line):
             cells = split(text, self.dialect.delimiter)
@@ -138,13 +132,7 @@ class RowParser:
         return any(header in block for header in self.headers)
 
     def _table(self, block: bytes, line: int) -> pl.DataFrame | None:
-        """Return the columns of a block, with nulls for missing values; None if it has no row.
-
-        Raises
-        ------
-        ReadError
-            If a line is bad, unless bad lines are skipped.
-        """
+        """Return the columns of a block, with nulls for missing values; None if it has no row."""
         import polars as pl
 
         if block.isspace():
@@ -196,14 +184,7 @@ class RowParser:
         return all(line.count(sign) in counts for line in _without_blank_lines(block).split(b"\n") if line.strip())
 
     def _repaired(self, block: bytes, line: int) -> bytes:
-        """Return the block without repeated headers, and with rows of missing values for bad lines.
-
-        Raises
-        ------
-        ReadError
-            If a line is bad, unless bad lines are skipped. The message states the line, and the column and content of
-            the cell.
-        """
+        """Return the block without repeated headers, and with rows of missing values for bad lines."""
         gap = (b" " if self.dialect.delimiter == BLANKS else self.dialect.delimiter.encode()).join(
             [_GAP] * self.dialect.columns
         )

@@ -37,24 +37,12 @@ Table = NDArray[Any]
 
 @dataclass(frozen=True)
 class Message:
-    """One instance of a logged message.
+    """One instance of a logged message."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the message, such as "sensor_gyro".
-    instance : int
-        Number of the sensor, from 0.
-    fields : dtype
-        Fields without the padding at the end.
-    largest : int
-        Size (bytes) with the padding.
-    """
-
-    name: str
-    instance: int
-    fields: np.dtype[Any]
-    largest: int
+    name: str  # name of the message, such as "sensor_gyro"
+    instance: int  # number of the sensor, from 0
+    fields: np.dtype[Any]  # fields without the padding at the end
+    largest: int  # size (bytes) with the padding
 
     @property
     def topic(self) -> str:
@@ -64,32 +52,17 @@ class Message:
 
 @dataclass
 class Log:
-    """The messages of a log, as far as they are read.
+    """The messages of a log, as far as they are read."""
 
-    Attributes
-    ----------
-    path : Path
-        The file.
-    messages : dict of id to Message
-        Logged messages by their identifiers; None for messages that are not wanted.
-    dropouts : int
-        Number of places where the logger lost data.
-    """
-
-    path: Path
+    path: Path  # the file
+    # logged messages by their identifiers; None for messages that are not wanted
     messages: dict[int, Message | None] = field(default_factory=dict)
-    dropouts: int = 0
+    dropouts: int = 0  # number of places where the logger lost data
     _formats: dict[str, list[tuple[str, int, str]]] = field(default_factory=dict)
     _bounds: list[int] = field(default_factory=list)
 
     def tables(self, names: tuple[str, ...]) -> Iterator[tuple[Message, Table]]:
-        """Read the file, and yield the messages with the wanted names as tables, one for each message and block.
-
-        Raises
-        ------
-        ReadError
-            If the log is truncated or damaged.
-        """
+        """Read the file, and yield the messages with the wanted names as tables, one for each message and block."""
         rest, begin = b"", _HEADER
         with self.path.open("rb") as file:
             if len(file.read(_HEADER)) < _HEADER:
@@ -144,13 +117,7 @@ class Log:
         return places, at
 
     def _define(self, kind: int, body: bytes, names: tuple[str, ...]) -> None:
-        """Read a message that defines other messages, or that holds the flags of the log.
-
-        Raises
-        ------
-        ReadError
-            If the message is invalid.
-        """
+        """Read a message that defines other messages, or that holds the flags of the log."""
         try:
             if kind == _FORMAT:
                 name, _, fields = body.decode().partition(":")

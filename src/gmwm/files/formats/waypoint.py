@@ -81,13 +81,7 @@ class ImuReader(Reader):
         return 0.1 if fitting and path.suffix.lower() in self.extensions else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """Return one recording with the time and six axes, if the scale is known.
-
-        Raises
-        ------
-        ReadError
-            If several types have records of this size; the message states the gravity for each type.
-        """
+        """Return one recording with the time and six axes, if the scale is known."""
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)
         fitting = _fitting(head)
@@ -151,13 +145,7 @@ def record_channels(
 
 
 def whole_records(path: Path, dtype: np.dtype[Any], offset: int = 0) -> int:
-    """Return the number of records after the header.
-
-    Raises
-    ------
-    ReadError
-        If there are no records, or the last one is incomplete.
-    """
+    """Return the number of records after the header."""
     records, over = divmod(path.stat().st_size - offset, dtype.itemsize)
     if over:
         raise ReadError(
@@ -175,20 +163,7 @@ def require_times(
 ) -> None:
     """Require that the first records have plausible times.
 
-    Parameters
-    ----------
-    path, dtype, offset
-        The file, the type of a record, and the size of the header (bytes).
-    advice : str
-        Template of the advice, with the fact `formats`.
-    formats : tuple of str
-        Values of the `format` option that fit better.
-
-    Raises
-    ------
-    ReadError
-        If their times are not plausible. The records are then of another type.
-    """
+    `formats` are the values of the `format` option that fit better, a fact of `advice`."""
     with path.open("rb") as file:
         file.seek(offset)
         head = file.read(HEAD_BYTES)

@@ -53,24 +53,7 @@ def _has_missing(values: Any) -> bool:
 
 def read_table(data: Any, rate: float | None, units: Mapping[str, str] | None, source: str) -> Imu:
     """Read the recording in a table. Names are recognised as in a file. Without a stated unit, rad/s and m/s² are
-    assumed.
-
-    Parameters
-    ----------
-    data : table
-        One of the tables of `is_table`, or a mapping of name to array.
-    rate : float or None
-        Samples per second (Hz); None if the table has a time.
-    units : mapping or None
-        Units of "gyro", "accel" and "time".
-    source : str
-        Name of the recording.
-
-    Raises
-    ------
-    ReadError, DataError, UnitError
-        In the same cases as `read`.
-    """
+    assumed."""
     options = ReadOptions(rate=rate, units={} if units is None else units)
     arrays = [one for name, values in _columns(data) for one in _arrays(str(name), values)]
     layouts = layouts_of(arrays, _NAME)

@@ -38,36 +38,18 @@ TEMPERATURE = "temperature"
 
 @dataclass(frozen=True, eq=False)
 class Interpretation:
-    """Columns, units and clock of a recording.
+    """Columns, units and clock of a recording."""
 
-    Attributes
-    ----------
-    choice : Choice
-        The columns to read: the axes, the temperature, and the time if it is needed to place rows.
-    words : mapping
-        Name of each column in messages.
-    factors : mapping of axis to factors
-        Factors by which the numbers in the file are multiplied, one after the other.
-    timing : Timing
-        Rate and segments of all rows; for a live stream, of the first rows.
-    pace : Pace or None
-        Sampling interval, unit and origin of the time stamps of a live stream; None for a file.
-    remarks : tuple of Remark
-        Remarks on how gmwm read the file.
-    sparse : bool
-        Whether some rows of the file are left out, so that the clock counts fewer rows than the file has.
-    first_temperature : float or None
-        The first reading of the temperature (°C); None if it is not read.
-    """
-
-    choice: Choice
-    words: Mapping[str, str]
+    choice: Choice  # the columns to read: the axes, the temperature, and the time if it is needed to place rows
+    words: Mapping[str, str]  # name of each column in messages
+    # factors by which the numbers in the file are multiplied, one after the other
     factors: Mapping[str, tuple[float, ...]]
-    timing: Timing
-    pace: Pace | None
-    remarks: tuple[Remark, ...]
+    timing: Timing  # rate and segments of all rows; for a live stream, of the first rows
+    pace: Pace | None  # sampling interval, unit and origin of the time stamps of a live stream; None for a file
+    remarks: tuple[Remark, ...]  # remarks on how gmwm read the file
+    # whether some rows of the file are left out, so that the clock counts fewer rows than the file has
     sparse: bool = False
-    first_temperature: float | None = None
+    first_temperature: float | None = None  # the first reading of the temperature (°C); None if it is not read
 
     @property
     def rate(self) -> float:
@@ -98,25 +80,8 @@ def understand(
 ) -> Interpretation:
     """Find the working axes, the units and the clock of a recording.
 
-    Parameters
-    ----------
-    layout, choice
-        Description of the file, and the columns to read.
-    rows : mapping of column index to (n,) array
-        All rows of a recording in memory, or at least `HEAD` of them from the first one on.
-    path : Path
-        The file, for messages.
-    options : ReadOptions
-        Rate, units, factors and increments.
-    source : RowSource or None
-        All rows. None for a live stream: its clock begins with the first rows, and no axis is left out, because a few
-        rows do not show whether it works.
-
-    Raises
-    ------
-    ReadError, UnitError, DataError, OptionError
-        In the same cases as `gmwm.read`.
-    """
+    `rows` are all rows of a recording in memory, or its first `HEAD`. `source` is None for a live stream: its clock
+    begins with the first rows, and no axis is left out, because a few rows do not show whether it works."""
     words = {role: column_words(layout, choice, role, path) for role in choice.columns}
     constants = {} if source is None else _dead(rows, choice, source)
     axes = tuple(axis for axis in choice.axes if axis not in constants)
@@ -248,20 +213,8 @@ def _timing(
 class TimeColumn:
     """The time stamps of all rows that the clock counts, in chunks, from a pass over the file.
 
-    Parameters
-    ----------
-    source, choice, axes
-        The rows of the recording, its columns, and the axes that work.
-
-    Attributes
-    ----------
-    alone : bool
-        Whether only the time column is read. The other columns are needed to leave out rows without a value in any
-        axis. If the first rows have all values, gmwm assumes that the recording has no such rows.
-    rows, other, unplaced : int
-        Number of rows, number of rows left out because they have no value in any axis, and number of rows left out
-        because they have no time stamp.
-    """
+    If the first rows have all values, only the time column is read, because gmwm assumes that no row lacks all
+    values."""
 
     def __init__(self, source: RowSource, choice: Choice, axes: Sequence[str]) -> None:
         self._source, self._columns, self._axes = source, choice.columns, axes
@@ -301,13 +254,7 @@ class _UnplacedRowsError(Exception):
 
 def require_time(layout: Layout, choice: Choice, rate: float | None, path: Path) -> None:
     """Require that a recording has time stamps or a rate, and that time stamps are numbers, dates with times, or times
-    of day.
-
-    Raises
-    ------
-    ReadError
-        If it has neither, or the time stamps cannot be read.
-    """
+    of day."""
     for role, column in choice.columns.items():
         if role != "time" and holds_stamps(layout, column):
             raise ReadError(
@@ -354,13 +301,7 @@ def _apart_in_rows(sifted: Sifted, choice: Choice, axes: Sequence[str], layout: 
 
 
 def require_samples(samples: int, what: str) -> None:
-    """Require at least `MINIMUM_SAMPLES` samples of the column `what`.
-
-    Raises
-    ------
-    DataError
-        If there are fewer samples.
-    """
+    """Require at least `MINIMUM_SAMPLES` samples of the column `what`."""
     if samples < MINIMUM_SAMPLES:
         raise DataError(
             f"{what} has {counted(samples, 'sample')}, but at least {MINIMUM_SAMPLES} are needed",

@@ -90,13 +90,7 @@ class Part:
 
 
 class PartReader:
-    """Reads a part once. `summary` is available after the last chunk.
-
-    Raises
-    ------
-    ReadError, DataError
-        In the same cases as `gmwm.read`, and if the file has changed since it was divided.
-    """
+    """Reads a part once. `summary` is available after the last chunk."""
 
     summary: RowSummary
 

@@ -61,22 +61,13 @@ def without_float_warnings(items: Iterator[T]) -> Iterator[T]:
 
 @dataclass(frozen=True, eq=False)
 class FileRows:
-    """The rows of a recording in a file. Each iteration reads them again.
+    """The rows of a recording in a file. Each iteration reads them again."""
 
-    Attributes
-    ----------
-    path, reader, layout
-        The file, its reader, and the description of the recording.
-    topic : str or None
-        Name of the recording that the user chose; None if none was chosen.
-    limits : (int, int) or None
-        Number of the first row, and of the row after the last one; None for all rows.
-    """
-
-    path: Path
+    path: Path  # the file, its reader, and the description of the recording
     reader: Reader
     layout: Layout
-    topic: str | None
+    topic: str | None  # name of the recording that the user chose; None if none was chosen
+    # number of the first row, and of the row after the last one; None for all rows
     limits: tuple[int, int] | None = None
 
     def chunks(self, wanted: Sequence[int]) -> Iterator[Rows]:

@@ -74,15 +74,7 @@ class _Block:
 def with_temperature(chunks: Iterable[Rows], columns: Mapping[str, int], first: float) -> Iterator[Rows]:
     """Yield the chunks with a temperature in each row.
 
-    Parameters
-    ----------
-    chunks : iterable of Rows
-        The rows of the recording.
-    columns : mapping of role to column index
-        Indices of the columns "temperature", and "time" if the time stamps are read.
-    first : float
-        The first reading (°C).
-    """
+    `first` is the first reading (°C)."""
     column, count, origin = columns["temperature"], 0, None
     before = latest = _Reading(-LONGEST - 1, np.nan, first)
     waiting = list[_Block]()
