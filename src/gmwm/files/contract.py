@@ -10,14 +10,14 @@ from __future__ import annotations
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
 from numpy.typing import NDArray
 
-from gmwm.base.errors import OptionError, ReadError
+from gmwm.base.errors import OptionError, ReadCode, ReadError
 from gmwm.base.guests import admit_guests
 from gmwm.base.remarks import Remark
 from gmwm.base.text import defined_anew
@@ -28,6 +28,11 @@ HEAD_BYTES = 1 << 16
 Rows = Mapping[int, NDArray[Any]]
 """Consecutive rows of a recording, as a mapping from the index of each wanted column to its numbers (float64 or
 int64)."""
+
+
+def damage_error(what: str, code: ReadCode = "damaged") -> ReadError:
+    """Return the error for a file whose bytes are damaged or cut off."""
+    return ReadError(what, code=code, advice="Copy the file again.")
 
 
 @dataclass(frozen=True)
@@ -110,10 +115,6 @@ class Layout:
     unreadable: ReadError | None = None
     skip_bad_lines: bool = False
     stamped: bool = True
-
-    def read_as(self, bad_lines: str, stamped: bool) -> Layout:
-        """Return a copy with the option `bad_lines`, and whether the time stamps are used."""
-        return replace(self, skip_bad_lines=bad_lines == "skip", stamped=stamped)
 
     @property
     def named(self) -> bool:

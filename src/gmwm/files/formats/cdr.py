@@ -19,7 +19,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.errors import ReadError
+from gmwm.base.errors import ReadCode, ReadError
 from gmwm.base.text import with_article
 
 Encoding = Literal["cdr", "ros1"]
@@ -50,6 +50,11 @@ Description = Any
 """Type of a field in the form of rosbags: (kind, (type, …)), nested for arrays."""
 
 
+def topic_error(what: str, code: ReadCode) -> ReadError:
+    """Return the error for messages that cannot be decoded."""
+    return ReadError(what, code=code, advice="Export the topic as CSV.")
+
+
 @dataclass(frozen=True)
 class Definition:
     """A message type with all types that it contains."""
@@ -73,9 +78,7 @@ class Definition:
 
     def _leaves(self, kind: str, prefix: str, depth: int) -> Iterator[str]:
         if depth > _DEPTH:
-            raise ReadError(
-                f"the message type {self.name} holds itself", code="type-recursive", advice="Export the topic as CSV."
-            )
+            raise topic_error(f"the message type {self.name} holds itself", "type-recursive")
         for name, description in self.fields(kind):
             path = prefix + name
             sort, inner = description
@@ -100,10 +103,8 @@ class Definition:
     def fields(self, kind: str) -> Sequence[tuple[str, Description]]:
         """Return the fields of one of the types."""
         if kind not in self.types:
-            raise ReadError(
-                f"the message type {self.name} holds {kind}, which the recording does not define",
-                code="type-undefined",
-                advice="Export the topic as CSV.",
+            raise topic_error(
+                f"the message type {self.name} holds {kind}, which the recording does not define", "type-undefined"
             )
         return self.types[kind]
 
@@ -148,11 +149,7 @@ class _Walk:
 
     def struct(self, kind: str, prefix: str, depth: int = 0) -> None:
         if depth > _DEPTH:
-            raise ReadError(
-                f"the message type {self.definition.name} holds itself",
-                code="type-recursive",
-                advice="Export the topic as CSV.",
-            )
+            raise topic_error(f"the message type {self.definition.name} holds itself", "type-recursive")
         for name, description in self.definition.fields(kind):
             self.value(description, prefix + name, depth)
 
@@ -188,10 +185,9 @@ class _Walk:
             self.align(size)
             self.number(SIZES[kind], size, path)
         else:
-            raise ReadError(
+            raise topic_error(
                 f"the message type {self.definition.name} holds {with_article(kind)} ({path}), which is not supported",
-                code="unsupported",
-                advice="Export the topic as CSV.",
+                "unsupported",
             )
 
     def number(self, kind: str, size: int, path: str) -> None:
@@ -202,11 +198,7 @@ class _Walk:
     def step(self) -> None:
         self.steps += 1
         if self.steps > _STEPS:
-            raise ReadError(
-                f"a message of type {self.definition.name} has more than {_STEPS} parts",
-                code="too-many",
-                advice="Export the topic as CSV.",
-            )
+            raise topic_error(f"a message of type {self.definition.name} has more than {_STEPS} parts", "too-many")
         if self.position > len(self.message):
             raise self.broken()
 
@@ -397,9 +389,5 @@ def _store(definition: Definition) -> Any:
         # file.
         store.register({name: ([], list(fields)) for name, fields in definition.types.items() if name not in known})
     except Exception as error:  # a library can raise any error on an invalid definition
-        raise ReadError(
-            f"the message type {definition.name} is not understood: {error}",
-            code="type-invalid",
-            advice="Export the topic as CSV.",
-        ) from error
+        raise topic_error(f"the message type {definition.name} is not understood: {error}", "type-invalid") from error
     return store

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.errors import GmwmError, MissingDependencyError, ReadError
-from gmwm.files.contract import Layout, Mark, Reader, Rows, register
+from gmwm.files.contract import Layout, Mark, Reader, Rows, damage_error, register
 from gmwm.files.formats.arrays import (
     MAX_ARRAYS,
     Array,
@@ -176,6 +176,4 @@ def _attribute(node: Any, key: str, most: int = _SHORT) -> Any:
 
 
 def _damaged(path: Path, error: Exception) -> ReadError:
-    return ReadError(
-        f"{path} is not a complete HDF5 file ({first_line(error)})", code="incomplete", advice="Copy the file again."
-    )
+    return damage_error(f"{path} is not a complete HDF5 file ({first_line(error)})", "incomplete")

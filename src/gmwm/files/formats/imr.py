@@ -16,7 +16,7 @@ import numpy as np
 
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Quantity, Remark
-from gmwm.files.contract import Layout, Mark, Reader, Rows, register
+from gmwm.files.contract import Layout, Mark, Reader, Rows, damage_error, register
 from gmwm.files.formats.waypoint import record_channels, record_chunks, record_marks, require_times, whole_records
 from gmwm.recording.imu_records import record
 
@@ -89,32 +89,18 @@ def _header(path: Path) -> _Header:
             advice="Check the name of the format, or leave {--format} out.",
         )
     if len(head) < _HEADER_BYTES:
-        raise ReadError(
-            f"{path} ends within its header, after {len(head)} of {_HEADER_BYTES} bytes",
-            code="cut-off",
-            advice="Copy the file again.",
-        )
+        raise damage_error(f"{path} ends within its header, after {len(head)} of {_HEADER_BYTES} bytes", "cut-off")
     if head[8] not in _ORDERS:
-        raise ReadError(
-            f"{path}: the byte order in its header is {head[8]}, expected 0 or 1",
-            code="header-damaged",
-            advice="Copy the file again.",
-        )
+        raise damage_error(f"{path}: the byte order in its header is {head[8]}, expected 0 or 1", "header-damaged")
     order = _ORDERS[head[8]]
     _, angle, velocity, rate, gyro, accel, clock, _, _, name = struct.unpack_from(order + _FIELDS, head, 9)
     for what, value in (("bDeltaTheta", angle), ("bDeltaVelocity", velocity)):
         if value not in (0, 1):
-            raise ReadError(
-                f"{path}: {what} in its header is {value}, expected 0 or 1",
-                code="header-damaged",
-                advice="Copy the file again.",
-            )
+            raise damage_error(f"{path}: {what} in its header is {value}, expected 0 or 1", "header-damaged")
     for what, value in (("dDataRateHz", rate), ("dGyroScaleFactor", gyro), ("dAccelScaleFactor", accel)):
         if not (math.isfinite(value) and value > 0):
-            raise ReadError(
-                f"{path}: {what} in its header is {value:g}, expected a positive number",
-                code="header-damaged",
-                advice="Copy the file again.",
+            raise damage_error(
+                f"{path}: {what} in its header is {value:g}, expected a positive number", "header-damaged"
             )
     sensor = name.split(b"\0")[0].decode("latin-1").strip()
     remarks = [

@@ -15,7 +15,7 @@ from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
 from gmwm.base.errors import GmwmError, ReadError
-from gmwm.files.contract import Layout, Mark, Reader, Rows, register
+from gmwm.files.contract import Layout, Mark, Reader, Rows, damage_error, register
 from gmwm.files.formats.arrays import Array, chunks_of, fields_of, first_line, layouts_of, marks_of, part_of
 from gmwm.files.formats.byte_sources import ZIP, FileSource, MemberSource, file_names, open_archive, require_ratio
 
@@ -126,9 +126,7 @@ class _Stored:
             file.seek(self.offset + first * size)
             data = file.read((stop - first) * size)
         if len(data) < (stop - first) * size:
-            raise ReadError(
-                f"{self.path} became shorter while it was read", code="changed", advice="Copy the file again."
-            )
+            raise damage_error(f"{self.path} became shorter while it was read", "changed")
         return np.frombuffer(data, self.dtype)
 
 
@@ -150,11 +148,7 @@ class _Packed:
                 size = int(np.prod(self._shape, dtype=object)) * self._dtype.itemsize
                 data = file.read(size)
             if len(data) != size:
-                raise ReadError(
-                    f"{self._source} holds {len(data)} bytes, expected {size}",
-                    code="cut-off",
-                    advice="Copy the file again.",
-                )
+                raise damage_error(f"{self._source} holds {len(data)} bytes, expected {size}", "cut-off")
             flat = np.frombuffer(data, self._dtype)
             self._kept = flat.reshape(self._shape, order="F" if self._fortran else "C")
         return part_of(self._kept, start, stop, axis)
@@ -170,17 +164,9 @@ def _header(file: BinaryIO, name: object) -> tuple[tuple[int, ...], bool, np.dty
     except GmwmError:
         raise
     except Exception as error:  # the header is a Python expression, for which NumPy raises any type of error
-        raise ReadError(
-            f"{name} is not a complete NumPy file ({first_line(error)})",
-            code="incomplete",
-            advice="Copy the file again.",
-        ) from error
+        raise damage_error(f"{name} is not a complete NumPy file ({first_line(error)})", "incomplete") from error
     if not all(type(size) is int and 0 <= size < 1 << 62 for size in shape):  # NumPy accepts True
-        raise ReadError(
-            f"{name} states the shape {shape}, which no array has",
-            code="header-damaged",
-            advice="Copy the file again.",
-        )
+        raise damage_error(f"{name} states the shape {shape}, which no array has", "header-damaged")
     if dtype.itemsize == 0:
         raise ReadError(
             f"{name} holds empty elements instead of numbers", code="no-numbers", advice="Save an array of numbers."
@@ -197,8 +183,4 @@ def _header(file: BinaryIO, name: object) -> tuple[tuple[int, ...], bool, np.dty
 def _require_size(shape: tuple[int, ...], dtype: np.dtype[Any], there: int, name: object) -> None:
     expected = int(np.prod(shape, dtype=object)) * dtype.itemsize
     if expected > there:
-        raise ReadError(
-            f"{name} is truncated: {there} bytes of numbers, expected {expected}",
-            code="cut-off",
-            advice="Copy the file again.",
-        )
+        raise damage_error(f"{name} is truncated: {there} bytes of numbers, expected {expected}", "cut-off")

@@ -15,7 +15,7 @@ from gmwm.base.errors import ReadError
 from gmwm.base.forks import require_threads
 from gmwm.files.clock.lost_samples import MISSING
 from gmwm.files.clock.text_stamps import is_stamp, is_time_of_day, times_of, what_is_wrong
-from gmwm.files.contract import Channel, Layout, Mark, Reader, Rows, register
+from gmwm.files.contract import Channel, Layout, Mark, Reader, Rows, damage_error, register
 
 if TYPE_CHECKING:
     import polars as pl
@@ -50,9 +50,7 @@ class ParquetReader(Reader):
             row = () if first.is_empty() else tuple(map(_first_cell, first.get_columns()))
         except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
             reason = str(error).splitlines()[0]
-            raise ReadError(
-                f"{path} is not a complete Parquet file ({reason})", code="incomplete", advice="Copy the file again."
-            ) from error
+            raise damage_error(f"{path} is not a complete Parquet file ({reason})", "incomplete") from error
         channels = tuple(
             Channel(name, dtype.time_unit, "time") if isinstance(dtype, pl.Datetime) else Channel(name)
             for name, dtype in schema.items()
@@ -85,11 +83,7 @@ class ParquetReader(Reader):
             try:
                 frame = scan.slice(row, ROWS).collect()
             except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
-                raise ReadError(
-                    f"{path} is damaged after row {row}: {str(error).splitlines()[0]}",
-                    code="damaged",
-                    advice="Copy the file again.",
-                ) from error
+                raise damage_error(f"{path} is damaged after row {row}: {str(error).splitlines()[0]}") from error
             if frame.is_empty():
                 return
             columns = zip(wanted, names, strict=True)

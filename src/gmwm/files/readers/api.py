@@ -234,7 +234,7 @@ class _Opened:
         layout = one_layout(reader, file, options.topic)
         choice = choose(layout, options.columns, file)
         require_time(layout, choice, options.rate, file)
-        layout = layout.read_as(options.bad_lines, "time" in choice.columns)
+        layout = replace(layout, skip_bad_lines=options.bad_lines == "skip", stamped="time" in choice.columns)
         origin = FileRows(file, reader, layout, topic=options.topic)
         rows = origin.held(choice) if in_memory else origin
 
