@@ -182,25 +182,16 @@ def _block(window: _Window, *, begin: int, end: int, row: int, before: Sequence[
     rows = np.flatnonzero(lost[own])
     raw = np.diff(window.ticks)[low - 1 : end - 1]
     return _Block(
-        rows=end - begin,
-        found=replace(found, rows=rows + row, lost=lost[own][rows], repeated=repeated),
+        rows=end - begin, found=replace(found, rows=rows + row, lost=lost[own][rows], repeated=repeated),
         walls=tuple((int(w) + offset, float(window.ticks[w])) for w in walls if begin <= w < end),
-        index=float(np.mean(index)),
-        tick=float(np.mean(ticks[own])),
-        spread=float(np.sum((index - np.mean(index)) ** 2)),
-        inside=kept.size,
-        span=float(np.sum(kept)),
-        squares=float(np.sum((kept - reference) ** 2)),
-        reference=reference,
-        median=median,
+        index=float(np.mean(index)), tick=float(np.mean(ticks[own])),
+        spread=float(np.sum((index - np.mean(index)) ** 2)), inside=kept.size, span=float(np.sum(kept)),
+        squares=float(np.sum((kept - reference) ** 2)), reference=reference, median=median,
         exact=median > 0 and bool(np.all(np.abs(whole - np.round(whole)) * median <= exact)),
-        whole=float(np.sum(steps)),
-        spacing=window.spacing,
-        duplicates=int(np.count_nonzero(raw == 0)),
+        whole=float(np.sum(steps)), spacing=window.spacing, duplicates=int(np.count_nonzero(raw == 0)),
         backward=int(np.count_nonzero(np.diff(order.ticks)[low - 1 : end - 1] < 0)),
-        steps=order.steps.between(begin, end),
-        end=float(ticks[min(end, ticks.size - 1)]),
-    )
+        steps=order.steps.between(begin, end), end=float(ticks[min(end, ticks.size - 1)]),
+    )  # fmt: skip
 
 
 def _joined(blocks: Sequence[_Block], origin: float, per_second: int, unit: str, *, rate: float | None) -> Timing:
@@ -232,14 +223,10 @@ def _joined(blocks: Sequence[_Block], origin: float, per_second: int, unit: str,
     clock = SegmentStarts(origin / per_second, used)
     starts = tuple(clock.at(row, gaps.get(row, 0), times.get(row)) for row, _ in segments)
     base = TimeBase(
-        rate=used,
-        stamped=True,
-        start=starts[0],
-        jitter=jitter / per_second,
+        rate=used, stamped=True, start=starts[0], jitter=jitter / per_second,
         gaps=tuple((row, gap_duration(count, used)) for row, count in gaps.items()),
-        duplicates=sum(b.duplicates for b in blocks),
-        backward=sum(b.backward for b in blocks),
-    )
+        duplicates=sum(b.duplicates for b in blocks), backward=sum(b.backward for b in blocks),
+    )  # fmt: skip
     return Timing(base, segments, starts=starts, remarks=(*remarks, *about_stamps(base)), width=blocks[0].found.width)
 
 
@@ -332,13 +319,8 @@ def _require_agreement(rate: float, measured: float, unit: str) -> None:
         advice = "The rates agree if the time stamps are in {likely}: pass {--units=@units}. " + advice
     raise ReadError(
         f"the rate of {rate:g} Hz contradicts the time stamps, which show {measured:.6g} Hz in {unit}",
-        code="rate-contradiction",
-        argument="rate",
-        got=rate,
-        advice=advice,
-        likely=likely,
-        units=f"time:{likely}",
-    )
+        code="rate-contradiction", argument="rate", got=rate, advice=advice, likely=likely, units=f"time:{likely}",
+    )  # fmt: skip
 
 
 def _about_declared(rate: float, measured: float, grave: bool) -> Iterator[Remark]:

@@ -89,12 +89,9 @@ def sift(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> Sifted:
     left = {k: column[kept] for k, column in rows.items()} if out.any() else rows
     lost = lost[kept]
     return Sifted(
-        left,
-        lost if lost.any() else None,
-        cut=cut,
-        unplaced=int(np.count_nonzero(away)),
+        left, lost if lost.any() else None, cut=cut, unplaced=int(np.count_nonzero(away)),
         other=int(np.count_nonzero(out & ~away)),
-    )
+    )  # fmt: skip
 
 
 def dead_axes(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> dict[str, float]:

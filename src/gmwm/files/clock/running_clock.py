@@ -93,14 +93,10 @@ class Pace:
         seconds = LONG_TIME_UNITS.get(unit, 1)
         integer = head.dtype.kind in "iu"
         return cls(
-            first=head[0].item(),
-            rows=head.size,
-            rate=timing.base.rate,
-            seconds=seconds,
-            per_second=TIME_UNITS.get(unit, 1),
-            width=timing.width,
+            first=head[0].item(), rows=head.size, rate=timing.base.rate, seconds=seconds,
+            per_second=TIME_UNITS.get(unit, 1), width=timing.width,
             spacing=0.0 if integer else float(np.spacing(np.max(np.abs(head)))) * seconds,
-        )
+        )  # fmt: skip
 
     @property
     def interval(self) -> float:
@@ -171,14 +167,9 @@ class RunningClock:
         counted, pace = self._counted, self.pace
         jitter = np.sqrt(counted.squares / counted.inside) / pace.per_second if counted.inside else 0.0
         return TimeBase(
-            rate=pace.rate,
-            stamped=True,
-            start=pace.time(0.0),
-            jitter=float(jitter),
-            gaps=tuple(counted.gaps),
-            duplicates=counted.duplicates,
-            backward=counted.backward,
-        )
+            rate=pace.rate, stamped=True, start=pace.time(0.0), jitter=float(jitter), gaps=tuple(counted.gaps),
+            duplicates=counted.duplicates, backward=counted.backward,
+        )  # fmt: skip
 
     def remarks(self) -> Iterator[Remark]:
         """Yield remarks on the time stamps of the rows whose segments are known."""

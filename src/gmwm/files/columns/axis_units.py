@@ -167,13 +167,10 @@ def _unknown_unit(stated: str, axis: str, quantity: Quantity) -> UnitError:
     rate = find_unit(f"{stated}/s")
     if rate is not None and rate.quantity == quantity:
         return UnitError(
-            message,
-            code="unit-unknown",
+            message, code="unit-unknown",
             advice="If the numbers are increments over a sample, pass {--increments=@quantity} and {--units=@units}; "
-            "if they are rates, pass {--units=@units} alone.",
-            quantity=quantity,
-            units=f"{quantity}:{rate.name}",
-        )
+            "if they are rates, pass {--units=@units} alone.", quantity=quantity, units=f"{quantity}:{rate.name}",
+        )  # fmt: skip
     return UnitError(
         message,
         code="unit-unknown",

@@ -151,14 +151,9 @@ def _topic(info: dict[str, bytes], data: bytes, counts: dict[int, int]) -> Topic
     kind = f"{package}/{name}" if name.startswith("msg/") else f"{package}/msg/{name}"
     text = fields["message_definition"].decode("utf-8", "replace")
     return Topic(
-        name=info["topic"].decode(),
-        type=kind,
-        encoding="ros1",
-        text=text,
-        language="ros1msg",
-        ids=(number,),
+        name=info["topic"].decode(), type=kind, encoding="ros1", text=text, language="ros1msg", ids=(number,),
         count=counts.get(number, 0),
-    )
+    )  # fmt: skip
 
 
 class _Shape:

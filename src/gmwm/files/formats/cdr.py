@@ -224,13 +224,9 @@ def template(definition: Definition, message: bytes, wanted: Sequence[str]) -> T
         )
     start = 4 if cdr else 0
     walk = _Walk(
-        definition=definition,
-        message=message,
-        wanted=frozenset(wanted),
-        order=">" if message[:2] == b"\0\0" and cdr else "<",
-        base=start,
-        position=start,
-    )
+        definition=definition, message=message, wanted=frozenset(wanted),
+        order=">" if message[:2] == b"\0\0" and cdr else "<", base=start, position=start,
+    )  # fmt: skip
     if cdr and len(message) < 4:
         raise walk.broken()
     walk.struct(definition.name, "")

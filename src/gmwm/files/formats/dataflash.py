@@ -126,13 +126,10 @@ def _layout(found: _Summary, key: tuple[int, int], remarks: tuple[Remark, ...]) 
     first, last = found.edges[key]
     seconds = (last - first) / (1e3 if stamp == "TimeMS" else 1e6)
     return Layout(
-        tuple(channels),
-        topic=message.name if instance < 0 else f"{message.name}_{instance}",
+        tuple(channels), topic=message.name if instance < 0 else f"{message.name}_{instance}",
         state=_Selection(message, instance, tuple(channel.name for channel in channels)),
-        extent=(found.counts[key], seconds),
-        remarks=remarks,
-        preferred=message.name == "IMU" and instance <= 0,
-    )
+        extent=(found.counts[key], seconds), remarks=remarks, preferred=message.name == "IMU" and instance <= 0,
+    )  # fmt: skip
 
 
 def _numbers(column: NDArray[Any]) -> NDArray[Any]:

@@ -131,13 +131,10 @@ def _layout(found: _Found, remarks: tuple[Remark, ...]) -> Layout:
         if axis and (axis != "temperature" or found.warm):
             channels.append(Channel(name, unit, axis))
     return Layout(
-        tuple(channels),
-        topic=found.name if found.instance < 0 else f"{found.name}_{found.instance}",
-        state=found,
-        extent=(found.count, (found.last - found.first) / (1e3 if stamp == "TimeMS" else 1e6)),
-        remarks=remarks,
+        tuple(channels), topic=found.name if found.instance < 0 else f"{found.name}_{found.instance}", state=found,
+        extent=(found.count, (found.last - found.first) / (1e3 if stamp == "TimeMS" else 1e6)), remarks=remarks,
         preferred=found.name == "IMU" and found.instance <= 0,
-    )
+    )  # fmt: skip
 
 
 def _numbers(rows: Sequence[Sequence[float]], layout: Layout, wanted: Sequence[int]) -> Rows:

@@ -147,25 +147,13 @@ def detect(lines: list[str], path: object) -> Dialect:
     first_row = tuple(data[0][:columns])
     stamps = tuple(is_stamp(first_row[c]) and len({row[c] for row in data}) > 1 for c in range(columns))
     return Dialect(
-        delimiter=delimiter,
-        decimal_comma=decimal_comma,
-        fields=fields,
-        columns=columns,
-        first_line=first_line,
-        names=names,
-        column_units=units,
-        units=stated,
-        comment=sign,
-        first_row=first_row,
-        integers=integers,
-        rate=_stated_rate(comments),
-        stamps=stamps,
+        delimiter=delimiter, decimal_comma=decimal_comma, fields=fields, columns=columns, first_line=first_line,
+        names=names, column_units=units, units=stated, comment=sign, first_row=first_row, integers=integers,
+        rate=_stated_rate(comments), stamps=stamps,
         header=tuple(line for k, line in body[:start] if len(split(line, delimiter)) > 1),
-        above=tuple(lines[: first_line - 1]),
-        sensors=_sensors(names, whole),
-        stamp_parts=_stamp_parts(names, integers),
+        above=tuple(lines[: first_line - 1]), sensors=_sensors(names, whole), stamp_parts=_stamp_parts(names, integers),
         cleaning=cleaning,
-    )
+    )  # fmt: skip
 
 
 _LABEL = r"[A-Za-z_][\w.]*\s*[:=]\s*"

@@ -307,15 +307,9 @@ def _layout(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | N
     if len(channels) == 1:
         return None
     return Layout(
-        channels=tuple(channels),
-        first_row=(),
-        topic=topic.name,
-        rate=None,
-        units={},
-        remarks=remarks,
-        state=_Stream(topic, kind),
-        inertial=inertial,
-    )
+        channels=tuple(channels), first_row=(), topic=topic.name, rate=None, units={}, remarks=remarks,
+        state=_Stream(topic, kind), inertial=inertial,
+    )  # fmt: skip
 
 
 def _imu_leaves() -> set[str]:
@@ -349,15 +343,9 @@ def _imu_layout(topic: Topic, kind: Definition, leaves: Sequence[str], storages:
     channels.append(Channel(LOG_TIME, "ns", "" if stamped else "time"))
     state = _Stream(topic, kind)
     return Layout(
-        channels=tuple(channels),
-        first_row=(),
-        topic=topic.name,
-        rate=None,
-        units={},
-        remarks=tuple(remarks),
-        state=state,
-        inertial=bool(first[STAMP].size),
-    )
+        channels=tuple(channels), first_row=(), topic=topic.name, rate=None, units={}, remarks=tuple(remarks),
+        state=state, inertial=bool(first[STAMP].size),
+    )  # fmt: skip
 
 
 def _stamped(topic: Topic, kind: Definition, storages: Sequence[Storage]) -> bool:

@@ -134,16 +134,11 @@ class SampleBuilder:
         known = {row for row, _ in stamped} | self._cuts
         gaps = [((a, b), sample) for a, b, sample in self._breaks if b - a > 1 or b in known]
         return RowSummary(
-            self._first,
-            self._next,
-            start=self._begun[1] if self._start is None else self._start,
-            parted=self._parted,
+            self._first, self._next, start=self._begun[1] if self._start is None else self._start, parted=self._parted,
             gaps=gaps_of([pair for pair, _ in gaps], [k for _, k in gaps], stamped=stamped, rate=self._found.rate),
-            lost=self._count,
-            impossible=self._impossible,
-            live=live,
+            lost=self._count, impossible=self._impossible, live=live,
             about=() if self._live is None else tuple(self._live.remarks()),
-        )
+        )  # fmt: skip
 
     def _in_si(self, values: Vector, factors: Sequence[float]) -> Vector:
         for factor in factors:

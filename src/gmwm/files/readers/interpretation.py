@@ -125,15 +125,11 @@ def understand(
     # The remarks on all time stamps of a live stream follow at the end of an iteration.
     remarks += [remark for remark in time.remarks if pace is None or remark.code not in STAMPS]
     return Interpretation(
-        choice=_read_columns(choice.only(axes), rows, column, temperature=reading is not None),
-        words=words,
+        choice=_read_columns(choice.only(axes), rows, column, temperature=reading is not None), words=words,
         factors={axis: tuple(f for f in (float(ones[axis][0]), scales.units[axis].factor) if f != 1) for axis in axes},
-        timing=time,
-        pace=pace,
-        remarks=of_file(remarks, path),
-        sparse=column is not None and column.sparse,
+        timing=time, pace=pace, remarks=of_file(remarks, path), sparse=column is not None and column.sparse,
         first_temperature=reading,
-    )
+    )  # fmt: skip
 
 
 def _read_columns(choice: Choice, rows: Rows, column: TimeColumn | None, *, temperature: bool) -> Choice:

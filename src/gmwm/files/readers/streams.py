@@ -253,19 +253,9 @@ class Stream:
         from gmwm.measuring.streaming.passes import stream_variance
 
         return stream_variance(
-            self,
-            levels=levels,
-            exact=exact,
-            robust=robust,
-            efficiency=efficiency,
-            passes=passes,
-            confidence=confidence,
-            threads=threads,
-            scheduler=scheduler,
-            workers=workers,
-            parts=parts,
-            done=done,
-        )
+            self, levels=levels, exact=exact, robust=robust, efficiency=efficiency, passes=passes,
+            confidence=confidence, threads=threads, scheduler=scheduler, workers=workers, parts=parts, done=done,
+        )  # fmt: skip
 
     def psd(
         self,
