@@ -265,8 +265,8 @@ def _admit(name: str, reader: Any) -> None:
 
 
 def existing_file(path: str | os.PathLike[str]) -> Path:
-    """Return the path of a file, after a check that it exists and is not empty. For a directory that is one recording,
-    return the file that identifies it."""
+    """Return the path of a file that exists and is not empty; for a directory, the file that identifies the
+    recording."""
     given: object = path
     if not isinstance(given, str | os.PathLike):
         raise OptionError(

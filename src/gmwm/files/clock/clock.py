@@ -38,8 +38,8 @@ standard deviation of the distances between gaps is at most 0.1."""
 
 @dataclass(frozen=True)
 class _Block:
-    """Results for the time stamps of one block. Ticks, the unit of the time stamps, are counted from the first time
-    stamp of the recording. They continue to increase where the clock was set back."""
+    """Results for the time stamps of one block, in ticks from the first time stamp; they increase where the clock was
+    set back."""
 
     rows: int  # number of rows
     found: Found  # sampling interval, and gaps by the number of the row in the recording
@@ -65,13 +65,11 @@ class _Block:
 
 def clock_of(chunks: Iterable[NDArray[Any]], unit: str, rate: float | None) -> tuple[Timing, Remark | None]:
     """Return the rate, segments and irregularities of a recording, and a remark if the unit of time is inferred or
-    unusually long.
-
-    `find_losses` determines the sampling interval and the lost samples. A declared rate is used if it agrees with the
-    time stamps within 1 %. The time stamps then only determine where the gaps are. The remark on the difference is a
-    warning if two conditions are met: it is more than 0.1 %, and over the longest segment it adds up to more than one
-    sampling interval and three times the jitter. The start times of the segments differ by whole sampling intervals,
-    except where the clock was set back. `unit` is "" to infer it; `rate` is the declared rate (Hz)."""
+    unusually long. `find_losses` determines the sampling interval and the lost samples. A declared rate is used if it
+    agrees with the time stamps within 1 %. The time stamps then only determine where the gaps are. The remark on the
+    difference is a warning if two conditions are met: it is more than 0.1 %, and over the longest segment it adds up to
+    more than one sampling interval and three times the jitter. The start times of the segments differ by whole sampling
+    intervals, except where the clock was set back. `unit` is "" to infer it; `rate` is the declared rate (Hz)."""
     blocks: list[_Block] = []
     first, remark, row = None, None, 0
     for window, begin, end in _windows(chunks):
@@ -89,11 +87,8 @@ def clock_of(chunks: Iterable[NDArray[Any]], unit: str, rate: float | None) -> t
 def rows_between(
     values: NDArray[Any], unit: str, rate: float | None, *, begin: float, end: float
 ) -> tuple[slice, float]:
-    """Return the rows between two times (s) from the first time stamp, and the time of the first of these rows.
-
-    The parameters and errors are the same as for `clock_of`, except that `values` is the whole column. The clock is not
-    known yet, so the time of a row is its time stamp.
-    """
+    """Return the rows between two times (s) from the first time stamp, and the time of the first of these rows. The
+    clock is not known yet, so the time of a row is its time stamp."""
     unit = unit or as_stamps(values, unit, rate)[0].unit
     window = _Window.of(values, values[0].item(), unit)
     ticks = np.fmax.accumulate(in_order(window.ticks, window.integer, window.per_second).ticks)
@@ -233,8 +228,7 @@ def _joined(blocks: Sequence[_Block], origin: float, per_second: int, unit: str,
 def _interval(
     blocks: Sequence[_Block], rows: Rows, lost: Rows, count: int, per_second: int
 ) -> tuple[float, Remark | None]:
-    """Return the sampling interval (ticks), rounded to the digits that the time stamps resolve. Return also a remark if
-    it is the mean of different intervals."""
+    """Return the sampling interval (ticks) in the digits that the time stamps resolve, and a remark if it is a mean."""
     interval, median, spacing = _slope(blocks), blocks[0].median, max(b.spacing for b in blocks)
     whole, repeated = sum(b.whole for b in blocks), sum(b.found.repeated.size for b in blocks)
     mean = whole / max(1, count - 1 + int(np.sum(lost)) - repeated)
@@ -279,8 +273,8 @@ def _about_regular(rows: Rows, lost: Rows, count: int, rate: float) -> Remark | 
 
 
 def _about_rounded(blocks: Sequence[_Block], count: int, rate: float, per_second: int) -> Remark | None:
-    """Return a remark if the time stamps have two explanations: rounding at this rate, or a higher rate with regular
-    losses. This is so if all intervals are multiples of the most common interval, and no time stamp repeats."""
+    """Return a remark if the time stamps have two explanations, rounding at this rate or regular losses at a higher
+    rate: all intervals are multiples of the most common one, and no time stamp repeats."""
     if not all(b.exact and not b.found.rows.size and not b.duplicates for b in blocks):
         return None
     other = per_second / blocks[0].median
@@ -293,8 +287,7 @@ def _about_rounded(blocks: Sequence[_Block], count: int, rate: float, per_second
 
 
 def _shortest_decimal(interval: float, tolerance: float, per_second: int) -> float:
-    """Round an interval so that it, or its rate, has the fewest decimal digits. Its relative change is at most the
-    tolerance."""
+    """Round an interval within the tolerance so that it, or its rate, has the fewest decimal digits."""
     tolerance = max(tolerance, 4 * float(np.finfo(np.float64).eps))
     if tolerance > 1e-6:
         return interval

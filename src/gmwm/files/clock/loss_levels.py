@@ -31,10 +31,8 @@ longest interval."""
 
 
 def follow(x: Vector) -> Rows:
-    """Return the levels, whole numbers, that fit x = levels + noise best, by dynamic programming.
-
-    The levels decrease only where a row was written twice: there they fall below the levels of all recent rows.
-    """
+    """Return the levels, whole numbers, that fit x = levels + noise best, by dynamic programming. The levels decrease
+    only where a row was written twice: there they fall below the levels of all recent rows."""
     rough = _median_of_five(np.round(x))
     past = np.concatenate([rough[:1], least_ahead(rough[::-1], _SOON)[::-1][:-1]])
     fallen = np.cumsum(np.maximum(past - rough, 0.0))
@@ -70,10 +68,8 @@ def least_ahead(v: Vector, width: int) -> Vector:
 
 
 def _best_path(x: Vector, guess: Rows) -> Rows:
-    """Return the path of levels with the lowest cost: squared distance from x, and a fixed cost for each rise.
-
-    Levels are searched near doubtful rows, in parts that are processed side by side.
-    """
+    """Return the path of levels with the lowest cost: squared distance from x, and a fixed cost for each rise. Levels
+    are searched near doubtful rows, in parts that are processed side by side."""
     away, n = x - guess, x.size
     sigma = float(np.clip(1.4826 * np.median(np.abs(away)), 0.03, 0.3))
     share = np.count_nonzero(np.diff(guess) > 0) / n
@@ -94,8 +90,7 @@ def _best_path(x: Vector, guess: Rows) -> Rows:
 
 
 def _viterbi(cost: Vector, steps: Rows, price: float) -> Rows:
-    """Return the index of the state of each row along the path of lowest cost; `steps` is the rise of the guess between
-    rows."""
+    """Return the state of each row on the path of lowest cost; `steps` is the rise of the guess between rows."""
     count, length, size = cost.shape
     value = cost[:, 0].copy()
     back = np.zeros((length, count, size), dtype=np.int8)
@@ -138,8 +133,8 @@ def median_of_three(v: Vector) -> Vector:
 
 
 def placed(x: Vector, level: Vector, width: int, steps: Vector) -> Rows:
-    """Return the level of each row, from the level of each block of `width` rows. Each rise is placed at the row at
-    which it fits the values `x` best, preferably after a long interval (`steps`)."""
+    """Return the level of each row from the level of each block of `width` rows. Each rise is at the row where it fits
+    the values `x` best, preferably after a long interval (`steps`)."""
     level = np.maximum.accumulate(level)
     d = x[: level.size * width] - np.repeat(level, width)
     up, down = (max(float(np.mean(np.maximum(v, 0.0))), 0.05) for v in (d, -d))
@@ -168,10 +163,9 @@ def placed(x: Vector, level: Vector, width: int, steps: Vector) -> Rows:
 
 
 def _cheapest(costs: Vector, price: Vector) -> list[tuple[int, int, int]]:
-    """Return the path from the first to the last level with the lowest cost.
-
-    `costs` (M, n) has the cost of each row at each level, and `price` (n,) the cost of a rise before each row. Each
-    step of the path is the first row after a rise, and the indices of the levels before and after it."""
+    """Return the path from the first to the last level with the lowest cost. `costs` (M, n) has the cost of each row at
+    each level, and `price` (n,) the cost of a rise before each row. Each step of the path is the first row after a
+    rise, and the indices of the levels before and after it."""
     total = np.concatenate([np.zeros((costs.shape[0], 1)), np.cumsum(costs, axis=1)], axis=1)[:, :-1]
     values, sources, rows = [total[0]], [np.zeros(total.shape[1], dtype=int)], [np.zeros(total.shape[1], dtype=int)]
     index = np.arange(total.shape[1])

@@ -140,7 +140,6 @@ def gaps_of(
     pairs: Sequence[tuple[int, int]], samples: Sequence[int], stamped: Sequence[tuple[int, float]], rate: float
 ) -> tuple[tuple[int, float], ...]:
     """Return the gaps of a recording with lost samples: index of the first sample after each gap, and its duration (s).
-
     `pairs` are the rows of the samples before and after each gap, `samples` the index of the sample after it, and
     `stamped` the gaps in the time stamps: the row after each, and the time between the two rows."""
     found, rest = [], deque(stamped)

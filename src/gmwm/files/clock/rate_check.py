@@ -46,9 +46,7 @@ class Change:
 
 
 def require_order(ticks: Vector, nominal: float, origin: float, per_second: float, row: int = 0) -> None:
-    """Require that time stamps are in order, except for a few.
-
-    `ticks` are counted from the first time stamp, `origin`. `row` rows are before it."""
+    """Require that time stamps are in order, except for a few. `row` rows are before the first one, `origin`."""
     steps = np.diff(ticks)
     back = np.flatnonzero(steps < 0)
     near = int(np.count_nonzero(steps[back] > -_NEAR * nominal))
@@ -141,10 +139,8 @@ class _Sides:
 
 
 def _burst(steps: Vector) -> int:
-    """Return the number of samples in a burst; 1 if the median interval is the interval of uniform sampling.
-
-    Samples come in bursts if more than 5 % of the intervals are longer than 4 medians, because gaps are rarer.
-    """
+    """Return the number of samples in a burst; 1 if the median interval is the interval of uniform sampling. Samples
+    come in bursts if more than 5 % of the intervals are longer than 4 medians, because gaps are rarer."""
     forward = steps[steps >= 0]
     single = float(np.median(forward)) if forward.size else 0.0
     long = int(np.count_nonzero(forward > 4 * single))

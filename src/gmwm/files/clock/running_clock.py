@@ -64,8 +64,7 @@ class KnownClock:
         return None if self._rows is None else self._rows - self._row
 
     def gaps(self, first: int, stop: int) -> tuple[tuple[int, float], ...]:
-        """Return the gaps directly before the rows `first` to `stop` − 1: for each gap, the row after it and its length
-        (s)."""
+        """Return the gaps directly before the rows `first` to `stop` − 1: the row after each, and its length (s)."""
         return tuple(gap for gap in self._gaps if first <= gap[0] < stop)
 
     def segment_at(self, row: int) -> tuple[int, float]:
@@ -133,11 +132,9 @@ class Counted:
 
 
 class RunningClock:
-    """Find gaps in the time stamps of a live stream block by block, with the sampling interval of the first rows.
-
-    A long interval is a gap if the time stamps after it stay late. To find this out, some later rows are needed, so the
-    segments of the last rows of a block are determined with the next block. For a file, whose time stamps are all
-    known, `KnownClock` is used instead."""
+    """Find gaps in the time stamps of a live stream block by block, with the sampling interval of the first rows. A
+    long interval is a gap if the time stamps after it stay late. This needs some later rows, so the segments of the
+    last rows of a block are determined with the next block."""
 
     def __init__(self, pace: Pace) -> None:
         self.pace = pace
@@ -242,8 +239,7 @@ class RunningClock:
         return Settled(stop, tuple(firsts), tuple(starts))
 
     def _count(self, steps: Vector, raw: Vector, firsts: list[int]) -> None:
-        """Add the intervals before the rows whose segments have just been determined. The first of these rows is row
-        `_stop` (or row 1)."""
+        """Add the intervals before the rows, from `_stop` (or row 1) on, whose segments have just been determined."""
         inside = np.ones(steps.size, dtype=bool)
         inside[[row - max(self._stop, 1) for row in firsts]] = False
         kept, counted = steps[inside], self._counted

@@ -86,10 +86,8 @@ class Found:
 
 
 def find_losses(ticks: Vector, resolution: float, declared: float | None = None) -> Found:
-    """Find the sampling interval and the lost samples.
-
-    `ticks` (N,) never decrease and are multiples of `resolution`. The declared interval (ticks) decides if several
-    intervals explain the time stamps."""
+    """Find the sampling interval and the lost samples. `ticks` (N,) never decrease and are multiples of `resolution`.
+    The declared interval (ticks) decides if several intervals explain the time stamps."""
     none = np.empty(0, dtype=np.int64)
     line = _one_line(ticks, resolution)
     contradicts = declared is not None and line is not None and abs(line / declared - 1) > RATE_TOLERANCE
@@ -153,8 +151,7 @@ def _burst(ticks: Vector) -> float:
 
 
 def _windowed_mean(ticks: Vector, burst: float) -> float:
-    """Return the mean of the middle half of averages over many intervals, without averages that contain an unusually
-    long one."""
+    """Return the mean of the middle half of averages over many intervals, without those with an unusually long one."""
     steps = np.diff(ticks)
     window = max(1, min(int(max(64, min(8 * burst**2, 2048))), ticks.size // 8))
     averages = (ticks[window:] - ticks[:-window]) / window
@@ -170,8 +167,7 @@ def _windowed_mean(ticks: Vector, burst: float) -> float:
 
 
 def _one_line(ticks: Vector, resolution: float) -> float | None:
-    """Return the interval of a uniform clock that explains all time stamps within their resolution; None if there is
-    none."""
+    """Return the interval of a uniform clock that explains all time stamps within their resolution, or None."""
     k = np.arange(ticks.size, dtype=np.float64)
     slope = _slope(k, ticks)
     away = ticks - slope * k
@@ -240,8 +236,8 @@ def _is_rounding(found: Found, resolution: float, single: float) -> bool:
 
 
 def _with_long_steps(level: Rows, steps: Vector) -> Rows:
-    """Remove the rises and falls of the levels without a correspondingly long or short interval (in samples). They are
-    drift of the clock."""
+    """Remove rises and falls of the levels without a fitting long or short interval (in samples): drift of the
+    clock."""
     rise = np.diff(level)
     near = np.abs(steps[steps < _LONG] - 1)
     scatter = 3 * 1.4826 * float(np.median(near)) if near.size else 0.0
@@ -273,8 +269,7 @@ def _closed(ticks: Vector, interval: float) -> tuple[Vector, Rows]:
 
 
 def _phase_locked(ticks: Vector, interval: float) -> tuple[float | None, Vector]:
-    """Return the interval near the given one at which single rows are coherent, and the slow phase of the rows in
-    samples."""
+    """Return the interval at which single rows are coherent, and the slow phase of the rows in samples."""
     n = ticks.size
     some = ticks[(n - min(n, _SOME)) // 2 :][:_SOME]
     steps = np.diff(some) / interval
@@ -316,8 +311,7 @@ def _moving_mean(z: NDArray[np.complex128], width: int) -> NDArray[np.complex128
 
 
 def _tapered_mean(r: Vector) -> Vector:
-    """Return the mean of each row of a matrix with Hann weights, so that the start of a block within a burst has no
-    effect."""
+    """Return the mean of each row with Hann weights: the start of a block within a burst then has no effect."""
     width = r.shape[1]
     weights = np.sin(np.pi * (np.arange(width) + 0.5) / width) ** 2
     return np.asarray(r @ (weights / np.sum(weights)))
@@ -405,8 +399,7 @@ def _turn(b: Vector, lag: int) -> float:
 
 
 def _coherence(b: Vector) -> float:
-    """Return how well neighbouring blocks agree modulo 1: 1 for exact agreement, exp(-4π²σ²) if the statistics have a
-    standard deviation of σ samples."""
+    """Return how well neighbouring blocks agree modulo 1: exp(-4π²σ²) for a standard deviation of σ samples."""
     z = np.exp(2j * np.pi * b)
     return float(np.abs(np.mean(np.conj(z[:-1]) * z[1:])))
 

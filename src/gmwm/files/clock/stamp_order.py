@@ -34,8 +34,8 @@ order."""
 
 @dataclass(frozen=True)
 class Steps:
-    """The rows before which a counter wraps around, each with the length of the counter (ticks), and the rows before
-    which the clock changes by an hour for summer time (1 for forward, −1 for back)."""
+    """Rows before which a counter wraps, each with the length of the counter (ticks), and rows before which the clock
+    changes by an hour for summer time (1 for forward, −1 for back)."""
 
     wraps: tuple[tuple[int, float], ...] = ()
     hours: tuple[tuple[int, int], ...] = ()
@@ -90,12 +90,10 @@ def nominal_interval(ticks: Vector) -> float:
 
 
 def in_order(ticks: Vector, integer: bool, per_second: int, nominal: float | None = None) -> Ordered:
-    """Undo wraps of a counter and changes to and from summer time.
-
-    A backward step is a wrap if it becomes one sampling interval, or at most 64, when 2¹⁶, 2²⁴ or 2³² ticks are added
-    to it. For time stamps that are not integers, the ticks of the counter can also be ns, µs or ms. A step is a change
-    of summer time if it becomes one sampling interval when an hour is added or subtracted.
-    """
+    """Undo wraps of a counter and changes to and from summer time. A backward step is a wrap if it becomes one sampling
+    interval, or at most 64, when 2¹⁶, 2²⁴ or 2³² ticks are added to it. For time stamps that are not integers, the
+    ticks of the counter can also be ns, µs or ms. A step is a change of summer time if it becomes one sampling interval
+    when an hour is added or subtracted."""
     steps = np.diff(ticks)
     if not np.any(steps < 0) and not np.any(steps > _HOUR_WITHIN * per_second):
         return Ordered(ticks, Steps())
@@ -127,8 +125,7 @@ def _parts(per_second: int) -> tuple[float, ...]:
 def _wraps(
     steps: Vector, nominal: float, near: float, units: tuple[float, ...]
 ) -> Iterator[tuple[float, NDArray[np.int64]]]:
-    """Yield the length of the counter and the intervals in which it wraps, if most backward steps are wraps of this
-    counter."""
+    """Yield the length of the counter and the intervals where it wraps, if most backward steps are its wraps."""
     back = np.flatnonzero(steps < 0)
     for length in sorted(unit * 2.0**bits for unit in units for bits in _BITS):
         rest = steps[back] + length
@@ -141,11 +138,9 @@ def _wraps(
 
 
 def without_steps_back(ticks: Vector, nominal: float) -> tuple[Vector, NDArray[np.int64]]:
-    """Return time stamps that never decrease, and the rows before which the clock was set back.
-
-    A single time stamp out of order gets the time of its neighbour. If the clock was set back, the time stamps continue
-    one sampling interval after the last one.
-    """
+    """Return time stamps that never decrease, and the rows before which the clock was set back. A single time stamp out
+    of order gets the time of its neighbour. If the clock was set back, the time stamps continue one sampling interval
+    after the last one."""
     back = np.flatnonzero(np.diff(ticks) < 0)
     if not back.size:
         return ticks, np.empty(0, dtype=np.int64)

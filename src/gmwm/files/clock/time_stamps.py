@@ -57,11 +57,8 @@ class Stamps:
 
 @dataclass(frozen=True)
 class Timing:
-    """The time base of a recording, its segments, their start times (s), and remarks on the time stamps.
-
-    `width` is the number of rows in the blocks that were compared to find the gaps; see
-    `gmwm.files.clock.sampling_interval`.
-    """
+    """Time base, segments, their start times (s), remarks on the time stamps, and the width of
+    `sampling_interval.Found`."""
 
     base: TimeBase
     segments: tuple[tuple[int, int], ...]
@@ -77,8 +74,8 @@ class SegmentStarts:
         self._row, self._time, self._rate, self._lost = 0, time, rate, 0
 
     def at(self, row: int, lost: int, clock: float | None) -> float:
-        """Return the start time (s) of a segment that begins with `row`, after a gap with `lost` samples. `clock` is
-        the time stamp (s) of the row if the clock was set back there."""
+        """Return the start time (s) of a segment that begins with `row` after a gap with `lost` samples. `clock` is the
+        time stamp (s) of the row if the clock was set back there."""
         if clock is not None:
             self._row, self._time, self._lost = row, clock, 0
         self._lost += lost
@@ -91,10 +88,8 @@ def unstamped(rate: float, samples: int) -> Timing:
 
 
 def as_stamps(values: NDArray[Any], unit: str, rate: float | None) -> tuple[Stamps, Remark | None]:
-    """Count time stamps in their unit from the first one. Return also a remark if the unit is inferred or longer than a
-    second.
-
-    `unit` is "" to infer it. A declared rate (Hz) decides if several units are possible."""
+    """Count time stamps in their unit from the first one. Return also a remark if the unit is inferred ("") or longer
+    than a second. A declared rate (Hz) decides if several units are possible."""
     require_countable(values)
     integer = values.dtype.kind in "iu"
     values = values.astype(np.int64) if integer else values

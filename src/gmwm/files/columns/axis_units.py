@@ -43,8 +43,7 @@ class Scales:
 
 @dataclass(frozen=True)
 class _Known:
-    """The unit of an axis ("" if unknown), its source, and the unit that the file states if another one was
-    declared."""
+    """The unit of an axis ("" if unknown), its source, and the unit in the file if another one was declared."""
 
     unit: str = ""
     source: str = ""
@@ -52,8 +51,8 @@ class _Known:
 
 
 def time_unit(layout: Layout, choice: Choice, declared: Mapping[str, str]) -> tuple[str, Remark | None]:
-    """Return the unit of the time stamps ("" if it is neither declared nor stated), and a remark if the time stamps are
-    dates or if the declared unit replaces a stated one."""
+    """Return the unit of the time stamps, "" if unknown, and a remark if they are dates or a declared unit replaces
+    another."""
     column = choice.columns["time"]
     channel = layout.channels[column]
     if holds_stamps(layout, column):
@@ -91,10 +90,8 @@ def resolve(
     rate: float,
     increments: Sequence[str] = (),
 ) -> Scales:
-    """Find the unit of every axis.
-
-    `declared` maps sensors to units. `values` (N,) are the numbers in the file, for the norm of gravity. For axes in
-    `increments`, "deg" in the file does not contradict "deg/s"."""
+    """Find the unit of every axis. `declared` maps sensors to units. `values` (N,) are the numbers in the file, for the
+    norm of gravity. For axes in `increments`, "deg" in the file does not contradict "deg/s"."""
     units: dict[str, Unit] = {}
     remarks: list[Remark] = []
     for quantity in SI_UNIT:
@@ -161,8 +158,8 @@ def _known(layout: Layout, choice: Choice, declared: Mapping[str, str], axis: st
 
 
 def _unknown_unit(stated: str, axis: str, quantity: Quantity) -> UnitError:
-    """Make the error for an unknown unit in the file. If the unit fits increments, such as deg, the advice says how to
-    declare increments."""
+    """Make the error for an unknown unit in the file. For a unit of increments, such as deg, the advice declares
+    them."""
     message = f"the unit {stated!r} of {axis} is unknown; the units are {', '.join(unit_names(quantity))}"
     rate = find_unit(f"{stated}/s")
     if rate is not None and rate.quantity == quantity:
@@ -208,12 +205,10 @@ def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, Rem
 
 
 def _doubts(axes: list[str], values: Mapping[str, Vector], units: Mapping[str, Unit]) -> list[Remark]:
-    """Report accelerometers whose norm is close to gravity in a unit other than the declared or stated one.
-
-    A norm within 20 % of gravity is accepted, because biases can explain it. Another unit is suggested only if the norm
-    in this unit is within 5 % of gravity. This limit is half of `_NEAR`, because a stated unit is evidence against
-    another one.
-    """
+    """Report accelerometers whose norm is close to gravity in a unit other than the declared or stated one. A norm
+    within 20 % of gravity is accepted, because biases can explain it. Another unit is suggested only if the norm in
+    this unit is within 5 % of gravity. This limit is half of `_NEAR`, because a stated unit is evidence against another
+    one."""
     if len(axes) < 3 or len({units[axis].name for axis in axes}) > 1:
         return []
     norm, unit = _norm(axes, values), units[axes[0]]

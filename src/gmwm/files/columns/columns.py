@@ -38,10 +38,8 @@ class Choice:
 
 
 def choose(layout: Layout, columns: Columns | None, path: Path) -> Choice:
-    """Choose the columns to read.
-
-    If `columns` names a column for at least one axis, only the named axes are read. The time column is still found by
-    its name unless `columns` has "time". An axis whose column is None is left out."""
+    """Choose the columns to read. If `columns` names a column for at least one axis, only the named axes are read. The
+    time column is still found by its name unless `columns` has "time". An axis whose column is None is left out."""
     if columns is not None and not isinstance(columns, Mapping):
         return _finished(Choice(_by_order(layout, columns, path)), layout, path)
     given = dict(columns or {})
@@ -158,11 +156,8 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
 
 
 def _header_stamp(layout: Layout, times: Sequence[int]) -> int | None:
-    """Return the index of the time stamp in the header of ROS messages if other columns, such as the time of recording,
-    also contain a time.
-
-    The header is not used if its first time stamp is 0, because some drivers do not set it.
-    """
+    """Return the column of the time stamp in the header of ROS messages if other columns also contain a time. It is not
+    used if its first time stamp is 0, because some drivers do not set it."""
     for k in times:
         words = clean(layout.channels[k].name).casefold().replace("/", ".")
         if words.endswith("header.stamp") and len(times) > 1 and layout.first_row[k : k + 1] not in ((), ("0",)):

@@ -21,10 +21,9 @@ def multiply(
     raw: Mapping[str, Vector],
     rate: float,
 ) -> tuple[Remark, ...]:
-    """Multiply the numbers by their factors, and increments by the rate, in place.
-
-    If an axis has a factor of its own, the factor of its sensor is not used. `factors` and `increments` are declared by
-    axis or sensor. Return remarks on both."""
+    """Multiply the numbers by their factors, and increments by the rate, in place. If an axis has a factor of its own,
+    the factor of its sensor is not used. `factors` and `increments` are declared by axis or sensor. Return remarks on
+    both."""
     read = {key for axis in choice.axes for key in (axis, axis_quantity(axis))}
     for name, keys in (("scale", factors), ("increments", increments if set(increments) != set(SI_UNIT) else ())):
         unused = next((key for key in keys if key not in read), None)

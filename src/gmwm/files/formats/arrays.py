@@ -100,8 +100,7 @@ def with_stated_units(arrays: Sequence[Array], texts: Sequence[str]) -> list[Arr
 
 
 def layouts_of(arrays: Sequence[Array], path: object, remarks: tuple[Remark, ...] = ()) -> tuple[Layout, ...]:
-    """Group arrays of the same length into recordings. If an axis occurs twice, each group (folder) in the file is a
-    separate recording."""
+    """Group arrays of the same length into recordings, and by their folders in the file if an axis occurs twice."""
     usable = [upright(array) for array in arrays if _is_real(array)]
     series = [a for a in usable if len(a.shape) in (1, 2) and a.shape[0] > 1 and 0 < a.columns <= MAX_COLUMNS]
     if not series:
@@ -295,8 +294,7 @@ def _rate(arrays: Sequence[Array], part: Sequence[Array]) -> float | None:
 
 
 def _stray_time(part: Sequence[Array], parts: Sequence[Sequence[Array]]) -> str:
-    """Describe time stamps in the same folder as a recording that cannot belong to it, for example because their number
-    differs; "" if there are none."""
+    """Describe time stamps in the folder of a recording that cannot belong to it; "" if there are none."""
     if "time" in _roles(part):
         return ""
     folder = split_path(part[0].name)[0]

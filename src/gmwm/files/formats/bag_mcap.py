@@ -90,8 +90,7 @@ class McapStorage(ChunkedStorage):
             raise StructError(f"the last record leaves its chunk by {position - end} bytes")
 
     def _summary(self, file: BinaryIO) -> int:
-        """Return the position of the summary, or 0 if there is none. Raise an error if the end of the file is
-        invalid."""
+        """Return the position of the summary, or 0 if there is none. Raise an error if the end is invalid."""
         file.seek(0, 2)
         end = file.tell()
         tail = _HEAD.size + 20 + len(MAGIC)
@@ -185,10 +184,8 @@ class _Contents:
 
 
 def _text(content: bytes, position: int, strict: bool = True) -> tuple[str, int]:
-    """Read a string that is stored after its length; return it with the position of its end.
-
-    If not `strict`, invalid bytes are replaced, because some encodings of schemas are not text.
-    """
+    """Read a string that is stored after its length, and the position of its end. If not `strict`, invalid bytes are
+    replaced, because some encodings of schemas are not text."""
     (length,) = _WORD.unpack_from(content, position)
     end = position + 4 + length
     if end > len(content):

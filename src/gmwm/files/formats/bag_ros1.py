@@ -71,8 +71,7 @@ class Ros1Storage(ChunkedStorage):
                 messages.append(records[position - size : position])
 
     def _index(self, file: BinaryIO) -> tuple[tuple[Topic, ...], list[tuple[int, dict[int, int]]]]:
-        """Read from the index the topics, and for each chunk its position and the number of messages of each
-        connection."""
+        """Read the topics from the index, and the position and the messages per connection of each chunk."""
         file.seek(len(MAGIC))
         head, _ = self._record(file, _BAG)
         position = _LONG.unpack(head["index_pos"])[0]

@@ -23,8 +23,7 @@ class SqliteStorage(Storage):
     """One file of a ROS 2 bag in SQLite."""
 
     def topics(self) -> tuple[Topic, ...]:
-        """Return the topics in the database. Since ROS 2 Iron, a second table contains the definitions of their
-        types."""
+        """Return the topics. Since ROS 2 Iron, a second table contains the definitions of their types."""
         import sqlite3
 
         with closing(self._connected()) as base:
@@ -50,8 +49,7 @@ class SqliteStorage(Storage):
         return merged(iter(found))
 
     def batches(self, topic: Topic) -> Iterator[Batch]:
-        """Yield the messages of a topic in batches, sorted by the time of recording if the table has an index for it,
-        otherwise by their numbers."""
+        """Yield the messages of a topic, by time of recording if the table has an index for it, else by number."""
         import sqlite3
 
         marks = ",".join("?" * len(topic.ids))
@@ -119,16 +117,14 @@ class SqliteStorage(Storage):
 
     @staticmethod
     def _table(base: sqlite3.Connection, name: str) -> bool:
-        """Return whether the database has a table of this name. A view is not accepted, because it could run arbitrary
-        SQL."""
+        """Return whether the database has this table. A view is refused, because it could run arbitrary SQL."""
         query = "SELECT sql FROM sqlite_master WHERE type = 'table' AND name = ?"
         row = base.execute(query, (name,)).fetchone()
         return row is not None and str(row[0]).upper().startswith("CREATE TABLE")
 
 
 def _indexed(base: sqlite3.Connection) -> bool:
-    """Return whether the messages have an index by time; without an index, sorting would need as much space as the
-    file."""
+    """Return whether the messages have an index by time; sorting without one needs as much space as the file."""
     for row in base.execute("PRAGMA index_list(messages)").fetchall():
         columns = base.execute("SELECT name FROM pragma_index_info(?)", (row[1],)).fetchall()
         if columns and columns[0][0] == "timestamp":

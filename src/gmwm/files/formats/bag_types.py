@@ -78,8 +78,7 @@ def _idl_parts(text: str) -> list[str]:
 
 
 def _require_plain(name: str, fields: Sequence[tuple[str, Description]], topic: Topic) -> None:
-    """Raise an error for invalid names of types or fields, and for long arrays of strings or messages, because the code
-    of the decoder is generated from them."""
+    """Require plain names and short arrays, because code of the decoder is generated from them."""
     plain = bool(_TYPE.fullmatch(name))
     for field, (sort, inner) in fields:
         plain &= bool(_NAME.fullmatch(field))

@@ -110,9 +110,7 @@ def _in_order(times: list[int], messages: list[bytes]) -> Batch:
 
 
 def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
-    """Decompress a chunk, and check that it has the size that the file states.
-
-    `compression` is "", "none", "lz4", "bz2" or "zstd"."""
+    """Decompress a chunk ("", "none", "lz4", "bz2" or "zstd"), and check that it has the size that the file states."""
     if size > CHUNK_LIMIT:
         raise ReadError(
             f"{path}: a chunk of {size} bytes; more than {CHUNK_LIMIT >> 20} MB are not unpacked at once",
@@ -141,8 +139,7 @@ def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
 
 
 def unpacked_messages(messages: list[bytes], path: Path) -> list[bytes]:
-    """Decompress messages that were compressed one by one, and return other messages unchanged. The two can be
-    distinguished, because a CDR message cannot begin with the magic bytes of Zstandard."""
+    """Decompress messages that were compressed one by one. A CDR message cannot begin with the bytes of Zstandard."""
     if not messages[0].startswith(ZSTD):
         return messages
     try:

@@ -65,10 +65,8 @@ class Definition:
     encoding: Encoding  # serialisation of the messages
 
     def leaves(self) -> tuple[str, ...]:
-        """Return the names of the numbers in every message, for example "angular_velocity.x" and "gyro[0]".
-
-        A time stamp is one number, in nanoseconds. Strings, sequences and long arrays are left out.
-        """
+        """Return the names of the numbers in every message, for example "angular_velocity.x" and "gyro[0]". A time
+        stamp is one number, in nanoseconds. Strings, sequences and long arrays are left out."""
         names: list[str] = []
         for name in self._leaves(self.name, "", 0):
             names.append(name)
@@ -280,8 +278,7 @@ class Decoder:
         return plan
 
     def _strided(self, joined: bytes, plan: Template) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]:
-        """Read the numbers at the offsets of the template; return them with a mask of the messages that fit the
-        template."""
+        """Read the numbers at the offsets of the template; return them with a mask of the messages that fit."""
         names, formats, offsets = [], [], []
         for name, (kind, offset) in plan.places.items():
             for k, word in enumerate(_TIME_WORDS if kind == "time" else (kind,)):

@@ -26,8 +26,8 @@ _ROWS = 1 << 16
 
 @dataclass
 class _Found:
-    """A recording in the log: name and instance (-1 if it has none) of its messages, names of their values, number of
-    messages, first and last time stamp, and whether any temperature T is not zero."""
+    """A recording in the log: message, instance (-1 for none), names of values, count, times, any temperature but
+    zero."""
 
     name: str
     instance: int

@@ -69,8 +69,7 @@ class Dialect:
 
 
 def split(line: str, delimiter: str) -> list[str]:
-    """Split a line into cells, without the blanks and quotes around them. A delimiter between quotes does not split the
-    line."""
+    """Split a line into cells, without the blanks and quotes around them; quotes protect a delimiter."""
     if delimiter == BLANKS:
         return [cell.strip("\"'") for cell in line.split()]
     if '"' in line:
@@ -162,10 +161,8 @@ _ARROW = re.compile(r"\s*\d\d:\d\d:\d\d[.,]\d+ -> ")
 
 
 def _cleaning(lines: list[str]) -> tuple[tuple[tuple[bytes, bytes], ...], tuple[str, ...]]:
-    """Return the replacements to make in each line, and the names of the columns if each number has a label.
-
-    Programs for the serial port write "ax:0.1 ay:0.2" or "t=0.01, gx=0.1", and the Arduino IDE "12:00:00.000 -> 0.1".
-    """
+    """Return the replacements to make in each line, and the names of the columns if each number has a label. Programs
+    for the serial port write "ax:0.1 ay:0.2" or "t=0.01, gx=0.1", and the Arduino IDE "12:00:00.000 -> 0.1"."""
     sample = lines[len(lines) // 2 :][:50]
     found: list[tuple[bytes, bytes]] = []
     if 2 * sum(_ARROW.match(line) is not None for line in sample) > len(sample):
@@ -204,8 +201,7 @@ def _stamp_parts(names: Sequence[str], integers: Sequence[bool]) -> tuple[int, i
 
 
 def _delimiter(lines: list[str]) -> tuple[str, bool]:
-    """Return the delimiter and decimal sign with which most cells are numbers and most lines have the same number of
-    cells."""
+    """Return the delimiter and decimal sign with most numbers and most lines of the same number of cells."""
     sample = lines[len(lines) // 2 :][-200:] if len(lines) > 4 else lines[-2:]
     best, best_score = (",", False), (-1.0, -1.0, -1)
     for delimiter in (",", ";", "\t", "|", BLANKS):
@@ -271,8 +267,8 @@ def _parted(
     delimiter: str,
     where: tuple[object, int],
 ) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
-    """Return names and units if the delimiter also splits each time stamp in two, so that a name is missing; None
-    otherwise."""
+    """Return names and units if the delimiter also splits each time stamp in two, so that a name is missing; else
+    None."""
     at = parted_stamp(row)
     if at is None or any(len(cells) == len(row) for _, cells in header):
         return None
@@ -340,8 +336,7 @@ def _axes(names: Sequence[str]) -> int:
 
 
 def _below(groups: Sequence[str], names: tuple[str, ...]) -> tuple[str, ...]:
-    """Combine the names of two header lines, such as "Gyroscope" above "X (deg/s)". A merged cell has its name only
-    above its first column."""
+    """Combine two header lines, such as "Gyroscope" above "X (deg/s)". A merged cell names only its first column."""
     joined, group = [], ""
     for above, name in zip(groups, names, strict=True):
         group = clean(above) or group
@@ -357,15 +352,13 @@ def _comment_cells(line: str, columns: int, delimiter: str) -> list[str]:
 
 
 def _named_cells(line: str, columns: int, delimiter: str) -> list[str]:
-    """Return the cells of a header, which can have its own delimiter. The list is empty if no cell is a known name or a
-    unit."""
+    """Return the cells of a header, which can have its own delimiter; [] if no cell is a known name or a unit."""
     cells = _cells(line, columns, delimiter)
     return cells if any(recognise(cell).axis or is_unit(cell) for cell in cells) else []
 
 
 def _cells(text: str, columns: int, delimiter: str) -> list[str]:
-    """Split text into one cell for each column, by the delimiter of the rows, by commas or by blanks. The list is empty
-    if none of these gives one cell for each column."""
+    """Split text into one cell for each column, by the delimiter of the rows, commas or blanks; [] if none fits."""
     ways = [split(text, delimiter), split(text, ",")]
     if not re.search(r"[,;\t|]", text):
         # A blank inside or before the brackets of "gyro_x [rad/s]" does not separate columns.
@@ -375,8 +368,7 @@ def _cells(text: str, columns: int, delimiter: str) -> list[str]:
 
 
 def _stated_units(comments: list[str]) -> dict[str, str]:
-    """Return the units that comments state for a whole sensor, as in "gyro in deg/s, accel in g" or "units: rad/s,
-    m/s^2"."""
+    """Return the units that comments state for a sensor, as "gyro in deg/s, accel in g" or "units: rad/s, m/s^2"."""
     found: dict[str, str] = {}
     for line in comments:
         text = _single_blanks(line).casefold()
@@ -414,8 +406,7 @@ _RATE = re.compile(
 
 
 def _is_clear(word: str, clause: str) -> bool:
-    """Return whether a unit of time in a comment is certainly the unit of the time stamps. Minutes and hours often
-    belong to a duration."""
+    """Return whether a unit of time in a comment is that of the time stamps. Minutes and hours may be a duration."""
     stands_alone = re.search(rf"(\bin\s+|[\[(:=]\s*){re.escape(word)}\b", clause) is not None
     return word in _CLEAR or (word in _LONG and stands_alone)
 

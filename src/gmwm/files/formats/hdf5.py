@@ -167,8 +167,7 @@ def _stated_rates(node: Any, where: str) -> list[Array]:
 
 
 def _attribute(node: Any, key: str, most: int = _SHORT) -> Any:
-    """Return the value of an attribute; None if it has more than `most` bytes, which could take minutes in a damaged
-    file."""
+    """Return an attribute; None if it has more than `most` bytes, which could take minutes in a damaged file."""
     if key not in node.attrs:
         return None
     known = node.attrs.get_id(key)

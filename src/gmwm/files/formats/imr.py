@@ -31,8 +31,7 @@ _CLOCKS = {1: "UTC", 2: "GPS"}
 
 @dataclass(frozen=True)
 class _Header:
-    """Content of the header: byte order, whether each sensor records increments, rate (Hz), scales to deg and m/s,
-    remarks."""
+    """Byte order, whether each sensor records increments, rate (Hz), scales to deg and m/s, and remarks."""
 
     order: str
     increments: tuple[bool, bool]
@@ -112,10 +111,8 @@ def _header(path: Path) -> _Header:
 
 
 def _rate(path: Path, header: _Header) -> tuple[Remark, ...]:
-    """Return a remark if the first time stamps contradict the rate of the header by more than 1 %.
-
-    The header may state the rate of the device instead of the rate of the records, so this is not a warning.
-    """
+    """Return a remark if the first time stamps contradict the rate of the header by more than 1 %: it may be a
+    setting."""
     times = np.fromfile(path, record("i4", header.order), 2048, offset=_HEADER_BYTES)["time"].astype(np.float64)
     interval = float(np.median(np.diff(times))) if times.size > 1 else 1 / header.rate
     if abs(interval * header.rate - 1) <= 0.01:

@@ -34,8 +34,7 @@ _MAX_FIELDS = 1000
 
 
 def variables(path: Path) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield the name and the value of each numeric matrix and each string in a file. Fields of structures are named
-    "structure/field"."""
+    """Yield the name ("structure/field") and the value of each numeric matrix and each string in a file."""
     # The file is not memory-mapped: if a mapped file is truncated while it is read, the process is killed.
     data = memoryview(path.read_bytes())
     head = bytes(data[:_HEADER])

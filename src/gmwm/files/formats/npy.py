@@ -97,8 +97,7 @@ class NpzReader(Reader):
 
 @dataclass(frozen=True)
 class _Stored:
-    """An array in a file, read part by part. It is not memory-mapped, because truncation of a mapped file kills the
-    process."""
+    """An array in a file, read part by part. Truncation of a memory-mapped file would kill the process."""
 
     path: Path
     offset: int

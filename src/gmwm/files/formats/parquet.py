@@ -92,8 +92,7 @@ class ParquetReader(Reader):
 
 
 def _scan(path: Path) -> pl.LazyFrame:
-    """Return the rows of a file as a lazy frame. The file name is not a pattern, and can contain bytes that are not
-    UTF-8."""
+    """Return a lazy frame. The file name is not a pattern, and can contain bytes that are not UTF-8."""
     require_threads(path)
     import polars as pl
 

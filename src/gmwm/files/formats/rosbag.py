@@ -215,8 +215,7 @@ def _batches(storages: Sequence[Storage], topic: Topic) -> Iterator[Batch]:
 
 
 def _layout_or_error(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | None:
-    """Return the layout of a topic, or an unreadable layout if there is an error, so that the other topics remain
-    available."""
+    """Return the layout of a topic, or an unreadable layout, so that the other topics remain available."""
     try:
         return _layout(topic, storages, path)
     except ReadError as error:
@@ -224,10 +223,7 @@ def _layout_or_error(topic: Topic, storages: Sequence[Storage], path: Path) -> L
 
 
 def _with_temperatures(layouts: Sequence[Layout], topics: Sequence[Topic]) -> list[Layout]:
-    """Add the temperature of a topic with a similar name to the layouts of inertial sensors.
-
-    A temperature belongs to the inertial topic whose name shares the longest beginning with its name.
-    """
+    """Add each temperature topic to the inertial topic whose name shares the longest beginning with its name."""
     out = list(layouts)
     inertial = [k for k, layout in enumerate(out) if layout.inertial and isinstance(layout.state, _Stream)]
     for topic in topics:
@@ -318,8 +314,7 @@ def _imu_leaves() -> set[str]:
 
 
 def _imu_layout(topic: Topic, kind: Definition, leaves: Sequence[str], storages: Sequence[Storage]) -> Layout:
-    """Return the layout of a sensor_msgs/Imu topic, without sensors that are marked as absent or are zero
-    throughout."""
+    """Return the layout of a sensor_msgs/Imu topic, without sensors that are marked as absent or always zero."""
     names = [leaf for leaf in leaves if leaf == STAMP or leaf.split(".")[0] in _SENSORS]
     first = _first(topic, kind, [*names, *(f"{sensor}_covariance[0]" for sensor in _SENSORS)], storages)
     remarks = [Remark.of("topic-read", topic=topic.name, type=topic.type)]

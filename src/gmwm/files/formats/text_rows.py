@@ -115,8 +115,7 @@ class RowParser:
                     )
 
     def count(self, block: bytes, line: int) -> int:
-        """Return the number of rows in a block that begins in `line`. The block is parsed only if it has quotes or
-        comments."""
+        """Return the number of rows in a block; it is parsed only if it has quotes or comments."""
         if b'"' in block or (self.sign and self.sign in block):
             frame = self._table(block, line)
             return 0 if frame is None else frame.height

@@ -93,12 +93,8 @@ class UlogReader(Reader):
         return 1.0 if head.startswith(SIGNATURE) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """Return one recording for each instance of sensor_combined, sensor_gyro and sensor_accel, such as
-        sensor_gyro_0.
-
-        The six axes of sensor_combined are preferred. The temperature comes from the selected gyroscope, which logs it
-        with the slower message sensor_gyro.
-        """
+        """Return one recording for each instance of sensor_combined (preferred), sensor_gyro and sensor_accel. The
+        temperature of sensor_combined comes from the slower message sensor_gyro."""
         log, found, selected = Log(path), dict[Message, _Summary](), 0
         for message, table in log.tables((*_MESSAGES, _SELECTION)):
             if message.name != _SELECTION:

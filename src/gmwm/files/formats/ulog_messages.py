@@ -85,8 +85,7 @@ class Log:
             )
 
     def _walk(self, block: bytes, begin: int, names: tuple[str, ...]) -> tuple[dict[int, list[int]], int]:
-        """Return the positions of the wanted messages in a block that begins at byte `begin` of the file, by the
-        identifier of the message, and the number of bytes of the block that were used."""
+        """Return the positions of the wanted messages in a block at byte `begin`, and the number of bytes used."""
         places: dict[int, list[int]] = {}
         at, end = 0, len(block)
         while at + 3 <= end:
@@ -144,8 +143,7 @@ class Log:
         return Message(name, instance, np.dtype([(one, f"<{kind}") for one, kind in fields]), sizes)
 
     def _flat(self, name: str, prefix: str, above: tuple[str, ...], budget: list[int]) -> Iterator[tuple[str, str]]:
-        """Yield the name and the type of each field of a message and of its nested types, for at most `budget[0]`
-        fields."""
+        """Yield name and type of each field of a message, also of nested types, for at most `budget[0]` fields."""
         if name in above:
             raise self._damaged(f"the type {name!r} contains itself", code="type-recursive")
         if len(above) > _DEEPEST:

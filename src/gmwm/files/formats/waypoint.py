@@ -73,8 +73,7 @@ class ImuReader(Reader):
     extensions: ClassVar[tuple[str, ...]] = (".imu",)
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """Return 0.6 if records of one of the two sizes have plausible times, and 0.1 for a single record in an .imu
-        file."""
+        """Return 0.6 if records of one of the two sizes have plausible times, 0.1 for a single .imu record."""
         fitting = [_times(head, kind) for kind in _fitting(head)]
         if any(times.size > 1 for times in fitting):
             return 0.6
@@ -132,8 +131,7 @@ for _type in TYPES:
 def record_channels(
     units: tuple[str, str], scales: tuple[float, float], increments: tuple[bool, bool] = (True, True)
 ) -> tuple[Channel, ...]:
-    """Return the columns of a record: time in s, and gyroscopes and accelerometers with units, scales and
-    increments."""
+    """Return the columns of a record: time (s), gyroscopes and accelerometers."""
     sensors = zip(("gyro", "accel"), units, scales, increments, strict=True)
     found = {name: (unit, flag, scale) for name, unit, scale, flag in sensors}
     axes = (
@@ -161,9 +159,7 @@ def whole_records(path: Path, dtype: np.dtype[Any], offset: int = 0) -> int:
 def require_times(
     path: Path, dtype: np.dtype[Any], offset: int = 0, advice: str = "", formats: tuple[str, ...] = ()
 ) -> None:
-    """Require that the first records have plausible times.
-
-    `formats` are the values of the `format` option that fit better, a fact of `advice`."""
+    """Require that the first records have plausible times. `formats` are values of `format` that fit better."""
     with path.open("rb") as file:
         file.seek(offset)
         head = file.read(HEAD_BYTES)

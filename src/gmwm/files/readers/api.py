@@ -201,8 +201,7 @@ def read_file(path: Source, options: ReadOptions) -> Imu:
 
 
 def stream_file(path: Source, options: ReadOptions, chunk: int = CHUNK) -> Stream:
-    """Open the recording in a file as a stream, with options that are already checked; see `stream`. All segments are
-    kept; the option `gaps` is not applied."""
+    """Open a recording as a stream, with checked options; see `stream`. The option `gaps` is not applied."""
     with np.errstate(all="ignore"):
         opened = _Opened.of(path, options, in_memory=False)
     warn(opened.found.remarks, stacklevel=3)

@@ -60,10 +60,9 @@ class RowSummary:
 
 
 class SampleBuilder:
-    """Builds the samples of a recording from its rows, starting at any row.
-
-    `first` is the number of the first row that will be added, `lost_before` whether the row before it is lost. With
-    `owned`, the arrays of the rows are changed in place, which saves a copy."""
+    """Builds the samples of a recording from its rows, starting at any row. `first` is the number of the first row that
+    will be added, `lost_before` whether the row before it is lost. With `owned`, the arrays of the rows are changed in
+    place, which saves a copy."""
 
     def __init__(
         self, found: Interpretation, first: int = 0, lost_before: bool = False, *, owned: bool = False

@@ -52,8 +52,7 @@ def _has_missing(values: Any) -> bool:
 
 
 def read_table(data: Any, rate: float | None, units: Mapping[str, str] | None, source: str) -> Imu:
-    """Read the recording in a table. Names are recognised as in a file. Without a stated unit, rad/s and m/s² are
-    assumed."""
+    """Read the recording in a table, with names as in a file. Without a stated unit, rad/s and m/s² are assumed."""
     options = ReadOptions(rate=rate, units={} if units is None else units)
     arrays = [one for name, values in _columns(data) for one in _arrays(str(name), values)]
     layouts = layouts_of(arrays, _NAME)
@@ -137,8 +136,7 @@ def _of_xarray(data: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _arrays(name: str, values: Any) -> list[Array]:
-    """Convert a column or a table to arrays of the readers, with NaN for masked and missing values. The list is empty
-    if the values are not numbers."""
+    """Convert a column or a table to arrays, with NaN for missing values; [] if the values are not numbers."""
     if isinstance(values, np.ma.MaskedArray):
         values = np.ma.filled(values.astype(np.float64), np.nan)
     array: NDArray[Any] = np.asarray(values)

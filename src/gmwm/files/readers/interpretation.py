@@ -62,8 +62,7 @@ class Interpretation:
         return (*self.choice.axes, *([TEMPERATURE] if TEMPERATURE in self.choice.columns else []))
 
     def without_temperature(self) -> Interpretation:
-        """Return the interpretation without the temperature, because a part of a recording cannot interpolate it at its
-        ends."""
+        """Return it without the temperature, which a part of a recording cannot interpolate at its ends."""
         columns = {role: k for role, k in self.choice.columns.items() if role != TEMPERATURE}
         return replace(self, choice=Choice(columns, self.choice.remarks), first_temperature=None)
 
@@ -78,10 +77,9 @@ class RowSource(Protocol):
 def understand(
     layout: Layout, choice: Choice, rows: Rows, *, path: Path, options: ReadOptions, source: RowSource | None
 ) -> Interpretation:
-    """Find the working axes, the units and the clock of a recording.
-
-    `rows` are all rows of a recording in memory, or its first `HEAD`. `source` is None for a live stream: its clock
-    begins with the first rows, and no axis is left out, because a few rows do not show whether it works."""
+    """Find the working axes, the units and the clock of a recording. `rows` are all rows of a recording in memory, or
+    its first `HEAD`. `source` is None for a live stream: its clock begins with the first rows, and no axis is left out,
+    because a few rows do not show whether it works."""
     words = {role: column_words(layout, choice, role, path) for role in choice.columns}
     constants = {} if source is None else _dead(rows, choice, source)
     axes = tuple(axis for axis in choice.axes if axis not in constants)
@@ -133,8 +131,7 @@ def understand(
 
 
 def _read_columns(choice: Choice, rows: Rows, column: TimeColumn | None, *, temperature: bool) -> Choice:
-    """Return the columns to read for the samples. Time stamps are left out if the segments do not depend on them and no
-    temperature is interpolated."""
+    """Return the columns to read; time stamps only if segments or a temperature depend on them."""
     columns = dict(choice.columns)
     if not temperature:
         columns.pop(TEMPERATURE, None)
@@ -145,8 +142,7 @@ def _read_columns(choice: Choice, rows: Rows, column: TimeColumn | None, *, temp
 
 
 def _first_samples(rows: Rows, choice: Choice, axes: Sequence[str]) -> dict[str, Vector]:
-    """Return the values of each axis in the first rows, in the unit of the file. Rows without a value in one of `axes`
-    are left out."""
+    """Return the values of each axis in the first rows, without rows that lack one of `axes`."""
     head = sift({k: column[:HEAD] for k, column in rows.items()}, choice.columns, axes)
     kept = slice(None) if head.lost is None else ~head.lost
     return {axis: as_floats(head.rows[choice.columns[axis]])[kept] for axis in choice.axes}
@@ -192,11 +188,8 @@ def _first_reading(rows: Rows, column: int, source: RowSource | None) -> float |
 def _timing(
     layout: Layout, choice: Choice, options: ReadOptions, samples: int, stamps: Iterable[NDArray[Any]] | None
 ) -> tuple[Timing, tuple[Remark, ...]]:
-    """Return the time base, and remarks on the unit or form of the time stamps.
-
-    `stamps` yields the chunks of the time column. If it is None, the recording has no time stamps, and is one segment
-    of `samples` rows.
-    """
+    """Return the time base, and remarks on the unit or form of the time stamps. Without `stamps`, the recording is one
+    segment of `samples` rows."""
     if stamps is None:
         return unstamped(as_rate(layout.rate if options.rate is None else options.rate), samples), ()
     unit, about_unit = time_unit(layout, choice, options.units)
@@ -207,10 +200,8 @@ def _timing(
 
 
 class TimeColumn:
-    """The time stamps of all rows that the clock counts, in chunks, from a pass over the file.
-
-    If the first rows have all values, only the time column is read, because gmwm assumes that no row lacks all
-    values."""
+    """The time stamps of all rows that the clock counts, in chunks. If the first rows have all values, only the time
+    column is read, because gmwm assumes that no row lacks all values."""
 
     def __init__(self, source: RowSource, choice: Choice, axes: Sequence[str]) -> None:
         self._source, self._columns, self._axes = source, choice.columns, axes
@@ -235,8 +226,7 @@ class TimeColumn:
             yield sifted.rows[time]
 
     def of(self, clock: Callable[[Iterable[NDArray[Any]]], T]) -> T:
-        """Return the result of `clock` for the time stamps. If a row has no time stamp, the analysis is repeated with
-        all columns."""
+        """Return `clock` of the time stamps; again with all columns if a row has no time stamp."""
         try:
             return clock(self)
         except _UnplacedRowsError:
@@ -249,8 +239,7 @@ class _UnplacedRowsError(Exception):
 
 
 def require_time(layout: Layout, choice: Choice, rate: float | None, path: Path) -> None:
-    """Require that a recording has time stamps or a rate, and that time stamps are numbers, dates with times, or times
-    of day."""
+    """Require time stamps or a rate; time stamps are numbers, dates with times, or times of day."""
     for role, column in choice.columns.items():
         if role != "time" and holds_stamps(layout, column):
             raise ReadError(
@@ -279,8 +268,7 @@ def require_time(layout: Layout, choice: Choice, rate: float | None, path: Path)
 
 
 def _apart_in_rows(sifted: Sifted, choice: Choice, axes: Sequence[str], layout: Layout, path: Path) -> DataError:
-    """Make the error for a file in which most rows lack some axes, for example because the sensors have different
-    rates."""
+    """Make the error for a file in which most rows lack some axes, as sensors of different rates write it."""
     size = next(iter(sifted.rows.values())).size
     counts = {}
     for axis in axes:

@@ -62,8 +62,7 @@ def source_words(path: Source) -> str:
 
 
 class SeveralFiles(Reader):
-    """Reads several files one after the other. It is not registered, because the number of files chooses it, not their
-    content."""
+    """Reads several files one after the other. It is not registered: the number of files chooses it."""
 
     name: ClassVar[str] = "several files"
     extensions: ClassVar[tuple[str, ...]] = ()

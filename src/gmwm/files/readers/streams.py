@@ -84,8 +84,7 @@ class FileRows:
         return replace(self, limits=(begin, end))
 
     def held(self, choice: Choice) -> HeldRows:
-        """Read the rows of the chosen columns into memory. Integers become float64, except in the time stamps, which
-        need the precision."""
+        """Read the chosen columns into memory, as float64 except the time stamps, which need the precision."""
         wanted = list(choice.columns.values())
         parts: dict[int, list[Any]] = {k: [] for k in wanted}
         cuts, marked = [], False

@@ -47,8 +47,7 @@ class _Block:
         return _Reading(self.first + k, float(self.stamps[k]), float(self.values[k]))
 
     def filled(self, column: int, before: _Reading, after: _Reading | None) -> Rows:
-        """Return the rows with a temperature in each row, interpolated between the readings in the block and next to
-        it."""
+        """Return the rows with a temperature in each, interpolated between readings in and next to the block."""
         known, at = np.flatnonzero(~self.missing), np.flatnonzero(self.missing)
         if not at.size:
             return self.rows
@@ -72,9 +71,7 @@ class _Block:
 
 
 def with_temperature(chunks: Iterable[Rows], columns: Mapping[str, int], first: float) -> Iterator[Rows]:
-    """Yield the chunks with a temperature in each row.
-
-    `first` is the first reading (°C)."""
+    """Yield the chunks with a temperature in each row, from the first reading (°C) on."""
     column, count, origin = columns["temperature"], 0, None
     before = latest = _Reading(-LONGEST - 1, np.nan, first)
     waiting = list[_Block]()

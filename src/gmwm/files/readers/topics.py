@@ -54,8 +54,7 @@ def inertial_topics(path: Source, format: str | None = None) -> tuple[str, ...]:
 
 
 def sensor_topics(path: Source, format: str | None = None) -> tuple[str, ...]:
-    """Return the names of the recordings in a file that have all six axes. If there is none, return the names of all
-    inertial recordings; () for a format whose files hold one recording."""
+    """Return the names of the recordings with all six axes, or else of all inertial ones; () for single recordings."""
     file, reader = found_reader(path, format)
     if reader.single:
         return ()
@@ -74,9 +73,7 @@ def topic_folder(topic: str) -> str:
 
 
 def separate_sensors(path: Source, format: str | None = None) -> tuple[str, str] | None:
-    """Return the names of the recording of the gyroscopes and the recording of the accelerometers in a file.
-
-    None unless the file has exactly these two inertial recordings."""
+    """Return the names of the recordings of gyroscopes and of accelerometers, if the file has exactly these two."""
     file, reader = found_reader(path, format)
     layouts = [layout for layout in reader.layouts(file) if layout.inertial]
     named = {tuple(_sensors(layout)): layout.topic for layout in layouts}
