@@ -26,8 +26,7 @@ HEAD_BYTES = 1 << 16
 """Number of bytes at the beginning of a file that readers use to recognise the format."""
 
 Rows = Mapping[int, NDArray[Any]]
-"""Consecutive rows of a recording, as a mapping from the index of each wanted column to its numbers (float64 or
-int64)."""
+"""Consecutive rows: the index of each wanted column, and its numbers (float64 or int64)."""
 
 
 def damage_error(what: str, code: ReadCode = "damaged") -> ReadError:
@@ -157,12 +156,15 @@ class Reader(ABC):
     single: ClassVar[bool] = False
     """Whether every file of the format holds exactly one recording, so that nobody opens it to look for others."""
 
-    @abstractmethod
+    signatures: ClassVar[tuple[bytes, ...]] = ()
+    """First bytes of the files, for `sniff`."""
+
     def sniff(self, path: Path, head: bytes) -> float:
         """Score how well the first bytes fit the format: 1 for a signature, 0.5 for plausible content, 0 for no match.
 
         The content decides. If two formats match equally well, the extension decides.
         """
+        return float(head.startswith(self.signatures))
 
     @abstractmethod
     def layouts(self, path: Path) -> tuple[Layout, ...]:

@@ -26,14 +26,11 @@ from gmwm.files.clock.stamp_order import Steps, in_order, nominal_interval, requ
 from gmwm.files.clock.time_stamps import SegmentStarts, Timing, about_stamps, as_stamps, require_countable
 
 BLOCK, MARGIN = 1 << 20, 1 << 16
-"""Number of rows of a block, and of the rows on each side that are analysed with it. A change of the rate is found if
-it lasts for 3/64 of all these rows, which is less than one side."""
+"""Rows of a block, and rows on each side that are analysed with it. A change of the rate lasts for 3/64 of them."""
 _RATE_REMARK, _RATE_TROUBLE = 1e-4, 1e-3
-"""Relative differences between the declared rate and the rate of the time stamps above which gmwm gives a remark, or a
-warning. The error of a crystal is 1e-4 or less."""
+"""Relative differences between declared and measured rate for a remark or warning; crystals are within 1e-4."""
 _REGULAR, _REGULAR_SHARE, _EVEN = 5, 0.01, 0.1
-"""Samples are lost regularly if there are at least 5 gaps, at least 1 % of the samples are lost, and the relative
-standard deviation of the distances between gaps is at most 0.1."""
+"""Losses are regular from 5 gaps and 1 % of the samples on, if the gaps are even to 10 % (standard deviation)."""
 
 
 @dataclass(frozen=True)

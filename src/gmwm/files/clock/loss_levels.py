@@ -15,19 +15,15 @@ Rows = NDArray[np.int64]
 
 _SOON = 64
 """Largest number of rows that are delivered late together, unless a longer interval shows that there are more."""
-_STATES = 3
-"""Number of levels above and below the first guess among which the path is searched."""
+_STATES = 3  # number of levels above and below the first guess among which the path is searched
 _DOUBTFUL = 0.45
-"""Difference between a value and the first guess (samples) above which the level of the row is doubtful. The difference
-from a wrong level is 0.5 or more."""
+"""Difference from the first guess (samples) above which a level is doubtful. A wrong level differs by 0.5 or more."""
 _KEEP, _MARGIN = 64, 32
-"""Number of rows of each part in which the path is searched, and number of rows on each side that are searched with
-it."""
+"""Rows of each part in which the path is searched, and rows on each side that are searched with it."""
 _NEXT = 8
 """Largest number of rows between two rises that belong to the same loss. In long blocks, it is an eighth of a block."""
 _RISE, _AT_STEP = 8.0, 2.0
-"""Cost of a rise of the level, in units of the mean deviation of a row, and the amount by which it is lower at the
-longest interval."""
+"""Cost of a rise, in mean deviations of a row, and by how much it is lower at the longest interval."""
 
 
 def follow(x: Vector) -> Rows:

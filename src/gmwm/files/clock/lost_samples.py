@@ -26,8 +26,7 @@ from gmwm.base.units import IMPOSSIBLE
 from gmwm.files.contract import Rows
 
 CUT = -1
-"""Key of a Boolean column among the rows: the recording is split before a marked row, and the number of missing samples
-is unknown."""
+"""Key of a Boolean column: before a marked row, an unknown number of samples is missing."""
 MISSING = int(np.iinfo(np.int64).min)
 """Value of a missing integer. It is also the missing time of NumPy (NaT)."""
 

@@ -14,7 +14,7 @@ from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.time_base import TimeBase, gap_duration
 from gmwm.base.units import LONG_TIME_UNITS, TIME_UNITS
-from gmwm.files.clock.rate_check import require_one_rate, require_order
+from gmwm.files.clock.rate_check import CHANGED, CHANGED_BURSTS, require_one_rate, require_order
 from gmwm.files.clock.sampling_interval import find_losses, resolution_of
 from gmwm.files.clock.stamp_order import in_order, without_steps_back
 from gmwm.files.clock.time_stamps import SegmentStarts, Timing, about_stamps
@@ -23,16 +23,10 @@ from gmwm.files.clock.time_stamps import SegmentStarts, Timing, about_stamps
 
 KEPT = 4096
 """Number of time stamps before a block that are analysed again with it, so that both sides of each gap are used."""
-_BEHIND = 128
-"""Smallest number of later rows that are needed to decide whether a row begins a segment. Late deliveries end within
-these rows."""
-_SOME = 1024
-"""Smallest number of recent rows whose rate is compared with the rate of the first rows."""
-_CHANGED, _CHANGED_BURSTS = 1.05, 1.2
-"""Smallest ratios of two rates that are a change of the rate, as in `gmwm.files.clock.rate_check`."""
+_BEHIND = 128  # later rows that decide whether a row begins a segment. Late deliveries end within these rows.
+_SOME = 1024  # smallest number of recent rows whose rate is compared with the rate of the first rows
 _APART = 1e-3
-"""Relative difference between the rate of the first rows and the rate of all rows above which a warning is issued, as
-for a declared rate."""
+"""Relative difference between the rates of the first and of all rows for a warning, as for a declared rate."""
 
 
 @dataclass(frozen=True)
@@ -200,7 +194,7 @@ class RunningClock:
             return
         last = self._repaired(self._window)[0]
         change = find_losses(last, resolution_of(last, pace.spacing)).interval / pace.interval
-        allowed = _CHANGED if pace.width == 1 else _CHANGED_BURSTS
+        allowed = CHANGED if pace.width == 1 else CHANGED_BURSTS
         if not 1 / allowed <= change <= allowed:
             raise ReadError(
                 f"the sampling rate changes from {pace.rate:.4g} Hz to {pace.rate / change:.4g} Hz before row "

@@ -30,48 +30,28 @@ _COARSE = 0.35
 """Smallest resolution of the time stamps, in sampling intervals, at which rounding hides the phase of a row."""
 _REGULAR = 0.35
 """Smallest coherence at which single rows are used. It is exp(-2π²σ²) for a jitter of σ = 0.23 sampling intervals."""
-_TURNS = 0.15
-"""Smallest coherence between rows at some distance at which this distance is used to refine the interval. Over longer
-distances the clock drifts too far."""
-_LATE = 0.01
-"""Largest share of rows that may be more than 0.75 samples from their level. It is not 0, because delays have a heavier
-tail than jitter."""
+_TURNS = 0.15  # smallest coherence at a distance of rows that refines the interval; beyond, the clock drifts too far
+_LATE = 0.01  # largest share of rows more than 0.75 samples from their level; delays have a heavier tail than jitter
 _STEADY = 0.85
-"""Coherence of neighbouring blocks that is sufficient. Their statistics then have a standard deviation of 0.06
-samples."""
+"""Sufficient coherence of neighbouring blocks: their statistics have a standard deviation of 0.06 samples."""
 _NEAR = 0.02
-"""Largest relative change of the interval when the phases of blocks are compared. A larger change would mean that whole
-turns of the phase were miscounted."""
+"""Largest relative change of the interval between phases of blocks; beyond, whole turns would be miscounted."""
 _MOST_LOST = 2.5
-"""Ratio of the mean interval to the median interval above which long intervals are pauses between bursts of rows, and
-not lost samples."""
+"""Ratio of mean to median interval above which long intervals are pauses between bursts of rows, not losses."""
 _RUNS, _RUN = 8, 16
-"""Rows come in bursts only if there are at least 8 bursts, and these have fewer than 16 rows on average or the ratio is
-above four times `_MOST_LOST`."""
-_LONG = 1.5
-"""Interval, in samples, halfway between an interval without a lost sample and an interval with one."""
-_FAR = 256
-"""Length of a gap (samples) above which it is removed before phases are compared, because the clock may drift within
-it."""
+"""Rows come in at least 8 bursts, of fewer than 16 rows on average unless the ratio is above 4 `_MOST_LOST`."""
+_LONG = 1.5  # interval, in samples, halfway between an interval without a lost sample and an interval with one
+_FAR = 256  # gap (samples) above which it is removed before phases are compared: the clock may drift within it
 _SMOOTH, _STEP, _SMOOTH_BLOCKS = 64, 8, 9
-"""Number of rows over which the phase is averaged, step between two of its values, and number of blocks over which the
-phase of blocks is averaged."""
-_SOME = 1 << 17
-"""Number of rows from which the interval is first found; all rows then refine it."""
-_PER_DOUBLING = 0.03
-"""Increase of the coherence above which a block with twice the rows is preferred."""
-_BLOCKS = 12
-"""Smallest number of blocks into which the recording is divided in the search for a better block length."""
+"""Rows over which the phase is averaged, step between its values, and the same number of blocks."""
+_SOME = 1 << 17  # number of rows from which the interval is first found; all rows then refine it
+_PER_DOUBLING = 0.03  # increase of the coherence above which a block with twice the rows is preferred
+_BLOCKS = 12  # smallest number of blocks into which the recording is divided in the search for a better block length
 RATE_TOLERANCE = 1e-2
-"""Largest relative difference at which a declared rate agrees with the rate of the time stamps. The clock of a MEMS
-gyroscope is specified to 1 % (for example in the InvenSense product specification PS-MPU-6000A)."""
-_AGREES = 0.02
-"""Largest relative difference at which an interval agrees with the declared interval."""
-_BESIDE = 0.1
-"""Largest relative difference between the declared interval and an interval without a lost sample, with its jitter. The
-median of all intervals may be between two values."""
-_SLIPS = 5
-"""Smallest number of regular steps that are taken as rounding at another rate instead of losses."""
+"""Relative agreement of rates; gyroscope clocks are specified to 1 % (InvenSense specification PS-MPU-6000A, 2013)."""
+_AGREES = 0.02  # largest relative difference at which an interval agrees with the declared interval
+_BESIDE = 0.1  # relative difference between the declared interval and one without a lost sample, jitter included
+_SLIPS = 5  # smallest number of regular steps that are taken as rounding at another rate instead of losses
 
 
 @dataclass(frozen=True)

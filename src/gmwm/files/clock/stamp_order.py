@@ -16,20 +16,14 @@ from gmwm.base.remarks import Quantity, Remark
 
 _WINDOW = 64
 """Number of intervals over which the nominal interval is averaged, so that the rounding of time stamps averages out."""
-_BITS = (16, 24, 32)
-"""Bits of counters that wrap around."""
-_HOUR = 3600
-"""Step of a clock at a change to or from summer time (s)."""
+_BITS = (16, 24, 32)  # bits of counters that wrap around
+_HOUR = 3600  # step of a clock at a change to or from summer time (s)
 _HOUR_WITHIN = 0.25
-"""Largest difference (s) between such a step and an hour plus one sampling interval. The limit is two sampling
-intervals if they are shorter than this, and at least half a sampling interval."""
-_LOST = 64
-"""Largest number of samples that may be lost where a counter wraps around."""
+"""Largest difference (s) of such a step; two sampling intervals if shorter, and at least half of one."""
+_LOST = 64  # largest number of samples that may be lost where a counter wraps around
 _LONGEST = 1e10
 """Longest time between two time stamps of a recording (s). It is 300 years, the range of nanoseconds since 1970."""
-_BEHIND = 8
-"""Number of time stamps after a backward step that show whether the clock was set back or one time stamp is out of
-order."""
+_BEHIND = 8  # time stamps after a backward step that show whether the clock was set back or one stamp is out of order
 
 
 @dataclass(frozen=True)

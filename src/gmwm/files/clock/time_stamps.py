@@ -18,25 +18,19 @@ from gmwm.base.errors import ReadError, UnitError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import LONG_TIME_UNITS, TIME_UNITS
+from gmwm.files.clock.sampling_interval import RATE_TOLERANCE
 from gmwm.files.clock.stamp_order import nominal_interval
 
 # Unless a paper is named, these thresholds separate the simulated clocks of tests/readers/test_timebase.py and
 # test_steady.py: uniform, rounded, jittered, in bursts, with lost samples. The tests pin them.
 
-_PLAUSIBLE = (0.1, 1e5)
-"""Range of rates (Hz) that are plausible for a unit of time that is not stated."""
+_PLAUSIBLE = (0.1, 1e5)  # range of rates (Hz) that are plausible for a unit of time that is not stated
 _USUAL = 1e4
 """Rate (Hz) above which a unit is not inferred if another unit gives a lower rate, because such recordings are rare."""
 _EPOCH = (1e9, 2.2e9)
 """Range of seconds since 1970 in the years 2001 to 2039, which the time stamps of computers usually have."""
-_AGREES = 0.05
-"""Largest relative difference at which a declared rate agrees with time stamps in a unit; units differ by a factor of
-1000."""
-_RATE_TOLERANCE = 1e-2
-"""Largest relative difference at which the rate that a file states agrees with the rate of the time stamps. It is the
-same as for a declared rate."""
-_JITTER = 0.5
-"""Jitter, as a share of the sampling interval, above which the order of neighbouring samples is uncertain."""
+_AGREES = 0.05  # relative agreement of a declared rate with time stamps in a unit; units differ by a factor of 1000
+_JITTER = 0.5  # jitter, as a share of the sampling interval, above which the order of neighbouring samples is uncertain
 
 
 @dataclass(frozen=True)
@@ -149,7 +143,7 @@ def _inferred_unit(ticks: Vector, origin: float, rate: float | None) -> str:
 
 def beside_stated(found: Timing, stated: float) -> Timing:
     """Add a remark to the timing if the file states another rate (Hz) than the time stamps show."""
-    if abs(found.base.rate / stated - 1) <= _RATE_TOLERANCE:
+    if abs(found.base.rate / stated - 1) <= RATE_TOLERANCE:
         return found
     remark = Remark.of(
         "rate-contradicted", source="file", rate=Quantity(stated, "Hz"), stamps=Quantity(found.base.rate, "Hz")

@@ -26,9 +26,7 @@ from gmwm.recording.options import TIME_NAMES
 _INFERRED = ("g", "m/s²", "mg")
 """Units that can be inferred from the norm of the accelerometers, because gravity is 1 g, 9.81 m/s² or 1000 mg."""
 _NEAR = 0.10
-"""Largest relative difference between the norm of the accelerometers and gravity at which a unit is inferred. The
-zero-g offset of a low-cost accelerometer is up to 80 mg (for example in the InvenSense product specification
-PS-MPU-6000A), while the units differ by a factor of 9.8 or more. Pinned by tests/readers/test_units.py."""
+"""Relative agreement of norm and gravity (tests/readers/test_units.py). Zero-g offsets reach 80 mg (PS-MPU-6000A)."""
 
 _STATE_ACCEL = "State it with {--units=accel:g} or {--units=accel:m/s2}."
 

@@ -47,8 +47,7 @@ _REMARKS = {
 }  # fmt: skip
 _CLOCKS = {"utc", "gps", "gnss", "tai", "unix", "epoch", "posix", "ros", "local", "host", "device", "sensor", "elapsed"}
 
-_ELEMENT = re.compile(r"\[([012])\]")
-"""Pattern of an element of an array of three axes: gyroADC[0] is the x axis."""
+_ELEMENT = re.compile(r"\[([012])\]")  # pattern of an element of an array of three axes: gyroADC[0] is the x axis
 
 LONGEST = 200
 """Largest number of characters of a name or unit that are searched. Much longer strings would take minutes."""

@@ -179,8 +179,7 @@ def _is_gravity(cells: Sequence[str]) -> bool:
     return any(abs(norm / gravity - 1) <= 0.1 for gravity in (STANDARD_GRAVITY, 1.0))
 
 
-_LISTED = 30
-"""Largest number of columns that the example of the option lists."""
+_LISTED = 30  # largest number of columns that the example of the option lists
 
 
 def _nameless(layout: Layout, path: Path) -> ReadError:

@@ -26,8 +26,7 @@ MAX_BYTES = 64 << 30
 """Largest size of a decompressed recording (bytes): ten days of six axes at 1 kHz as text."""
 
 MAX_RATIO = 200
-"""Largest compression ratio of a recording; noise compresses by a factor of 20 at most. Pinned by
-tests/readers/test_compressed.py."""
+"""Largest compression ratio; noise compresses 20 times at most. Pinned by tests/readers/test_compressed.py."""
 
 RATIO_FROM = 64 << 20
 """Number of unpacked bytes from which on the ratio is checked. The data of a smaller file can be very regular."""

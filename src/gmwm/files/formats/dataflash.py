@@ -80,10 +80,7 @@ class DataflashReader(Reader):
 
     name: ClassVar[str] = "ardupilot"
     extensions: ClassVar[tuple[str, ...]] = (".bin",)
-
-    def sniff(self, path: Path, head: bytes) -> float:
-        """Return 1 if the file begins with the message that defines FMT messages."""
-        return 1.0 if head.startswith(_MARK + bytes([_FMT])) else 0.0
+    signatures: ClassVar[tuple[bytes, ...]] = (_MARK + bytes([_FMT]),)
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return one recording for each sensor: IMU_0 (preferred), IMU_1 …; GYR_0, ACC_0 … for raw samples."""

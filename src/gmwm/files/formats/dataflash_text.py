@@ -20,8 +20,7 @@ from gmwm.base.remarks import Remark
 from gmwm.files.contract import Channel, Layout, Reader, Rows, register
 from gmwm.files.formats.dataflash import ADVICE, ROLES, STAMPS, is_inertial
 
-_ROWS = 1 << 16
-"""Rows of a chunk."""
+_ROWS = 1 << 16  # rows of a chunk
 
 
 @dataclass

@@ -7,7 +7,6 @@ also state units.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -16,16 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.errors import GmwmError, MissingDependencyError, ReadError
-from gmwm.files.contract import Layout, Mark, Reader, Rows, damage_error, register
+from gmwm.files.contract import Layout, damage_error, register
 from gmwm.files.formats.arrays import (
     MAX_ARRAYS,
     Array,
-    chunks_of,
+    ArraysReader,
     fields_of,
     first_line,
     is_rate,
     layouts_of,
-    marks_of,
     part_of,
     split_path,
     with_stated_units,
@@ -39,31 +37,17 @@ _NO_NUMBERS = (b"char", b"logical", b"cell", b"function_handle")
 
 
 @register
-class Hdf5Reader(Reader):
+class Hdf5Reader(ArraysReader):
     """Reader of data sets in HDF5 files."""
 
     name: ClassVar[str] = "hdf5"
     extensions: ClassVar[tuple[str, ...]] = (".h5", ".hdf5", ".hdf")
-
-    def sniff(self, path: Path, head: bytes) -> float:
-        """Return 1 if the file begins with HDF5's signature."""
-        return 1.0 if head.startswith(MAGIC) else 0.0
+    signatures: ClassVar[tuple[bytes, ...]] = (MAGIC,)
+    random_access: ClassVar[bool] = True
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return the recordings. Data sets of the same length are the columns of one recording."""
         return layouts_of(arrays_in(path), path)
-
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Yield rows of the data sets."""
-        return chunks_of(layout, wanted, path)
-
-    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Return marks for blocks of rows; a file can be read from any row."""
-        return marks_of(layout)
-
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """Yield the chunks from the row of a mark on."""
-        return chunks_of(layout, wanted, path, mark.row)
 
 
 def arrays_in(path: Path) -> list[Array]:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -16,8 +15,8 @@ import numpy as np
 
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Quantity, Remark
-from gmwm.files.contract import Layout, Mark, Reader, Rows, damage_error, register
-from gmwm.files.formats.waypoint import record_channels, record_chunks, record_marks, require_times, whole_records
+from gmwm.files.contract import Layout, damage_error, register
+from gmwm.files.formats.waypoint import RecordsReader, record_channels, require_times, whole_records
 from gmwm.recording.imu_records import record
 
 _SIGNATURE = b"$IMURAW\0"
@@ -41,15 +40,12 @@ class _Header:
 
 
 @register
-class ImrReader(Reader):
+class ImrReader(RecordsReader):
     """Reader of NovAtel's .imr files, which begin with $IMURAW."""
 
     name: ClassVar[str] = "imr"
     extensions: ClassVar[tuple[str, ...]] = (".imr",)
-
-    def sniff(self, path: Path, head: bytes) -> float:
-        """Return 1 for the signature $IMURAW with a zero byte."""
-        return 1.0 if head.startswith(_SIGNATURE) else 0.0
+    signatures: ClassVar[tuple[bytes, ...]] = (_SIGNATURE,)
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return one recording with the time and six axes, scaled by the factors in the header."""
@@ -59,21 +55,13 @@ class ImrReader(Reader):
         advice = "Check the byte order in its header, the ninth byte: 0 is little-endian, 1 is big-endian."
         require_times(path, dtype, _HEADER_BYTES, advice=advice)
         channels = record_channels(("deg/s", "m/s²"), header.scales, header.increments)
-        return (Layout(channels, rate=header.rate, remarks=(*header.remarks, *_rate(path, header)), state=header),)
-
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Yield the counts and times of the file."""
-        header: _Header = layout.state
-        return record_chunks(path, record("i4", header.order), _HEADER_BYTES, wanted)
-
-    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Return marks for blocks of records; a file can be read from any record."""
-        return record_marks(path, record("i4", layout.state.order), _HEADER_BYTES)
-
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """Yield the chunks from the record of a mark on."""
-        return record_chunks(
-            path, record("i4", layout.state.order), offset=_HEADER_BYTES, wanted=wanted, first=mark.row
+        return (
+            Layout(
+                channels,
+                rate=header.rate,
+                remarks=(*header.remarks, *_rate(path, header)),
+                state=(dtype, _HEADER_BYTES),
+            ),
         )
 
 

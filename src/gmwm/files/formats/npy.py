@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 import zipfile
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
@@ -15,23 +14,26 @@ from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
 from gmwm.base.errors import GmwmError, ReadError
-from gmwm.files.contract import Layout, Mark, Reader, Rows, damage_error, register
-from gmwm.files.formats.arrays import Array, chunks_of, fields_of, first_line, layouts_of, marks_of, part_of
+from gmwm.files.contract import Layout, damage_error, register
+from gmwm.files.formats.arrays import (
+    Array,
+    ArraysReader,
+    fields_of,
+    first_line,
+    layouts_of,
+    part_of,
+)
 from gmwm.files.formats.byte_sources import ZIP, FileSource, MemberSource, file_names, open_archive, require_ratio
-
-_MAGIC = b"\x93NUMPY"
 
 
 @register
-class NpyReader(Reader):
+class NpyReader(ArraysReader):
     """Reader of .npy files, which contain one array: a table, named columns, or a single column."""
 
     name: ClassVar[str] = "npy"
     extensions: ClassVar[tuple[str, ...]] = (".npy",)
-
-    def sniff(self, path: Path, head: bytes) -> float:
-        """Return 1 if the file begins with NumPy's signature."""
-        return 1.0 if head.startswith(_MAGIC) else 0.0
+    signatures: ClassVar[tuple[bytes, ...]] = (b"\x93NUMPY",)
+    random_access: ClassVar[bool] = True
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return the columns of the array."""
@@ -42,21 +44,9 @@ class NpyReader(Reader):
         stored = _Stored(path, offset, shape=shape, fortran=order, dtype=dtype)
         return layouts_of(fields_of("", shape, dtype, stored), path)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Yield rows of the array."""
-        return chunks_of(layout, wanted, path)
-
-    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Return marks for blocks of rows; a file can be read from any row."""
-        return marks_of(layout)
-
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """Yield the rows from a mark on."""
-        return chunks_of(layout, wanted, path, mark.row)
-
 
 @register
-class NpzReader(Reader):
+class NpzReader(ArraysReader):
     """Reader of .npz files, which contain several named arrays."""
 
     name: ClassVar[str] = "npz"
@@ -76,10 +66,6 @@ class NpzReader(Reader):
         require_ratio(sum(m.file_size for m in members), sum(m.compress_size for m in members), path)
         arrays = [array for member in members for array in self._member(path, member)]
         return layouts_of(arrays, path)
-
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Yield rows of the arrays. Each array is unpacked once."""
-        return chunks_of(layout, wanted, path)
 
     @staticmethod
     def _member(path: Path, member: zipfile.ZipInfo) -> list[Array]:

@@ -303,7 +303,7 @@ def _layout(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | N
     if len(channels) == 1:
         return None
     return Layout(
-        channels=tuple(channels), first_row=(), topic=topic.name, rate=None, units={}, remarks=remarks,
+        channels=tuple(channels), topic=topic.name, remarks=remarks,
         state=_Stream(topic, kind), inertial=inertial,
     )  # fmt: skip
 
@@ -338,7 +338,7 @@ def _imu_layout(topic: Topic, kind: Definition, leaves: Sequence[str], storages:
     channels.append(Channel(LOG_TIME, "ns", "" if stamped else "time"))
     state = _Stream(topic, kind)
     return Layout(
-        channels=tuple(channels), first_row=(), topic=topic.name, rate=None, units={}, remarks=tuple(remarks),
+        channels=tuple(channels), topic=topic.name, remarks=tuple(remarks),
         state=state, inertial=bool(first[STAMP].size),
     )  # fmt: skip
 

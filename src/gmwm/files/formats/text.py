@@ -27,8 +27,7 @@ from gmwm.files.formats.dialect import Dialect, detect, is_number, split
 from gmwm.files.formats.text_rows import OR_SKIP, RowParser
 
 BLOCK_BYTES = 8 << 20
-"""Number of bytes in a block. It is large enough to parse in parallel, and small enough that several blocks fit into
-memory."""
+"""Number of bytes in a block: enough to parse in parallel, and several blocks fit into memory."""
 
 LINE_BYTES = 8 * BLOCK_BYTES
 """Largest number of bytes in a line. A longer line is not a row of a table."""

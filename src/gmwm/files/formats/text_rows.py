@@ -32,8 +32,7 @@ _BIG_INTEGER = 15  # digits that float64 always holds exactly
 # Possessive, because a file may have millions of blank lines.
 _BLANK_RUN = re.compile(rb"\n(?:[ \t\r]*+\n)++")
 _BLANK_BEGIN = re.compile(rb"\A(?:[ \t\r]*+\n)++")
-_GAP = b"NA"
-"""Text in each cell of a row that replaces a bad line."""
+_GAP = b"NA"  # text in each cell of a row that replaces a bad line
 _POINT = re.compile(rb"\d\.\d{3}(?!\d)")
 _WORDS = re.compile(rb"(?i)n/?a\b|null|none")
 OR_SKIP = " To count such lines as lost samples, pass {--bad_lines=skip}."

@@ -87,10 +87,7 @@ class UlogReader(Reader):
 
     name: ClassVar[str] = "ulog"
     extensions: ClassVar[tuple[str, ...]] = (".ulg", ".ulog")
-
-    def sniff(self, path: Path, head: bytes) -> float:
-        """Return 1 for the signature of ULog."""
-        return 1.0 if head.startswith(SIGNATURE) else 0.0
+    signatures: ClassVar[tuple[bytes, ...]] = (SIGNATURE,)
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return one recording for each instance of sensor_combined (preferred), sensor_gyro and sensor_accel. The

@@ -25,8 +25,7 @@ _LARGEST = 10_000
 """Largest size (bytes) of a message of an unknown kind; a larger one is taken for damage, as in pyulog."""
 _MOST_FIELDS = 2000
 """Largest number of fields of a message: sensors have about ten; deeply nested types could exhaust the memory."""
-_DEEPEST = 50
-"""Largest depth of nested types."""
+_DEEPEST = 50  # largest depth of nested types
 _TYPES = {
     "int8_t": "i1", "uint8_t": "u1", "int16_t": "i2", "uint16_t": "u2", "int32_t": "i4", "uint32_t": "u4",
     "int64_t": "i8", "uint64_t": "u8", "float": "f4", "double": "f8", "bool": "i1", "char": "u1",

@@ -31,14 +31,34 @@ _SLOWEST, _SHORTEST = 10.0, 1e-6
 """Longest and shortest interval (s) between the time stamps of an inertial sensor."""
 _LATEST = 1e10
 """Upper limit of time stamps (s), for seconds of a week and for seconds since 1970."""
-_IN_ORDER = 0.9
-"""Smallest share of plausible intervals; the other intervals are gaps and resets of the clock."""
+_IN_ORDER = 0.9  # smallest share of plausible intervals; the other intervals are gaps and resets of the clock
 _NEAR_GRAVITY = 0.2
-"""Largest relative difference from gravity at which accelerometers at rest are plausible. The accelerometer scales of
-different types of records are equal or differ by a factor of 1.5 or more."""
+"""Relative agreement with gravity at rest. The scales of record types are equal or differ by 1.5 or more."""
 
 
-class RecordReader(Reader):
+class RecordsReader(Reader):
+    """Base class of the readers of records of one size, which can be read from any record. The `state` of a layout is
+    the type of the records and the size of the header (bytes)."""
+
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
+        """Yield the counts and times in the file, unchanged."""
+        return self.chunks_from(path, layout, wanted, Mark(0))
+
+    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
+        """Return a mark for each block of records, and one for the end."""
+        records = whole_records(path, *layout.state)
+        return (*(Mark(row) for row in range(0, records, BLOCK)), Mark(records))
+
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
+        """Yield blocks of records from a mark on, each field as float64."""
+        dtype, offset = layout.state
+        with path.open("rb") as file:
+            file.seek(offset + mark.row * dtype.itemsize)
+            while (block := np.fromfile(file, dtype, BLOCK)).size:
+                yield {k: block[dtype.names[k]].astype(np.float64) for k in wanted}
+
+
+class _NamedReader(RecordsReader):
     """Reader of one type of .imu file, which the user names in the option `format`."""
 
     extensions: ClassVar[tuple[str, ...]] = ()
@@ -52,21 +72,9 @@ class RecordReader(Reader):
         """Return one recording with the time and six axes, if the records have the size of this type."""
         return (_layout(path, self.kind, self.kind.name),)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Yield the counts and times in the file, unchanged."""
-        return record_chunks(path, self.kind.dtype, 0, wanted)
-
-    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Return marks for blocks of records; a file can be read from any record."""
-        return record_marks(path, self.kind.dtype)
-
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """Yield the records from a mark on."""
-        return record_chunks(path, self.kind.dtype, offset=0, wanted=wanted, first=mark.row)
-
 
 @register
-class ImuReader(Reader):
+class ImuReader(RecordsReader):
     """Reader of .imu files whose type the user has not named."""
 
     name: ClassVar[str] = "imu"
@@ -102,23 +110,10 @@ class ImuReader(Reader):
             formats=_formats(likely),
         )
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Yield the counts and times in the file, unchanged."""
-        kind: RecordType = layout.state
-        return record_chunks(path, kind.dtype, 0, wanted)
-
-    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Return marks for blocks of records; a file can be read from any record."""
-        return record_marks(path, layout.state.dtype)
-
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """Yield the records from a mark on."""
-        return record_chunks(path, layout.state.dtype, offset=0, wanted=wanted, first=mark.row)
-
 
 def _register(of: RecordType) -> None:
     @register
-    class Named(RecordReader):
+    class Named(_NamedReader):
         __doc__ = f".imu records of the type {of.name}."
         name = of.format
         kind = of
@@ -174,23 +169,6 @@ def require_times(
         )
 
 
-def record_marks(path: Path, dtype: np.dtype[Any], offset: int = 0) -> tuple[Mark, ...]:
-    """Return a mark for each block of records after a header, and one for the end."""
-    records = whole_records(path, dtype, offset)
-    return (*(Mark(row) for row in range(0, records, BLOCK)), Mark(records))
-
-
-def record_chunks(
-    path: Path, dtype: np.dtype[Any], offset: int, wanted: Sequence[int], first: int = 0
-) -> Iterator[Rows]:
-    """Yield blocks of records from the record `first` on, each field as float64."""
-    names = dtype.names or ()
-    with path.open("rb") as file:
-        file.seek(offset + first * dtype.itemsize)
-        while (block := np.fromfile(file, dtype, BLOCK)).size:
-            yield {k: block[names[k]].astype(np.float64) for k in wanted}
-
-
 def _layout(path: Path, kind: RecordType, name: str) -> Layout:
     """Return the layout of records of one type, with a warning if the accelerometers do not show gravity."""
     with path.open("rb") as file:
@@ -213,7 +191,7 @@ def _layout(path: Path, kind: RecordType, name: str) -> Layout:
         remarks.append(Remark.of("scaled", sensor, factor=factor, unit=unit, source="format", type=name))
         remarks.append(Remark.of("increments", sensor, source="file"))
     channels = record_channels(("rad/s", "m/s²"), (kind.gyro, kind.accel))
-    return Layout(channels, remarks=tuple(remarks), state=kind)
+    return Layout(channels, remarks=tuple(remarks), state=(kind.dtype, 0))
 
 
 def _formats(kinds: Sequence[RecordType]) -> tuple[str, ...]:

@@ -31,8 +31,7 @@ from gmwm.recording.signals import MINIMUM_SAMPLES
 T = TypeVar("T")
 
 HEAD = 1 << 18
-"""Number of rows from which the unit of the accelerometers and the unit of time stamps are inferred: 44 min at 100 Hz.
-The number is a choice."""
+"""Rows from which the units of accelerometers and time stamps are inferred: 44 min at 100 Hz. It is a choice."""
 TEMPERATURE = "temperature"
 
 

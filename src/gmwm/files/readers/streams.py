@@ -34,8 +34,7 @@ if TYPE_CHECKING:
 CHUNK = 1_000_000
 """Default number of samples in a chunk."""
 LARGE = 300_000_000
-"""Smallest size of a file (bytes) that the commands, and the calibration of a fleet, stream. The value is a choice:
-smaller files fit into the memory of any computer together with the copies that an estimate needs."""
+"""File size (bytes) from which commands and fleets stream. Smaller files fit into any memory, with copies."""
 Kept = Sequence[tuple[float, float]]
 """Ranges of time (s), in order."""
 

@@ -19,8 +19,7 @@ from gmwm.files.clock.lost_samples import is_missing
 from gmwm.files.contract import Rows
 
 LONGEST = 1 << 20
-"""Largest number of rows over which the temperature is interpolated: 17 min at 1 kHz. At most this number of rows wait
-for the next reading, which bounds the memory. The value is a choice."""
+"""Rows over which the temperature is interpolated (17 min at 1 kHz): so many rows wait in memory. It is a choice."""
 
 
 @dataclass(frozen=True)
