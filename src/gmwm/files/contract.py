@@ -10,14 +10,14 @@ from __future__ import annotations
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
 from numpy.typing import NDArray
 
-from gmwm.base.errors import OptionError, ReadError
+from gmwm.base.errors import OptionError, ReadCode, ReadError
 from gmwm.base.guests import admit_guests
 from gmwm.base.remarks import Remark
 from gmwm.base.text import defined_anew
@@ -26,8 +26,12 @@ HEAD_BYTES = 1 << 16
 """Number of bytes at the beginning of a file that readers use to recognise the format."""
 
 Rows = Mapping[int, NDArray[Any]]
-"""Consecutive rows of a recording, as a mapping from the index of each wanted column to its numbers (float64 or
-int64)."""
+"""Consecutive rows: the index of each wanted column, and its numbers (float64 or int64)."""
+
+
+def damage_error(what: str, code: ReadCode = "damaged") -> ReadError:
+    """Return the error for a file whose bytes are damaged or cut off."""
+    return ReadError(what, code=code, advice="Copy the file again.")
 
 
 @dataclass(frozen=True)
@@ -111,10 +115,6 @@ class Layout:
     skip_bad_lines: bool = False
     stamped: bool = True
 
-    def read_as(self, bad_lines: str, stamped: bool) -> Layout:
-        """Return a copy with the option `bad_lines`, and whether the time stamps are used."""
-        return replace(self, skip_bad_lines=bad_lines == "skip", stamped=stamped)
-
     @property
     def named(self) -> bool:
         """Whether the columns have names."""
@@ -156,12 +156,15 @@ class Reader(ABC):
     single: ClassVar[bool] = False
     """Whether every file of the format holds exactly one recording, so that nobody opens it to look for others."""
 
-    @abstractmethod
+    signatures: ClassVar[tuple[bytes, ...]] = ()
+    """First bytes of the files, for `sniff`."""
+
     def sniff(self, path: Path, head: bytes) -> float:
         """Score how well the first bytes fit the format: 1 for a signature, 0.5 for plausible content, 0 for no match.
 
         The content decides. If two formats match equally well, the extension decides.
         """
+        return float(head.startswith(self.signatures))
 
     @abstractmethod
     def layouts(self, path: Path) -> tuple[Layout, ...]:
@@ -264,8 +267,8 @@ def _admit(name: str, reader: Any) -> None:
 
 
 def existing_file(path: str | os.PathLike[str]) -> Path:
-    """Return the path of a file, after a check that it exists and is not empty. For a directory that is one recording,
-    return the file that identifies it."""
+    """Return the path of a file that exists and is not empty; for a directory, the file that identifies the
+    recording."""
     given: object = path
     if not isinstance(given, str | os.PathLike):
         raise OptionError(

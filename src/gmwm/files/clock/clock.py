@@ -17,106 +17,56 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Quantity, Remark
-from gmwm.base.time_base import TimeBase
+from gmwm.base.time_base import TimeBase, gap_duration
 from gmwm.base.units import LONG_TIME_UNITS, TIME_UNITS
 from gmwm.files.clock.loss_levels import Rows
 from gmwm.files.clock.rate_check import require_one_rate, require_order
 from gmwm.files.clock.sampling_interval import RATE_TOLERANCE, Found, find_losses, resolution_of
 from gmwm.files.clock.stamp_order import Steps, in_order, nominal_interval, require_span, without_steps_back
-from gmwm.files.clock.time_stamps import Timing, about_stamps, as_stamps, require_countable
+from gmwm.files.clock.time_stamps import SegmentStarts, Timing, about_stamps, as_stamps, require_countable
 
 BLOCK, MARGIN = 1 << 20, 1 << 16
-"""Number of rows of a block, and of the rows on each side that are analysed with it. A change of the rate is found if
-it lasts for 3/64 of all these rows, which is less than one side."""
+"""Rows of a block, and rows on each side that are analysed with it. A change of the rate lasts for 3/64 of them."""
 _RATE_REMARK, _RATE_TROUBLE = 1e-4, 1e-3
-"""Relative differences between the declared rate and the rate of the time stamps above which gmwm gives a remark, or a
-warning. The error of a crystal is 1e-4 or less."""
+"""Relative differences between declared and measured rate for a remark or warning; crystals are within 1e-4."""
 _REGULAR, _REGULAR_SHARE, _EVEN = 5, 0.01, 0.1
-"""Samples are lost regularly if there are at least 5 gaps, at least 1 % of the samples are lost, and the relative
-standard deviation of the distances between gaps is at most 0.1."""
+"""Losses are regular from 5 gaps and 1 % of the samples on, if the gaps are even to 10 % (standard deviation)."""
 
 
 @dataclass(frozen=True)
 class _Block:
-    """Results for the time stamps of one block. Ticks, the unit of the time stamps, are counted from the first time
-    stamp of the recording. They continue to increase where the clock was set back.
+    """Results for the time stamps of one block, in ticks from the first time stamp; they increase where the clock was
+    set back."""
 
-    Attributes
-    ----------
-    rows : int
-        Number of rows.
-    found : Found
-        Sampling interval, and gaps by the number of the row in the recording.
-    walls : sequence of (row, tick)
-        Each row before which the clock was set back, and its time stamp.
-    index, tick : float
-        Mean index of the samples, in which lost samples are counted, and mean of the time stamps.
-    spread : float
-        Sum of the squared differences of the sample indices from their mean.
-    inside, span, squares : int, float, float
-        Number and sum of the intervals within segments, and the sum of their squared differences from `reference`.
-    reference, median : float
-        Sampling interval of the first block, and its median interval within segments (ticks).
-    exact : bool
-        Whether all intervals are multiples of the median within the resolution of float64.
-    whole : float
-        Sum of all intervals.
-    spacing : float
-        Spacing of float64 numbers at the magnitude of the time stamps.
-    duplicates, backward : int
-        Number of time stamps that equal the previous one, and number that are smaller than the previous one.
-    steps : Steps
-        Wraps of a counter and changes of summer time.
-    end : float
-        Tick of the first row of the next block.
-    """
-
-    rows: int
-    found: Found
-    walls: tuple[tuple[int, float], ...]
-    index: float
+    rows: int  # number of rows
+    found: Found  # sampling interval, and gaps by the number of the row in the recording
+    walls: tuple[tuple[int, float], ...]  # each row before which the clock was set back, and its time stamp
+    index: float  # mean index of the samples, in which lost samples are counted, and mean of the time stamps
     tick: float
-    spread: float
+    spread: float  # sum of the squared differences of the sample indices from their mean
+    # number and sum of the intervals within segments, and the sum of their squared differences from `reference`
     inside: int
     span: float
     squares: float
-    reference: float
+    reference: float  # sampling interval of the first block, and its median interval within segments (ticks)
     median: float
-    exact: bool
-    whole: float
-    spacing: float
+    exact: bool  # whether all intervals are multiples of the median within the resolution of float64
+    whole: float  # sum of all intervals
+    spacing: float  # spacing of float64 numbers at the magnitude of the time stamps
+    # number of time stamps that equal the previous one, and number that are smaller than the previous one
     duplicates: int
     backward: int
-    steps: Steps
-    end: float
+    steps: Steps  # wraps of a counter and changes of summer time
+    end: float  # tick of the first row of the next block
 
 
 def clock_of(chunks: Iterable[NDArray[Any]], unit: str, rate: float | None) -> tuple[Timing, Remark | None]:
     """Return the rate, segments and irregularities of a recording, and a remark if the unit of time is inferred or
-    unusually long.
-
-    `find_losses` determines the sampling interval and the lost samples. A declared rate is used if it agrees with the
-    time stamps within 1 %. The time stamps then only determine where the gaps are. The remark on the difference is a
-    warning if two conditions are met: it is more than 0.1 %, and over the longest segment it adds up to more than one
-    sampling interval and three times the jitter. The start times of the segments differ by whole sampling intervals,
-    except where the clock was set back.
-
-    Parameters
-    ----------
-    chunks : iterable of (n,) arrays of int64 or float64
-        The column of time stamps as it is in the file.
-    unit : str
-        One of `TIME_UNITS` or `LONG_TIME_UNITS` if declared or stated; "" to infer it.
-    rate : float or None
-        Declared rate (Hz).
-
-    Raises
-    ------
-    UnitError
-        If the unit cannot be inferred.
-    ReadError
-        If the time stamps do not increase, are not in order, change their rate, or contradict the declared rate.
-    """
+    unusually long. `find_losses` determines the sampling interval and the lost samples. A declared rate is used if it
+    agrees with the time stamps within 1 %. The time stamps then only determine where the gaps are. The remark on the
+    difference is a warning if two conditions are met: it is more than 0.1 %, and over the longest segment it adds up to
+    more than one sampling interval and three times the jitter. The start times of the segments differ by whole sampling
+    intervals, except where the clock was set back. `unit` is "" to infer it; `rate` is the declared rate (Hz)."""
     blocks: list[_Block] = []
     first, remark, row = None, None, 0
     for window, begin, end in _windows(chunks):
@@ -134,11 +84,8 @@ def clock_of(chunks: Iterable[NDArray[Any]], unit: str, rate: float | None) -> t
 def rows_between(
     values: NDArray[Any], unit: str, rate: float | None, *, begin: float, end: float
 ) -> tuple[slice, float]:
-    """Return the rows between two times (s) from the first time stamp, and the time of the first of these rows.
-
-    The parameters and errors are the same as for `clock_of`, except that `values` is the whole column. The clock is not
-    known yet, so the time of a row is its time stamp.
-    """
+    """Return the rows between two times (s) from the first time stamp, and the time of the first of these rows. The
+    clock is not known yet, so the time of a row is its time stamp."""
     unit = unit or as_stamps(values, unit, rate)[0].unit
     window = _Window.of(values, values[0].item(), unit)
     ticks = np.fmax.accumulate(in_order(window.ticks, window.integer, window.per_second).ticks)
@@ -227,25 +174,16 @@ def _block(window: _Window, *, begin: int, end: int, row: int, before: Sequence[
     rows = np.flatnonzero(lost[own])
     raw = np.diff(window.ticks)[low - 1 : end - 1]
     return _Block(
-        rows=end - begin,
-        found=replace(found, rows=rows + row, lost=lost[own][rows], repeated=repeated),
+        rows=end - begin, found=replace(found, rows=rows + row, lost=lost[own][rows], repeated=repeated),
         walls=tuple((int(w) + offset, float(window.ticks[w])) for w in walls if begin <= w < end),
-        index=float(np.mean(index)),
-        tick=float(np.mean(ticks[own])),
-        spread=float(np.sum((index - np.mean(index)) ** 2)),
-        inside=kept.size,
-        span=float(np.sum(kept)),
-        squares=float(np.sum((kept - reference) ** 2)),
-        reference=reference,
-        median=median,
+        index=float(np.mean(index)), tick=float(np.mean(ticks[own])),
+        spread=float(np.sum((index - np.mean(index)) ** 2)), inside=kept.size, span=float(np.sum(kept)),
+        squares=float(np.sum((kept - reference) ** 2)), reference=reference, median=median,
         exact=median > 0 and bool(np.all(np.abs(whole - np.round(whole)) * median <= exact)),
-        whole=float(np.sum(steps)),
-        spacing=window.spacing,
-        duplicates=int(np.count_nonzero(raw == 0)),
+        whole=float(np.sum(steps)), spacing=window.spacing, duplicates=int(np.count_nonzero(raw == 0)),
         backward=int(np.count_nonzero(np.diff(order.ticks)[low - 1 : end - 1] < 0)),
-        steps=order.steps.between(begin, end),
-        end=float(ticks[min(end, ticks.size - 1)]),
-    )
+        steps=order.steps.between(begin, end), end=float(ticks[min(end, ticks.size - 1)]),
+    )  # fmt: skip
 
 
 def _joined(blocks: Sequence[_Block], origin: float, per_second: int, unit: str, *, rate: float | None) -> Timing:
@@ -272,39 +210,22 @@ def _joined(blocks: Sequence[_Block], origin: float, per_second: int, unit: str,
         remarks += _about_declared(rate, measured, grave)
     elif remark := _about_regular(rows, lost, count, measured) or _about_rounded(blocks, count, measured, per_second):
         remarks = [*(one for one in remarks if one.code != "rate-from-mean"), remark]
-    reliable = {0: origin / per_second} | {row: (origin + tick) / per_second for row, tick in walls.items()}
-    starts = _starts(segments, dict(zip(rows.tolist(), lost.tolist(), strict=True)), reliable, used)
+    gaps = dict(zip(rows.tolist(), lost.tolist(), strict=True))
+    times = {row: (origin + tick) / per_second for row, tick in walls.items()}
+    clock = SegmentStarts(origin / per_second, used)
+    starts = tuple(clock.at(row, gaps.get(row, 0), times.get(row)) for row, _ in segments)
     base = TimeBase(
-        rate=used,
-        stamped=True,
-        start=starts[0],
-        jitter=jitter / per_second,
-        gaps=tuple((row, (n + 1) / used) for row, n in zip(rows.tolist(), lost.tolist(), strict=True)),
-        duplicates=sum(b.duplicates for b in blocks),
-        backward=sum(b.backward for b in blocks),
-    )
+        rate=used, stamped=True, start=starts[0], jitter=jitter / per_second,
+        gaps=tuple((row, gap_duration(count, used)) for row, count in gaps.items()),
+        duplicates=sum(b.duplicates for b in blocks), backward=sum(b.backward for b in blocks),
+    )  # fmt: skip
     return Timing(base, segments, starts=starts, remarks=(*remarks, *about_stamps(base)), width=blocks[0].found.width)
-
-
-def _starts(
-    segments: Sequence[tuple[int, int]], lost: dict[int, int], walls: dict[int, float], rate: float
-) -> tuple[float, ...]:
-    """Return the start times of the segments (s). They differ by whole sampling intervals unless the clock was set
-    back."""
-    begin, time, missing, starts = 0, walls[0], 0, []
-    for first, _ in segments:
-        if first in walls:
-            begin, time, missing = first, walls[first], 0
-        missing += lost.get(first, 0)
-        starts.append(time + (first - begin + missing) / rate)
-    return tuple(starts)
 
 
 def _interval(
     blocks: Sequence[_Block], rows: Rows, lost: Rows, count: int, per_second: int
 ) -> tuple[float, Remark | None]:
-    """Return the sampling interval (ticks), rounded to the digits that the time stamps resolve. Return also a remark if
-    it is the mean of different intervals."""
+    """Return the sampling interval (ticks) in the digits that the time stamps resolve, and a remark if it is a mean."""
     interval, median, spacing = _slope(blocks), blocks[0].median, max(b.spacing for b in blocks)
     whole, repeated = sum(b.whole for b in blocks), sum(b.found.repeated.size for b in blocks)
     mean = whole / max(1, count - 1 + int(np.sum(lost)) - repeated)
@@ -349,8 +270,8 @@ def _about_regular(rows: Rows, lost: Rows, count: int, rate: float) -> Remark | 
 
 
 def _about_rounded(blocks: Sequence[_Block], count: int, rate: float, per_second: int) -> Remark | None:
-    """Return a remark if the time stamps have two explanations: rounding at this rate, or a higher rate with regular
-    losses. This is so if all intervals are multiples of the most common interval, and no time stamp repeats."""
+    """Return a remark if the time stamps have two explanations, rounding at this rate or regular losses at a higher
+    rate: all intervals are multiples of the most common one, and no time stamp repeats."""
     if not all(b.exact and not b.found.rows.size and not b.duplicates for b in blocks):
         return None
     other = per_second / blocks[0].median
@@ -363,8 +284,7 @@ def _about_rounded(blocks: Sequence[_Block], count: int, rate: float, per_second
 
 
 def _shortest_decimal(interval: float, tolerance: float, per_second: int) -> float:
-    """Round an interval so that it, or its rate, has the fewest decimal digits. Its relative change is at most the
-    tolerance."""
+    """Round an interval within the tolerance so that it, or its rate, has the fewest decimal digits."""
     tolerance = max(tolerance, 4 * float(np.finfo(np.float64).eps))
     if tolerance > 1e-6:
         return interval
@@ -378,13 +298,7 @@ def _shortest_decimal(interval: float, tolerance: float, per_second: int) -> flo
 
 
 def _require_agreement(rate: float, measured: float, unit: str) -> None:
-    """Require that the declared rate and the rate of the time stamps (Hz) differ by 1 % at most.
-
-    Raises
-    ------
-    ReadError
-        If they differ by more; the advice names the unit in which they would agree.
-    """
+    """Require that the declared rate and the rate of the time stamps (Hz) differ by 1 % at most."""
     if abs(measured / rate - 1) <= RATE_TOLERANCE:
         return
     known = TIME_UNITS | {u: 1 / seconds for u, seconds in LONG_TIME_UNITS.items()}
@@ -395,13 +309,8 @@ def _require_agreement(rate: float, measured: float, unit: str) -> None:
         advice = "The rates agree if the time stamps are in {likely}: pass {--units=@units}. " + advice
     raise ReadError(
         f"the rate of {rate:g} Hz contradicts the time stamps, which show {measured:.6g} Hz in {unit}",
-        code="rate-contradiction",
-        argument="rate",
-        got=rate,
-        advice=advice,
-        likely=likely,
-        units=f"time:{likely}",
-    )
+        code="rate-contradiction", argument="rate", got=rate, advice=advice, likely=likely, units=f"time:{likely}",
+    )  # fmt: skip
 
 
 def _about_declared(rate: float, measured: float, grave: bool) -> Iterator[Remark]:

@@ -15,26 +15,20 @@ Rows = NDArray[np.int64]
 
 _SOON = 64
 """Largest number of rows that are delivered late together, unless a longer interval shows that there are more."""
-_STATES = 3
-"""Number of levels above and below the first guess among which the path is searched."""
+_STATES = 3  # number of levels above and below the first guess among which the path is searched
 _DOUBTFUL = 0.45
-"""Difference between a value and the first guess (samples) above which the level of the row is doubtful. The difference
-from a wrong level is 0.5 or more."""
+"""Difference from the first guess (samples) above which a level is doubtful. A wrong level differs by 0.5 or more."""
 _KEEP, _MARGIN = 64, 32
-"""Number of rows of each part in which the path is searched, and number of rows on each side that are searched with
-it."""
+"""Rows of each part in which the path is searched, and rows on each side that are searched with it."""
 _NEXT = 8
 """Largest number of rows between two rises that belong to the same loss. In long blocks, it is an eighth of a block."""
 _RISE, _AT_STEP = 8.0, 2.0
-"""Cost of a rise of the level, in units of the mean deviation of a row, and the amount by which it is lower at the
-longest interval."""
+"""Cost of a rise, in mean deviations of a row, and by how much it is lower at the longest interval."""
 
 
 def follow(x: Vector) -> Rows:
-    """Return the levels, whole numbers, that fit x = levels + noise best, by dynamic programming.
-
-    The levels decrease only where a row was written twice: there they fall below the levels of all recent rows.
-    """
+    """Return the levels, whole numbers, that fit x = levels + noise best, by dynamic programming. The levels decrease
+    only where a row was written twice: there they fall below the levels of all recent rows."""
     rough = _median_of_five(np.round(x))
     past = np.concatenate([rough[:1], least_ahead(rough[::-1], _SOON)[::-1][:-1]])
     fallen = np.cumsum(np.maximum(past - rough, 0.0))
@@ -70,10 +64,8 @@ def least_ahead(v: Vector, width: int) -> Vector:
 
 
 def _best_path(x: Vector, guess: Rows) -> Rows:
-    """Return the path of levels with the lowest cost: squared distance from x, and a fixed cost for each rise.
-
-    Levels are searched near doubtful rows, in parts that are processed side by side.
-    """
+    """Return the path of levels with the lowest cost: squared distance from x, and a fixed cost for each rise. Levels
+    are searched near doubtful rows, in parts that are processed side by side."""
     away, n = x - guess, x.size
     sigma = float(np.clip(1.4826 * np.median(np.abs(away)), 0.03, 0.3))
     share = np.count_nonzero(np.diff(guess) > 0) / n
@@ -94,8 +86,7 @@ def _best_path(x: Vector, guess: Rows) -> Rows:
 
 
 def _viterbi(cost: Vector, steps: Rows, price: float) -> Rows:
-    """Return the index of the state of each row along the path of lowest cost; `steps` is the rise of the guess between
-    rows."""
+    """Return the state of each row on the path of lowest cost; `steps` is the rise of the guess between rows."""
     count, length, size = cost.shape
     value = cost[:, 0].copy()
     back = np.zeros((length, count, size), dtype=np.int8)
@@ -138,8 +129,8 @@ def median_of_three(v: Vector) -> Vector:
 
 
 def placed(x: Vector, level: Vector, width: int, steps: Vector) -> Rows:
-    """Return the level of each row, from the level of each block of `width` rows. Each rise is placed at the row at
-    which it fits the values `x` best, preferably after a long interval (`steps`)."""
+    """Return the level of each row from the level of each block of `width` rows. Each rise is at the row where it fits
+    the values `x` best, preferably after a long interval (`steps`)."""
     level = np.maximum.accumulate(level)
     d = x[: level.size * width] - np.repeat(level, width)
     up, down = (max(float(np.mean(np.maximum(v, 0.0))), 0.05) for v in (d, -d))
@@ -168,20 +159,9 @@ def placed(x: Vector, level: Vector, width: int, steps: Vector) -> Rows:
 
 
 def _cheapest(costs: Vector, price: Vector) -> list[tuple[int, int, int]]:
-    """Return the path from the first to the last level with the lowest cost.
-
-    Parameters
-    ----------
-    costs : (M, n) array
-        Cost of each row at each level.
-    price : (n,) array
-        Cost of a rise before each row.
-
-    Returns
-    -------
-    list of (row, from, to)
-        The rises in order: the first row after the rise, and the indices of the levels before and after it.
-    """
+    """Return the path from the first to the last level with the lowest cost. `costs` (M, n) has the cost of each row at
+    each level, and `price` (n,) the cost of a rise before each row. Each step of the path is the first row after a
+    rise, and the indices of the levels before and after it."""
     total = np.concatenate([np.zeros((costs.shape[0], 1)), np.cumsum(costs, axis=1)], axis=1)[:, :-1]
     values, sources, rows = [total[0]], [np.zeros(total.shape[1], dtype=int)], [np.zeros(total.shape[1], dtype=int)]
     index = np.arange(total.shape[1])

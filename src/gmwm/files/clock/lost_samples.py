@@ -26,8 +26,7 @@ from gmwm.base.units import IMPOSSIBLE
 from gmwm.files.contract import Rows
 
 CUT = -1
-"""Key of a Boolean column among the rows: the recording is split before a marked row, and the number of missing samples
-is unknown."""
+"""Key of a Boolean column: before a marked row, an unknown number of samples is missing."""
 MISSING = int(np.iinfo(np.int64).min)
 """Value of a missing integer. It is also the missing time of NumPy (NaT)."""
 
@@ -50,40 +49,21 @@ def is_missing(column: NDArray[np.generic]) -> NDArray[np.bool_] | None:
 
 @dataclass(frozen=True)
 class Sifted:
-    """The rows that the clock of a recording counts, and masks of the lost samples and splits among them.
+    """The rows that the clock of a recording counts, and masks of the lost samples and splits among them."""
 
-    Attributes
-    ----------
-    rows : mapping of column index to (n,) array
-        The rows that the clock counts.
-    lost : (n,) array of bool, or None
-        Mask of the rows without a value in at least one axis; None if there is no such row.
-    cut : (n + 1,) array of bool, or None
-        Mask of the rows before which the recording is split, for example because a row without a time stamp was left
-        out there; None if there is no such row. The last entry is for the next row after these.
-    unplaced, other : int
-        Number of rows that were left out because they have no time stamp, and because they have no value in any axis.
-    """
-
-    rows: Rows
+    rows: Rows  # the rows that the clock counts
+    # mask of the rows without a value in at least one axis; None if there is no such row
     lost: NDArray[np.bool_] | None = None
+    # Mask of the rows before which the recording is split, for example because a row without a time stamp was left out
+    # there; None if there is no such row. The last entry is for the next row after these
     cut: NDArray[np.bool_] | None = None
+    # number of rows that were left out because they have no time stamp, and because they have no value in any axis
     unplaced: int = 0
     other: int = 0
 
 
 def sift(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> Sifted:
-    """Leave out the rows that the clock does not count, and mark lost samples.
-
-    Parameters
-    ----------
-    rows : mapping of column index to (n,) array
-        Consecutive rows of a file.
-    columns : mapping of role to column index
-        Roles such as "gyro_x", "time" and "temperature".
-    axes : iterable of str
-        The axes among the roles.
-    """
+    """Leave out the rows that the clock does not count, and mark lost samples."""
     marked = rows.get(CUT)
     if marked is not None:
         rest = sift({k: column for k, column in rows.items() if k != CUT}, columns, axes)
@@ -108,12 +88,9 @@ def sift(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> Sifted:
     left = {k: column[kept] for k, column in rows.items()} if out.any() else rows
     lost = lost[kept]
     return Sifted(
-        left,
-        lost if lost.any() else None,
-        cut=cut,
-        unplaced=int(np.count_nonzero(away)),
+        left, lost if lost.any() else None, cut=cut, unplaced=int(np.count_nonzero(away)),
         other=int(np.count_nonzero(out & ~away)),
-    )
+    )  # fmt: skip
 
 
 def dead_axes(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> dict[str, float]:
@@ -162,18 +139,8 @@ def gaps_of(
     pairs: Sequence[tuple[int, int]], samples: Sequence[int], stamped: Sequence[tuple[int, float]], rate: float
 ) -> tuple[tuple[int, float], ...]:
     """Return the gaps of a recording with lost samples: index of the first sample after each gap, and its duration (s).
-
-    Parameters
-    ----------
-    pairs : sequence of (row, row)
-        The rows of the samples before and after each gap.
-    samples : sequence of int
-        The index of the sample after each gap.
-    stamped : sequence of (row, seconds)
-        The gaps in the time stamps: the first row after each, and the time between the two rows.
-    rate : float
-        Samples per second (Hz).
-    """
+    `pairs` are the rows of the samples before and after each gap, `samples` the index of the sample after it, and
+    `stamped` the gaps in the time stamps: the row after each, and the time between the two rows."""
     found, rest = [], deque(stamped)
     for (before, after), sample in zip(pairs, samples, strict=True):
         inside = []

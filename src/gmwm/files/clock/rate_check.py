@@ -13,27 +13,17 @@ from gmwm.base.remarks import Quantity
 # The thresholds separate the simulated clocks of tests/readers/test_steady.py (steady, drifting, jittered, in bursts,
 # with pauses, with one change) and test_timebase.py (out of order, set back), which pin them.
 
-_BLOCK = 64
-"""Smallest number of intervals in a block, over which the jitter of single time stamps averages out."""
-_BLOCKS = 64
-"""Largest number of blocks in a recording. A change is found if it lasts for 3/64 of the recording."""
-_BESIDE = 3
-"""Number of blocks that are compared on each side of a change. A gap or a pause affects only one of them."""
-_BESIDE_BURSTS = 8
-"""The same number if samples come in bursts. The mean interval then varies more from block to block."""
-_CHANGED = 1.05
-"""Smallest ratio of two rates that is a change of the rate. Oscillators drift by less, and the settings of a sensor
-differ by more."""
-_CHANGED_BURSTS = 1.2
-"""The same ratio if samples come in bursts, because a block can contain one burst more or less."""
-_NEAR = 8.0
-"""A time stamp that is earlier than the previous one by less than this number of sampling intervals is out of order. If
-it is earlier by more, the clock was set back."""
+_BLOCK = 64  # smallest number of intervals in a block, over which the jitter of single time stamps averages out
+_BLOCKS = 64  # largest number of blocks in a recording. A change is found if it lasts for 3/64 of the recording.
+_BESIDE = 3  # number of blocks that are compared on each side of a change. A gap or a pause affects only one of them.
+_BESIDE_BURSTS = 8  # the same number if samples come in bursts. The mean interval then varies more from block to block.
+CHANGED = 1.05
+"""Smallest ratio of two rates that is a change. Oscillators drift by less, settings of a sensor differ by more."""
+CHANGED_BURSTS = 1.2  # the same ratio if samples come in bursts, because a block can contain one burst more or less
+_NEAR = 8.0  # intervals by which a time stamp may be earlier than the previous one; beyond, the clock was set back
 _SOME, _SHARE = 2, 1e-3
 """Number of time stamps out of order that is accepted in any recording, and share that is accepted in a long one."""
-_RESETS, _RESET_SHARE = 8, 1e-2
-"""Number of backward steps of the clock that is accepted in any recording, and share that is accepted in a long one.
-The recording is split at each step."""
+_RESETS, _RESET_SHARE = 8, 1e-2  # the same for backward steps of the clock, at each of which the recording is split
 
 
 @dataclass(frozen=True)
@@ -46,27 +36,7 @@ class Change:
 
 
 def require_order(ticks: Vector, nominal: float, origin: float, per_second: float, row: int = 0) -> None:
-    """Require that time stamps are in order, except for a few.
-
-    Parameters
-    ----------
-    ticks : (N,) array
-        Time stamps minus the first one, in their unit.
-    nominal : float
-        Approximate sampling interval in ticks.
-    origin : float
-        The first time stamp in ticks.
-    per_second : float
-        Ticks in a second.
-    row : int
-        Number of rows before the first time stamp.
-
-    Raises
-    ------
-    ReadError
-        If more than two time stamps and more than 0.1 % of them are out of order, or if the time steps backward more
-        than 8 times and in more than 1 % of the rows.
-    """
+    """Require that time stamps are in order, except for a few. `row` rows are before the first one, `origin`."""
     steps = np.diff(ticks)
     back = np.flatnonzero(steps < 0)
     near = int(np.count_nonzero(steps[back] > -_NEAR * nominal))
@@ -84,14 +54,7 @@ def require_order(ticks: Vector, nominal: float, origin: float, per_second: floa
 
 
 def require_one_rate(ticks: Vector, per_second: float, row: int = 0) -> None:
-    """Require that the sampling rate does not change within the recording.
-
-    Raises
-    ------
-    ReadError
-        If the rate changes. The message states both rates, and the row and time of the change. The fact `when` is this
-        time (s), counted from the zero of `ticks`. `row` is the number of rows before the first one of `ticks`.
-    """
+    """Require that the sampling rate does not change within the recording."""
     change = rate_change(ticks)
     if change is None:
         return
@@ -114,17 +77,12 @@ def rate_change(ticks: Vector) -> Change | None:
     blocks of one side must lie beyond all of the other side. If samples come in bursts, the median has no meaning, and
     the mean must change by 20 %, with eight blocks on either side.
 
-    Parameters
-    ----------
-    ticks : (N,) array
-        Time stamps in any unit, in order except for a few.
-
     >>> rate_change(np.cumsum(np.repeat([1.0, 2.0], 500)))
     Change(index=499, before=1.0, after=2.0)
     """
     steps = np.diff(ticks)
     burst = _burst(steps)
-    beside, factor = (_BESIDE, _CHANGED) if burst == 1 else (_BESIDE_BURSTS, _CHANGED_BURSTS)
+    beside, factor = (_BESIDE, CHANGED) if burst == 1 else (_BESIDE_BURSTS, CHANGED_BURSTS)
     length = max(steps.size // _BLOCKS, _BLOCK, 8 * burst)
     count = steps.size // length
     if count < 2 * beside:
@@ -167,14 +125,12 @@ class _Sides:
     def agrees(self, other: _Sides) -> bool:
         """Return whether two changes have about the same factor."""
         mine, theirs = np.log(self.after / self.before), np.log(other.after / other.before)
-        return bool(abs(mine) > np.log(_CHANGED) and abs(mine - theirs) < np.log(_CHANGED_BURSTS))
+        return bool(abs(mine) > np.log(CHANGED) and abs(mine - theirs) < np.log(CHANGED_BURSTS))
 
 
 def _burst(steps: Vector) -> int:
-    """Return the number of samples in a burst; 1 if the median interval is the interval of uniform sampling.
-
-    Samples come in bursts if more than 5 % of the intervals are longer than 4 medians, because gaps are rarer.
-    """
+    """Return the number of samples in a burst; 1 if the median interval is the interval of uniform sampling. Samples
+    come in bursts if more than 5 % of the intervals are longer than 4 medians, because gaps are rarer."""
     forward = steps[steps >= 0]
     single = float(np.median(forward)) if forward.size else 0.0
     long = int(np.count_nonzero(forward > 4 * single))

@@ -12,27 +12,21 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Quantity, Remark
-from gmwm.base.time_base import TimeBase
+from gmwm.base.time_base import TimeBase, gap_duration
 from gmwm.base.units import LONG_TIME_UNITS, TIME_UNITS
-from gmwm.files.clock.rate_check import require_one_rate, require_order
+from gmwm.files.clock.rate_check import CHANGED, CHANGED_BURSTS, require_one_rate, require_order
 from gmwm.files.clock.sampling_interval import find_losses, resolution_of
 from gmwm.files.clock.stamp_order import in_order, without_steps_back
-from gmwm.files.clock.time_stamps import Timing, about_stamps
+from gmwm.files.clock.time_stamps import SegmentStarts, Timing, about_stamps
 
 # Pinned by tests/readers/test_growing.py.
 
 KEPT = 4096
 """Number of time stamps before a block that are analysed again with it, so that both sides of each gap are used."""
-_BEHIND = 128
-"""Smallest number of later rows that are needed to decide whether a row begins a segment. Late deliveries end within
-these rows."""
-_SOME = 1024
-"""Smallest number of recent rows whose rate is compared with the rate of the first rows."""
-_CHANGED, _CHANGED_BURSTS = 1.05, 1.2
-"""Smallest ratios of two rates that are a change of the rate, as in `gmwm.files.clock.rate_check`."""
+_BEHIND = 128  # later rows that decide whether a row begins a segment. Late deliveries end within these rows.
+_SOME = 1024  # smallest number of recent rows whose rate is compared with the rate of the first rows
 _APART = 1e-3
-"""Relative difference between the rate of the first rows and the rate of all rows above which a warning is issued, as
-for a declared rate."""
+"""Relative difference between the rates of the first and of all rows for a warning, as for a declared rate."""
 
 
 @dataclass(frozen=True)
@@ -45,15 +39,7 @@ class Settled:
 
 
 class KnownClock:
-    """Clock of a recording whose time stamps have all been analysed.
-
-    Parameters
-    ----------
-    timing : Timing
-        Segments of all rows.
-    row : int
-        Number of the first row that will be added.
-    """
+    """Clock of a recording whose time stamps have all been analysed."""
 
     def __init__(self, timing: Timing, row: int = 0) -> None:
         self._firsts = np.array([first for first, _ in timing.segments])
@@ -72,8 +58,7 @@ class KnownClock:
         return None if self._rows is None else self._rows - self._row
 
     def gaps(self, first: int, stop: int) -> tuple[tuple[int, float], ...]:
-        """Return the gaps directly before the rows `first` to `stop` − 1: for each gap, the row after it and its length
-        (s)."""
+        """Return the gaps directly before the rows `first` to `stop` − 1: the row after each, and its length (s)."""
         return tuple(gap for gap in self._gaps if first <= gap[0] < stop)
 
     def segment_at(self, row: int) -> tuple[int, float]:
@@ -84,31 +69,16 @@ class KnownClock:
 
 @dataclass(frozen=True)
 class Pace:
-    """Sampling interval, unit and origin of the time stamps of a live stream, from its first rows.
+    """Sampling interval, unit and origin of the time stamps of a live stream, from its first rows."""
 
-    Attributes
-    ----------
-    first : int or float
-        The first time stamp as it is in the file, from which the others are counted.
-    rows : int
-        Number of the first rows.
-    rate : float
-        Samples per second (Hz).
-    seconds, per_second : float, int
-        Seconds in a tick if it is longer than a second, and ticks in a second if it is shorter; 1 otherwise.
-    width : int
-        Number of rows in the blocks that were compared to find the gaps; 1 for single rows.
-    spacing : float
-        Spacing of float64 numbers at the magnitude of the time stamps (ticks); 0 for integers.
-    """
-
-    first: int | float
-    rows: int
-    rate: float
+    first: int | float  # the first time stamp as it is in the file, from which the others are counted
+    rows: int  # number of the first rows
+    rate: float  # samples per second (Hz)
+    # seconds in a tick if it is longer than a second, and ticks in a second if it is shorter; 1 otherwise
     seconds: float
     per_second: int
-    width: int
-    spacing: float
+    width: int  # number of rows in the blocks that were compared to find the gaps; 1 for single rows
+    spacing: float  # spacing of float64 numbers at the magnitude of the time stamps (ticks); 0 for integers
 
     @classmethod
     def of(cls, head: NDArray[Any], unit: str, timing: Timing) -> Self:
@@ -116,14 +86,10 @@ class Pace:
         seconds = LONG_TIME_UNITS.get(unit, 1)
         integer = head.dtype.kind in "iu"
         return cls(
-            first=head[0].item(),
-            rows=head.size,
-            rate=timing.base.rate,
-            seconds=seconds,
-            per_second=TIME_UNITS.get(unit, 1),
-            width=timing.width,
+            first=head[0].item(), rows=head.size, rate=timing.base.rate, seconds=seconds,
+            per_second=TIME_UNITS.get(unit, 1), width=timing.width,
             spacing=0.0 if integer else float(np.spacing(np.max(np.abs(head)))) * seconds,
-        )
+        )  # fmt: skip
 
     @property
     def interval(self) -> float:
@@ -147,46 +113,28 @@ class Pace:
 
 @dataclass
 class Counted:
-    """Counts and sums over the intervals between time stamps.
+    """Counts and sums over the intervals between time stamps."""
 
-    Attributes
-    ----------
-    inside : int
-        Number of intervals within segments.
-    span, squares : float
-        Sum of these intervals (ticks), and sum of their squared differences from the sampling interval.
-    duplicates, backward : int
-        Number of time stamps that equal the previous one, and number that are smaller than the previous one.
-    gaps : list of (row, seconds)
-        For each gap, the first row after it and its length (s).
-    """
-
-    inside: int = 0
-    span: float = 0.0
+    inside: int = 0  # number of intervals within segments
+    span: float = 0.0  # sum of these intervals (ticks), and sum of their squared differences from the sampling interval
     squares: float = 0.0
+    # number of time stamps that equal the previous one, and number that are smaller than the previous one
     duplicates: int = 0
     backward: int = 0
+    # for each gap, the first row after it and its length (s)
     gaps: list[tuple[int, float]] = field(default_factory=list)
 
 
 class RunningClock:
-    """Find gaps in the time stamps of a live stream block by block, with the sampling interval of the first rows.
-
-    A long interval is a gap if the time stamps after it stay late. To find this out, some later rows are needed, so the
-    segments of the last rows of a block are determined with the next block. For a file, whose time stamps are all
-    known, `KnownClock` is used instead.
-
-    Parameters
-    ----------
-    pace : Pace
-        The time stamps of the first rows.
-    """
+    """Find gaps in the time stamps of a live stream block by block, with the sampling interval of the first rows. A
+    long interval is a gap if the time stamps after it stay late. This needs some later rows, so the segments of the
+    last rows of a block are determined with the next block."""
 
     def __init__(self, pace: Pace) -> None:
         self.pace = pace
         self._window = np.empty(0)  # ticks from row `_base` on
         self._base = self._stop = 0
-        self._anchor, self._lost = (0, pace.time(0.0)), 0
+        self._starts = SegmentStarts(pace.time(0.0), pace.rate)
         self._counted = Counted()
 
     @property
@@ -195,13 +143,7 @@ class RunningClock:
         return self._base + self._window.size
 
     def take(self, values: NDArray[Any]) -> Settled:
-        """Add the time stamps of the next rows, and return the rows whose segments are now known.
-
-        Raises
-        ------
-        ReadError
-            If the time stamps are not in order, or the rate changes.
-        """
+        """Add the time stamps of the next rows, and return the rows whose segments are now known."""
         before = self.rows
         self._window = np.concatenate([self._window, self.pace.ticks(values)])
         self._require_steady(self._window[max(0, before - self._base - 1) :], max(0, before - 1))
@@ -216,14 +158,9 @@ class RunningClock:
         counted, pace = self._counted, self.pace
         jitter = np.sqrt(counted.squares / counted.inside) / pace.per_second if counted.inside else 0.0
         return TimeBase(
-            rate=pace.rate,
-            stamped=True,
-            start=pace.time(0.0),
-            jitter=float(jitter),
-            gaps=tuple(counted.gaps),
-            duplicates=counted.duplicates,
-            backward=counted.backward,
-        )
+            rate=pace.rate, stamped=True, start=pace.time(0.0), jitter=float(jitter), gaps=tuple(counted.gaps),
+            duplicates=counted.duplicates, backward=counted.backward,
+        )  # fmt: skip
 
     def remarks(self) -> Iterator[Remark]:
         """Yield remarks on the time stamps of the rows whose segments are known."""
@@ -241,13 +178,7 @@ class RunningClock:
                 )
 
     def _require_steady(self, new: Vector, row: int) -> None:
-        """Require that the new time stamps, from `row` on, are in order and at the same rate.
-
-        Raises
-        ------
-        ReadError
-            If they are out of order, or the rate changes.
-        """
+        """Require that the new time stamps, from `row` on, are in order and at the same rate."""
         pace = self.pace
         if new.size < 2:
             return
@@ -263,7 +194,7 @@ class RunningClock:
             return
         last = self._repaired(self._window)[0]
         change = find_losses(last, resolution_of(last, pace.spacing)).interval / pace.interval
-        allowed = _CHANGED if pace.width == 1 else _CHANGED_BURSTS
+        allowed = CHANGED if pace.width == 1 else CHANGED_BURSTS
         if not 1 / allowed <= change <= allowed:
             raise ReadError(
                 f"the sampling rate changes from {pace.rate:.4g} Hz to {pace.rate / change:.4g} Hz before row "
@@ -291,11 +222,9 @@ class RunningClock:
         starts = []
         for row in firsts:
             if cuts[row]:
-                self._lost += cuts[row]
-                self._counted.gaps.append((row, (cuts[row] + 1) / pace.rate))
-            else:
-                self._anchor, self._lost = (row, pace.time(float(window[row - base]))), 0
-            starts.append(self._anchor[1] + (row - self._anchor[0] + self._lost) / pace.rate)
+                self._counted.gaps.append((row, gap_duration(cuts[row], pace.rate)))
+            # No sample is lost where the clock was set back.
+            starts.append(self._starts.at(row, cuts[row], None if cuts[row] else pace.time(float(window[row - base]))))
         if self._stop == 0 < stop:
             firsts, starts = [0, *firsts], [pace.time(0.0), *starts]
         self._stop = stop
@@ -304,8 +233,7 @@ class RunningClock:
         return Settled(stop, tuple(firsts), tuple(starts))
 
     def _count(self, steps: Vector, raw: Vector, firsts: list[int]) -> None:
-        """Add the intervals before the rows whose segments have just been determined. The first of these rows is row
-        `_stop` (or row 1)."""
+        """Add the intervals before the rows, from `_stop` (or row 1) on, whose segments have just been determined."""
         inside = np.ones(steps.size, dtype=bool)
         inside[[row - max(self._stop, 1) for row in firsts]] = False
         kept, counted = steps[inside], self._counted

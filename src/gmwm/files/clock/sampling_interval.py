@@ -30,85 +30,44 @@ _COARSE = 0.35
 """Smallest resolution of the time stamps, in sampling intervals, at which rounding hides the phase of a row."""
 _REGULAR = 0.35
 """Smallest coherence at which single rows are used. It is exp(-2π²σ²) for a jitter of σ = 0.23 sampling intervals."""
-_TURNS = 0.15
-"""Smallest coherence between rows at some distance at which this distance is used to refine the interval. Over longer
-distances the clock drifts too far."""
-_LATE = 0.01
-"""Largest share of rows that may be more than 0.75 samples from their level. It is not 0, because delays have a heavier
-tail than jitter."""
+_TURNS = 0.15  # smallest coherence at a distance of rows that refines the interval; beyond, the clock drifts too far
+_LATE = 0.01  # largest share of rows more than 0.75 samples from their level; delays have a heavier tail than jitter
 _STEADY = 0.85
-"""Coherence of neighbouring blocks that is sufficient. Their statistics then have a standard deviation of 0.06
-samples."""
+"""Sufficient coherence of neighbouring blocks: their statistics have a standard deviation of 0.06 samples."""
 _NEAR = 0.02
-"""Largest relative change of the interval when the phases of blocks are compared. A larger change would mean that whole
-turns of the phase were miscounted."""
+"""Largest relative change of the interval between phases of blocks; beyond, whole turns would be miscounted."""
 _MOST_LOST = 2.5
-"""Ratio of the mean interval to the median interval above which long intervals are pauses between bursts of rows, and
-not lost samples."""
+"""Ratio of mean to median interval above which long intervals are pauses between bursts of rows, not losses."""
 _RUNS, _RUN = 8, 16
-"""Rows come in bursts only if there are at least 8 bursts, and these have fewer than 16 rows on average or the ratio is
-above four times `_MOST_LOST`."""
-_LONG = 1.5
-"""Interval, in samples, halfway between an interval without a lost sample and an interval with one."""
-_FAR = 256
-"""Length of a gap (samples) above which it is removed before phases are compared, because the clock may drift within
-it."""
+"""Rows come in at least 8 bursts, of fewer than 16 rows on average unless the ratio is above 4 `_MOST_LOST`."""
+_LONG = 1.5  # interval, in samples, halfway between an interval without a lost sample and an interval with one
+_FAR = 256  # gap (samples) above which it is removed before phases are compared: the clock may drift within it
 _SMOOTH, _STEP, _SMOOTH_BLOCKS = 64, 8, 9
-"""Number of rows over which the phase is averaged, step between two of its values, and number of blocks over which the
-phase of blocks is averaged."""
-_SOME = 1 << 17
-"""Number of rows from which the interval is first found; all rows then refine it."""
-_PER_DOUBLING = 0.03
-"""Increase of the coherence above which a block with twice the rows is preferred."""
-_BLOCKS = 12
-"""Smallest number of blocks into which the recording is divided in the search for a better block length."""
+"""Rows over which the phase is averaged, step between its values, and the same number of blocks."""
+_SOME = 1 << 17  # number of rows from which the interval is first found; all rows then refine it
+_PER_DOUBLING = 0.03  # increase of the coherence above which a block with twice the rows is preferred
+_BLOCKS = 12  # smallest number of blocks into which the recording is divided in the search for a better block length
 RATE_TOLERANCE = 1e-2
-"""Largest relative difference at which a declared rate agrees with the rate of the time stamps. The clock of a MEMS
-gyroscope is specified to 1 % (for example in the InvenSense product specification PS-MPU-6000A)."""
-_AGREES = 0.02
-"""Largest relative difference at which an interval agrees with the declared interval."""
-_BESIDE = 0.1
-"""Largest relative difference between the declared interval and an interval without a lost sample, with its jitter. The
-median of all intervals may be between two values."""
-_SLIPS = 5
-"""Smallest number of regular steps that are taken as rounding at another rate instead of losses."""
+"""Relative agreement of rates; gyroscope clocks are specified to 1 % (InvenSense specification PS-MPU-6000A, 2013)."""
+_AGREES = 0.02  # largest relative difference at which an interval agrees with the declared interval
+_BESIDE = 0.1  # relative difference between the declared interval and one without a lost sample, jitter included
+_SLIPS = 5  # smallest number of regular steps that are taken as rounding at another rate instead of losses
 
 
 @dataclass(frozen=True)
 class Found:
-    """Sampling interval and lost samples of time stamps without backward steps.
+    """Sampling interval and lost samples of time stamps without backward steps."""
 
-    Attributes
-    ----------
-    interval : float
-        Sampling interval in ticks.
-    rows, lost : (G,) arrays
-        Row after each gap, and the number of samples lost there, at least 1.
-    width : int
-        Number of rows in the blocks whose statistics were compared; 1 if single rows show the lost samples.
-    repeated : (R,) array
-        Rows that were written twice.
-    """
-
-    interval: float
-    rows: Rows
+    interval: float  # sampling interval in ticks
+    rows: Rows  # row after each gap, and the number of samples lost there, at least 1
     lost: Rows
-    width: int
-    repeated: Rows = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    width: int  # number of rows in the blocks whose statistics were compared; 1 if single rows show the lost samples
+    repeated: Rows = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # rows that were written twice
 
 
 def find_losses(ticks: Vector, resolution: float, declared: float | None = None) -> Found:
-    """Find the sampling interval and the lost samples.
-
-    Parameters
-    ----------
-    ticks : (N,) array
-        Time stamps that never decrease.
-    resolution : float
-        Unit of which the time stamps are multiples (ticks).
-    declared : float, optional
-        Declared sampling interval in ticks. It decides if several intervals explain the time stamps.
-    """
+    """Find the sampling interval and the lost samples. `ticks` (N,) never decrease and are multiples of `resolution`.
+    The declared interval (ticks) decides if several intervals explain the time stamps."""
     none = np.empty(0, dtype=np.int64)
     line = _one_line(ticks, resolution)
     contradicts = declared is not None and line is not None and abs(line / declared - 1) > RATE_TOLERANCE
@@ -172,8 +131,7 @@ def _burst(ticks: Vector) -> float:
 
 
 def _windowed_mean(ticks: Vector, burst: float) -> float:
-    """Return the mean of the middle half of averages over many intervals, without averages that contain an unusually
-    long one."""
+    """Return the mean of the middle half of averages over many intervals, without those with an unusually long one."""
     steps = np.diff(ticks)
     window = max(1, min(int(max(64, min(8 * burst**2, 2048))), ticks.size // 8))
     averages = (ticks[window:] - ticks[:-window]) / window
@@ -189,8 +147,7 @@ def _windowed_mean(ticks: Vector, burst: float) -> float:
 
 
 def _one_line(ticks: Vector, resolution: float) -> float | None:
-    """Return the interval of a uniform clock that explains all time stamps within their resolution; None if there is
-    none."""
+    """Return the interval of a uniform clock that explains all time stamps within their resolution, or None."""
     k = np.arange(ticks.size, dtype=np.float64)
     slope = _slope(k, ticks)
     away = ticks - slope * k
@@ -259,8 +216,8 @@ def _is_rounding(found: Found, resolution: float, single: float) -> bool:
 
 
 def _with_long_steps(level: Rows, steps: Vector) -> Rows:
-    """Remove the rises and falls of the levels without a correspondingly long or short interval (in samples). They are
-    drift of the clock."""
+    """Remove rises and falls of the levels without a fitting long or short interval (in samples): drift of the
+    clock."""
     rise = np.diff(level)
     near = np.abs(steps[steps < _LONG] - 1)
     scatter = 3 * 1.4826 * float(np.median(near)) if near.size else 0.0
@@ -292,8 +249,7 @@ def _closed(ticks: Vector, interval: float) -> tuple[Vector, Rows]:
 
 
 def _phase_locked(ticks: Vector, interval: float) -> tuple[float | None, Vector]:
-    """Return the interval near the given one at which single rows are coherent, and the slow phase of the rows in
-    samples."""
+    """Return the interval at which single rows are coherent, and the slow phase of the rows in samples."""
     n = ticks.size
     some = ticks[(n - min(n, _SOME)) // 2 :][:_SOME]
     steps = np.diff(some) / interval
@@ -335,8 +291,7 @@ def _moving_mean(z: NDArray[np.complex128], width: int) -> NDArray[np.complex128
 
 
 def _tapered_mean(r: Vector) -> Vector:
-    """Return the mean of each row of a matrix with Hann weights, so that the start of a block within a burst has no
-    effect."""
+    """Return the mean of each row with Hann weights: the start of a block within a burst then has no effect."""
     width = r.shape[1]
     weights = np.sin(np.pi * (np.arange(width) + 0.5) / width) ** 2
     return np.asarray(r @ (weights / np.sum(weights)))
@@ -424,8 +379,7 @@ def _turn(b: Vector, lag: int) -> float:
 
 
 def _coherence(b: Vector) -> float:
-    """Return how well neighbouring blocks agree modulo 1: 1 for exact agreement, exp(-4π²σ²) if the statistics have a
-    standard deviation of σ samples."""
+    """Return how well neighbouring blocks agree modulo 1: exp(-4π²σ²) for a standard deviation of σ samples."""
     z = np.exp(2j * np.pi * b)
     return float(np.abs(np.mean(np.conj(z[:-1]) * z[1:])))
 

@@ -16,26 +16,20 @@ from gmwm.base.remarks import Quantity, Remark
 
 _WINDOW = 64
 """Number of intervals over which the nominal interval is averaged, so that the rounding of time stamps averages out."""
-_BITS = (16, 24, 32)
-"""Bits of counters that wrap around."""
-_HOUR = 3600
-"""Step of a clock at a change to or from summer time (s)."""
+_BITS = (16, 24, 32)  # bits of counters that wrap around
+_HOUR = 3600  # step of a clock at a change to or from summer time (s)
 _HOUR_WITHIN = 0.25
-"""Largest difference (s) between such a step and an hour plus one sampling interval. The limit is two sampling
-intervals if they are shorter than this, and at least half a sampling interval."""
-_LOST = 64
-"""Largest number of samples that may be lost where a counter wraps around."""
+"""Largest difference (s) of such a step; two sampling intervals if shorter, and at least half of one."""
+_LOST = 64  # largest number of samples that may be lost where a counter wraps around
 _LONGEST = 1e10
 """Longest time between two time stamps of a recording (s). It is 300 years, the range of nanoseconds since 1970."""
-_BEHIND = 8
-"""Number of time stamps after a backward step that show whether the clock was set back or one time stamp is out of
-order."""
+_BEHIND = 8  # time stamps after a backward step that show whether the clock was set back or one stamp is out of order
 
 
 @dataclass(frozen=True)
 class Steps:
-    """The rows before which a counter wraps around, each with the length of the counter (ticks), and the rows before
-    which the clock changes by an hour for summer time (1 for forward, −1 for back)."""
+    """Rows before which a counter wraps, each with the length of the counter (ticks), and rows before which the clock
+    changes by an hour for summer time (1 for forward, −1 for back)."""
 
     wraps: tuple[tuple[int, float], ...] = ()
     hours: tuple[tuple[int, int], ...] = ()
@@ -70,13 +64,7 @@ class Ordered:
 
 
 def nominal_interval(ticks: Vector) -> float:
-    """Return the approximate sampling interval in ticks: the median interval, or the mean of time stamps in bursts.
-
-    Raises
-    ------
-    ReadError
-        If the time stamps do not increase.
-    """
+    """Return the approximate sampling interval in ticks: the median interval, or the mean of time stamps in bursts."""
     forward = np.diff(ticks)
     forward = forward[forward >= 0]
     single = float(np.median(forward)) if forward.size else 0.0
@@ -96,12 +84,10 @@ def nominal_interval(ticks: Vector) -> float:
 
 
 def in_order(ticks: Vector, integer: bool, per_second: int, nominal: float | None = None) -> Ordered:
-    """Undo wraps of a counter and changes to and from summer time.
-
-    A backward step is a wrap if it becomes one sampling interval, or at most 64, when 2¹⁶, 2²⁴ or 2³² ticks are added
-    to it. For time stamps that are not integers, the ticks of the counter can also be ns, µs or ms. A step is a change
-    of summer time if it becomes one sampling interval when an hour is added or subtracted.
-    """
+    """Undo wraps of a counter and changes to and from summer time. A backward step is a wrap if it becomes one sampling
+    interval, or at most 64, when 2¹⁶, 2²⁴ or 2³² ticks are added to it. For time stamps that are not integers, the
+    ticks of the counter can also be ns, µs or ms. A step is a change of summer time if it becomes one sampling interval
+    when an hour is added or subtracted."""
     steps = np.diff(ticks)
     if not np.any(steps < 0) and not np.any(steps > _HOUR_WITHIN * per_second):
         return Ordered(ticks, Steps())
@@ -133,8 +119,7 @@ def _parts(per_second: int) -> tuple[float, ...]:
 def _wraps(
     steps: Vector, nominal: float, near: float, units: tuple[float, ...]
 ) -> Iterator[tuple[float, NDArray[np.int64]]]:
-    """Yield the length of the counter and the intervals in which it wraps, if most backward steps are wraps of this
-    counter."""
+    """Yield the length of the counter and the intervals where it wraps, if most backward steps are its wraps."""
     back = np.flatnonzero(steps < 0)
     for length in sorted(unit * 2.0**bits for unit in units for bits in _BITS):
         rest = steps[back] + length
@@ -147,11 +132,9 @@ def _wraps(
 
 
 def without_steps_back(ticks: Vector, nominal: float) -> tuple[Vector, NDArray[np.int64]]:
-    """Return time stamps that never decrease, and the rows before which the clock was set back.
-
-    A single time stamp out of order gets the time of its neighbour. If the clock was set back, the time stamps continue
-    one sampling interval after the last one.
-    """
+    """Return time stamps that never decrease, and the rows before which the clock was set back. A single time stamp out
+    of order gets the time of its neighbour. If the clock was set back, the time stamps continue one sampling interval
+    after the last one."""
     back = np.flatnonzero(np.diff(ticks) < 0)
     if not back.size:
         return ticks, np.empty(0, dtype=np.int64)
@@ -169,13 +152,7 @@ def without_steps_back(ticks: Vector, nominal: float) -> tuple[Vector, NDArray[n
 
 
 def require_span(ticks: Vector, nominal: float, per_second: float) -> None:
-    """Raise an error if the time stamps span a longer time than a recording can last.
-
-    Raises
-    ------
-    ReadError
-        If the time stamps span more than 300 years, or more sampling intervals than float64 can count.
-    """
+    """Raise an error if the time stamps span a longer time than a recording can last."""
     span = float(np.max(ticks) - np.min(ticks))
     if span > _LONGEST * per_second or not span < 2.0**52 * nominal:
         raise ReadError(

@@ -100,13 +100,7 @@ def described(cell: str) -> Remark:
 
 
 def require_readable(cell: str, path: object) -> None:
-    """Require that the first cell of a time column is a number, or a date or time that can be read.
-
-    Raises
-    ------
-    ReadError
-        If the cell is a date without a time, has day and month in an unknown order, or has no seconds.
-    """
+    """Require that the first cell of a time column is a number, or a date or time that can be read."""
     text = cell.strip()
     if is_stamp(text) or not _LOOKS.search(text):
         return
@@ -140,20 +134,9 @@ def what_is_wrong(cell: str, first: str) -> str:
 
 
 def times_of(cells: pl.Series, first: str) -> NDArray[np.datetime64]:
-    """Parse time stamps to datetime64[ns] in UTC. Times of day are on the first day of 1970.
-
-    Parameters
-    ----------
-    cells : Series of String, without nulls
-    first : str
-        The first time stamp of the column in the file. It shows whether the column has dates or times of day, and
-        whether it has offsets from UTC.
-
-    Returns
-    -------
-    (N,) array
-        The times, with NaT for a cell that cannot be read.
-    """
+    """Parse time stamps to datetime64[ns] in UTC. Times of day are on the first day of 1970. `first` is the first time
+    stamp of the column in the file: it shows whether the column has dates or times of day, and offsets from UTC. A cell
+    that cannot be read gives NaT."""
     zoned = None if is_time_of_day(first) else bool(_zone(first))
     widths = cells.str.len_bytes().to_numpy()
     found = np.empty(widths.size, dtype="M8[ns]")
@@ -167,11 +150,9 @@ def times_of(cells: pl.Series, first: str) -> NDArray[np.datetime64]:
 
 
 class Midnights:
-    """Continue times of day beyond midnight, block by block.
-
-    A step backward of more than 12 h is midnight. A forward step of a day, or up to a minute less, is a time stamp out
-    of order next to midnight. All other steps are kept. Pinned by tests/readers/test_stamps.py.
-    """
+    """Continue times of day beyond midnight, block by block. A step backward of more than 12 h is midnight. A forward
+    step of a day, or up to a minute less, is a time stamp out of order next to midnight. All other steps are kept.
+    Pinned by tests/readers/test_stamps.py."""
 
     def __init__(self) -> None:
         self._days, self._last = 0, -1
@@ -207,8 +188,7 @@ def _offset(zone: str) -> int:
 
 
 def _side_by_side(cells: pl.Series, width: int, zoned: bool | None) -> NDArray[np.datetime64] | None:
-    """Parse time stamps of the same width, form and offset; return None if they differ, or one of them is not a
-    time."""
+    """Parse time stamps of the same width, form and offset; return None if they differ or one is not a time."""
     first = str(cells[0])
     shape = _match(_CLOCK if zoned is None else _DATED, first)
     if shape is None or (zoned is not None and bool(_zone(first)) != zoned):

@@ -18,50 +18,30 @@ from gmwm.base.errors import ReadError, UnitError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import LONG_TIME_UNITS, TIME_UNITS
+from gmwm.files.clock.sampling_interval import RATE_TOLERANCE
 from gmwm.files.clock.stamp_order import nominal_interval
 
 # Unless a paper is named, these thresholds separate the simulated clocks of tests/readers/test_timebase.py and
 # test_steady.py: uniform, rounded, jittered, in bursts, with lost samples. The tests pin them.
 
-_PLAUSIBLE = (0.1, 1e5)
-"""Range of rates (Hz) that are plausible for a unit of time that is not stated."""
+_PLAUSIBLE = (0.1, 1e5)  # range of rates (Hz) that are plausible for a unit of time that is not stated
 _USUAL = 1e4
 """Rate (Hz) above which a unit is not inferred if another unit gives a lower rate, because such recordings are rare."""
 _EPOCH = (1e9, 2.2e9)
 """Range of seconds since 1970 in the years 2001 to 2039, which the time stamps of computers usually have."""
-_AGREES = 0.05
-"""Largest relative difference at which a declared rate agrees with time stamps in a unit; units differ by a factor of
-1000."""
-_RATE_TOLERANCE = 1e-2
-"""Largest relative difference at which the rate that a file states agrees with the rate of the time stamps. It is the
-same as for a declared rate."""
-_JITTER = 0.5
-"""Jitter, as a share of the sampling interval, above which the order of neighbouring samples is uncertain."""
+_AGREES = 0.05  # relative agreement of a declared rate with time stamps in a unit; units differ by a factor of 1000
+_JITTER = 0.5  # jitter, as a share of the sampling interval, above which the order of neighbouring samples is uncertain
 
 
 @dataclass(frozen=True)
 class Stamps:
-    """Time stamps counted from the first one.
+    """Time stamps counted from the first one."""
 
-    Parameters
-    ----------
-    ticks : (N,) array
-        Time stamps minus the first, in `unit`; exact if the file holds integers.
-    origin : float
-        The first time stamp, in `unit`.
-    spacing : float
-        Spacing of float64 numbers at the magnitude of the time stamps, in `unit`; 0 for integers.
-    unit : str
-        "s", "ms", "us" or "ns".
-    integer : bool
-        Whether the file holds integers in this unit.
-    """
-
-    ticks: Vector
-    origin: float
-    spacing: float
-    unit: str
-    integer: bool = False
+    ticks: Vector  # time stamps minus the first, in `unit`; exact if the file holds integers
+    origin: float  # the first time stamp, in `unit`
+    spacing: float  # spacing of float64 numbers at the magnitude of the time stamps, in `unit`; 0 for integers
+    unit: str  # "s", "ms", "us" or "ns"
+    integer: bool = False  # whether the file holds integers in this unit
 
     @property
     def per_second(self) -> int:
@@ -71,11 +51,8 @@ class Stamps:
 
 @dataclass(frozen=True)
 class Timing:
-    """The time base of a recording, its segments, their start times (s), and remarks on the time stamps.
-
-    `width` is the number of rows in the blocks that were compared to find the gaps; see
-    `gmwm.files.clock.sampling_interval`.
-    """
+    """Time base, segments, their start times (s), remarks on the time stamps, and the width of
+    `sampling_interval.Found`."""
 
     base: TimeBase
     segments: tuple[tuple[int, int], ...]
@@ -84,29 +61,29 @@ class Timing:
     width: int = 1
 
 
+class SegmentStarts:
+    """Start times of segments: whole sampling intervals from the last place at which the clock was set."""
+
+    def __init__(self, time: float, rate: float) -> None:
+        self._row, self._time, self._rate, self._lost = 0, time, rate, 0
+
+    def at(self, row: int, lost: int, clock: float | None) -> float:
+        """Return the start time (s) of a segment that begins with `row` after a gap with `lost` samples. `clock` is the
+        time stamp (s) of the row if the clock was set back there."""
+        if clock is not None:
+            self._row, self._time, self._lost = row, clock, 0
+        self._lost += lost
+        return self._time + (row - self._row + self._lost) / self._rate
+
+
 def unstamped(rate: float, samples: int) -> Timing:
     """Return the time base of a recording without time stamps: one segment at the given rate (Hz)."""
     return Timing(TimeBase(rate), ((0, samples),), starts=(0.0,), remarks=())
 
 
 def as_stamps(values: NDArray[Any], unit: str, rate: float | None) -> tuple[Stamps, Remark | None]:
-    """Count time stamps in their unit from the first one. Return also a remark if the unit is inferred or longer than a
-    second.
-
-    Parameters
-    ----------
-    values : (N,) array of int64 or float64
-        The column as it is in the file.
-    unit : str
-        One of `TIME_UNITS` or `LONG_TIME_UNITS` if declared or stated; "" to infer it.
-    rate : float or None
-        Declared rate (Hz), which decides if several units are possible.
-
-    Raises
-    ------
-    UnitError
-        If the unit cannot be inferred.
-    """
+    """Count time stamps in their unit from the first one. Return also a remark if the unit is inferred ("") or longer
+    than a second. A declared rate (Hz) decides if several units are possible."""
     require_countable(values)
     integer = values.dtype.kind in "iu"
     values = values.astype(np.int64) if integer else values
@@ -129,13 +106,7 @@ _COUNTABLE = 1e25
 
 
 def require_countable(values: NDArray[Any]) -> None:
-    """Raise an error if a time stamp is larger than any clock can count.
-
-    Raises
-    ------
-    ReadError
-        If there is such a time stamp. The message states the first one.
-    """
+    """Raise an error if a time stamp is larger than any clock can count."""
     if values.dtype.kind != "f" or not values.size or float(np.max(np.abs(values))) <= _COUNTABLE:
         return
     row = int(np.argmax(~(np.abs(values) <= _COUNTABLE)))
@@ -147,13 +118,7 @@ def require_countable(values: NDArray[Any]) -> None:
 
 
 def _inferred_unit(ticks: Vector, origin: float, rate: float | None) -> str:
-    """Return the only unit in which the time stamps are plausible.
-
-    Raises
-    ------
-    UnitError
-        If several units are plausible, or none. The message states the rate in each unit.
-    """
+    """Return the only unit in which the time stamps are plausible."""
     interval = nominal_interval(ticks)
     rates = {unit: per_second / interval for unit, per_second in TIME_UNITS.items()}
     if rate is not None:
@@ -178,7 +143,7 @@ def _inferred_unit(ticks: Vector, origin: float, rate: float | None) -> str:
 
 def beside_stated(found: Timing, stated: float) -> Timing:
     """Add a remark to the timing if the file states another rate (Hz) than the time stamps show."""
-    if abs(found.base.rate / stated - 1) <= _RATE_TOLERANCE:
+    if abs(found.base.rate / stated - 1) <= RATE_TOLERANCE:
         return found
     remark = Remark.of(
         "rate-contradicted", source="file", rate=Quantity(stated, "Hz"), stamps=Quantity(found.base.rate, "Hz")

@@ -26,9 +26,7 @@ from gmwm.recording.options import TIME_NAMES
 _INFERRED = ("g", "m/s²", "mg")
 """Units that can be inferred from the norm of the accelerometers, because gravity is 1 g, 9.81 m/s² or 1000 mg."""
 _NEAR = 0.10
-"""Largest relative difference between the norm of the accelerometers and gravity at which a unit is inferred. The
-zero-g offset of a low-cost accelerometer is up to 80 mg (for example in the InvenSense product specification
-PS-MPU-6000A), while the units differ by a factor of 9.8 or more. Pinned by tests/readers/test_units.py."""
+"""Relative agreement of norm and gravity (tests/readers/test_units.py). Zero-g offsets reach 80 mg (PS-MPU-6000A)."""
 
 _STATE_ACCEL = "State it with {--units=accel:g} or {--units=accel:m/s2}."
 
@@ -43,8 +41,7 @@ class Scales:
 
 @dataclass(frozen=True)
 class _Known:
-    """The unit of an axis ("" if unknown), its source, and the unit that the file states if another one was
-    declared."""
+    """The unit of an axis ("" if unknown), its source, and the unit in the file if another one was declared."""
 
     unit: str = ""
     source: str = ""
@@ -52,15 +49,8 @@ class _Known:
 
 
 def time_unit(layout: Layout, choice: Choice, declared: Mapping[str, str]) -> tuple[str, Remark | None]:
-    """Return the unit of the time stamps ("" if it is neither declared nor stated), and a remark if the time stamps are
-    dates or if the declared unit replaces a stated one.
-
-    Raises
-    ------
-    UnitError
-        If the file names an unknown unit (it is not replaced by an inferred one), or if a unit is declared although the
-        time stamps are dates and times.
-    """
+    """Return the unit of the time stamps, "" if unknown, and a remark if they are dates or a declared unit replaces
+    another."""
     column = choice.columns["time"]
     channel = layout.channels[column]
     if holds_stamps(layout, column):
@@ -98,26 +88,8 @@ def resolve(
     rate: float,
     increments: Sequence[str] = (),
 ) -> Scales:
-    """Find the unit of every axis.
-
-    Parameters
-    ----------
-    layout, choice
-        Description of the file, and the choice of its columns.
-    declared : mapping
-        The option `units` after its check: the unit of each sensor.
-    values : mapping of axis to (N,) array
-        The numbers as they are in the file, to infer the unit of the accelerometers.
-    rate : float
-        Sampling rate (Hz). The error for a gyroscope without a unit uses it to state the noise density.
-    increments : sequence of str
-        Axes or sensors that were declared as increments, for which "deg" in the file does not contradict "deg/s".
-
-    Raises
-    ------
-    UnitError
-        If the unit of a gyroscope is unknown, or the unit of the accelerometers can neither be found nor inferred.
-    """
+    """Find the unit of every axis. `declared` maps sensors to units. `values` (N,) are the numbers in the file, for the
+    norm of gravity. For axes in `increments`, "deg" in the file does not contradict "deg/s"."""
     units: dict[str, Unit] = {}
     remarks: list[Remark] = []
     for quantity in SI_UNIT:
@@ -159,13 +131,7 @@ def resolve(
 
 
 def _known(layout: Layout, choice: Choice, declared: Mapping[str, str], axis: str, integral: bool) -> _Known:
-    """Return the unit of an axis if it is declared by the user or stated in the file.
-
-    Raises
-    ------
-    UnitError
-        If the file names an unknown unit.
-    """
+    """Return the unit of an axis if it is declared by the user or stated in the file."""
     quantity = axis_quantity(axis)
     channel = layout.channels[choice.columns[axis]]
     by_name = named_unit(channel.name, axis)
@@ -190,19 +156,16 @@ def _known(layout: Layout, choice: Choice, declared: Mapping[str, str], axis: st
 
 
 def _unknown_unit(stated: str, axis: str, quantity: Quantity) -> UnitError:
-    """Make the error for an unknown unit in the file. If the unit fits increments, such as deg, the advice says how to
-    declare increments."""
+    """Make the error for an unknown unit in the file. For a unit of increments, such as deg, the advice declares
+    them."""
     message = f"the unit {stated!r} of {axis} is unknown; the units are {', '.join(unit_names(quantity))}"
     rate = find_unit(f"{stated}/s")
     if rate is not None and rate.quantity == quantity:
         return UnitError(
-            message,
-            code="unit-unknown",
+            message, code="unit-unknown",
             advice="If the numbers are increments over a sample, pass {--increments=@quantity} and {--units=@units}; "
-            "if they are rates, pass {--units=@units} alone.",
-            quantity=quantity,
-            units=f"{quantity}:{rate.name}",
-        )
+            "if they are rates, pass {--units=@units} alone.", quantity=quantity, units=f"{quantity}:{rate.name}",
+        )  # fmt: skip
     return UnitError(
         message,
         code="unit-unknown",
@@ -219,13 +182,7 @@ def _norm(axes: list[str], values: Mapping[str, Vector]) -> float:
 
 
 def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, Remark]:
-    """Infer the unit of the accelerometers from the norm of gravity; return it with the remark that states it.
-
-    Raises
-    ------
-    UnitError
-        If an axis is missing, or the norm of the accelerometers is not gravity in any of the units.
-    """
+    """Infer the unit of the accelerometers from the norm of gravity; return it with the remark that states it."""
     if len(axes) < 3:
         raise UnitError(
             f"the unit of {', '.join(axes)} is unknown, and it can be inferred from gravity only with all three axes",
@@ -246,12 +203,10 @@ def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, Rem
 
 
 def _doubts(axes: list[str], values: Mapping[str, Vector], units: Mapping[str, Unit]) -> list[Remark]:
-    """Report accelerometers whose norm is close to gravity in a unit other than the declared or stated one.
-
-    A norm within 20 % of gravity is accepted, because biases can explain it. Another unit is suggested only if the norm
-    in this unit is within 5 % of gravity. This limit is half of `_NEAR`, because a stated unit is evidence against
-    another one.
-    """
+    """Report accelerometers whose norm is close to gravity in a unit other than the declared or stated one. A norm
+    within 20 % of gravity is accepted, because biases can explain it. Another unit is suggested only if the norm in
+    this unit is within 5 % of gravity. This limit is half of `_NEAR`, because a stated unit is evidence against another
+    one."""
     if len(axes) < 3 or len({units[axis].name for axis in axes}) > 1:
         return []
     norm, unit = _norm(axes, values), units[axes[0]]

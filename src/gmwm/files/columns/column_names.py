@@ -47,8 +47,7 @@ _REMARKS = {
 }  # fmt: skip
 _CLOCKS = {"utc", "gps", "gnss", "tai", "unix", "epoch", "posix", "ros", "local", "host", "device", "sensor", "elapsed"}
 
-_ELEMENT = re.compile(r"\[([012])\]")
-"""Pattern of an element of an array of three axes: gyroADC[0] is the x axis."""
+_ELEMENT = re.compile(r"\[([012])\]")  # pattern of an element of an array of three axes: gyroADC[0] is the x axis
 
 LONGEST = 200
 """Largest number of characters of a name or unit that are searched. Much longer strings would take minutes."""
@@ -57,21 +56,11 @@ _BRACKETED = re.compile(r"\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*$")
 
 @dataclass(frozen=True)
 class ColumnName:
-    """Axis and unit in the name of a column.
+    """Axis and unit in the name of a column."""
 
-    Parameters
-    ----------
-    axis : str
-        "gyro_x" … "accel_z", "time", "temperature", or "" if the name is not recognised.
-    unit : str
-        Unit in the spelling of `gmwm.units` or of time units; "" if the name has none.
-    ros : bool
-        Whether this is a field of the ROS message sensor_msgs/Imu, whose units REP-103 fixes.
-    """
-
-    axis: str = ""
-    unit: str = ""
-    ros: bool = False
+    axis: str = ""  # "gyro_x" … "accel_z", "time", "temperature", or "" if the name is not recognised
+    unit: str = ""  # unit in the spelling of `gmwm.units` or of time units; "" if the name has none
+    ros: bool = False  # whether this is a field of the ROS message sensor_msgs/Imu, whose units REP-103 fixes
 
 
 def recognise(name: str) -> ColumnName:
@@ -135,14 +124,7 @@ def named_unit(name: str, axis: str) -> str:
 def unknown_unit(name: str, stated: str, axis: str) -> str:
     """Return what a column states as its unit if this is not a unit of its axis; otherwise "".
 
-    Parameters
-    ----------
-    name : str
-        Name of the column, which can end with a unit in brackets.
-    stated : str
-        Unit that the file states in addition to the name; "" for none.
-    axis : str
-        Axis of the column.
+    `stated` is the unit that the file states in addition to the name.
 
     >>> unknown_unit("gyro_x [furlong/s]", "", "gyro_x"), unknown_unit("gyro_x [deg/s]", "", "gyro_x")
     ('furlong/s', '')

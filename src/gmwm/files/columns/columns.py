@@ -20,17 +20,10 @@ from gmwm.recording.options import ROLES, Columns
 
 @dataclass(frozen=True)
 class Choice:
-    """The columns to read, and their roles.
+    """The columns to read, and their roles."""
 
-    Attributes
-    ----------
-    columns : dict of role to index
-        Index of the column of each role: an axis, "time" or "temperature".
-    remarks : tuple of Remark
-        Remarks on columns that are not read, and on a column that was chosen among several.
-    """
-
-    columns: dict[str, int]
+    columns: dict[str, int]  # index of the column of each role: an axis, "time" or "temperature"
+    # remarks on columns that are not read, and on a column that was chosen among several
     remarks: tuple[Remark, ...] = ()
 
     @property
@@ -45,18 +38,8 @@ class Choice:
 
 
 def choose(layout: Layout, columns: Columns | None, path: Path) -> Choice:
-    """Choose the columns to read.
-
-    If `columns` names a column for at least one axis, only the named axes are read. The time column is still found by
-    its name unless `columns` has "time". An axis whose column is None is left out.
-
-    Raises
-    ------
-    ReadError
-        If no axis is found, or two columns could be the same axis.
-    OptionError
-        If `columns` names a column that the file does not have.
-    """
+    """Choose the columns to read. If `columns` names a column for at least one axis, only the named axes are read. The
+    time column is still found by its name unless `columns` has "time". An axis whose column is None is left out."""
     if columns is not None and not isinstance(columns, Mapping):
         return _finished(Choice(_by_order(layout, columns, path)), layout, path)
     given = dict(columns or {})
@@ -173,11 +156,8 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
 
 
 def _header_stamp(layout: Layout, times: Sequence[int]) -> int | None:
-    """Return the index of the time stamp in the header of ROS messages if other columns, such as the time of recording,
-    also contain a time.
-
-    The header is not used if its first time stamp is 0, because some drivers do not set it.
-    """
+    """Return the column of the time stamp in the header of ROS messages if other columns also contain a time. It is not
+    used if its first time stamp is 0, because some drivers do not set it."""
     for k in times:
         words = clean(layout.channels[k].name).casefold().replace("/", ".")
         if words.endswith("header.stamp") and len(times) > 1 and layout.first_row[k : k + 1] not in ((), ("0",)):
@@ -199,8 +179,7 @@ def _is_gravity(cells: Sequence[str]) -> bool:
     return any(abs(norm / gravity - 1) <= 0.1 for gravity in (STANDARD_GRAVITY, 1.0))
 
 
-_LISTED = 30
-"""Largest number of columns that the example of the option lists."""
+_LISTED = 30  # largest number of columns that the example of the option lists
 
 
 def _nameless(layout: Layout, path: Path) -> ReadError:

@@ -18,29 +18,16 @@ _RAD, _DEG, _SI, _G = "rad/s", "deg/s", "m/s²", "g"
 
 @dataclass(frozen=True)
 class KnownTable:
-    """Definition of the table of one program: how to recognise it, and the role and unit of its columns.
+    """Definition of the table of one program: how to recognise it, and the role and unit of its columns."""
 
-    Parameters
-    ----------
-    program : str
-        Name in messages.
-    needed : tuple of str
-        Patterns, each of which must match the name of a column.
-    columns : tuple of (pattern, role, unit)
-        For each pattern of column names, the role ("time", "temperature", "gyro" or "accel") and the unit of the
-        column. A group in the pattern matches the axis: x, y, z or 0, 1, 2. If several patterns match, the first one is
-        used. If the unit is "", the user or the name of the column must state it.
-    file : str
-        Pattern of the name of the file; "" for any name.
-    above : str
-        Pattern of text above the header; "" for any text.
-    """
-
-    program: str
-    needed: tuple[str, ...]
+    program: str  # name in messages
+    needed: tuple[str, ...]  # patterns, each of which must match the name of a column
+    # For each pattern of column names, the role ("time", "temperature", "gyro" or "accel") and the unit of the column.
+    # A group in the pattern matches the axis: x, y, z or 0, 1, 2. If several patterns match, the first one is used. If
+    # the unit is "", the user or the name of the column must state it
     columns: tuple[tuple[str, str, str], ...]
-    file: str = ""
-    above: str = ""
+    file: str = ""  # pattern of the name of the file; "" for any name
+    above: str = ""  # pattern of text above the header; "" for any text
 
 
 _UNIT = r"(?: \(.*\))?"
@@ -144,14 +131,7 @@ def known_table(names: Sequence[str], path: Path, above: Sequence[str]) -> tuple
     """Recognise a table by its column names. Return the name of the program ("" if unknown), and the role and unit of
     each known column by its index.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Names of the columns.
-    path : Path
-        Name of the file.
-    above : sequence of str
-        Lines above the names.
+    `above` are the lines above the names.
 
     >>> known_table(["TimeUS", "I", "GyrX"], Path("a.csv"), [])[1]
     {0: ('time', 'us'), 2: ('gyro_x', 'rad/s')}

@@ -21,33 +21,9 @@ def multiply(
     raw: Mapping[str, Vector],
     rate: float,
 ) -> tuple[Remark, ...]:
-    """Multiply the numbers by their factors, and increments by the rate, in place.
-
-    If an axis has a factor of its own, the factor of its sensor is not used.
-
-    Parameters
-    ----------
-    layout, choice
-        Description of the file, and the columns that are read.
-    factors : mapping
-        Declared factors by axis or sensor, after their check.
-    increments : sequence of str
-        Axes or sensors that were declared as increments, after their check.
-    raw : mapping of axis to (N,) array
-        The numbers as they are in the file.
-    rate : float
-        Samples per second (Hz).
-
-    Returns
-    -------
-    tuple of Remark
-        Remarks on the declared factors and increments.
-
-    Raises
-    ------
-    OptionError
-        If there is a factor for an axis or a sensor that is not read.
-    """
+    """Multiply the numbers by their factors, and increments by the rate, in place. If an axis has a factor of its own,
+    the factor of its sensor is not used. `factors` and `increments` are declared by axis or sensor. Return remarks on
+    both."""
     read = {key for axis in choice.axes for key in (axis, axis_quantity(axis))}
     for name, keys in (("scale", factors), ("increments", increments if set(increments) != set(SI_UNIT) else ())):
         unused = next((key for key in keys if key not in read), None)

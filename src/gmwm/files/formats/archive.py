@@ -48,10 +48,8 @@ class _Table:
 
     @property
     def filtered(self) -> bool:
-        """Whether the phone removed gravity, so that the numbers come from its filter instead of the sensor.
-
-        Applications call this linear acceleration. The field linear_acceleration of ROS messages includes gravity.
-        """
+        """Whether the phone removed gravity, so that the numbers come from its filter. Applications call this linear
+        acceleration; the field linear_acceleration of ROS messages includes gravity."""
         if isinstance(self.reader, SensorLoggerReader):
             return sensor(Path(self.source.member)) == WITHOUT_GRAVITY
         headed = any(c.name.casefold().startswith("linear acceleration ") for c in self.layout.channels)
@@ -76,8 +74,7 @@ class _Table:
 
 @dataclass(frozen=True)
 class _Pair:
-    """Two tables whose rows are paired, with the index of the first paired row of each table and the number of
-    pairs."""
+    """Two tables, the index of the first paired row of each, and the number of pairs."""
 
     tables: tuple[_Table, _Table]
     first: tuple[int, int]
@@ -96,8 +93,7 @@ class ArchiveReader(Reader):
         return 0.8 if head.startswith(ZIP) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """Return one recording if the rows of the gyroscope and accelerometer tables can be paired; otherwise return
-        one recording for each table."""
+        """Return one recording if the rows of both sensors can be paired, otherwise one for each table."""
         tables = _tables(path)
         gyro, accel = (_of_sensor(tables, quantity) for quantity in ("gyro", "accel"))
         if gyro is not None and accel is not None and gyro is not accel:
@@ -126,13 +122,7 @@ class ArchiveReader(Reader):
 
 
 def _tables(path: Path) -> list[_Table]:
-    """Return the tables in an archive that have values of an inertial sensor.
-
-    Raises
-    ------
-    ReadError
-        If there is no such table, or a table is damaged.
-    """
+    """Return the tables in an archive that have values of an inertial sensor."""
     with open_archive(path) as archive:
         names = list(dict.fromkeys(file_names(archive)))
     if sum(PurePosixPath(name).suffix.lower() in _SUFFIXES for name in names) > MAX_TABLES:
@@ -175,8 +165,7 @@ def _tables(path: Path) -> list[_Table]:
 
 
 def _of_sensor(tables: list[_Table], quantity: str) -> _Table | None:
-    """Return the table of a sensor; None if there is none, or several. Among several, a filtered table is not
-    chosen."""
+    """Return the table of a sensor; None unless there is exactly one, or one that is not filtered."""
     several = [table for table in tables if table.quantities == {quantity}]
     if len(several) > 1:
         own = ("gyroscope", "totalacceleration")

@@ -11,7 +11,8 @@ import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,21 +22,19 @@ from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.units import find_unit
 from gmwm.files.columns.column_names import recognise
-from gmwm.files.contract import Channel, Layout, Mark, Rows
+from gmwm.files.contract import Channel, Layout, Mark, Reader, Rows
 
 ROWS = 1 << 20
 """Number of rows in a chunk."""
 
 MAX_ARRAYS = 1000
-"""Largest number of arrays that are read from a file. A file with more arrays is not a recording, and would take long
-to read."""
+"""Largest number of arrays that are read from a file. A file with more is no recording, and takes long to read."""
 
 MAX_COLUMNS = 64
 """Largest number of columns of a table. An array with more columns is an image or a matrix, not a recording."""
 
 RowReader = Callable[[int, int, int], NDArray[Any]]
-"""Function of (start, stop, axis) that reads the elements from `start` to `stop` (excluded) along axis 0 or 1 of an
-array. A scalar is read whole."""
+"""Function of (start, stop, axis) that reads a part of an array along axis 0 or 1. A scalar is read whole."""
 
 _RATE_NAMES = {
     "rate", "fs", "freq", "frequency", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency",
@@ -49,33 +48,16 @@ _BRACKET = re.compile(r"\s*[\[({<].*$")
 
 @dataclass(frozen=True)
 class Array:
-    """An array in a file.
+    """An array in a file."""
 
-    Parameters
-    ----------
-    name : str
-        Path in the file; its last part is the name of the array.
-    shape : tuple of int
-        (N,) for a column, (N, k) for a table.
-    dtype : dtype
-        Type of the numbers in the array.
-    rows : callable
-        Function that reads a part of the array; see `RowReader`.
-    unit : str
-        Unit that the file states for the array; "" if none.
-    axes : tuple of str
-        Role of each column ("time" or an axis such as "gyro_x") if the format determines it; "" for no role.
-    units : tuple of str
-        Unit of each column if the format determines it.
-    """
-
-    name: str
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-    rows: RowReader
-    unit: str = ""
+    name: str  # path in the file; its last part is the name of the array
+    shape: tuple[int, ...]  # (N,) for a column, (N, k) for a table
+    dtype: np.dtype[Any]  # type of the numbers in the array
+    rows: RowReader  # function that reads a part of the array; see `RowReader`
+    unit: str = ""  # unit that the file states for the array; "" if none
+    # role of each column ("time" or an axis such as "gyro_x") if the format determines it; "" for no role
     axes: tuple[str, ...] = ()
-    units: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()  # unit of each column if the format determines it
 
     @property
     def columns(self) -> int:
@@ -117,23 +99,7 @@ def with_stated_units(arrays: Sequence[Array], texts: Sequence[str]) -> list[Arr
 
 
 def layouts_of(arrays: Sequence[Array], path: object, remarks: tuple[Remark, ...] = ()) -> tuple[Layout, ...]:
-    """Group arrays of the same length into recordings. If an axis occurs twice, each group (folder) in the file is a
-    separate recording.
-
-    Parameters
-    ----------
-    arrays : sequence of Array
-        All arrays of the file.
-    path : path
-        The file, for messages.
-    remarks : tuple of Remark
-        Remarks on how the reader interpreted the file.
-
-    Raises
-    ------
-    ReadError
-        If no array has the shape of a recording.
-    """
+    """Group arrays of the same length into recordings, and by their folders in the file if an axis occurs twice."""
     usable = [upright(array) for array in arrays if _is_real(array)]
     series = [a for a in usable if len(a.shape) in (1, 2) and a.shape[0] > 1 and 0 < a.columns <= MAX_COLUMNS]
     if not series:
@@ -158,16 +124,30 @@ def layouts_of(arrays: Sequence[Array], path: object, remarks: tuple[Remark, ...
     )
 
 
-def marks_of(layout: Layout) -> tuple[Mark, ...]:
-    """Return a mark (a row at which reading can start) for each chunk, and one for the end of the arrays."""
-    total = _length(layout)
-    return (*(Mark(row) for row in range(0, total, ROWS)), Mark(total))
+class ArraysReader(Reader):
+    """Base class of the readers of named arrays. A layout has its arrays and their columns as `state`."""
+
+    random_access: ClassVar[bool] = False
+    """Whether a file can be read from any row."""
+
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
+        """Yield rows of the arrays."""
+        return chunks_of(layout, wanted, path)
+
+    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
+        """Return a mark for each chunk, and one for the end of the arrays."""
+        total = layout.state[0][0].shape[0]
+        return (*(Mark(row) for row in range(0, total, ROWS)), Mark(total)) if self.random_access else ()
+
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
+        """Yield the rows from a mark on."""
+        return chunks_of(layout, wanted, path, mark.row)
 
 
 def chunks_of(layout: Layout, wanted: Sequence[int], path: object, first: int = 0) -> Iterator[Rows]:
     """Yield the numbers of the wanted columns, `ROWS` rows at a time; integers as int64, all others as float64."""
     columns: tuple[tuple[Array, int], ...] = layout.state
-    total = _length(layout)
+    total = columns[0][0].shape[0]
     for start in range(first, total, ROWS):
         stop = min(start + ROWS, total)
         read: dict[int, NDArray[Any]] = {}
@@ -179,11 +159,6 @@ def chunks_of(layout: Layout, wanted: Sequence[int], path: object, first: int = 
             values = read[id(array)]
             chunk[k] = _plain(values if values.ndim == 1 else values[:, column], array.name, path)
         yield chunk
-
-
-def _length(layout: Layout) -> int:
-    columns: tuple[tuple[Array, int], ...] = layout.state
-    return columns[0][0].shape[0]
 
 
 def _plain(values: NDArray[Any], name: str, path: object) -> NDArray[Any]:
@@ -275,13 +250,9 @@ def _channels(part: Sequence[Array]) -> tuple[Channel, ...]:
             names = [""] * array.columns  # the columns of a single matrix are named by the user, in their order
         for k, name in enumerate(names):
             unit = array.units[k] if array.units else array.unit
-            out.append(Channel(name, unit, array.axes[k] if array.axes else _fixed(array)))
+            dates = "time" if array.dtype.kind in "Mm" else ""
+            out.append(Channel(name, unit, array.axes[k] if array.axes else dates))
     return tuple(out)
-
-
-def _fixed(array: Array) -> str:
-    """Return the role that the type of an array determines: dates are the time."""
-    return "time" if array.dtype.kind in "Mm" else ""
 
 
 def split_path(name: str) -> tuple[str, str]:
@@ -327,8 +298,7 @@ def _rate(arrays: Sequence[Array], part: Sequence[Array]) -> float | None:
 
 
 def _stray_time(part: Sequence[Array], parts: Sequence[Sequence[Array]]) -> str:
-    """Describe time stamps in the same folder as a recording that cannot belong to it, for example because their number
-    differs; "" if there are none."""
+    """Describe time stamps in the folder of a recording that cannot belong to it; "" if there are none."""
     if "time" in _roles(part):
         return ""
     folder = split_path(part[0].name)[0]

@@ -9,18 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Set
 from io import BytesIO
-from pathlib import Path
 from struct import Struct
 from struct import error as StructError
 from typing import BinaryIO
 
 from gmwm.base.errors import ReadError
+from gmwm.files.contract import damage_error
 from gmwm.files.formats.bagfiles import (
-    BATCH_BYTES,
     CHUNK_LIMIT,
     TEXT_LIMIT,
-    Batch,
-    Storage,
+    ChunkedStorage,
     Topic,
     merged,
     require_checksum,
@@ -29,7 +27,7 @@ from gmwm.files.formats.bagfiles import (
 
 MAGIC = b"\x89MCAP0\r\n"
 
-_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _CHUNK_INDEX, _STATISTICS, _DATA_END = 2, 3, 4, 5, 6, 8, 11, 15
+_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _STATISTICS, _DATA_END = 2, 3, 4, 5, 6, 11, 15
 _HEAD = Struct("<BQ")
 # Head of a message record and the fixed part of its content, 31 bytes. The specification defines times as unsigned
 # integers. They are read as signed integers, like all other times here; this changes only times after the year 2262.
@@ -38,68 +36,61 @@ _FIXED = Struct("<HIqQ")
 _CHUNK_HEAD = Struct("<QQQI")
 _SHORT, _WORD, _LONG = Struct("<H"), Struct("<I"), Struct("<Q")
 _LIMITS = {
-    _SCHEMA: 2 * TEXT_LIMIT,
-    _CHANNEL: TEXT_LIMIT,
-    _STATISTICS: TEXT_LIMIT,
-    _MESSAGE: CHUNK_LIMIT,
+    _SCHEMA: 2 * TEXT_LIMIT, _CHANNEL: TEXT_LIMIT, _STATISTICS: TEXT_LIMIT, _MESSAGE: CHUNK_LIMIT,
     _CHUNK: 2 * CHUNK_LIMIT,
-}
-_BROKEN = (StructError, UnicodeDecodeError, OSError)
+}  # fmt: skip
 _SKIPPED = 1 << 40  # an attachment may be large
 
 
-class McapStorage(Storage):
+class McapStorage(ChunkedStorage):
     """One MCAP file."""
 
     def topics(self) -> tuple[Topic, ...]:
         """Return the topics from the summary at the end of the file. If there is no summary, read the whole file."""
-        with self.path.open("rb") as file:
-            try:
-                start = self._summary(file)
-                found = _Found()
-                file.seek(start or len(MAGIC))
-                for kind, content in self._records(file, frozenset({_SCHEMA, _CHANNEL, _STATISTICS, _CHUNK})):
-                    if kind != _CHUNK:
-                        found.take(kind, content)
-                    elif not start:
-                        for inner, part in self._inside(content):
-                            if inner in (_SCHEMA, _CHANNEL):
-                                found.take(inner, part)
-                return merged(found.topics())
-            except _BROKEN as error:
-                raise self._damaged(error) from error
+        with self.opened() as file:
+            start, contents = self._summary(file), _Contents()
+            file.seek(start or len(MAGIC))
+            for kind, content in self._records(file, frozenset({_SCHEMA, _CHANNEL, _STATISTICS, _CHUNK})):
+                if kind != _CHUNK:
+                    contents.take(kind, content)
+                elif not start:
+                    for inner, part in self._inside(content):
+                        if inner in (_SCHEMA, _CHANNEL):
+                            contents.take(inner, part)
+            return merged(contents.topics())
 
-    def batches(self, topic: Topic) -> Iterator[Batch]:
-        """Yield the messages of a topic, chunk by chunk; within a chunk they are sorted by the time of recording."""
-        ids = frozenset(topic.ids)
-        times: list[int] = []
-        messages: list[bytes] = []
-        size = 0
-        with self.path.open("rb") as file:
-            try:
-                self._summary(file)
-                file.seek(len(MAGIC))
-                for kind, content in self._records(file, frozenset({_MESSAGE, _CHUNK})):
-                    if kind == _CHUNK:
-                        _collect(self._chunk(content), ids, times, messages)
-                        size += len(content)
-                    else:
-                        channel, _, time, _ = _FIXED.unpack_from(content)
-                        if channel in ids:
-                            times.append(time)
-                            messages.append(content[_FIXED.size :])
-                            size += len(content)
-                    if size > BATCH_BYTES and messages:
-                        yield in_order(times, messages)
-                        times, messages, size = [], [], 0
-            except _BROKEN as error:
-                raise self._damaged(error) from error
-        if messages:
-            yield in_order(times, messages)
+    def parts(self, file: BinaryIO, ids: Set[int]) -> Iterator[tuple[bytes, int]]:
+        """Yield the records of each chunk, and each message outside a chunk."""
+        self._summary(file)
+        file.seek(len(MAGIC))
+        for kind, content in self._records(file, frozenset({_MESSAGE, _CHUNK})):
+            if kind == _CHUNK:
+                yield self._chunk(content), len(content)
+            elif _FIXED.unpack_from(content)[0] in ids:
+                yield _HEAD.pack(kind, len(content)) + content, len(content)
+
+    def collect(self, records: bytes, ids: Set[int], times: list[int], messages: list[bytes]) -> None:
+        """Append the messages. Most of the reading time is spent in this loop, so it is optimised."""
+        position, end = 0, len(records)
+        unpack, fixed = _WHOLE.unpack_from, _WHOLE.size
+        while position < end:
+            if end - position < fixed:
+                _, length = _HEAD.unpack_from(records, position)
+                position += _HEAD.size + length
+                continue
+            kind, length, channel, _, time, _ = unpack(records, position)
+            following = position + 9 + length
+            if kind == _MESSAGE and channel in ids:
+                if length < 22 or following > end:
+                    raise StructError(f"a message of {length} bytes in a chunk of {end}")
+                times.append(time)
+                messages.append(records[position + fixed : following])
+            position = following
+        if position != end:
+            raise StructError(f"the last record leaves its chunk by {position - end} bytes")
 
     def _summary(self, file: BinaryIO) -> int:
-        """Return the position of the summary, or 0 if there is none. Raise an error if the end of the file is
-        invalid."""
+        """Return the position of the summary, or 0 if there is none. Raise an error if the end is invalid."""
         file.seek(0, 2)
         end = file.tell()
         tail = _HEAD.size + 20 + len(MAGIC)
@@ -114,11 +105,7 @@ class McapStorage(Storage):
             )
         start = int(_LONG.unpack_from(footer, _HEAD.size)[0])
         if start > end:
-            raise ReadError(
-                f"{self.path} is damaged: the position of its summary is after its end",
-                code="index-damaged",
-                advice="Copy the file again.",
-            )
+            raise damage_error(f"{self.path} is damaged: the position of its summary is after its end", "index-damaged")
         return start
 
     def _records(self, file: BinaryIO, wanted: Set[int]) -> Iterator[tuple[int, bytes]]:
@@ -132,20 +119,15 @@ class McapStorage(Storage):
                 return
             limit = _LIMITS.get(kind, _SKIPPED)
             if length > limit:
-                raise ReadError(
-                    f"{self.path} is damaged: a record of {length} bytes",
-                    code="record-damaged",
-                    advice="Copy the file again.",
-                )
+                raise damage_error(f"{self.path} is damaged: a record of {length} bytes", "record-damaged")
             if kind not in wanted:
                 file.seek(length, 1)
                 continue
             content = file.read(length)
             if len(content) != length:
-                raise ReadError(
+                raise damage_error(
                     f"{self.path} is damaged: a record of {length} bytes where {len(content)} are left",
-                    code="record-damaged",
-                    advice="Copy the file again.",
+                    "record-damaged",
                 )
             yield kind, content
 
@@ -166,41 +148,8 @@ class McapStorage(Storage):
             kind, length = _HEAD.unpack(head)
             yield kind, records.read(length)
 
-    def _damaged(self, error: Exception) -> ReadError:
-        return ReadError(f"{self.path} is damaged ({error})", code="damaged", advice="Copy the file again.")
 
-
-def in_order(times: list[int], messages: list[bytes]) -> Batch:
-    """Sort a batch by the time of recording, because writers with several threads may swap neighbouring messages."""
-    if sorted(times) == times:
-        return times, messages
-    order = sorted(range(len(times)), key=times.__getitem__)
-    return [times[k] for k in order], [messages[k] for k in order]
-
-
-def _collect(records: bytes, ids: Set[int], times: list[int], messages: list[bytes]) -> None:
-    """Append the messages of the channels `ids` in a chunk to `times` and `messages`. Most of the reading time is spent
-    in this loop, so it is optimised."""
-    position, end = 0, len(records)
-    unpack, fixed = _WHOLE.unpack_from, _WHOLE.size
-    while position < end:
-        if end - position < fixed:
-            _, length = _HEAD.unpack_from(records, position)
-            position += _HEAD.size + length
-            continue
-        kind, length, channel, _, time, _ = unpack(records, position)
-        following = position + 9 + length
-        if kind == _MESSAGE and channel in ids:
-            if length < 22 or following > end:
-                raise StructError(f"a message of {length} bytes in a chunk of {end}")
-            times.append(time)
-            messages.append(records[position + fixed : following])
-        position = following
-    if position != end:
-        raise StructError(f"the last record leaves its chunk by {position - end} bytes")
-
-
-class _Found:
+class _Contents:
     """Schemas, channels and message counts found so far."""
 
     def __init__(self) -> None:
@@ -235,17 +184,10 @@ class _Found:
 
 
 def _text(content: bytes, position: int, strict: bool = True) -> tuple[str, int]:
-    """Read a string that is stored after its length; return it with the position of its end.
-
-    If not `strict`, invalid bytes are replaced, because some encodings of schemas are not text.
-    """
+    """Read a string that is stored after its length, and the position of its end. If not `strict`, invalid bytes are
+    replaced, because some encodings of schemas are not text."""
     (length,) = _WORD.unpack_from(content, position)
     end = position + 4 + length
     if end > len(content):
         raise StructError(f"a text of {length} bytes in a record of {len(content)}")
     return content[position + 4 : end].decode("utf-8", "strict" if strict else "replace"), end
-
-
-def sniffed(path: Path, head: bytes) -> bool:
-    """Return whether a file begins with the magic bytes of MCAP."""
-    return head.startswith(MAGIC)

@@ -13,14 +13,12 @@ from struct import error as StructError
 from typing import BinaryIO
 
 from gmwm.base.errors import ReadError
-from gmwm.files.formats.bag_mcap import in_order
+from gmwm.files.contract import damage_error
 from gmwm.files.formats.bagfiles import (
-    BATCH_BYTES,
     CHUNK_LIMIT,
     TEXT_LIMIT,
     TOPIC_LIMIT,
-    Batch,
-    Storage,
+    ChunkedStorage,
     Topic,
     merged,
     unpacked,
@@ -28,49 +26,52 @@ from gmwm.files.formats.bagfiles import (
 
 MAGIC = b"#ROSBAG V2.0\n"
 
-_MESSAGE, _BAG, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 4, 5, 6, 7
+_BAG, _CHUNK, _CHUNK_INFO, _CONNECTION = 3, 5, 6, 7
 _WORD, _LONG = Struct("<I"), Struct("<Q")
 _PAIR = Struct("<II")
 _CHUNKS = 10_000_000
 
 
-class Ros1Storage(Storage):
+class Ros1Storage(ChunkedStorage):
     """One bag of ROS 1."""
 
     def topics(self) -> tuple[Topic, ...]:
         """Return the topics, from the index at the end of the file."""
-        with self.path.open("rb") as file:
-            try:
-                return self._index(file)[0]
-            except (StructError, UnicodeDecodeError, KeyError, OSError) as error:
-                raise self._damaged(error) from error
+        with self.opened() as file:
+            return self._index(file)[0]
 
-    def batches(self, topic: Topic) -> Iterator[Batch]:
-        """Yield the messages of a topic, chunk by chunk; within a chunk they are sorted by the time of recording."""
-        ids = frozenset(topic.ids)
-        times: list[int] = []
-        messages: list[bytes] = []
-        size = 0
-        with self.path.open("rb") as file:
-            try:
-                for position, counts in self._index(file)[1]:
-                    if ids.isdisjoint(counts):
-                        continue
-                    self._seek(file, position)
-                    records = self._chunk(file)
-                    _collect(records, ids, times, messages)
-                    size += len(records)
-                    if size > BATCH_BYTES and messages:
-                        yield in_order(times, messages)
-                        times, messages, size = [], [], 0
-            except (StructError, UnicodeDecodeError, KeyError, OSError) as error:
-                raise self._damaged(error) from error
-        if messages:
-            yield in_order(times, messages)
+    def parts(self, file: BinaryIO, ids: Set[int]) -> Iterator[tuple[bytes, int]]:
+        """Yield the records of each chunk with a message of the topic, according to the index."""
+        for position, counts in self._index(file)[1]:
+            if not ids.isdisjoint(counts):
+                self._seek(file, position)
+                head, data = self._record(file, _CHUNK)
+                size = _WORD.unpack(head["size"])[0]
+                yield unpacked(data, head["compression"].decode(), size, self.path), size
+
+    def collect(self, records: bytes, ids: Set[int], times: list[int], messages: list[bytes]) -> None:
+        """Append the messages. The layout of one header is reused for the next headers until it no longer fits."""
+        position, end = 0, len(records)
+        shape = _Shape(b"")
+        while position < end:
+            (length,) = _WORD.unpack_from(records, position)
+            header = records[position + 4 : position + 4 + length]
+            position += 4 + length
+            (size,) = _WORD.unpack_from(records, position)
+            position += 4 + size
+            if position > end:
+                raise StructError(f"the last record leaves its chunk by {position - end} bytes")
+            if not shape.fits(header):
+                if header.find(b"op=\x02") < 0:
+                    continue
+                shape = _Shape(header)
+            connection, seconds, rest = shape.values(header)
+            if connection in ids:
+                times.append(seconds * 1_000_000_000 + rest)
+                messages.append(records[position - size : position])
 
     def _index(self, file: BinaryIO) -> tuple[tuple[Topic, ...], list[tuple[int, dict[int, int]]]]:
-        """Read from the index the topics, and for each chunk its position and the number of messages of each
-        connection."""
+        """Read the topics from the index, and the position and the messages per connection of each chunk."""
         file.seek(len(MAGIC))
         head, _ = self._record(file, _BAG)
         position = _LONG.unpack(head["index_pos"])[0]
@@ -88,11 +89,7 @@ class Ros1Storage(Storage):
             )
         connections, chunks = (_WORD.unpack(head[name])[0] for name in ("conn_count", "chunk_count"))
         if connections > TOPIC_LIMIT or chunks > _CHUNKS:
-            raise ReadError(
-                f"{self.path} is damaged: {connections} connections in {chunks} chunks",
-                code="index-damaged",
-                advice="Copy the file again.",
-            )
+            raise damage_error(f"{self.path} is damaged: {connections} connections in {chunks} chunks", "index-damaged")
         self._seek(file, position)
         records = [self._record(file, _CONNECTION) for _ in range(connections)]
         places = []
@@ -108,17 +105,8 @@ class Ros1Storage(Storage):
     def _seek(self, file: BinaryIO, position: int) -> None:
         """Go to a position from the index, after a check that it is inside the file."""
         if position > self.path.stat().st_size:
-            raise ReadError(
-                f"{self.path} is damaged or truncated: its index points behind its end",
-                code="index-damaged",
-                advice="Copy the file again.",
-            )
+            raise damage_error(f"{self.path} is damaged or truncated: its index points behind its end", "index-damaged")
         file.seek(position)
-
-    def _chunk(self, file: BinaryIO) -> bytes:
-        """Read a chunk and return its decompressed records."""
-        head, data = self._record(file, _CHUNK)
-        return unpacked(data, head["compression"].decode(), _WORD.unpack(head["size"])[0], self.path)
 
     def _record(self, file: BinaryIO, kind: int) -> tuple[dict[str, bytes], bytes]:
         """Read a record of one kind; return its header and its data."""
@@ -126,32 +114,19 @@ class Ros1Storage(Storage):
         for limit in (TEXT_LIMIT, CHUNK_LIMIT if kind == _CHUNK else 4 * TEXT_LIMIT):
             (length,) = _WORD.unpack(file.read(4))
             if length > limit:
-                raise ReadError(
-                    f"{self.path} is damaged: a record of {length} bytes",
-                    code="record-damaged",
-                    advice="Copy the file again.",
-                )
+                raise damage_error(f"{self.path} is damaged: a record of {length} bytes", "record-damaged")
             part = file.read(length)
             if len(part) != length:
-                raise ReadError(
-                    f"{self.path} is truncated: a record of {length} bytes where {len(part)} are left",
-                    code="cut-off",
-                    advice="Copy the file again.",
+                raise damage_error(
+                    f"{self.path} is truncated: a record of {length} bytes where {len(part)} are left", "cut-off"
                 )
             parts.append(part)
         header = dict(_fields(parts[0]))
         if header.get("op") != bytes([kind]):
-            raise ReadError(
-                f"{self.path} is damaged: its index does not lead to a record of kind {kind}",
-                code="index-damaged",
-                advice="Copy the file again.",
+            raise damage_error(
+                f"{self.path} is damaged: its index does not lead to a record of kind {kind}", "index-damaged"
             )
         return header, parts[1]
-
-    def _damaged(self, error: Exception) -> ReadError:
-        return ReadError(
-            f"{self.path} is damaged or truncated ({error})", code="damaged", advice="Copy the file again."
-        )
 
 
 def _fields(header: bytes) -> Iterator[tuple[str, bytes]]:
@@ -175,37 +150,9 @@ def _topic(info: dict[str, bytes], data: bytes, counts: dict[int, int]) -> Topic
     kind = f"{package}/{name}" if name.startswith("msg/") else f"{package}/msg/{name}"
     text = fields["message_definition"].decode("utf-8", "replace")
     return Topic(
-        name=info["topic"].decode(),
-        type=kind,
-        encoding="ros1",
-        text=text,
-        language="ros1msg",
-        ids=(number,),
+        name=info["topic"].decode(), type=kind, encoding="ros1", text=text, language="ros1msg", ids=(number,),
         count=counts.get(number, 0),
-    )
-
-
-def _collect(records: bytes, ids: Set[int], times: list[int], messages: list[bytes]) -> None:
-    """Append the messages of the connections `ids` in a chunk to `times` and `messages`. The layout found in one header
-    is reused for the next headers until it no longer fits."""
-    position, end = 0, len(records)
-    shape = _Shape(b"")
-    while position < end:
-        (length,) = _WORD.unpack_from(records, position)
-        header = records[position + 4 : position + 4 + length]
-        position += 4 + length
-        (size,) = _WORD.unpack_from(records, position)
-        position += 4 + size
-        if position > end:
-            raise StructError(f"the last record leaves its chunk by {position - end} bytes")
-        if not shape.fits(header):
-            if header.find(b"op=\x02") < 0:
-                continue
-            shape = _Shape(header)
-        connection, seconds, rest = shape.values(header)
-        if connection in ids:
-            times.append(seconds * 1_000_000_000 + rest)
-            messages.append(records[position - size : position])
+    )  # fmt: skip
 
 
 class _Shape:

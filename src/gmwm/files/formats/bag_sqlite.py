@@ -8,6 +8,7 @@ from struct import Struct
 from typing import TYPE_CHECKING
 
 from gmwm.base.errors import ReadError
+from gmwm.files.contract import damage_error
 from gmwm.files.formats.bagfiles import BATCH_BYTES, CHUNK_LIMIT, TEXT_LIMIT, TOPIC_LIMIT, Batch, Storage, Topic, merged
 
 if TYPE_CHECKING:
@@ -22,8 +23,7 @@ class SqliteStorage(Storage):
     """One file of a ROS 2 bag in SQLite."""
 
     def topics(self) -> tuple[Topic, ...]:
-        """Return the topics in the database. Since ROS 2 Iron, a second table contains the definitions of their
-        types."""
+        """Return the topics. Since ROS 2 Iron, a second table contains the definitions of their types."""
         import sqlite3
 
         with closing(self._connected()) as base:
@@ -36,7 +36,7 @@ class SqliteStorage(Storage):
                     "SELECT id, name, type, serialization_format FROM topics ORDER BY id LIMIT ?", (TOPIC_LIMIT,)
                 ).fetchall()
             except (sqlite3.Error, UnicodeDecodeError) as error:
-                raise self._damaged(error) from error
+                raise damage_error(f"{self.path} is damaged ({error})") from error
         found = []
         for number, name, kind, encoding in rows:
             text, language = texts.get(kind, ("", ""))
@@ -44,17 +44,12 @@ class SqliteStorage(Storage):
                 not all(isinstance(item, str) for item in (name, kind, encoding, text, language))
                 or len(text) > TEXT_LIMIT
             ):
-                raise ReadError(
-                    f"{self.path} is damaged: its table of topics does not hold texts",
-                    code="damaged",
-                    advice="Copy the file again.",
-                )
+                raise damage_error(f"{self.path} is damaged: its table of topics does not hold texts")
             found.append(Topic(name=name, type=kind, encoding=encoding, text=text, language=language, ids=(number,)))
         return merged(iter(found))
 
     def batches(self, topic: Topic) -> Iterator[Batch]:
-        """Yield the messages of a topic in batches, sorted by the time of recording if the table has an index for it,
-        otherwise by their numbers."""
+        """Yield the messages of a topic, by time of recording if the table has an index for it, else by number."""
         import sqlite3
 
         marks = ",".join("?" * len(topic.ids))
@@ -68,15 +63,13 @@ class SqliteStorage(Storage):
                 while batch := rows.fetchmany(count):
                     times, messages = (list(column) for column in zip(*batch, strict=True))
                     if set(map(type, messages)) != {bytes} or set(map(type, times)) != {int}:
-                        raise ReadError(
-                            f"{self.path} is damaged: a message without bytes or time",
-                            code="message-damaged",
-                            advice="Copy the file again.",
+                        raise damage_error(
+                            f"{self.path} is damaged: a message without bytes or time", "message-damaged"
                         )
                     yield times, messages
                     count = max(1, min(_MOST, BATCH_BYTES * len(messages) // max(1, sum(map(len, messages)))))
             except (sqlite3.Error, UnicodeDecodeError) as error:
-                raise self._damaged(error) from error
+                raise damage_error(f"{self.path} is damaged ({error})") from error
 
     def _connected(self) -> sqlite3.Connection:
         """Open the database read-only, with settings for untrusted files."""
@@ -90,7 +83,7 @@ class SqliteStorage(Storage):
         try:
             base = sqlite3.connect(f"{self.path.absolute().as_uri()}?mode=ro{frozen}", uri=True)
         except (sqlite3.Error, UnicodeDecodeError) as error:
-            raise self._damaged(error) from error
+            raise damage_error(f"{self.path} is damaged ({error})") from error
         try:
             # The error messages of SQLite about a damaged table can contain invalid text; these errors are caught too.
             base.text_factory = lambda text: text.decode("utf-8", "replace")
@@ -102,12 +95,11 @@ class SqliteStorage(Storage):
                     code="no-recording",
                     advice="Pass a recording of ROS 2.",
                 )
-        except (sqlite3.Error, UnicodeDecodeError) as error:
+        except (sqlite3.Error, UnicodeDecodeError, ReadError) as error:
             base.close()
-            raise self._damaged(error) from error
-        except ReadError:
-            base.close()
-            raise
+            if isinstance(error, ReadError):
+                raise
+            raise damage_error(f"{self.path} is damaged ({error})") from error
         return base
 
     def _require_whole(self) -> None:
@@ -115,37 +107,24 @@ class SqliteStorage(Storage):
         with self.path.open("rb") as file:
             head = file.read(100)
         if len(head) < 100:
-            raise ReadError(
-                f"{self.path} is truncated: {len(head)} bytes are not a complete database",
-                code="cut-off",
-                advice="Copy the file again.",
-            )
+            raise damage_error(f"{self.path} is truncated: {len(head)} bytes are not a complete database", "cut-off")
         (size,) = _PAGE.unpack_from(head, 16)
         changed, count, valid = (_WORD.unpack_from(head, k)[0] for k in (24, 28, 92))
         size = 65536 if size == 1 else size
         there = self.path.stat().st_size
         if valid == changed and there < size * count:
-            raise ReadError(
-                f"{self.path} is truncated: {there} bytes, expected {size * count}",
-                code="cut-off",
-                advice="Copy the file again.",
-            )
+            raise damage_error(f"{self.path} is truncated: {there} bytes, expected {size * count}", "cut-off")
 
     @staticmethod
     def _table(base: sqlite3.Connection, name: str) -> bool:
-        """Return whether the database has a table of this name. A view is not accepted, because it could run arbitrary
-        SQL."""
+        """Return whether the database has this table. A view is refused, because it could run arbitrary SQL."""
         query = "SELECT sql FROM sqlite_master WHERE type = 'table' AND name = ?"
         row = base.execute(query, (name,)).fetchone()
         return row is not None and str(row[0]).upper().startswith("CREATE TABLE")
 
-    def _damaged(self, error: Exception) -> ReadError:
-        return ReadError(f"{self.path} is damaged ({error})", code="damaged", advice="Copy the file again.")
-
 
 def _indexed(base: sqlite3.Connection) -> bool:
-    """Return whether the messages have an index by time; without an index, sorting would need as much space as the
-    file."""
+    """Return whether the messages have an index by time; sorting without one needs as much space as the file."""
     for row in base.execute("PRAGMA index_list(messages)").fetchall():
         columns = base.execute("SELECT name FROM pragma_index_info(?)", (row[1],)).fetchall()
         if columns and columns[0][0] == "timestamp":

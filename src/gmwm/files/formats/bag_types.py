@@ -6,9 +6,8 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from gmwm.base.errors import ReadError
 from gmwm.files.formats.bagfiles import TEXT_LIMIT, Topic
-from gmwm.files.formats.cdr import Definition, Description
+from gmwm.files.formats.cdr import Definition, Description, topic_error
 
 ENCODINGS = ("cdr", "ros1")
 """Serialisation formats of messages that gmwm can decode."""
@@ -22,13 +21,7 @@ _EMPTY = (("structure_needs_at_least_one_member", (1, ("uint8", 0))),)  # how CD
 
 
 def definition(topic: Topic) -> Definition | None:
-    """Return the type of the messages of a topic, or None if it is not defined or its messages cannot be decoded.
-
-    Raises
-    ------
-    ReadError
-        If the definition in the file cannot be parsed.
-    """
+    """Return the type of the messages of a topic, or None if it is not defined or its messages cannot be decoded."""
     if topic.encoding not in ENCODINGS:
         return None
     ros1 = topic.encoding == "ros1"
@@ -51,21 +44,15 @@ def _parsed(topic: Topic) -> Mapping[str, Sequence[tuple[str, Description]]]:
     from rosbags.typesys import Stores, get_typestore
 
     if len(topic.text) > TEXT_LIMIT:
-        raise ReadError(
-            f"{topic.name}: its type is defined in more than {TEXT_LIMIT} characters",
-            code="type-invalid",
-            advice="Export the topic as CSV.",
-        )
+        raise topic_error(f"{topic.name}: its type is defined in more than {TEXT_LIMIT} characters", "type-invalid")
     found: dict[str, Any] = {}
     try:
         for text in _idl_parts(topic.text) if topic.language == "ros2idl" else (topic.text,):
             found |= _parse(text, topic)
     except Exception as error:  # a library can raise any error on an invalid definition
         reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
-        raise ReadError(
-            f"{topic.name}: the definition of its type {topic.type} is not understood ({reason})",
-            code="type-invalid",
-            advice="Export the topic as CSV.",
+        raise topic_error(
+            f"{topic.name}: the definition of its type {topic.type} is not understood ({reason})", "type-invalid"
         ) from error
     types = {name: fields for name, (_, fields) in get_typestore(Stores.EMPTY).fielddefs.items()}
     types |= {name: fields for name, (_, fields) in found.items()}
@@ -91,8 +78,7 @@ def _idl_parts(text: str) -> list[str]:
 
 
 def _require_plain(name: str, fields: Sequence[tuple[str, Description]], topic: Topic) -> None:
-    """Raise an error for invalid names of types or fields, and for long arrays of strings or messages, because the code
-    of the decoder is generated from them."""
+    """Require plain names and short arrays, because code of the decoder is generated from them."""
     plain = bool(_TYPE.fullmatch(name))
     for field, (sort, inner) in fields:
         plain &= bool(_NAME.fullmatch(field))
@@ -102,8 +88,7 @@ def _require_plain(name: str, fields: Sequence[tuple[str, Description]], topic: 
             sort, inner = part
         plain &= sort != 2 or bool(_TYPE.fullmatch(inner))
     if not plain:
-        raise ReadError(
+        raise topic_error(
             f"{topic.name}: the definition of its type {topic.type} holds what is no name, or a huge array",
-            code="type-invalid",
-            advice="Export the topic as CSV.",
+            "type-invalid",
         )

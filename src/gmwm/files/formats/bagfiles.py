@@ -1,18 +1,23 @@
 """Read the files of ROS recordings: list the topics in a file, and yield the bytes of the messages of one topic.
 
-The formats are the bag of ROS 1, and the SQLite database and the MCAP file of ROS 2. Each has a subclass of `Storage`.
+The containers are read here and not by rosbags, whose readers take 1.3 (SQLite), 4 (ROS 1) and 4.7 (MCAP) times as long
+for 100 000 messages. They also decompress without a limit, read an unclosed database without its log, refuse MCAP files
+of other profiles, and end 2 %, 10 % and 47 % of damaged files with an error of another library.
 """
 
 from __future__ import annotations
 
 import zlib
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from struct import error as StructError
+from typing import Any, BinaryIO
 
 from gmwm.base.errors import ReadError
+from gmwm.files.contract import damage_error
 from gmwm.files.formats.byte_sources import ZSTD, zstd_library
 
 Batch = tuple[list[int], list[bytes]]
@@ -35,31 +40,15 @@ TOPIC_LIMIT = 10_000
 
 @dataclass(frozen=True)
 class Topic:
-    """A stream of messages of one type.
+    """A stream of messages of one type."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the topic, for example "/imu/data".
-    type : str
-        Type of the messages, for example "sensor_msgs/msg/Imu", also for ROS 1.
-    encoding : str
-        Serialisation of the messages: "cdr", "ros1", or another one, which cannot be read.
-    text, language : str
-        Definition of the type and its language: "ros1msg", "ros2msg", "ros2idl", or "" for none.
-    ids : tuple of int
-        Identifiers of the topic in the file; there is one for each publisher.
-    count : int or None
-        Number of messages; None if the file does not state it.
-    """
-
-    name: str
-    type: str
-    encoding: str
-    text: str = ""
+    name: str  # name of the topic, for example "/imu/data"
+    type: str  # type of the messages, for example "sensor_msgs/msg/Imu", also for ROS 1
+    encoding: str  # serialisation of the messages: "cdr", "ros1", or another one, which cannot be read
+    text: str = ""  # definition of the type and its language: "ros1msg", "ros2msg", "ros2idl", or "" for none
     language: str = ""
-    ids: tuple[int, ...] = ()
-    count: int | None = None
+    ids: tuple[int, ...] = ()  # identifiers of the topic in the file; there is one for each publisher
+    count: int | None = None  # number of messages; None if the file does not state it
 
 
 class Storage(ABC):
@@ -77,23 +66,51 @@ class Storage(ABC):
         """Yield the messages of a topic, in batches."""
 
 
+class ChunkedStorage(Storage):
+    """One file whose messages are in chunks of records."""
+
+    @abstractmethod
+    def parts(self, file: BinaryIO, ids: Set[int]) -> Iterator[tuple[bytes, int]]:
+        """Yield decompressed records that may hold messages of the topic `ids`, with their size for the batch."""
+
+    @abstractmethod
+    def collect(self, records: bytes, ids: Set[int], times: list[int], messages: list[bytes]) -> None:
+        """Append the messages of the topic `ids` among the records to `times` and `messages`."""
+
+    def batches(self, topic: Topic) -> Iterator[Batch]:
+        """Yield the messages of a topic, chunk by chunk; within a batch they are sorted by the time of recording."""
+        ids, size = frozenset(topic.ids), 0
+        times, messages = list[int](), list[bytes]()
+        with self.opened() as file:
+            for records, weight in self.parts(file, ids):
+                self.collect(records, ids, times, messages)
+                size += weight
+                if size > BATCH_BYTES and messages:
+                    yield _in_order(times, messages)
+                    times, messages, size = [], [], 0
+        if messages:
+            yield _in_order(times, messages)
+
+    @contextmanager
+    def opened(self) -> Iterator[BinaryIO]:
+        """Open the file, and convert the errors of damaged records to a ReadError."""
+        with self.path.open("rb") as file:
+            try:
+                yield file
+            except (StructError, UnicodeDecodeError, KeyError, OSError) as error:
+                raise damage_error(f"{self.path} is damaged or truncated ({error})") from error
+
+
+def _in_order(times: list[int], messages: list[bytes]) -> Batch:
+    """Sort a batch by the time of recording, because writers with several threads may swap neighbouring messages."""
+    if sorted(times) == times:
+        return times, messages
+    order = sorted(range(len(times)), key=times.__getitem__)
+    return [times[k] for k in order], [messages[k] for k in order]
+
+
 def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
-    """Decompress a chunk, and check that it has the size that the file states.
-
-    Parameters
-    ----------
-    data : bytes
-        The bytes in the file.
-    compression : str
-        "", "none", "lz4", "bz2" or "zstd".
-    size : int
-        Expected size after decompression (bytes).
-
-    Raises
-    ------
-    ReadError
-        If the chunk is damaged, has a different size, is too large, or has another compression.
-    """
+    """Decompress a chunk ("", "none", "lz4", "bz2" or "zstd"), and check that it has the size that the file states."""
     if size > CHUNK_LIMIT:
         raise ReadError(
             f"{path}: a chunk of {size} bytes; more than {CHUNK_LIMIT >> 20} MB are not unpacked at once",
@@ -107,9 +124,7 @@ def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
             # One byte more than expected is enough to detect that the chunk is too large.
             content = _decompressor(compression).decompress(data, max_length=size + 1)
         except Exception as error:  # three libraries can raise any error on invalid data
-            raise ReadError(
-                f"{path}: a chunk is damaged ({error})", code="chunk-damaged", advice="Copy the file again."
-            ) from error
+            raise damage_error(f"{path}: a chunk is damaged ({error})", "chunk-damaged") from error
     else:
         raise ReadError(
             f"{path}: its chunks have the compression {compression!r}, but gmwm reads only lz4, bz2, zstd and none",
@@ -117,25 +132,20 @@ def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
             advice="Compress the recording in one of these formats.",
         )
     if len(content) != size:
-        raise ReadError(
-            f"{path}: a chunk is damaged: {len(content)} bytes or more, expected {size}",
-            code="chunk-damaged",
-            advice="Copy the file again.",
+        raise damage_error(
+            f"{path}: a chunk is damaged: {len(content)} bytes or more, expected {size}", "chunk-damaged"
         )
     return bytes(content)
 
 
 def unpacked_messages(messages: list[bytes], path: Path) -> list[bytes]:
-    """Decompress messages that were compressed one by one, and return other messages unchanged. The two can be
-    distinguished, because a CDR message cannot begin with the magic bytes of Zstandard."""
+    """Decompress messages that were compressed one by one. A CDR message cannot begin with the bytes of Zstandard."""
     if not messages[0].startswith(ZSTD):
         return messages
     try:
         found = [_decompressor("zstd").decompress(message, max_length=MESSAGE_LIMIT) for message in messages]
     except Exception as error:  # a library can raise any error on invalid data
-        raise ReadError(
-            f"{path}: a compressed message is damaged ({error})", code="chunk-damaged", advice="Copy the file again."
-        ) from error
+        raise damage_error(f"{path}: a compressed message is damaged ({error})", "chunk-damaged") from error
     if sum(map(len, found)) > CHUNK_LIMIT:
         raise ReadError(
             f"{path}: compressed messages of more than {CHUNK_LIMIT >> 20} MB; no recorder writes them",
@@ -148,9 +158,7 @@ def unpacked_messages(messages: list[bytes], path: Path) -> list[bytes]:
 def require_checksum(content: bytes, checksum: int, path: Path) -> None:
     """Raise an error if a chunk does not match its checksum."""
     if checksum and zlib.crc32(content) != checksum:
-        raise ReadError(
-            f"{path}: a chunk is damaged: its checksum is wrong", code="checksum-wrong", advice="Copy the file again."
-        )
+        raise damage_error(f"{path}: a chunk is damaged: its checksum is wrong", "checksum-wrong")
 
 
 def merged(topics: Iterator[Topic]) -> tuple[Topic, ...]:

@@ -26,8 +26,7 @@ MAX_BYTES = 64 << 30
 """Largest size of a decompressed recording (bytes): ten days of six axes at 1 kHz as text."""
 
 MAX_RATIO = 200
-"""Largest compression ratio of a recording; noise compresses by a factor of 20 at most. Pinned by
-tests/readers/test_compressed.py."""
+"""Largest compression ratio; noise compresses 20 times at most. Pinned by tests/readers/test_compressed.py."""
 
 RATIO_FROM = 64 << 20
 """Number of unpacked bytes from which on the ratio is checked. The data of a smaller file can be very regular."""
@@ -63,13 +62,7 @@ class FileSource:
         return True
 
     def open(self) -> BinaryIO:
-        """Open the bytes for reading.
-
-        Raises
-        ------
-        ReadError
-            If the file cannot be opened.
-        """
+        """Open the bytes for reading."""
         try:
             return self.path.open("rb")
         except OSError as error:
@@ -182,20 +175,7 @@ def file_names(archive: zipfile.ZipFile) -> list[str]:
 
 
 def require_ratio(unpacked: int, packed: int, name: object) -> None:
-    """Raise an error if the ratio of unpacked to packed bytes is larger than any recording can have.
-
-    Parameters
-    ----------
-    unpacked, packed : int
-        Number of bytes.
-    name : object
-        The file, for the message.
-
-    Raises
-    ------
-    PackedError
-        If the ratio is too large.
-    """
+    """Raise an error if the ratio of unpacked to packed bytes is larger than any recording can have."""
     if unpacked > MAX_BYTES or (unpacked > RATIO_FROM and unpacked > MAX_RATIO * packed):
         raise PackedError(
             f"{name} unpacks from {packed / 1e6:.3g} MB to {unpacked / 1e6:.0f} MB or more, unlike any recording",

@@ -19,7 +19,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.errors import ReadError
+from gmwm.base.errors import ReadCode, ReadError
 from gmwm.base.text import with_article
 
 Encoding = Literal["cdr", "ros1"]
@@ -50,29 +50,23 @@ Description = Any
 """Type of a field in the form of rosbags: (kind, (type, …)), nested for arrays."""
 
 
+def topic_error(what: str, code: ReadCode) -> ReadError:
+    """Return the error for messages that cannot be decoded."""
+    return ReadError(what, code=code, advice="Export the topic as CSV.")
+
+
 @dataclass(frozen=True)
 class Definition:
-    """A message type with all types that it contains.
+    """A message type with all types that it contains."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the type, for example "sensor_msgs/msg/Imu".
-    types : mapping
-        For each type name, the name and the description of each field of the type.
-    encoding : "cdr" or "ros1"
-        Serialisation of the messages.
-    """
-
-    name: str
+    name: str  # name of the type, for example "sensor_msgs/msg/Imu"
+    # for each type name, the name and the description of each field of the type
     types: Mapping[str, Sequence[tuple[str, Description]]]
-    encoding: Encoding
+    encoding: Encoding  # serialisation of the messages
 
     def leaves(self) -> tuple[str, ...]:
-        """Return the names of the numbers in every message, for example "angular_velocity.x" and "gyro[0]".
-
-        A time stamp is one number, in nanoseconds. Strings, sequences and long arrays are left out.
-        """
+        """Return the names of the numbers in every message, for example "angular_velocity.x" and "gyro[0]". A time
+        stamp is one number, in nanoseconds. Strings, sequences and long arrays are left out."""
         names: list[str] = []
         for name in self._leaves(self.name, "", 0):
             names.append(name)
@@ -82,9 +76,7 @@ class Definition:
 
     def _leaves(self, kind: str, prefix: str, depth: int) -> Iterator[str]:
         if depth > _DEPTH:
-            raise ReadError(
-                f"the message type {self.name} holds itself", code="type-recursive", advice="Export the topic as CSV."
-            )
+            raise topic_error(f"the message type {self.name} holds itself", "type-recursive")
         for name, description in self.fields(kind):
             path = prefix + name
             sort, inner = description
@@ -109,35 +101,21 @@ class Definition:
     def fields(self, kind: str) -> Sequence[tuple[str, Description]]:
         """Return the fields of one of the types."""
         if kind not in self.types:
-            raise ReadError(
-                f"the message type {self.name} holds {kind}, which the recording does not define",
-                code="type-undefined",
-                advice="Export the topic as CSV.",
+            raise topic_error(
+                f"the message type {self.name} holds {kind}, which the recording does not define", "type-undefined"
             )
         return self.types[kind]
 
 
 @dataclass(frozen=True)
 class Template:
-    """Positions of the numbers in a message, valid for all messages with the same lengths of strings and sequences.
+    """Positions of the numbers in a message, valid for all messages with the same lengths of strings and sequences."""
 
-    Parameters
-    ----------
-    order : "<" or ">"
-        Byte order.
-    places : mapping
-        For each wanted number, its NumPy type and its offset in the message (bytes). The type "time" is two 32-bit
-        words.
-    words : tuple of (offset, value)
-        Offset (bytes) and value of the length of each string and sequence.
-    size : int
-        Length of the message (bytes).
-    """
-
-    order: str
+    order: str  # byte order
+    # For each wanted number, its NumPy type and its offset in the message (bytes). The type "time" is two 32-bit words
     places: Mapping[str, tuple[str, int]]
-    words: tuple[tuple[int, int], ...]
-    size: int
+    words: tuple[tuple[int, int], ...]  # offset (bytes) and value of the length of each string and sequence
+    size: int  # length of the message (bytes)
 
 
 @dataclass
@@ -169,11 +147,7 @@ class _Walk:
 
     def struct(self, kind: str, prefix: str, depth: int = 0) -> None:
         if depth > _DEPTH:
-            raise ReadError(
-                f"the message type {self.definition.name} holds itself",
-                code="type-recursive",
-                advice="Export the topic as CSV.",
-            )
+            raise topic_error(f"the message type {self.definition.name} holds itself", "type-recursive")
         for name, description in self.definition.fields(kind):
             self.value(description, prefix + name, depth)
 
@@ -209,10 +183,9 @@ class _Walk:
             self.align(size)
             self.number(SIZES[kind], size, path)
         else:
-            raise ReadError(
+            raise topic_error(
                 f"the message type {self.definition.name} holds {with_article(kind)} ({path}), which is not supported",
-                code="unsupported",
-                advice="Export the topic as CSV.",
+                "unsupported",
             )
 
     def number(self, kind: str, size: int, path: str) -> None:
@@ -223,11 +196,7 @@ class _Walk:
     def step(self) -> None:
         self.steps += 1
         if self.steps > _STEPS:
-            raise ReadError(
-                f"a message of type {self.definition.name} has more than {_STEPS} parts",
-                code="too-many",
-                advice="Export the topic as CSV.",
-            )
+            raise topic_error(f"a message of type {self.definition.name} has more than {_STEPS} parts", "too-many")
         if self.position > len(self.message):
             raise self.broken()
 
@@ -241,13 +210,7 @@ class _Walk:
 
 
 def template(definition: Definition, message: bytes, wanted: Sequence[str]) -> Template:
-    """Find the positions of the numbers in a message.
-
-    Raises
-    ------
-    ReadError
-        If the message does not fit its type.
-    """
+    """Find the positions of the numbers in a message."""
     cdr = definition.encoding == "cdr"
     if cdr and message[:2] not in (b"\0\0", b"\0\1"):
         begin = " ".join(f"{byte:02x}" for byte in message[:4])
@@ -259,13 +222,9 @@ def template(definition: Definition, message: bytes, wanted: Sequence[str]) -> T
         )
     start = 4 if cdr else 0
     walk = _Walk(
-        definition=definition,
-        message=message,
-        wanted=frozenset(wanted),
-        order=">" if message[:2] == b"\0\0" and cdr else "<",
-        base=start,
-        position=start,
-    )
+        definition=definition, message=message, wanted=frozenset(wanted),
+        order=">" if message[:2] == b"\0\0" and cdr else "<", base=start, position=start,
+    )  # fmt: skip
     if cdr and len(message) < 4:
         raise walk.broken()
     walk.struct(definition.name, "")
@@ -275,15 +234,7 @@ def template(definition: Definition, message: bytes, wanted: Sequence[str]) -> T
 
 
 class Decoder:
-    """Decodes the numbers of messages of one type.
-
-    Parameters
-    ----------
-    definition : Definition
-        The type of the messages.
-    wanted : sequence of str
-        Names of the numbers to decode, from `Definition.leaves`.
-    """
+    """Decodes the numbers of messages of one type."""
 
     def __init__(self, definition: Definition, wanted: Sequence[str]) -> None:
         self.definition = definition
@@ -294,13 +245,7 @@ class Decoder:
         self._store: Any = None
 
     def decode(self, messages: Sequence[bytes]) -> dict[str, NDArray[Any]]:
-        """Decode the wanted numbers of N messages. Return an array (N,) of int64 or float64 for each name.
-
-        Raises
-        ------
-        ReadError
-            If a message does not fit its type.
-        """
+        """Decode the wanted numbers of N messages. Return an array (N,) of int64 or float64 for each name."""
         sizes = np.fromiter(map(len, messages), np.int64, len(messages))
         out: dict[str, NDArray[Any]] = {}
         left = np.arange(len(messages))
@@ -333,8 +278,7 @@ class Decoder:
         return plan
 
     def _strided(self, joined: bytes, plan: Template) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]:
-        """Read the numbers at the offsets of the template; return them with a mask of the messages that fit the
-        template."""
+        """Read the numbers at the offsets of the template; return them with a mask of the messages that fit."""
         names, formats, offsets = [], [], []
         for name, (kind, offset) in plan.places.items():
             for k, word in enumerate(_TIME_WORDS if kind == "time" else (kind,)):
@@ -369,13 +313,7 @@ class Decoder:
         return numbers, fits
 
     def general(self, messages: Sequence[bytes]) -> dict[str, NDArray[Any]]:
-        """Decode the same numbers as `decode` with the decoder of rosbags, one message at a time.
-
-        Raises
-        ------
-        ReadError
-            If a message does not fit its type.
-        """
+        """Decode the same numbers as `decode` with the decoder of rosbags, one message at a time."""
         self.slow += len(messages)
         if self._store is None:
             self._store = _store(self.definition)
@@ -444,9 +382,5 @@ def _store(definition: Definition) -> Any:
         # file.
         store.register({name: ([], list(fields)) for name, fields in definition.types.items() if name not in known})
     except Exception as error:  # a library can raise any error on an invalid definition
-        raise ReadError(
-            f"the message type {definition.name} is not understood: {error}",
-            code="type-invalid",
-            advice="Export the topic as CSV.",
-        ) from error
+        raise topic_error(f"the message type {definition.name} is not understood: {error}", "type-invalid") from error
     return store

@@ -38,20 +38,7 @@ class CompressedReader(Reader):
 
 
 def packed_text(source: FileSource, name: Path) -> tuple[TextReader, tuple[Layout, ...]]:
-    """Return the reader of the text in a compressed file, and the recordings in it.
-
-    Parameters
-    ----------
-    source : FileSource
-        The source of the unpacked bytes.
-    name : Path
-        Name of the unpacked file.
-
-    Raises
-    ------
-    ReadError
-        If the unpacked bytes are not text.
-    """
+    """Return the reader of the text in a compressed file, and the recordings in it."""
     with source.open() as file:
         head = file.read(HEAD_BYTES)
     if not head:

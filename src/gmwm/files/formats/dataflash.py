@@ -56,8 +56,7 @@ class _Message:
 
 @dataclass(frozen=True)
 class _Selection:
-    """The messages of a recording: their type, the number of the sensor (-1 if they have none), and the fields to
-    read."""
+    """The messages of a recording: their type, the number of the sensor (-1 for none), and the fields to read."""
 
     message: _Message
     instance: int
@@ -66,8 +65,7 @@ class _Selection:
 
 @dataclass
 class _Summary:
-    """Result of a pass over a log: types, counts and times of the inertial messages, and the number of damaged
-    places."""
+    """Types, counts and times of the inertial messages of a log, and the number of damaged places."""
 
     types: dict[int, _Message] = field(default_factory=dict)
     counts: dict[tuple[int, int], int] = field(default_factory=dict)
@@ -82,16 +80,10 @@ class DataflashReader(Reader):
 
     name: ClassVar[str] = "ardupilot"
     extensions: ClassVar[tuple[str, ...]] = (".bin",)
-
-    def sniff(self, path: Path, head: bytes) -> float:
-        """Return 1 if the file begins with the message that defines FMT messages."""
-        return 1.0 if head.startswith(_MARK + bytes([_FMT])) else 0.0
+    signatures: ClassVar[tuple[bytes, ...]] = (_MARK + bytes([_FMT]),)
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """Return one recording for each sensor: IMU_0, IMU_1 and so on, and GYR_0, ACC_0 and so on for raw samples.
-
-        IMU_0, the first sensor, is preferred.
-        """
+        """Return one recording for each sensor: IMU_0 (preferred), IMU_1 …; GYR_0, ACC_0 … for raw samples."""
         found = _Summary()
         for message, table in _messages(path, found):
             _count(found, message, table)
@@ -126,13 +118,10 @@ def _layout(found: _Summary, key: tuple[int, int], remarks: tuple[Remark, ...]) 
     first, last = found.edges[key]
     seconds = (last - first) / (1e3 if stamp == "TimeMS" else 1e6)
     return Layout(
-        tuple(channels),
-        topic=message.name if instance < 0 else f"{message.name}_{instance}",
+        tuple(channels), topic=message.name if instance < 0 else f"{message.name}_{instance}",
         state=_Selection(message, instance, tuple(channel.name for channel in channels)),
-        extent=(found.counts[key], seconds),
-        remarks=remarks,
-        preferred=message.name == "IMU" and instance <= 0,
-    )
+        extent=(found.counts[key], seconds), remarks=remarks, preferred=message.name == "IMU" and instance <= 0,
+    )  # fmt: skip
 
 
 def _numbers(column: NDArray[Any]) -> NDArray[Any]:
@@ -155,8 +144,7 @@ def _count(found: _Summary, message: _Message, table: NDArray[Any]) -> None:
 
 
 def _messages(path: Path, found: _Summary, only: str = "") -> Iterator[tuple[_Message, NDArray[Any]]]:
-    """Yield the inertial messages of a log as tables, one for each message type and block of the file. Types and
-    damaged places are added to `found`."""
+    """Yield the inertial messages as tables, one for each type and block; add types and damaged places to `found`."""
     lengths = [0] * 256
     lengths[_FMT] = _FMT_LENGTH
     rest = b""
@@ -173,8 +161,7 @@ def _messages(path: Path, found: _Summary, only: str = "") -> Iterator[tuple[_Me
 
 
 def _walk(block: bytes, lengths: list[int], found: _Summary, only: str) -> tuple[dict[int, list[int]], int]:
-    """Return the positions of the inertial messages in a block, by type, and the number of bytes up to the first
-    message that continues in the next block."""
+    """Return the positions of the inertial messages in a block, by type, and the number of bytes that were used."""
     places: dict[int, list[int]] = {number: [] for number in found.types}
     position, end = 0, len(block)
     while position + 3 <= end:

@@ -20,14 +20,13 @@ from gmwm.base.remarks import Remark
 from gmwm.files.contract import Channel, Layout, Reader, Rows, register
 from gmwm.files.formats.dataflash import ADVICE, ROLES, STAMPS, is_inertial
 
-_ROWS = 1 << 16
-"""Rows of a chunk."""
+_ROWS = 1 << 16  # rows of a chunk
 
 
 @dataclass
 class _Found:
-    """A recording in the log: name and instance (-1 if it has none) of its messages, names of their values, number of
-    messages, first and last time stamp, and whether any temperature T is not zero."""
+    """A recording in the log: message, instance (-1 for none), names of values, count, times, any temperature but
+    zero."""
 
     name: str
     instance: int
@@ -131,13 +130,10 @@ def _layout(found: _Found, remarks: tuple[Remark, ...]) -> Layout:
         if axis and (axis != "temperature" or found.warm):
             channels.append(Channel(name, unit, axis))
     return Layout(
-        tuple(channels),
-        topic=found.name if found.instance < 0 else f"{found.name}_{found.instance}",
-        state=found,
-        extent=(found.count, (found.last - found.first) / (1e3 if stamp == "TimeMS" else 1e6)),
-        remarks=remarks,
+        tuple(channels), topic=found.name if found.instance < 0 else f"{found.name}_{found.instance}", state=found,
+        extent=(found.count, (found.last - found.first) / (1e3 if stamp == "TimeMS" else 1e6)), remarks=remarks,
         preferred=found.name == "IMU" and found.instance <= 0,
-    )
+    )  # fmt: skip
 
 
 def _numbers(rows: Sequence[Sequence[float]], layout: Layout, wanted: Sequence[int]) -> Rows:

@@ -35,80 +35,41 @@ _NAME_IN_BLANKS = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\]()\[]*[\])])?|\([^()]*\)|
 
 @dataclass(frozen=True)
 class Dialect:
-    """The dialect of a text file.
+    """The dialect of a text file."""
 
-    Parameters
-    ----------
-    delimiter : str
-        One character; " " for any number of blanks.
-    decimal_comma : bool
-        Whether the decimal sign is a comma, so that 0,5 is one half.
-    fields : int
-        Number of fields in a row of numbers, including an empty one after a trailing delimiter.
-    columns : int
-        Number of columns, without the empty field after a trailing delimiter.
-    first_line : int
-        Line in which the numbers begin, counted from 1.
-    names : tuple of str
-        Names of the columns; empty if the file has none.
-    column_units : tuple of str
-        Units from a row below or above the names; empty if there is none.
-    units : dict
-        Units that a comment states for a whole quantity.
-    comment : str
-        Sign with which comment lines begin; "" if there are none.
-    first_row : tuple of str
-        The first row of numbers, as text.
-    integers : tuple of bool
-        For each column, whether the first rows hold only integers.
-    rate : float or None
-        Samples per second (Hz), if a comment states it.
-    stamps : tuple of bool
-        For each column, whether the first rows hold dates with times or times of day that are not all the same.
-    header : tuple of str
-        The lines above the numbers that have more than one cell. Some programs repeat them between the numbers.
-    above : tuple of str
-        All lines above the numbers.
-    sensors : (int, tuple of str) or None
-        In a file with rows of several sensors, the index of the column that states the sensor, and the values of this
-        column; None otherwise.
-    sensor : (int, str) or None
-        Index of this column, and its value in the rows to read; None to read all rows.
-    stamp_parts : (int, int) or None
-        Indices of the columns of seconds and nanoseconds if the time stamps have two columns, as in ROS messages; None
-        otherwise.
-    cleaning : tuple of (pattern, replacement)
-        Replacements in each line before it is split. They remove labels of numbers, and arrows after a time.
-    cut : tuple of str
-        The last cell of the file, and the last cell of the line before, if the file ends within a number; empty
-        otherwise.
-    """
-
-    delimiter: str
-    decimal_comma: bool
-    fields: int
-    columns: int
-    first_line: int
-    names: tuple[str, ...]
-    column_units: tuple[str, ...]
-    units: dict[str, str]
-    comment: str
-    first_row: tuple[str, ...]
-    integers: tuple[bool, ...]
-    rate: float | None = None
+    delimiter: str  # one character; " " for any number of blanks
+    decimal_comma: bool  # whether the decimal sign is a comma, so that 0,5 is one half
+    fields: int  # number of fields in a row of numbers, including an empty one after a trailing delimiter
+    columns: int  # number of columns, without the empty field after a trailing delimiter
+    first_line: int  # line in which the numbers begin, counted from 1
+    names: tuple[str, ...]  # names of the columns; empty if the file has none
+    column_units: tuple[str, ...]  # units from a row below or above the names; empty if there is none
+    units: dict[str, str]  # units that a comment states for a whole quantity
+    comment: str  # sign with which comment lines begin; "" if there are none
+    first_row: tuple[str, ...]  # the first row of numbers, as text
+    integers: tuple[bool, ...]  # for each column, whether the first rows hold only integers
+    rate: float | None = None  # samples per second (Hz), if a comment states it
+    # for each column, whether the first rows hold dates with times or times of day that are not all the same
     stamps: tuple[bool, ...] = ()
+    # The lines above the numbers that have more than one cell. Some programs repeat them between the numbers
     header: tuple[str, ...] = ()
-    above: tuple[str, ...] = ()
+    above: tuple[str, ...] = ()  # all lines above the numbers
+    # in a file with rows of several sensors, the index of the column that states the sensor, and the values of this
+    # column; None otherwise
     sensors: tuple[int, tuple[str, ...]] | None = None
+    # index of this column, and its value in the rows to read; None to read all rows
     sensor: tuple[int, str] | None = None
+    # indices of the columns of seconds and nanoseconds if the time stamps have two columns, as in ROS messages; None
+    # otherwise
     stamp_parts: tuple[int, int] | None = None
+    # Replacements in each line before it is split. They remove labels of numbers, and arrows after a time
     cleaning: tuple[tuple[bytes, bytes], ...] = ()
+    # the last cell of the file, and the last cell of the line before, if the file ends within a number; empty otherwise
     cut: tuple[str, ...] = ()
 
 
 def split(line: str, delimiter: str) -> list[str]:
-    """Split a line into cells, without the blanks and quotes around them. A delimiter between quotes does not split the
-    line."""
+    """Split a line into cells, without the blanks and quotes around them; quotes protect a delimiter."""
     if delimiter == BLANKS:
         return [cell.strip("\"'") for cell in line.split()]
     if '"' in line:
@@ -140,13 +101,7 @@ def comment_sign(line: str) -> str:
 
 
 def detect(lines: list[str], path: object) -> Dialect:
-    """Detect the dialect of a file from its first lines.
-
-    Raises
-    ------
-    ReadError
-        If no line holds numbers, or the header and the rows differ in their number of columns.
-    """
+    """Detect the dialect of a file from its first lines."""
     body = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and not comment_sign(line)]
     if not body:
         raise ReadError(
@@ -191,25 +146,13 @@ def detect(lines: list[str], path: object) -> Dialect:
     first_row = tuple(data[0][:columns])
     stamps = tuple(is_stamp(first_row[c]) and len({row[c] for row in data}) > 1 for c in range(columns))
     return Dialect(
-        delimiter=delimiter,
-        decimal_comma=decimal_comma,
-        fields=fields,
-        columns=columns,
-        first_line=first_line,
-        names=names,
-        column_units=units,
-        units=stated,
-        comment=sign,
-        first_row=first_row,
-        integers=integers,
-        rate=_stated_rate(comments),
-        stamps=stamps,
+        delimiter=delimiter, decimal_comma=decimal_comma, fields=fields, columns=columns, first_line=first_line,
+        names=names, column_units=units, units=stated, comment=sign, first_row=first_row, integers=integers,
+        rate=_stated_rate(comments), stamps=stamps,
         header=tuple(line for k, line in body[:start] if len(split(line, delimiter)) > 1),
-        above=tuple(lines[: first_line - 1]),
-        sensors=_sensors(names, whole),
-        stamp_parts=_stamp_parts(names, integers),
+        above=tuple(lines[: first_line - 1]), sensors=_sensors(names, whole), stamp_parts=_stamp_parts(names, integers),
         cleaning=cleaning,
-    )
+    )  # fmt: skip
 
 
 _LABEL = r"[A-Za-z_][\w.]*\s*[:=]\s*"
@@ -218,10 +161,8 @@ _ARROW = re.compile(r"\s*\d\d:\d\d:\d\d[.,]\d+ -> ")
 
 
 def _cleaning(lines: list[str]) -> tuple[tuple[tuple[bytes, bytes], ...], tuple[str, ...]]:
-    """Return the replacements to make in each line, and the names of the columns if each number has a label.
-
-    Programs for the serial port write "ax:0.1 ay:0.2" or "t=0.01, gx=0.1", and the Arduino IDE "12:00:00.000 -> 0.1".
-    """
+    """Return the replacements to make in each line, and the names of the columns if each number has a label. Programs
+    for the serial port write "ax:0.1 ay:0.2" or "t=0.01, gx=0.1", and the Arduino IDE "12:00:00.000 -> 0.1"."""
     sample = lines[len(lines) // 2 :][:50]
     found: list[tuple[bytes, bytes]] = []
     if 2 * sum(_ARROW.match(line) is not None for line in sample) > len(sample):
@@ -260,8 +201,7 @@ def _stamp_parts(names: Sequence[str], integers: Sequence[bool]) -> tuple[int, i
 
 
 def _delimiter(lines: list[str]) -> tuple[str, bool]:
-    """Return the delimiter and decimal sign with which most cells are numbers and most lines have the same number of
-    cells."""
+    """Return the delimiter and decimal sign with most numbers and most lines of the same number of cells."""
     sample = lines[len(lines) // 2 :][-200:] if len(lines) > 4 else lines[-2:]
     best, best_score = (",", False), (-1.0, -1.0, -1)
     for delimiter in (",", ";", "\t", "|", BLANKS):
@@ -327,14 +267,8 @@ def _parted(
     delimiter: str,
     where: tuple[object, int],
 ) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
-    """Return names and units if the delimiter also splits each time stamp in two, so that a name is missing; None
-    otherwise.
-
-    Raises
-    ------
-    ReadError
-        If the delimiter is a comma that separates the fraction of a second from the seconds.
-    """
+    """Return names and units if the delimiter also splits each time stamp in two, so that a name is missing; else
+    None."""
     at = parted_stamp(row)
     if at is None or any(len(cells) == len(row) for _, cells in header):
         return None
@@ -402,8 +336,7 @@ def _axes(names: Sequence[str]) -> int:
 
 
 def _below(groups: Sequence[str], names: tuple[str, ...]) -> tuple[str, ...]:
-    """Combine the names of two header lines, such as "Gyroscope" above "X (deg/s)". A merged cell has its name only
-    above its first column."""
+    """Combine two header lines, such as "Gyroscope" above "X (deg/s)". A merged cell names only its first column."""
     joined, group = [], ""
     for above, name in zip(groups, names, strict=True):
         group = clean(above) or group
@@ -419,15 +352,13 @@ def _comment_cells(line: str, columns: int, delimiter: str) -> list[str]:
 
 
 def _named_cells(line: str, columns: int, delimiter: str) -> list[str]:
-    """Return the cells of a header, which can have its own delimiter. The list is empty if no cell is a known name or a
-    unit."""
+    """Return the cells of a header, which can have its own delimiter; [] if no cell is a known name or a unit."""
     cells = _cells(line, columns, delimiter)
     return cells if any(recognise(cell).axis or is_unit(cell) for cell in cells) else []
 
 
 def _cells(text: str, columns: int, delimiter: str) -> list[str]:
-    """Split text into one cell for each column, by the delimiter of the rows, by commas or by blanks. The list is empty
-    if none of these gives one cell for each column."""
+    """Split text into one cell for each column, by the delimiter of the rows, commas or blanks; [] if none fits."""
     ways = [split(text, delimiter), split(text, ",")]
     if not re.search(r"[,;\t|]", text):
         # A blank inside or before the brackets of "gyro_x [rad/s]" does not separate columns.
@@ -437,8 +368,7 @@ def _cells(text: str, columns: int, delimiter: str) -> list[str]:
 
 
 def _stated_units(comments: list[str]) -> dict[str, str]:
-    """Return the units that comments state for a whole sensor, as in "gyro in deg/s, accel in g" or "units: rad/s,
-    m/s^2"."""
+    """Return the units that comments state for a sensor, as "gyro in deg/s, accel in g" or "units: rad/s, m/s^2"."""
     found: dict[str, str] = {}
     for line in comments:
         text = _single_blanks(line).casefold()
@@ -476,8 +406,7 @@ _RATE = re.compile(
 
 
 def _is_clear(word: str, clause: str) -> bool:
-    """Return whether a unit of time in a comment is certainly the unit of the time stamps. Minutes and hours often
-    belong to a duration."""
+    """Return whether a unit of time in a comment is that of the time stamps. Minutes and hours may be a duration."""
     stands_alone = re.search(rf"(\bin\s+|[\[(:=]\s*){re.escape(word)}\b", clause) is not None
     return word in _CLEAR or (word in _LONG and stands_alone)
 

@@ -37,8 +37,7 @@ class EpsonReader(TextReader):
         return 0.9 if b"SF_" in head and re.search(rb"\b(Gx|Ax|DAx|DVx)\[(dps|mG|deg|m/s|dec)\]", head) else 0.0
 
     def layout(self, source: FileSource) -> Layout:
-        """Return the layout with the columns that have Epson's names. The size of a count is the scale of a raw
-        column."""
+        """Return the columns with Epson's names. The size of a count is the scale of a raw column."""
         found = super().layout(source)
         with source.open() as file:
             head = file.read(HEAD_BYTES).decode("latin-1")

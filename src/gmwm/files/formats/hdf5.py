@@ -7,7 +7,6 @@ also state units.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -16,16 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.errors import GmwmError, MissingDependencyError, ReadError
-from gmwm.files.contract import Layout, Mark, Reader, Rows, register
+from gmwm.files.contract import Layout, damage_error, register
 from gmwm.files.formats.arrays import (
     MAX_ARRAYS,
     Array,
-    chunks_of,
+    ArraysReader,
     fields_of,
     first_line,
     is_rate,
     layouts_of,
-    marks_of,
     part_of,
     split_path,
     with_stated_units,
@@ -39,43 +37,21 @@ _NO_NUMBERS = (b"char", b"logical", b"cell", b"function_handle")
 
 
 @register
-class Hdf5Reader(Reader):
+class Hdf5Reader(ArraysReader):
     """Reader of data sets in HDF5 files."""
 
     name: ClassVar[str] = "hdf5"
     extensions: ClassVar[tuple[str, ...]] = (".h5", ".hdf5", ".hdf")
-
-    def sniff(self, path: Path, head: bytes) -> float:
-        """Return 1 if the file begins with HDF5's signature."""
-        return 1.0 if head.startswith(MAGIC) else 0.0
+    signatures: ClassVar[tuple[bytes, ...]] = (MAGIC,)
+    random_access: ClassVar[bool] = True
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return the recordings. Data sets of the same length are the columns of one recording."""
         return layouts_of(arrays_in(path), path)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Yield rows of the data sets."""
-        return chunks_of(layout, wanted, path)
-
-    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Return marks for blocks of rows; a file can be read from any row."""
-        return marks_of(layout)
-
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """Yield the chunks from the row of a mark on."""
-        return chunks_of(layout, wanted, path, mark.row)
-
 
 def arrays_in(path: Path) -> list[Array]:
-    """Return all arrays of numbers in an HDF5 file, named by their paths without the first slash.
-
-    Raises
-    ------
-    MissingDependencyError
-        If h5py is not installed.
-    ReadError
-        If the file is damaged, or contains more data sets or bytes than any recording has.
-    """
+    """Return all arrays of numbers in an HDF5 file, named by their paths without the first slash."""
     library = _library(path)
     found: list[Array] = []
     texts: list[str] = []
@@ -101,13 +77,7 @@ def _library(path: Path) -> Any:
 
 
 def _collect(library: Any, group: Any, where: str, path: Path, found: list[Array], depth: int) -> None:
-    """Append the arrays of a group and of the groups in it to `found`.
-
-    Raises
-    ------
-    ReadError
-        If there are too many arrays, or the groups are nested too deeply.
-    """
+    """Append the arrays of a group and of the groups in it to `found`."""
     found += _stated_rates(group, where)
     for key in group:
         if not isinstance(group.get(key, getlink=True), library.HardLink):
@@ -181,8 +151,7 @@ def _stated_rates(node: Any, where: str) -> list[Array]:
 
 
 def _attribute(node: Any, key: str, most: int = _SHORT) -> Any:
-    """Return the value of an attribute; None if it has more than `most` bytes, which could take minutes in a damaged
-    file."""
+    """Return an attribute; None if it has more than `most` bytes, which could take minutes in a damaged file."""
     if key not in node.attrs:
         return None
     known = node.attrs.get_id(key)
@@ -190,6 +159,4 @@ def _attribute(node: Any, key: str, most: int = _SHORT) -> Any:
 
 
 def _damaged(path: Path, error: Exception) -> ReadError:
-    return ReadError(
-        f"{path} is not a complete HDF5 file ({first_line(error)})", code="incomplete", advice="Copy the file again."
-    )
+    return damage_error(f"{path} is not a complete HDF5 file ({first_line(error)})", "incomplete")

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -16,8 +15,8 @@ import numpy as np
 
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Quantity, Remark
-from gmwm.files.contract import Layout, Mark, Reader, Rows, register
-from gmwm.files.formats.waypoint import record_channels, record_chunks, record_marks, require_times, whole_records
+from gmwm.files.contract import Layout, damage_error, register
+from gmwm.files.formats.waypoint import RecordsReader, record_channels, require_times, whole_records
 from gmwm.recording.imu_records import record
 
 _SIGNATURE = b"$IMURAW\0"
@@ -31,8 +30,7 @@ _CLOCKS = {1: "UTC", 2: "GPS"}
 
 @dataclass(frozen=True)
 class _Header:
-    """Content of the header: byte order, whether each sensor records increments, rate (Hz), scales to deg and m/s,
-    remarks."""
+    """Byte order, whether each sensor records increments, rate (Hz), scales to deg and m/s, and remarks."""
 
     order: str
     increments: tuple[bool, bool]
@@ -42,15 +40,12 @@ class _Header:
 
 
 @register
-class ImrReader(Reader):
+class ImrReader(RecordsReader):
     """Reader of NovAtel's .imr files, which begin with $IMURAW."""
 
     name: ClassVar[str] = "imr"
     extensions: ClassVar[tuple[str, ...]] = (".imr",)
-
-    def sniff(self, path: Path, head: bytes) -> float:
-        """Return 1 for the signature $IMURAW with a zero byte."""
-        return 1.0 if head.startswith(_SIGNATURE) else 0.0
+    signatures: ClassVar[tuple[bytes, ...]] = (_SIGNATURE,)
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return one recording with the time and six axes, scaled by the factors in the header."""
@@ -60,32 +55,18 @@ class ImrReader(Reader):
         advice = "Check the byte order in its header, the ninth byte: 0 is little-endian, 1 is big-endian."
         require_times(path, dtype, _HEADER_BYTES, advice=advice)
         channels = record_channels(("deg/s", "m/s²"), header.scales, header.increments)
-        return (Layout(channels, rate=header.rate, remarks=(*header.remarks, *_rate(path, header)), state=header),)
-
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Yield the counts and times of the file."""
-        header: _Header = layout.state
-        return record_chunks(path, record("i4", header.order), _HEADER_BYTES, wanted)
-
-    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Return marks for blocks of records; a file can be read from any record."""
-        return record_marks(path, record("i4", layout.state.order), _HEADER_BYTES)
-
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """Yield the chunks from the record of a mark on."""
-        return record_chunks(
-            path, record("i4", layout.state.order), offset=_HEADER_BYTES, wanted=wanted, first=mark.row
+        return (
+            Layout(
+                channels,
+                rate=header.rate,
+                remarks=(*header.remarks, *_rate(path, header)),
+                state=(dtype, _HEADER_BYTES),
+            ),
         )
 
 
 def _header(path: Path) -> _Header:
-    """Read the header and check each field.
-
-    Raises
-    ------
-    ReadError
-        If the signature is missing, the header is truncated, or a field has an invalid value.
-    """
+    """Read the header and check each field."""
     with path.open("rb") as file:
         head = file.read(_HEADER_BYTES)
     if not head.startswith(_SIGNATURE):
@@ -95,32 +76,18 @@ def _header(path: Path) -> _Header:
             advice="Check the name of the format, or leave {--format} out.",
         )
     if len(head) < _HEADER_BYTES:
-        raise ReadError(
-            f"{path} ends within its header, after {len(head)} of {_HEADER_BYTES} bytes",
-            code="cut-off",
-            advice="Copy the file again.",
-        )
+        raise damage_error(f"{path} ends within its header, after {len(head)} of {_HEADER_BYTES} bytes", "cut-off")
     if head[8] not in _ORDERS:
-        raise ReadError(
-            f"{path}: the byte order in its header is {head[8]}, expected 0 or 1",
-            code="header-damaged",
-            advice="Copy the file again.",
-        )
+        raise damage_error(f"{path}: the byte order in its header is {head[8]}, expected 0 or 1", "header-damaged")
     order = _ORDERS[head[8]]
     _, angle, velocity, rate, gyro, accel, clock, _, _, name = struct.unpack_from(order + _FIELDS, head, 9)
     for what, value in (("bDeltaTheta", angle), ("bDeltaVelocity", velocity)):
         if value not in (0, 1):
-            raise ReadError(
-                f"{path}: {what} in its header is {value}, expected 0 or 1",
-                code="header-damaged",
-                advice="Copy the file again.",
-            )
+            raise damage_error(f"{path}: {what} in its header is {value}, expected 0 or 1", "header-damaged")
     for what, value in (("dDataRateHz", rate), ("dGyroScaleFactor", gyro), ("dAccelScaleFactor", accel)):
         if not (math.isfinite(value) and value > 0):
-            raise ReadError(
-                f"{path}: {what} in its header is {value:g}, expected a positive number",
-                code="header-damaged",
-                advice="Copy the file again.",
+            raise damage_error(
+                f"{path}: {what} in its header is {value:g}, expected a positive number", "header-damaged"
             )
     sensor = name.split(b"\0")[0].decode("latin-1").strip()
     remarks = [
@@ -132,10 +99,8 @@ def _header(path: Path) -> _Header:
 
 
 def _rate(path: Path, header: _Header) -> tuple[Remark, ...]:
-    """Return a remark if the first time stamps contradict the rate of the header by more than 1 %.
-
-    The header may state the rate of the device instead of the rate of the records, so this is not a warning.
-    """
+    """Return a remark if the first time stamps contradict the rate of the header by more than 1 %: it may be a
+    setting."""
     times = np.fromfile(path, record("i4", header.order), 2048, offset=_HEADER_BYTES)["time"].astype(np.float64)
     interval = float(np.median(np.diff(times))) if times.size > 1 else 1 / header.rate
     if abs(interval * header.rate - 1) <= 0.01:

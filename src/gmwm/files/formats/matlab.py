@@ -6,7 +6,7 @@ accelerometers and gyroscopes (kalibr_allan), and a structure with `wb`, `fb`, `
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,11 +15,11 @@ from typing import ClassVar
 from gmwm.base.axis_names import AXES
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
-from gmwm.files.contract import Layout, Reader, Rows, register
+from gmwm.files.contract import Layout, register
 from gmwm.files.formats.arrays import (
     MAX_ARRAYS,
     Array,
-    chunks_of,
+    ArraysReader,
     layouts_of,
     part_of,
     split_path,
@@ -34,15 +34,12 @@ _KALIBR_ALLAN = (("time", *AXES[3:], *AXES[:3]), ("", *("m/s²",) * 3, *("rad/s"
 
 
 @register
-class MatlabReader(Reader):
+class MatlabReader(ArraysReader):
     """Reader of arrays and structures in .mat files."""
 
     name: ClassVar[str] = "matlab"
     extensions: ClassVar[tuple[str, ...]] = (".mat",)
-
-    def sniff(self, path: Path, head: bytes) -> float:
-        """Return 1 for the text with which .mat files of versions 5 to 7.3 begin."""
-        return 1.0 if head.startswith((b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")) else 0.0
+    signatures: ClassVar[tuple[bytes, ...]] = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return the recordings. Arrays of the same length are the columns of one recording."""
@@ -58,10 +55,6 @@ class MatlabReader(Reader):
             navego = any(array.axes in {axes for axes, _ in _NAVEGO.values()} for array in arrays)
             remarks = (Remark.of("layout-known", format="NaveGo" if navego else "kalibr_allan"),)
         return layouts_of(arrays, path, remarks)
-
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Yield rows of the arrays."""
-        return chunks_of(layout, wanted, path)
 
 
 def _known(array: Array, others: Sequence[Array]) -> Array:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 import zipfile
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
@@ -15,23 +14,26 @@ from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
 from gmwm.base.errors import GmwmError, ReadError
-from gmwm.files.contract import Layout, Mark, Reader, Rows, register
-from gmwm.files.formats.arrays import Array, chunks_of, fields_of, first_line, layouts_of, marks_of, part_of
+from gmwm.files.contract import Layout, damage_error, register
+from gmwm.files.formats.arrays import (
+    Array,
+    ArraysReader,
+    fields_of,
+    first_line,
+    layouts_of,
+    part_of,
+)
 from gmwm.files.formats.byte_sources import ZIP, FileSource, MemberSource, file_names, open_archive, require_ratio
-
-_MAGIC = b"\x93NUMPY"
 
 
 @register
-class NpyReader(Reader):
+class NpyReader(ArraysReader):
     """Reader of .npy files, which contain one array: a table, named columns, or a single column."""
 
     name: ClassVar[str] = "npy"
     extensions: ClassVar[tuple[str, ...]] = (".npy",)
-
-    def sniff(self, path: Path, head: bytes) -> float:
-        """Return 1 if the file begins with NumPy's signature."""
-        return 1.0 if head.startswith(_MAGIC) else 0.0
+    signatures: ClassVar[tuple[bytes, ...]] = (b"\x93NUMPY",)
+    random_access: ClassVar[bool] = True
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return the columns of the array."""
@@ -42,21 +44,9 @@ class NpyReader(Reader):
         stored = _Stored(path, offset, shape=shape, fortran=order, dtype=dtype)
         return layouts_of(fields_of("", shape, dtype, stored), path)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Yield rows of the array."""
-        return chunks_of(layout, wanted, path)
-
-    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Return marks for blocks of rows; a file can be read from any row."""
-        return marks_of(layout)
-
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """Yield the rows from a mark on."""
-        return chunks_of(layout, wanted, path, mark.row)
-
 
 @register
-class NpzReader(Reader):
+class NpzReader(ArraysReader):
     """Reader of .npz files, which contain several named arrays."""
 
     name: ClassVar[str] = "npz"
@@ -77,10 +67,6 @@ class NpzReader(Reader):
         arrays = [array for member in members for array in self._member(path, member)]
         return layouts_of(arrays, path)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Yield rows of the arrays. Each array is unpacked once."""
-        return chunks_of(layout, wanted, path)
-
     @staticmethod
     def _member(path: Path, member: zipfile.ZipInfo) -> list[Array]:
         source = MemberSource(path, member.filename)
@@ -97,8 +83,7 @@ class NpzReader(Reader):
 
 @dataclass(frozen=True)
 class _Stored:
-    """An array in a file, read part by part. It is not memory-mapped, because truncation of a mapped file kills the
-    process."""
+    """An array in a file, read part by part. Truncation of a memory-mapped file would kill the process."""
 
     path: Path
     offset: int
@@ -126,9 +111,7 @@ class _Stored:
             file.seek(self.offset + first * size)
             data = file.read((stop - first) * size)
         if len(data) < (stop - first) * size:
-            raise ReadError(
-                f"{self.path} became shorter while it was read", code="changed", advice="Copy the file again."
-            )
+            raise damage_error(f"{self.path} became shorter while it was read", "changed")
         return np.frombuffer(data, self.dtype)
 
 
@@ -150,24 +133,14 @@ class _Packed:
                 size = int(np.prod(self._shape, dtype=object)) * self._dtype.itemsize
                 data = file.read(size)
             if len(data) != size:
-                raise ReadError(
-                    f"{self._source} holds {len(data)} bytes, expected {size}",
-                    code="cut-off",
-                    advice="Copy the file again.",
-                )
+                raise damage_error(f"{self._source} holds {len(data)} bytes, expected {size}", "cut-off")
             flat = np.frombuffer(data, self._dtype)
             self._kept = flat.reshape(self._shape, order="F" if self._fortran else "C")
         return part_of(self._kept, start, stop, axis)
 
 
 def _header(file: BinaryIO, name: object) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Read the header of an array. Return its shape, whether it is in Fortran order, and its type.
-
-    Raises
-    ------
-    ReadError
-        If the header is damaged, or the array holds Python objects or empty elements.
-    """
+    """Read the header of an array. Return its shape, whether it is in Fortran order, and its type."""
     try:
         version = npy_format.read_magic(file)
         # Version 3 differs from version 2 only in the encoding of names.
@@ -176,17 +149,9 @@ def _header(file: BinaryIO, name: object) -> tuple[tuple[int, ...], bool, np.dty
     except GmwmError:
         raise
     except Exception as error:  # the header is a Python expression, for which NumPy raises any type of error
-        raise ReadError(
-            f"{name} is not a complete NumPy file ({first_line(error)})",
-            code="incomplete",
-            advice="Copy the file again.",
-        ) from error
+        raise damage_error(f"{name} is not a complete NumPy file ({first_line(error)})", "incomplete") from error
     if not all(type(size) is int and 0 <= size < 1 << 62 for size in shape):  # NumPy accepts True
-        raise ReadError(
-            f"{name} states the shape {shape}, which no array has",
-            code="header-damaged",
-            advice="Copy the file again.",
-        )
+        raise damage_error(f"{name} states the shape {shape}, which no array has", "header-damaged")
     if dtype.itemsize == 0:
         raise ReadError(
             f"{name} holds empty elements instead of numbers", code="no-numbers", advice="Save an array of numbers."
@@ -203,8 +168,4 @@ def _header(file: BinaryIO, name: object) -> tuple[tuple[int, ...], bool, np.dty
 def _require_size(shape: tuple[int, ...], dtype: np.dtype[Any], there: int, name: object) -> None:
     expected = int(np.prod(shape, dtype=object)) * dtype.itemsize
     if expected > there:
-        raise ReadError(
-            f"{name} is truncated: {there} bytes of numbers, expected {expected}",
-            code="cut-off",
-            advice="Copy the file again.",
-        )
+        raise damage_error(f"{name} is truncated: {there} bytes of numbers, expected {expected}", "cut-off")

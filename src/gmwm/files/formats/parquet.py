@@ -15,16 +15,13 @@ from gmwm.base.errors import ReadError
 from gmwm.base.forks import require_threads
 from gmwm.files.clock.lost_samples import MISSING
 from gmwm.files.clock.text_stamps import is_stamp, is_time_of_day, times_of, what_is_wrong
-from gmwm.files.contract import Channel, Layout, Mark, Reader, Rows, register
+from gmwm.files.contract import Channel, Layout, Mark, Reader, Rows, damage_error, register
 
 if TYPE_CHECKING:
     import polars as pl
 
 ROWS = 1 << 18
-"""Number of rows in a chunk. A stream of six axes needs 200 MB less memory than with 2²⁰ rows. With fewer rows, a file
-of a single row group takes longer, because each chunk decodes a part of the group."""
-
-_MAGIC = b"PAR1"
+"""Rows of a chunk. 2²⁰ rows need 200 MB more for six axes; fewer decode one row group more often."""
 
 
 @register
@@ -33,11 +30,8 @@ class ParquetReader(Reader):
 
     name: ClassVar[str] = "parquet"
     extensions: ClassVar[tuple[str, ...]] = (".parquet", ".pq")
+    signatures: ClassVar[tuple[bytes, ...]] = (b"PAR1",)
     single: ClassVar[bool] = True
-
-    def sniff(self, path: Path, head: bytes) -> float:
-        """Return 1 if the file begins with PAR1."""
-        return 1.0 if head.startswith(_MAGIC) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return the columns of the schema. A column of dates is the time, in the unit of its type."""
@@ -50,9 +44,7 @@ class ParquetReader(Reader):
             row = () if first.is_empty() else tuple(map(_first_cell, first.get_columns()))
         except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
             reason = str(error).splitlines()[0]
-            raise ReadError(
-                f"{path} is not a complete Parquet file ({reason})", code="incomplete", advice="Copy the file again."
-            ) from error
+            raise damage_error(f"{path} is not a complete Parquet file ({reason})", "incomplete") from error
         channels = tuple(
             Channel(name, dtype.time_unit, "time") if isinstance(dtype, pl.Datetime) else Channel(name)
             for name, dtype in schema.items()
@@ -85,11 +77,7 @@ class ParquetReader(Reader):
             try:
                 frame = scan.slice(row, ROWS).collect()
             except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
-                raise ReadError(
-                    f"{path} is damaged after row {row}: {str(error).splitlines()[0]}",
-                    code="damaged",
-                    advice="Copy the file again.",
-                ) from error
+                raise damage_error(f"{path} is damaged after row {row}: {str(error).splitlines()[0]}") from error
             if frame.is_empty():
                 return
             columns = zip(wanted, names, strict=True)
@@ -98,8 +86,7 @@ class ParquetReader(Reader):
 
 
 def _scan(path: Path) -> pl.LazyFrame:
-    """Return the rows of a file as a lazy frame. The file name is not a pattern, and can contain bytes that are not
-    UTF-8."""
+    """Return a lazy frame. The file name is not a pattern, and can contain bytes that are not UTF-8."""
     require_threads(path)
     import polars as pl
 
@@ -121,13 +108,7 @@ def _first_cell(series: pl.Series) -> str:
 
 
 def _numbers(series: pl.Series, path: Path, row: int, first: str) -> NDArray[Any]:
-    """Convert a column to an array, with NaN or `MISSING` for a null; `first` is its first cell in the file.
-
-    Raises
-    ------
-    ReadError
-        If a cell is not a number; the message states its row.
-    """
+    """Convert a column to an array, with NaN or `MISSING` for a null; `first` is its first cell in the file."""
     import polars as pl
 
     dtype = series.dtype

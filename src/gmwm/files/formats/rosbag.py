@@ -132,13 +132,7 @@ def _opened(path: Path) -> Iterator[list[Storage]]:
 
 
 def _storage(path: Path) -> Storage:
-    """Open a bag file (ROS 1, SQLite or MCAP); the signature at its beginning shows the format.
-
-    Raises
-    ------
-    ReadError
-        If the signature is unknown.
-    """
+    """Open a bag file (ROS 1, SQLite or MCAP); the signature at its beginning shows the format."""
     with path.open("rb") as file:
         head = file.read(16)
     if head.startswith(bag_mcap.MAGIC):
@@ -173,13 +167,7 @@ def _plain(path: Path, folder: Path) -> Path:
 
 
 def _listed(path: Path) -> list[Path]:
-    """Return the files that a metadata.yaml lists.
-
-    Raises
-    ------
-    ReadError
-        If the list cannot be read, or a file is missing.
-    """
+    """Return the files that a metadata.yaml lists."""
     from ruamel.yaml import YAML
 
     if path.stat().st_size > _YAML_LIMIT:
@@ -227,8 +215,7 @@ def _batches(storages: Sequence[Storage], topic: Topic) -> Iterator[Batch]:
 
 
 def _layout_or_error(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | None:
-    """Return the layout of a topic, or an unreadable layout if there is an error, so that the other topics remain
-    available."""
+    """Return the layout of a topic, or an unreadable layout, so that the other topics remain available."""
     try:
         return _layout(topic, storages, path)
     except ReadError as error:
@@ -236,10 +223,7 @@ def _layout_or_error(topic: Topic, storages: Sequence[Storage], path: Path) -> L
 
 
 def _with_temperatures(layouts: Sequence[Layout], topics: Sequence[Topic]) -> list[Layout]:
-    """Add the temperature of a topic with a similar name to the layouts of inertial sensors.
-
-    A temperature belongs to the inertial topic whose name shares the longest beginning with its name.
-    """
+    """Add each temperature topic to the inertial topic whose name shares the longest beginning with its name."""
     out = list(layouts)
     inertial = [k for k, layout in enumerate(out) if layout.inertial and isinstance(layout.state, _Stream)]
     for topic in topics:
@@ -319,15 +303,9 @@ def _layout(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | N
     if len(channels) == 1:
         return None
     return Layout(
-        channels=tuple(channels),
-        first_row=(),
-        topic=topic.name,
-        rate=None,
-        units={},
-        remarks=remarks,
-        state=_Stream(topic, kind),
-        inertial=inertial,
-    )
+        channels=tuple(channels), topic=topic.name, remarks=remarks,
+        state=_Stream(topic, kind), inertial=inertial,
+    )  # fmt: skip
 
 
 def _imu_leaves() -> set[str]:
@@ -336,8 +314,7 @@ def _imu_leaves() -> set[str]:
 
 
 def _imu_layout(topic: Topic, kind: Definition, leaves: Sequence[str], storages: Sequence[Storage]) -> Layout:
-    """Return the layout of a sensor_msgs/Imu topic, without sensors that are marked as absent or are zero
-    throughout."""
+    """Return the layout of a sensor_msgs/Imu topic, without sensors that are marked as absent or always zero."""
     names = [leaf for leaf in leaves if leaf == STAMP or leaf.split(".")[0] in _SENSORS]
     first = _first(topic, kind, [*names, *(f"{sensor}_covariance[0]" for sensor in _SENSORS)], storages)
     remarks = [Remark.of("topic-read", topic=topic.name, type=topic.type)]
@@ -361,15 +338,9 @@ def _imu_layout(topic: Topic, kind: Definition, leaves: Sequence[str], storages:
     channels.append(Channel(LOG_TIME, "ns", "" if stamped else "time"))
     state = _Stream(topic, kind)
     return Layout(
-        channels=tuple(channels),
-        first_row=(),
-        topic=topic.name,
-        rate=None,
-        units={},
-        remarks=tuple(remarks),
-        state=state,
-        inertial=bool(first[STAMP].size),
-    )
+        channels=tuple(channels), topic=topic.name, remarks=tuple(remarks),
+        state=state, inertial=bool(first[STAMP].size),
+    )  # fmt: skip
 
 
 def _stamped(topic: Topic, kind: Definition, storages: Sequence[Storage]) -> bool:

@@ -27,8 +27,7 @@ from gmwm.files.formats.dialect import Dialect, detect, is_number, split
 from gmwm.files.formats.text_rows import OR_SKIP, RowParser
 
 BLOCK_BYTES = 8 << 20
-"""Number of bytes in a block. It is large enough to parse in parallel, and small enough that several blocks fit into
-memory."""
+"""Number of bytes in a block: enough to parse in parallel, and several blocks fit into memory."""
 
 LINE_BYTES = 8 * BLOCK_BYTES
 """Largest number of bytes in a line. A longer line is not a row of a table."""
@@ -54,8 +53,7 @@ class TextReader(Reader):
     extensions: ClassVar[tuple[str, ...]] = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """Return 0.5 if the first bytes are text with a digit, 0.1 if they are any other text, and 0.05 if they also
-        hold zero bytes."""
+        """Return 0.5 for text with a digit, 0.1 for other text, and 0.05 for text with zero bytes."""
         if head.startswith((b"\xff\xfe", b"\xfe\xff")):
             return 0.5  # UTF-16, for which `layout` raises an error with advice
         if any(bytes([c]) in head for c in (*range(1, 9), *range(14, 32))):
@@ -69,8 +67,7 @@ class TextReader(Reader):
         return self.layouts_of(FileSource(path))
 
     def layouts_of(self, source: FileSource) -> tuple[Layout, ...]:
-        """Return the recordings in a file or in unpacked text. There are several if a column states the sensor of each
-        row."""
+        """Return the recordings in text: several if a column states the sensor of each row."""
         layout = self.layout(source)
         dialect: Dialect = layout.state
         if dialect.sensors is None:
@@ -86,11 +83,8 @@ class TextReader(Reader):
         return self.rows(FileSource(path), layout, wanted)
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Return a mark for each block. The rows are counted in a pass over the file that parses no numbers.
-
-        There are no marks if a column holds times of day, whose midnights must be counted from the first row, or if
-        only some rows are read.
-        """
+        """Return a mark for each block, from a pass that parses no numbers. There are none if midnights must be counted
+        from the first row, or if only some rows are read."""
         if any(map(is_time_of_day, layout.state.first_row)) or layout.state.sensor:
             return ()
         source, row, marks = FileSource(path), 0, []
@@ -174,13 +168,7 @@ def _time_by_content(dialect: Dialect) -> int | None:
 
 
 def _head_lines(source: FileSource) -> list[str]:
-    """Return the first complete lines as text, without a byte order mark.
-
-    Raises
-    ------
-    ReadError
-        If the text is UTF-16, binary, or has bare carriage returns as line ends.
-    """
+    """Return the first complete lines as text, without a byte order mark."""
     with source.open() as file:
         head = file.read(HEAD_BYTES)
         more = bool(file.read(1))
@@ -211,11 +199,8 @@ def _head_lines(source: FileSource) -> list[str]:
 
 
 def _open_end(source: FileSource, delimiter: str) -> tuple[str, str] | tuple[()] | None:
-    """Check the end of the last line. Return None if it ends with a newline, and () if it does not but may be complete.
-
-    If the last number has fewer digits than the last number of every line before, it was cut off. In this case, return
-    the last cell of the last line, and the last cell of the line before.
-    """
+    """Check the end of the last line: None if it ends with a newline, () if it may be complete. If the last number has
+    fewer digits than that of every line before, it was cut off: return both cells."""
     with source.open() as file:
         size = file.seek(0, os.SEEK_END)
         file.seek(max(0, size - TAIL_BYTES))
@@ -229,13 +214,7 @@ def _open_end(source: FileSource, delimiter: str) -> tuple[str, str] | tuple[()]
 
 
 def _require_end(source: FileSource, layout: Layout) -> None:
-    """Raise an error if the last number of the text was cut off.
-
-    Raises
-    ------
-    ReadError
-        If the last number was cut off, and bad lines are not skipped.
-    """
+    """Raise an error if the last number of the text was cut off."""
     cut = layout.state.cut
     if cut and not layout.skip_bad_lines:
         raise ReadError(

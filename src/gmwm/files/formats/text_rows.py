@@ -32,8 +32,7 @@ _BIG_INTEGER = 15  # digits that float64 always holds exactly
 # Possessive, because a file may have millions of blank lines.
 _BLANK_RUN = re.compile(rb"\n(?:[ \t\r]*+\n)++")
 _BLANK_BEGIN = re.compile(rb"\A(?:[ \t\r]*+\n)++")
-_GAP = b"NA"
-"""Text in each cell of a row that replaces a bad line."""
+_GAP = b"NA"  # text in each cell of a row that replaces a bad line
 _POINT = re.compile(rb"\d\.\d{3}(?!\d)")
 _WORDS = re.compile(rb"(?i)n/?a\b|null|none")
 OR_SKIP = " To count such lines as lost samples, pass {--bad_lines=skip}."
@@ -101,13 +100,7 @@ class RowParser:
         return times
 
     def _require_no_thousands(self, block: bytes, line: int) -> None:
-        """Raise an error if a number has a point before three digits, in a file with decimal commas.
-
-        Raises
-        ------
-        ReadError
-            If there is such a number. The message states the line, the column and the content of the cell.
-        """
+        """Raise an error if a number has a point before three digits, in a file with decimal commas."""
         columns = [k for k in self.wanted if k not in self.stamps]
         for number, text in self._lines(block, line):
             cells = split(text, self.dialect.delimiter)
@@ -121,8 +114,7 @@ class RowParser:
                     )
 
     def count(self, block: bytes, line: int) -> int:
-        """Return the number of rows in a block that begins in `line`. The block is parsed only if it has quotes or
-        comments."""
+        """Return the number of rows in a block; it is parsed only if it has quotes or comments."""
         if b'"' in block or (self.sign and self.sign in block):
             frame = self._table(block, line)
             return 0 if frame is None else frame.height
@@ -138,13 +130,7 @@ class RowParser:
         return any(header in block for header in self.headers)
 
     def _table(self, block: bytes, line: int) -> pl.DataFrame | None:
-        """Return the columns of a block, with nulls for missing values; None if it has no row.
-
-        Raises
-        ------
-        ReadError
-            If a line is bad, unless bad lines are skipped.
-        """
+        """Return the columns of a block, with nulls for missing values; None if it has no row."""
         import polars as pl
 
         if block.isspace():
@@ -196,14 +182,7 @@ class RowParser:
         return all(line.count(sign) in counts for line in _without_blank_lines(block).split(b"\n") if line.strip())
 
     def _repaired(self, block: bytes, line: int) -> bytes:
-        """Return the block without repeated headers, and with rows of missing values for bad lines.
-
-        Raises
-        ------
-        ReadError
-            If a line is bad, unless bad lines are skipped. The message states the line, and the column and content of
-            the cell.
-        """
+        """Return the block without repeated headers, and with rows of missing values for bad lines."""
         gap = (b" " if self.dialect.delimiter == BLANKS else self.dialect.delimiter.encode()).join(
             [_GAP] * self.dialect.columns
         )

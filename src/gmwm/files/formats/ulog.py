@@ -34,27 +34,14 @@ _MOST_TEMPERATURES = 1 << 18
 
 @dataclass
 class _Summary:
-    """Result of the first pass over the messages of one sensor.
+    """Result of the first pass over the messages of one sensor."""
 
-    Attributes
-    ----------
-    count : int
-        Number of messages.
-    edges : dict of stamp to (first, last)
-        First and last time (µs) of each kind of stamp.
-    stamped : set of str
-        The kinds of stamps that are not always 0.
-    warm : bool
-        Whether the sensor has a temperature. Simulated sensors have a temperature of 0, which does not count.
-    device : int
-        Identity of the sensor.
-    """
-
-    count: int = 0
-    edges: dict[str, tuple[int, int]] = field(default_factory=dict)
-    stamped: set[str] = field(default_factory=set)
+    count: int = 0  # number of messages
+    edges: dict[str, tuple[int, int]] = field(default_factory=dict)  # first and last time (µs) of each kind of stamp
+    stamped: set[str] = field(default_factory=set)  # the kinds of stamps that are not always 0
+    # Whether the sensor has a temperature. Simulated sensors have a temperature of 0, which does not count
     warm: bool = False
-    device: int = 1
+    device: int = 1  # identity of the sensor
     _stamps: list[Vector] = field(default_factory=list)
     _values: list[Vector] = field(default_factory=list)
 
@@ -86,20 +73,11 @@ class _Summary:
 
 @dataclass(frozen=True, eq=False)
 class _Selection:
-    """The message and the fields from which the columns of a recording are read.
+    """The message and the fields from which the columns of a recording are read."""
 
-    Attributes
-    ----------
-    message : Message
-        The message to read.
-    names : tuple of str
-        Field of each column. A temperature column from another message has no field.
-    temperatures : (times, values) or None
-        Temperatures of another message, which are interpolated linearly.
-    """
-
-    message: Message
-    names: tuple[str, ...]
+    message: Message  # the message to read
+    names: tuple[str, ...]  # Field of each column. A temperature column from another message has no field
+    # temperatures of another message, which are interpolated linearly
     temperatures: tuple[Vector, Vector] | None = None
 
 
@@ -109,18 +87,11 @@ class UlogReader(Reader):
 
     name: ClassVar[str] = "ulog"
     extensions: ClassVar[tuple[str, ...]] = (".ulg", ".ulog")
-
-    def sniff(self, path: Path, head: bytes) -> float:
-        """Return 1 for the signature of ULog."""
-        return 1.0 if head.startswith(SIGNATURE) else 0.0
+    signatures: ClassVar[tuple[bytes, ...]] = (SIGNATURE,)
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """Return one recording for each instance of sensor_combined, sensor_gyro and sensor_accel, such as
-        sensor_gyro_0.
-
-        The six axes of sensor_combined are preferred. The temperature comes from the selected gyroscope, which logs it
-        with the slower message sensor_gyro.
-        """
+        """Return one recording for each instance of sensor_combined (preferred), sensor_gyro and sensor_accel. The
+        temperature of sensor_combined comes from the slower message sensor_gyro."""
         log, found, selected = Log(path), dict[Message, _Summary](), 0
         for message, table in log.tables((*_MESSAGES, _SELECTION)):
             if message.name != _SELECTION:

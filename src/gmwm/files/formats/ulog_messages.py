@@ -25,8 +25,7 @@ _LARGEST = 10_000
 """Largest size (bytes) of a message of an unknown kind; a larger one is taken for damage, as in pyulog."""
 _MOST_FIELDS = 2000
 """Largest number of fields of a message: sensors have about ten; deeply nested types could exhaust the memory."""
-_DEEPEST = 50
-"""Largest depth of nested types."""
+_DEEPEST = 50  # largest depth of nested types
 _TYPES = {
     "int8_t": "i1", "uint8_t": "u1", "int16_t": "i2", "uint16_t": "u2", "int32_t": "i4", "uint32_t": "u4",
     "int64_t": "i8", "uint64_t": "u8", "float": "f4", "double": "f8", "bool": "i1", "char": "u1",
@@ -37,24 +36,12 @@ Table = NDArray[Any]
 
 @dataclass(frozen=True)
 class Message:
-    """One instance of a logged message.
+    """One instance of a logged message."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the message, such as "sensor_gyro".
-    instance : int
-        Number of the sensor, from 0.
-    fields : dtype
-        Fields without the padding at the end.
-    largest : int
-        Size (bytes) with the padding.
-    """
-
-    name: str
-    instance: int
-    fields: np.dtype[Any]
-    largest: int
+    name: str  # name of the message, such as "sensor_gyro"
+    instance: int  # number of the sensor, from 0
+    fields: np.dtype[Any]  # fields without the padding at the end
+    largest: int  # size (bytes) with the padding
 
     @property
     def topic(self) -> str:
@@ -64,32 +51,17 @@ class Message:
 
 @dataclass
 class Log:
-    """The messages of a log, as far as they are read.
+    """The messages of a log, as far as they are read."""
 
-    Attributes
-    ----------
-    path : Path
-        The file.
-    messages : dict of id to Message
-        Logged messages by their identifiers; None for messages that are not wanted.
-    dropouts : int
-        Number of places where the logger lost data.
-    """
-
-    path: Path
+    path: Path  # the file
+    # logged messages by their identifiers; None for messages that are not wanted
     messages: dict[int, Message | None] = field(default_factory=dict)
-    dropouts: int = 0
+    dropouts: int = 0  # number of places where the logger lost data
     _formats: dict[str, list[tuple[str, int, str]]] = field(default_factory=dict)
     _bounds: list[int] = field(default_factory=list)
 
     def tables(self, names: tuple[str, ...]) -> Iterator[tuple[Message, Table]]:
-        """Read the file, and yield the messages with the wanted names as tables, one for each message and block.
-
-        Raises
-        ------
-        ReadError
-            If the log is truncated or damaged.
-        """
+        """Read the file, and yield the messages with the wanted names as tables, one for each message and block."""
         rest, begin = b"", _HEADER
         with self.path.open("rb") as file:
             if len(file.read(_HEADER)) < _HEADER:
@@ -112,8 +84,7 @@ class Log:
             )
 
     def _walk(self, block: bytes, begin: int, names: tuple[str, ...]) -> tuple[dict[int, list[int]], int]:
-        """Return the positions of the wanted messages in a block that begins at byte `begin` of the file, by the
-        identifier of the message, and the number of bytes of the block that were used."""
+        """Return the positions of the wanted messages in a block at byte `begin`, and the number of bytes used."""
         places: dict[int, list[int]] = {}
         at, end = 0, len(block)
         while at + 3 <= end:
@@ -144,13 +115,7 @@ class Log:
         return places, at
 
     def _define(self, kind: int, body: bytes, names: tuple[str, ...]) -> None:
-        """Read a message that defines other messages, or that holds the flags of the log.
-
-        Raises
-        ------
-        ReadError
-            If the message is invalid.
-        """
+        """Read a message that defines other messages, or that holds the flags of the log."""
         try:
             if kind == _FORMAT:
                 name, _, fields = body.decode().partition(":")
@@ -177,8 +142,7 @@ class Log:
         return Message(name, instance, np.dtype([(one, f"<{kind}") for one, kind in fields]), sizes)
 
     def _flat(self, name: str, prefix: str, above: tuple[str, ...], budget: list[int]) -> Iterator[tuple[str, str]]:
-        """Yield the name and the type of each field of a message and of its nested types, for at most `budget[0]`
-        fields."""
+        """Yield name and type of each field of a message, also of nested types, for at most `budget[0]` fields."""
         if name in above:
             raise self._damaged(f"the type {name!r} contains itself", code="type-recursive")
         if len(above) > _DEEPEST:

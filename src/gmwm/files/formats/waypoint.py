@@ -31,14 +31,34 @@ _SLOWEST, _SHORTEST = 10.0, 1e-6
 """Longest and shortest interval (s) between the time stamps of an inertial sensor."""
 _LATEST = 1e10
 """Upper limit of time stamps (s), for seconds of a week and for seconds since 1970."""
-_IN_ORDER = 0.9
-"""Smallest share of plausible intervals; the other intervals are gaps and resets of the clock."""
+_IN_ORDER = 0.9  # smallest share of plausible intervals; the other intervals are gaps and resets of the clock
 _NEAR_GRAVITY = 0.2
-"""Largest relative difference from gravity at which accelerometers at rest are plausible. The accelerometer scales of
-different types of records are equal or differ by a factor of 1.5 or more."""
+"""Relative agreement with gravity at rest. The scales of record types are equal or differ by 1.5 or more."""
 
 
-class RecordReader(Reader):
+class RecordsReader(Reader):
+    """Base class of the readers of records of one size, which can be read from any record. The `state` of a layout is
+    the type of the records and the size of the header (bytes)."""
+
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
+        """Yield the counts and times in the file, unchanged."""
+        return self.chunks_from(path, layout, wanted, Mark(0))
+
+    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
+        """Return a mark for each block of records, and one for the end."""
+        records = whole_records(path, *layout.state)
+        return (*(Mark(row) for row in range(0, records, BLOCK)), Mark(records))
+
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
+        """Yield blocks of records from a mark on, each field as float64."""
+        dtype, offset = layout.state
+        with path.open("rb") as file:
+            file.seek(offset + mark.row * dtype.itemsize)
+            while (block := np.fromfile(file, dtype, BLOCK)).size:
+                yield {k: block[dtype.names[k]].astype(np.float64) for k in wanted}
+
+
+class _NamedReader(RecordsReader):
     """Reader of one type of .imu file, which the user names in the option `format`."""
 
     extensions: ClassVar[tuple[str, ...]] = ()
@@ -52,42 +72,23 @@ class RecordReader(Reader):
         """Return one recording with the time and six axes, if the records have the size of this type."""
         return (_layout(path, self.kind, self.kind.name),)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Yield the counts and times in the file, unchanged."""
-        return record_chunks(path, self.kind.dtype, 0, wanted)
-
-    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Return marks for blocks of records; a file can be read from any record."""
-        return record_marks(path, self.kind.dtype)
-
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """Yield the records from a mark on."""
-        return record_chunks(path, self.kind.dtype, offset=0, wanted=wanted, first=mark.row)
-
 
 @register
-class ImuReader(Reader):
+class ImuReader(RecordsReader):
     """Reader of .imu files whose type the user has not named."""
 
     name: ClassVar[str] = "imu"
     extensions: ClassVar[tuple[str, ...]] = (".imu",)
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """Return 0.6 if records of one of the two sizes have plausible times, and 0.1 for a single record in an .imu
-        file."""
+        """Return 0.6 if records of one of the two sizes have plausible times, 0.1 for a single .imu record."""
         fitting = [_times(head, kind) for kind in _fitting(head)]
         if any(times.size > 1 for times in fitting):
             return 0.6
         return 0.1 if fitting and path.suffix.lower() in self.extensions else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """Return one recording with the time and six axes, if the scale is known.
-
-        Raises
-        ------
-        ReadError
-            If several types have records of this size; the message states the gravity for each type.
-        """
+        """Return one recording with the time and six axes, if the scale is known."""
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)
         fitting = _fitting(head)
@@ -109,23 +110,10 @@ class ImuReader(Reader):
             formats=_formats(likely),
         )
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Yield the counts and times in the file, unchanged."""
-        kind: RecordType = layout.state
-        return record_chunks(path, kind.dtype, 0, wanted)
-
-    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Return marks for blocks of records; a file can be read from any record."""
-        return record_marks(path, layout.state.dtype)
-
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """Yield the records from a mark on."""
-        return record_chunks(path, layout.state.dtype, offset=0, wanted=wanted, first=mark.row)
-
 
 def _register(of: RecordType) -> None:
     @register
-    class Named(RecordReader):
+    class Named(_NamedReader):
         __doc__ = f".imu records of the type {of.name}."
         name = of.format
         kind = of
@@ -138,8 +126,7 @@ for _type in TYPES:
 def record_channels(
     units: tuple[str, str], scales: tuple[float, float], increments: tuple[bool, bool] = (True, True)
 ) -> tuple[Channel, ...]:
-    """Return the columns of a record: time in s, and gyroscopes and accelerometers with units, scales and
-    increments."""
+    """Return the columns of a record: time (s), gyroscopes and accelerometers."""
     sensors = zip(("gyro", "accel"), units, scales, increments, strict=True)
     found = {name: (unit, flag, scale) for name, unit, scale, flag in sensors}
     axes = (
@@ -151,13 +138,7 @@ def record_channels(
 
 
 def whole_records(path: Path, dtype: np.dtype[Any], offset: int = 0) -> int:
-    """Return the number of records after the header.
-
-    Raises
-    ------
-    ReadError
-        If there are no records, or the last one is incomplete.
-    """
+    """Return the number of records after the header."""
     records, over = divmod(path.stat().st_size - offset, dtype.itemsize)
     if over:
         raise ReadError(
@@ -173,22 +154,7 @@ def whole_records(path: Path, dtype: np.dtype[Any], offset: int = 0) -> int:
 def require_times(
     path: Path, dtype: np.dtype[Any], offset: int = 0, advice: str = "", formats: tuple[str, ...] = ()
 ) -> None:
-    """Require that the first records have plausible times.
-
-    Parameters
-    ----------
-    path, dtype, offset
-        The file, the type of a record, and the size of the header (bytes).
-    advice : str
-        Template of the advice, with the fact `formats`.
-    formats : tuple of str
-        Values of the `format` option that fit better.
-
-    Raises
-    ------
-    ReadError
-        If their times are not plausible. The records are then of another type.
-    """
+    """Require that the first records have plausible times. `formats` are values of `format` that fit better."""
     with path.open("rb") as file:
         file.seek(offset)
         head = file.read(HEAD_BYTES)
@@ -201,23 +167,6 @@ def require_times(
             advice=advice,
             formats=formats,
         )
-
-
-def record_marks(path: Path, dtype: np.dtype[Any], offset: int = 0) -> tuple[Mark, ...]:
-    """Return a mark for each block of records after a header, and one for the end."""
-    records = whole_records(path, dtype, offset)
-    return (*(Mark(row) for row in range(0, records, BLOCK)), Mark(records))
-
-
-def record_chunks(
-    path: Path, dtype: np.dtype[Any], offset: int, wanted: Sequence[int], first: int = 0
-) -> Iterator[Rows]:
-    """Yield blocks of records from the record `first` on, each field as float64."""
-    names = dtype.names or ()
-    with path.open("rb") as file:
-        file.seek(offset + first * dtype.itemsize)
-        while (block := np.fromfile(file, dtype, BLOCK)).size:
-            yield {k: block[names[k]].astype(np.float64) for k in wanted}
 
 
 def _layout(path: Path, kind: RecordType, name: str) -> Layout:
@@ -242,7 +191,7 @@ def _layout(path: Path, kind: RecordType, name: str) -> Layout:
         remarks.append(Remark.of("scaled", sensor, factor=factor, unit=unit, source="format", type=name))
         remarks.append(Remark.of("increments", sensor, source="file"))
     channels = record_channels(("rad/s", "m/s²"), (kind.gyro, kind.accel))
-    return Layout(channels, remarks=tuple(remarks), state=kind)
+    return Layout(channels, remarks=tuple(remarks), state=(kind.dtype, 0))
 
 
 def _formats(kinds: Sequence[RecordType]) -> tuple[str, ...]:

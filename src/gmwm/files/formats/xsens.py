@@ -74,8 +74,7 @@ class XsensReader(TextReader):
         return replace(found, channels=tuple(channels), remarks=tuple(remarks))
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Return marks for the blocks; none if PacketCounter is the time, because its wraps are counted from the first
-        row."""
+        """Return marks for the blocks; none for PacketCounter, whose wraps are counted from the first row."""
         counted = any(c.name == "PacketCounter" and c.axis == "time" for c in layout.channels)
         return () if counted else super().marks(path, layout)
 
@@ -107,8 +106,7 @@ class XsensReader(TextReader):
 
     @staticmethod
     def _time(found: Layout, dialect: Dialect) -> str:
-        """Return the time column: SampleTimeFine, or PacketCounter if SampleTimeFine is empty; "" if there is
-        neither."""
+        """Return the time column: SampleTimeFine, or PacketCounter if SampleTimeFine is empty; else ""."""
         names = [channel.name for channel in found.channels]
         if "SampleTimeFine" in names and dialect.integers[names.index("SampleTimeFine")]:
             return "SampleTimeFine"

@@ -52,25 +52,7 @@ def _has_missing(values: Any) -> bool:
 
 
 def read_table(data: Any, rate: float | None, units: Mapping[str, str] | None, source: str) -> Imu:
-    """Read the recording in a table. Names are recognised as in a file. Without a stated unit, rad/s and m/s² are
-    assumed.
-
-    Parameters
-    ----------
-    data : table
-        One of the tables of `is_table`, or a mapping of name to array.
-    rate : float or None
-        Samples per second (Hz); None if the table has a time.
-    units : mapping or None
-        Units of "gyro", "accel" and "time".
-    source : str
-        Name of the recording.
-
-    Raises
-    ------
-    ReadError, DataError, UnitError
-        In the same cases as `read`.
-    """
+    """Read the recording in a table, with names as in a file. Without a stated unit, rad/s and m/s² are assumed."""
     options = ReadOptions(rate=rate, units={} if units is None else units)
     arrays = [one for name, values in _columns(data) for one in _arrays(str(name), values)]
     layouts = layouts_of(arrays, _NAME)
@@ -154,8 +136,7 @@ def _of_xarray(data: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _arrays(name: str, values: Any) -> list[Array]:
-    """Convert a column or a table to arrays of the readers, with NaN for masked and missing values. The list is empty
-    if the values are not numbers."""
+    """Convert a column or a table to arrays, with NaN for missing values; [] if the values are not numbers."""
     if isinstance(values, np.ma.MaskedArray):
         values = np.ma.filled(values.astype(np.float64), np.nan)
     array: NDArray[Any] = np.asarray(values)

@@ -117,18 +117,10 @@ class GrowingPipe:
 
 
 class Lines:
-    """Complete lines of growing text. An incomplete line is kept until the rest of it arrives.
-
-    Parameters
-    ----------
-    take : callable
-        Function that returns the bytes since its last call; see `Take`.
-    breathe : callable
-        Function that is called before each check for new data. If it returns False, reading ends.
-    idle : float, optional
-        Time (s) without new data after which reading ends. It is counted from the first check that finds no data,
-        because data can already be available while the caller processes the previous lines.
-    """
+    """Complete lines of growing text. An incomplete line is kept until the rest of it arrives. `breathe` is called
+    before each check for new data, and ends the reading if it returns False. `idle` is the time (s) without new data
+    after which reading ends, counted from the first check that finds none, because data can be available while the
+    caller processes earlier lines."""
 
     def __init__(self, take: Take, breathe: Callable[[], bool], idle: float | None = None) -> None:
         self._take, self._breathe, self._idle, self.rest = take, breathe, idle, b""
@@ -233,24 +225,9 @@ class _LiveRows:
 
 
 def growing_stream(lines: Lines, path: Path, options: ReadOptions | None = None, *, patience: float = 5.0) -> Stream:
-    """Make a stream from a growing text, after its first lines have arrived. It can be iterated over once.
-
-    Parameters
-    ----------
-    lines : Lines
-        The lines of the text.
-    path : Path
-        Name of the text in messages.
-    options : ReadOptions, optional
-        Only rate, columns, units, scale and increments are used.
-    patience : float
-        Seconds after which `FEWEST` lines are sufficient.
-
-    Raises
-    ------
-    ReadError, UnitError, DataError, OptionError
-        In the same cases as `read`.
-    """
+    """Make a stream from a growing text, after its first lines have arrived. It can be iterated over once. Only rate,
+    columns, units, scale and increments of `options` are used. After `patience` seconds, `FEWEST` lines are
+    sufficient."""
     options = ReadOptions() if options is None else options
     head = _first_lines(lines, patience)
     if not head:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from gmwm.base.remarks import Fact, Quantity, Remark
 from gmwm.base.text import counted, duration_text, rounded
-from gmwm.base.time_base import TimeBase
+from gmwm.base.time_base import TimeBase, lost_samples
 from gmwm.base.units import STANDARD_GRAVITY, datasheet_units, noise_unit
 from gmwm.measuring.regression.result import per
 
@@ -56,9 +56,10 @@ def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
     """Yield remarks on gaps and time stamps. `same` is the number of samples that equal the one before on all axes."""
     filled, count = extent.filled
     if len(extent.joined) > 1:
-        missing = sum(duration - 1 / base.rate for _, duration in base.gaps) - filled / base.rate
+        lost = lost_samples([duration - 1 / base.rate for _, duration in base.gaps], base.rate)
+        missing = (int(lost.sum()) - filled) / base.rate
         length = "known" if missing > 0.5 / extent.rate else "unknown"
-        span = Quantity(max(float(missing), 0.0), "s")
+        span = Quantity(max(missing, 0.0), "s")
         yield Remark.of("gaps", segments=len(extent.joined), missing=span, length=length)
     if count:
         yield Remark.of("gaps-filled", share=filled / (extent.samples + filled), count=count)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Vector
-from gmwm.base.time_base import begins_of, times_of
+from gmwm.base.time_base import begins_of, lost_before, times_of
 from gmwm.recording.gaps import joined_ranges
 
 _WINDOWS = 64
@@ -52,11 +52,9 @@ class Extent:
     @property
     def filled(self) -> tuple[int, int]:
         """Number of lost samples in gaps that are filled, and number of these gaps."""
-        count = len(self.segments) - len(self.joined)
-        lasts = np.array([last - 1 for _, last in self.joined])
-        firsts = np.array([first for first, _ in self.joined])
-        spans = np.rint((self.times(lasts) - self.times(firsts)) * self.rate).astype(np.int64) + 1
-        return int(np.sum(spans - (lasts - firsts + 1))) if count else 0, count
+        lost = lost_before(self.rate, self.segments, self.starts)
+        filled = ~np.isin([first for first, _ in self.segments[1:]], [first for first, _ in self.joined])
+        return int(np.sum(lost[filled])), int(np.count_nonzero(filled))
 
     @property
     def samples(self) -> int:

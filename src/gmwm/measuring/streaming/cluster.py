@@ -19,6 +19,7 @@ import numpy as np
 
 from gmwm.base.errors import GmwmError
 from gmwm.base.threads import INTERRUPT_CHECK
+from gmwm.base.time_base import lost_samples
 from gmwm.files.readers.builder import RowSummary
 from gmwm.files.readers.parts import Part, PartReader
 from gmwm.files.readers.streams import FileRows, Stream
@@ -133,8 +134,8 @@ class _Measured(Generic[G]):
     def has_short_gaps(self, rate: float) -> bool:
         """Return whether the part has a gap that may be filled, or follows one. Sample numbers then differ from row
         numbers."""
-        lost = np.array([seconds * rate - 1 for _, seconds in self.summary.gaps])
-        return bool(np.any(is_short(np.rint(lost))))
+        late = [seconds - 1 / rate for _, seconds in self.summary.gaps]
+        return bool(np.any(is_short(lost_samples(late, rate))))
 
     def followed_by(self, later: _Measured[G]) -> _Measured[G]:
         """Merge the results of this part and the next one, with a gap between them if the recording has one there."""

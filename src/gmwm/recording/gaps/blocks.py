@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.threads import in_threads
+from gmwm.base.time_base import lost_before
 from gmwm.recording.batches import Batch, joined
 from gmwm.recording.gaps import gaps
 from gmwm.recording.gaps.drawing import drawn
@@ -105,7 +106,7 @@ class _Window:
         """Return for each axis the number of samples to fill in before each segment but the first."""
         first = next(iter(signals.values()))
         ranges = np.array(first.segments, dtype=np.int64)
-        begins, lost = ranges[1:, 0], gaps.lost_samples(first.rate, ranges, first.starts)
+        begins, lost = ranges[1:, 0], lost_before(first.rate, ranges, first.starts)
         accepted = gaps.fillable(ranges[:, 1] - ranges[:, 0], lost)
 
         def own(_: str, signal: Signal) -> NDArray[np.int64]:

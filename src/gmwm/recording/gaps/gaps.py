@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector
+from gmwm.base.time_base import lost_before
 from gmwm.recording.gaps.drawing import SHORT
 
 AROUND, LEAST_AROUND = 32, 1024
@@ -31,13 +31,6 @@ changes."""
 Ranges = NDArray[np.int64]
 
 
-def lost_samples(rate: float, segments: Ranges, starts: Sequence[float] | Vector) -> NDArray[np.int64]:
-    """Return the number of samples missing between one segment and the next; 0 or less if the clock was set back."""
-    times = np.asarray(starts, dtype=np.float64)
-    ends = times + (segments[:, 1] - segments[:, 0]) / rate
-    return np.rint((times[1:] - ends[:-1]) * rate).astype(np.int64)
-
-
 def is_short(lost: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Return whether gaps with these numbers of lost samples are filled if enough samples around them are known."""
     return np.asarray((lost > 0) & (lost <= LONGEST))
@@ -45,7 +38,7 @@ def is_short(lost: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 def has_short_gaps(rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]) -> bool:
     """Return whether any gap between segments may be filled."""
-    return len(segments) > 1 and bool(np.any(is_short(lost_samples(rate, np.array(segments), starts))))
+    return len(segments) > 1 and bool(np.any(is_short(lost_before(rate, segments, starts))))
 
 
 def joined_ranges(
@@ -55,7 +48,7 @@ def joined_ranges(
     if not has_short_gaps(rate, segments, starts):
         return tuple(segments)
     ranges = np.array(segments, dtype=np.int64)
-    lost = lost_samples(rate, ranges, starts)
+    lost = lost_before(rate, ranges, starts)
     accepted = np.zeros(lost.size, dtype=np.bool_)
     total = int(ranges[-1, 1])
     for first in range(0, total, BLOCK):
