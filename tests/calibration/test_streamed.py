@@ -8,7 +8,6 @@ import pytest
 import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.calibration.passes import curves_and_inspection, read_recording
-from gmwm.calibration.options import CalibrationOptions
 from gmwm.files.formats import text
 from gmwm.measuring.inspection.api import FirstPass
 from gmwm.measuring.streaming import passes
