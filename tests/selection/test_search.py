@@ -8,8 +8,8 @@ import gmwm
 from gmwm import Model, wavelet_variance
 from gmwm.choosing.datasheets import datasheet
 from gmwm.choosing.selection.api import select_within
-from gmwm.choosing.selection.options import RankingOptions
-from gmwm.choosing.selection.search import FELT, MOST_FREE, REJECTED, SLOW, _largest, _lines, search, within_family
+from gmwm.choosing.selection.options import SLOW, RankingOptions
+from gmwm.choosing.selection.search import FELT, MOST_FREE, REJECTED, _largest, _lines, search, within_family
 from gmwm.choosing.selection.structure import freedom
 from gmwm.theory.processes.sinusoid import SIN
 

@@ -15,7 +15,6 @@ from gmwm.base.errors import GmwmError
 from gmwm.base.text import duration_text
 from gmwm.base.threads import in_threads
 from gmwm.calibration.additions import axis_additions, recording_additions
-from gmwm.files.readers.streams import Stream
 from gmwm.measuring.inspection import Inspection
 from gmwm.measuring.inspection.api import FirstPass
 from gmwm.measuring.outliers import Replaced, Screen, Screening, cleaned
@@ -28,6 +27,8 @@ from gmwm.recording.signals import Imu, Signal
 
 if TYPE_CHECKING:
     from distributed import Client
+
+    from gmwm.files.readers.streams import Stream
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,7 +176,7 @@ def _continued(before: Signal, after: Signal) -> Signal:
 
 
 def read_recording(
-    recording: Imu | Stream, axes: Sequence[str], efficiency: float, conditions: Conditions = NOTHING,
+    recording: Imu | Streamed, axes: Sequence[str], efficiency: float, conditions: Conditions = NOTHING,
     run: Run = IN_THIS_PROCESS,
 ) -> Passes:  # fmt: skip
     """Accumulate some axes of a recording and inspect all of its axes, in the same passes over the samples.
@@ -192,7 +193,10 @@ def read_recording(
         removal, except in its test for trends.
     run : Run
     """
-    if isinstance(recording, Stream) and run.remote:
+    if run.remote:
+        from gmwm.files.readers.streams import Stream
+
+        assert isinstance(recording, Stream)
         return _read_remotely(recording, axes, efficiency, conditions=conditions, run=run)
     batches = _reported(recording, run.progress)
     inspector = FirstPass(batches)
@@ -357,7 +361,7 @@ def _spread(
     return curves, result
 
 
-def _inspect_remotely(stream: Stream, axes: tuple[str, ...], conditions: Conditions) -> Remote | GmwmError:
+def _inspect_remotely(stream: Streamed, axes: tuple[str, ...], conditions: Conditions) -> Remote | GmwmError:
     """Inspect a stream in a worker process, and accumulate what does not belong to the wavelet variances.
 
     A GmwmError is returned instead of raised, because Dask would repeat a task that raises.

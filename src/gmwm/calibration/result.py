@@ -17,9 +17,7 @@ from gmwm.base.text import Summarised
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.rest import BiasAtRest
-from gmwm.calibration.summary_text import summary
 from gmwm.choosing.datasheets import Datasheet
-from gmwm.choosing.replicates import Replicates
 from gmwm.choosing.selection import Ranking
 from gmwm.choosing.selection.search_steps import SearchStep
 from gmwm.fitting.estimation.result import Fit
@@ -36,6 +34,7 @@ if TYPE_CHECKING:
     from gmwm.applications.monitor import Baseline
     from gmwm.applications.navigation import Budget
     from gmwm.calibration.reference_check import ReferenceCheck, ReferenceLike
+    from gmwm.choosing.replicates import Replicates
     from gmwm.showing.exporters.reduction import Rule
 
 T = TypeVar("T")
@@ -300,6 +299,8 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         every : bool
             Whether to show all remarks instead of the five most severe.
         """
+        from gmwm.calibration.summary_text import summary
+
         return summary(self, every=every)
 
     def to_frame(self, units: str = "datasheet") -> DataFrame:

@@ -20,7 +20,7 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import GmwmError
 from gmwm.choosing.selection.api import rank_models, select_within
-from gmwm.choosing.selection.options import RankingOptions
+from gmwm.choosing.selection.options import SLOW, RankingOptions
 from gmwm.choosing.selection.ranking import Ranking
 from gmwm.choosing.selection.search_steps import Entry, SearchStep
 from gmwm.choosing.selection.shape_error import (
@@ -42,8 +42,6 @@ from gmwm.theory.processes.noise import WN
 from gmwm.theory.processes.parameter import Fixed
 from gmwm.theory.processes.sinusoid import SIN
 
-SLOW = "4*GM + WN + QN + FN + RW + DR"
-"""General model whose submodels are ranked first (docs/validation/selection.md)."""
 BESIDE = "4*GM + FN + RW + DR"
 """General model that is combined with a shape at high frequencies. The shape includes white and quantization noise."""
 REJECTED = 0.002
