@@ -260,7 +260,9 @@ def _read(
     data, inputs = recordings.by_name[name], recordings.inputs[name]
     if isinstance(data, Imu | Streamed):
         conditions = Conditions.of_recording(data, options.conditions, threads=run.threads, curves=True)
-        axes, inspection, findings = read_recording(data, recordings.axes, options.efficiency, conditions, run)
+        axes, inspection, findings = read_recording(
+            data, recordings.axes, options.efficiency, conditions=conditions, run=run
+        )
         return dict(axes), dict.fromkeys(recordings.axes, conditions), inspection, findings
     curves = {axis: item for axis, item in inputs.items() if item is not None}
     each = {axis: _conditions_of(axis, item, options) for axis, item in curves.items()}

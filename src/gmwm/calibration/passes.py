@@ -200,7 +200,9 @@ def read_recording(
         return _read_remotely(recording, axes, efficiency, conditions=conditions, run=run)
     batches = _reported(recording, run.progress)
     inspector = FirstPass(batches)
-    accumulators = _first_pass(batches, axes, efficiency, conditions, inspector=inspector, threads=run.threads)
+    accumulators = _first_pass(
+        batches, axes, efficiency, conditions=conditions, inspector=inspector, threads=run.threads
+    )
     curves = {axis: item.curves for axis, item in accumulators.items() if item.curves is not None}
     inspection = _inspected(batches, inspector, curves, run.threads, conditions=conditions)
     return Passes(accumulators, inspection, _findings(recording, accumulators, run.threads))
@@ -235,7 +237,9 @@ def curves_and_inspection(
         As in `wavelet_variance`.
     """
     if run.remote:
-        curves, (inspection, _) = _spread(stream, axes, (), robust, efficiency, conditions=conditions, run=run)
+        curves, (inspection, _) = _spread(
+            stream, axes, robust=robust, efficiency=efficiency, conditions=conditions, run=run
+        )
     else:
         curves = curves_of(stream, axes, robust=robust, efficiency=efficiency)
         batches = _reported(stream, run.progress)
@@ -327,7 +331,7 @@ def _read_remotely(
 ) -> Passes:
     """Read a stream like `read_recording`, with the workers of a cluster or with local processes."""
     curves, (inspection, accumulators) = _spread(
-        stream, axes, tuple(axes), True, efficiency, conditions=conditions, run=run, change=clean
+        stream, axes, inspected=tuple(axes), efficiency=efficiency, conditions=conditions, run=run, change=clean
     )  # fmt: skip
     for axis, item in accumulators.items():
         item.curves = curves[axis]
@@ -338,8 +342,8 @@ Remote = tuple[Inspection, dict[str, "AxisAccumulator"]]
 
 
 def _spread(
-    stream: Stream, axes: Sequence[str], inspected: tuple[str, ...], robust: bool, efficiency: float, *,
-    conditions: Conditions, run: Run, change: Callable[[Signal], Signal] | None = None,
+    stream: Stream, axes: Sequence[str], *, efficiency: float, conditions: Conditions, run: Run, robust: bool = True,
+    inspected: tuple[str, ...] = (), change: Callable[[Signal], Signal] | None = None,
 ) -> tuple[dict[str, AxisCurves], Remote]:  # fmt: skip
     """Measure the curves of a stream with workers, one of which inspects the stream and accumulates the other
     statistics of the axes `inspected`."""
