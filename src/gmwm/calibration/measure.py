@@ -23,7 +23,6 @@ from gmwm.calibration.passes import (
     read_signal,
 )
 from gmwm.calibration.rest import AxisMean, means_of
-from gmwm.files.readers.streams import Stream
 from gmwm.measuring.covariance.tails import with_common_tails
 from gmwm.measuring.inspection import Inspection
 from gmwm.measuring.outliers import (
@@ -42,7 +41,7 @@ from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.measuring.variance.api import signal_wavelet_variance
 from gmwm.measuring.variance.pooling import pooled
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.recording.batches import Batch, batches, cut, joined
+from gmwm.recording.batches import Batch, Streamed, batches, cut, joined
 from gmwm.recording.signals import Imu, Signal
 
 
@@ -243,6 +242,8 @@ def _require_one_stream(recordings: Recordings, argument: str) -> None:
             f"{argument} can be given for one recording only, and there are several", argument=argument,
             advice="Leave {--" + argument + "} out.",
         )  # fmt: skip
+    from gmwm.files.readers.streams import Stream
+
     if not isinstance(recordings.by_name[""], Stream):
         raise OptionError(
             f"{argument} can be given for a stream only", argument=argument,
@@ -257,9 +258,11 @@ def _read(
 ]:  # fmt: skip
     """Read the samples of one recording, and regress its axes on the conditions."""
     data, inputs = recordings.by_name[name], recordings.inputs[name]
-    if isinstance(data, Imu | Stream):
+    if isinstance(data, Imu | Streamed):
         conditions = Conditions.of_recording(data, options.conditions, threads=run.threads, curves=True)
-        axes, inspection, findings = read_recording(data, recordings.axes, options.efficiency, conditions, run)
+        axes, inspection, findings = read_recording(
+            data, recordings.axes, options.efficiency, conditions=conditions, run=run
+        )
         return dict(axes), dict.fromkeys(recordings.axes, conditions), inspection, findings
     curves = {axis: item for axis, item in inputs.items() if item is not None}
     each = {axis: _conditions_of(axis, item, options) for axis, item in curves.items()}
@@ -331,7 +334,7 @@ def _beginnings(
         for axis, item in items.items()
         if isinstance(item, AxisAccumulator) and item.beginning is not None
     }
-    if isinstance(data, Imu | Stream):
+    if isinstance(data, Imu | Streamed):
         beginnings = {axis: signal for axis, signal in beginnings.items() if conditions[axis].applied(axis) is None}
         again = [axis for axis in items if axis not in beginnings]
         signals = _first_samples(data) if again else {}
@@ -345,7 +348,7 @@ def _beginnings(
     return beginnings
 
 
-def _first_samples(recording: Imu | Stream) -> Mapping[str, Signal]:
+def _first_samples(recording: Imu | Streamed) -> Mapping[str, Signal]:
     """Return the signals of a recording by axis, at least up to the last sample that an addition needs."""
     parts: list[Batch] = []
     for batch in batches(recording):

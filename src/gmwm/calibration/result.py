@@ -12,14 +12,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from gmwm.base.atomic_files import write_text
 from gmwm.base.errors import DataError, ReadError
 from gmwm.base.plotting import Plotted
-from gmwm.base.remarks import Remark, Severity
+from gmwm.base.remarks import Dialect, Remark, Severity
 from gmwm.base.text import Summarised
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.rest import BiasAtRest
-from gmwm.calibration.summary_text import summary
 from gmwm.choosing.datasheets import Datasheet
-from gmwm.choosing.replicates import Replicates
 from gmwm.choosing.selection import Ranking
 from gmwm.choosing.selection.search_steps import SearchStep
 from gmwm.fitting.estimation.result import Fit
@@ -36,6 +34,7 @@ if TYPE_CHECKING:
     from gmwm.applications.monitor import Baseline
     from gmwm.applications.navigation import Budget
     from gmwm.calibration.reference_check import ReferenceCheck, ReferenceLike
+    from gmwm.choosing.replicates import Replicates
     from gmwm.showing.exporters.reduction import Rule
 
 T = TypeVar("T")
@@ -292,15 +291,21 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
 
         return combined((self, *others))
 
-    def summary(self, *, every: bool = False) -> str:
+    def summary(self, dialect: Dialect = Dialect.PYTHON, *, every: bool = False, details: bool = False) -> str:
         """Return the calibration as text: verdict, a table for each sensor, and the most severe remarks.
 
         Parameters
         ----------
+        dialect : Dialect
+            Whether options are written as in Python or as in the shell.
         every : bool
             Whether to show all remarks instead of the five most severe.
+        details : bool
+            Whether to show the steps of the search for the model of each axis.
         """
-        return summary(self, every=every)
+        from gmwm.calibration.summary_text import summary
+
+        return summary(self, dialect, every=every, details=details)
 
     def to_frame(self, units: str = "datasheet") -> DataFrame:
         """Return the datasheet numbers of all axes as a Polars data frame, with one row for each axis and number.

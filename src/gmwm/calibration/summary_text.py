@@ -16,6 +16,7 @@ from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.misfit import is_line
 from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, in_order, key, number, with_error, wrapped
 from gmwm.choosing.replicates.result import RecordingNumber, short_spread
+from gmwm.choosing.selection.search_steps import search_lines
 from gmwm.theory.processes.ordered import Ordered
 
 if TYPE_CHECKING:
@@ -39,23 +40,21 @@ _BIAS, _MEAN = "b", "mean"
 _REST = {_BIAS: "bias", "b_on": "turn-on", "b_rms": "bias rms"}
 
 
-def summary(calibration: Calibration, dialect: Dialect = Dialect.PYTHON, *, every: bool = False) -> str:
-    """Return a calibration as text of at most 80 columns.
-
-    Parameters
-    ----------
-    calibration : Calibration
-    dialect : Dialect
-        Whether options are written as in Python or as in the shell.
-    every : bool
-        Whether to show all remarks instead of the five most severe.
-    """
+def summary(
+    calibration: Calibration, dialect: Dialect = Dialect.PYTHON, *, every: bool = False, details: bool = False
+) -> str:
+    """Return a calibration as text of at most 80 columns; `Calibration.summary` describes the parameters."""
     equality = equality_remarks(calibration)
     parts = [wrapped(calibration.verdict.text(dialect)), _head(calibration)]
     parts += [wrapped(text) for text in texts(equality, dialect, codes=True)]
     for sensor, axes in by_sensor(calibration.axes).items():
         parts.append([SENSORS.get(sensor, sensor or "Axes"), *_table(axes)])
     parts.append(_legend(calibration))
+    if details:
+        parts += [
+            [f"Why this model of {axis}?", *search_lines(found.search, WIDTH)]
+            for axis, found in calibration.axes.items() if found.search
+        ]  # fmt: skip
     for addition in axis_additions():
         parts.append(wrapped(addition.summary(calibration.addition(addition.name))))
     found = [remark for remark in calibration.remarks if remark not in equality]

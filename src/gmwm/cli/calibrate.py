@@ -128,6 +128,10 @@ def calibrate(
     ] = None,
     view: View = "wavelet",
     datasheet: Datasheet = False,
+    details: Annotated[
+        bool,
+        typer.Option(help="Also print why the model of each axis was chosen.", rich_help_panel=RESULT),
+    ] = False,
     all_topics: Annotated[
         bool,
         typer.Option(
@@ -181,7 +185,7 @@ def calibrate(
             require_axes(models, axes)
             chosen = replace(options, axes=axes, models=models)
             calibration = _unite(groups, files, chosen, scheduler=scheduler, workers=workers, helpers=processes)
-        return _outcome(calibration, files, output, view=view, datasheet=datasheet, helpers=processes)
+        return _outcome(calibration, files, output, view=view, datasheet=datasheet, details=details, helpers=processes)
 
     apart = separate_topics(files, reading)
     if apart:
@@ -226,6 +230,7 @@ def _outcome(
     *,
     view: Literal["wavelet", "allan"],
     datasheet: bool,
+    details: bool,
     helpers: Helpers,
 ) -> Outcome:
     """Return the outcome of the command, with the files to write."""
@@ -239,8 +244,8 @@ def _outcome(
     return Outcome(
         command="calibrate",
         document={**document, **document_of(files), "written": written},
-        text=summary(found, Dialect.SHELL),
-        all_text=text,
+        text=summary(found, Dialect.SHELL, details=details),
+        all_text=summary(found, Dialect.SHELL, every=True, details=True) if details else text,
         files=(*files_of_calibration, *kalibr.files),
         together=True,
         obsolete=kalibr.obsolete,
@@ -257,8 +262,8 @@ def calibrated(
     workers: int | None = None,
 ) -> Calibration:
     """Calibrate a recording, or several recordings of one unit by name, with a progress bar."""
-    from gmwm.calibration.api import calibrate_recording
     from gmwm.calibration.calibrate_axis import STAGES
+    from gmwm.calibration.calibrate_recordings import calibrate_recording
 
     before = 0
     axes = options.wanted or (next(iter(recording.values())) if isinstance(recording, Mapping) else recording).axes
@@ -275,7 +280,7 @@ def calibrated(
 
 
 def calibration_helpers(
-    *, plots: bool = False, before: str = "gmwm.calibration.api", count: int | None = None
+    *, plots: bool = False, before: str = "gmwm.calibration.calibrate_recordings", count: int | None = None
 ) -> Helpers:
     """Fork helpers that calibrate.
 

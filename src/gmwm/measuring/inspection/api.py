@@ -15,7 +15,6 @@ from gmwm.base.remarks import Remark
 from gmwm.base.threads import in_threads
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import SI_UNIT
-from gmwm.files.readers.streams import Stream
 from gmwm.measuring.inspection.axis_statistics import AxisStatistics
 from gmwm.measuring.inspection.findings import (
     MOVED,
@@ -36,7 +35,7 @@ from gmwm.measuring.inspection.time_grid import Extent
 from gmwm.measuring.inspection.trends import trend_of
 from gmwm.measuring.regression.against import AUTO, Against, Asked
 from gmwm.measuring.regression.conditions import NOTHING, Conditions
-from gmwm.recording.batches import Batch, Batches, Segments
+from gmwm.recording.batches import Batch, Batches, Segments, Streamed
 from gmwm.recording.resolution import Sample, before_rounding, step_of
 from gmwm.recording.signals import Imu, Signal
 
@@ -56,7 +55,7 @@ Values = Callable[[str, int, int], Vector]
 """Function of axis, first and last index that returns the samples of a half-open range."""
 
 
-def inspect(recording: Imu | Stream, *, against: Against = AUTO) -> Inspection:
+def inspect(recording: Imu | Streamed, *, against: Against = AUTO) -> Inspection:
     """Check a recording of a sensor at rest: time base, units, quantization, motion, knocks, jumps and warm-up.
 
     Parameters
@@ -90,12 +89,12 @@ def inspect(recording: Imu | Stream, *, against: Against = AUTO) -> Inspection:
     >>> found.axes["gyro_x"].lsb, found.knocks[0].time
     (0.001, 30.0)
     """
-    if not isinstance(recording, Imu | Stream):
+    if not isinstance(recording, Imu | Streamed):
         raise _not_a_recording(recording)
     return inspected(recording, Conditions.of_recording(recording, Asked.of(against)))
 
 
-def inspected(recording: Imu | Stream, conditions: Conditions) -> Inspection:
+def inspected(recording: Imu | Streamed, conditions: Conditions) -> Inspection:
     """Inspect a recording whose axes are regressed on conditions."""
     batches = Batches(recording)
     first_pass = FirstPass(batches)
