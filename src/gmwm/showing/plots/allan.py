@@ -129,7 +129,7 @@ def _marks(curve: ClusterVariance, view: ClusterView, stroke: Stroke, label: str
     limits = f"{100 * curve.confidence:g} % confidence"
     return [
         Line(x, y, stroke=shown, label=label, layer=FRONT),
-        Band(x=x, lower=lower, upper=upper, colour=stroke.colour, opacity=opacity, label=limits, layer=BAND),
+        Band(x, lower, upper, stroke.colour, opacity=opacity, label=limits, layer=BAND),
     ]
 
 

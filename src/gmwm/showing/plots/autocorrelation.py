@@ -35,15 +35,9 @@ EXPECTED = Stroke(BLACK, 0.8)
 
 
 def autocorrelation_panel(r: Vector, error: Vector, title: str = "") -> Panel:
-    """Return a panel with an autocorrelation and its confidence limits for white noise.
+    """Return a panel with an autocorrelation r (L,) at the lags 1 … L, and its confidence limits for white noise.
 
-    Parameters
-    ----------
-    r : (L,) array
-        Autocorrelation at the lags 1 … L.
-    error : (L,) array
-        Standard deviation of the autocorrelation at each lag if the signal is white noise.
-    title : str
+    `error` (L,) is the standard deviation of each value for white noise.
     """
     lag = np.arange(1.0, r.size + 1)
     limit = NormalDist().inv_cdf((1 + LEVEL) / 2) * error
@@ -54,7 +48,7 @@ def autocorrelation_panel(r: Vector, error: Vector, title: str = "") -> Panel:
     stems = np.column_stack([np.zeros(r.size), r, np.full(r.size, math.nan)]).ravel()
     label = f"{percent(LEVEL)} limits of each point"
     marks: list[Mark] = [
-        Band(x=lag, lower=-limit, upper=limit, colour=GREY, opacity=0.25, label=label, layer=BAND),
+        Band(lag, -limit, limit, GREY, label=label, layer=BAND),
         Line(ends, np.zeros(2), stroke=EXPECTED, label="Expected", layer=BEHIND),
         Line(np.repeat(lag, 3), stems, stroke=Stroke(BLUE, 0.9 if r.size <= FEW else 0.5), label="", layer=MIDDLE),
     ]

@@ -51,46 +51,31 @@ def observed_marks(
     label: str = "",
     used: NDArray[np.bool_] | None = None,
 ) -> tuple[Mark, ...]:
-    """Return the marks of a measured curve: the line with symbols, and the confidence band.
+    """Return the marks of a measured curve: the line with symbols, and the confidence band in the colour of the line.
 
-    Levels that a fit left out have open symbols.
-
-    Parameters
-    ----------
-    wv : WaveletVariance
-        The measured curve.
-    view : View
-        Quantity and unit of the plot.
-    stroke : Stroke, optional
-        Style of the curve, whose colour the band also has. The default depends on whether the estimate is robust.
-    label : str
-        Legend entry. Default: the name of the quantity.
-    used : (J,) array of bool, optional
-        Whether the fit used each level. Default: all levels.
+    Levels that a fit has not `used` have open symbols. The default stroke depends on whether the estimate is robust,
+    and the default label is the name of the quantity.
     """
     x, y = view.time(wv.tau), drawable(view.height(wv.variance))
     stroke = stroke or (ROBUST if wv.robust else OBSERVED)
     robust = ", robust" if wv.robust else ""
     name = label or {"wavelet": "Wavelet variance", "allan": "Allan deviation"}[view.name] + robust
-    kept = np.ones(y.shape, dtype=bool) if used is None else np.asarray(used, dtype=bool)
-    lower, upper = band_edges(wv, view)
-    marks: list[Mark] = [
-        Line(x, y, stroke=stroke if kept.all() else replace(stroke, symbol=None), label=name, layer=FRONT),
-        Band(
-            x=x,
-            lower=lower,
-            upper=upper,
-            colour=stroke.colour,
-            opacity=0.22,
-            label=f"{100 * wv.confidence:g} % confidence",
-            layer=BAND,
-        ),
-    ]
-    if not kept.all():
-        dots, rings = replace(stroke, width=0.0), replace(stroke, width=0.0, filled=False)
-        marks.append(Line(x, np.where(kept, y, np.nan), stroke=dots, label="", layer=FRONT))
-        marks.append(Line(x, np.where(kept, np.nan, y), stroke=rings, label="Left out of the fit", layer=FRONT))
-    return tuple(marks)
+    fitted = np.ones(y.shape, dtype=bool) if used is None else np.asarray(used, dtype=bool)
+    band = confidence_band(x, *band_edges(wv, view), colour=stroke.colour, confidence=wv.confidence)
+    line = Line(x, y, stroke=stroke if fitted.all() else replace(stroke, symbol=None), label=name, layer=FRONT)
+    if fitted.all():
+        return line, band
+    dots, rings = replace(stroke, width=0.0), replace(stroke, width=0.0, filled=False)
+    return (
+        line, band, Line(x, np.where(fitted, y, np.nan), stroke=dots, layer=FRONT),
+        Line(x, np.where(fitted, np.nan, y), stroke=rings, label="Left out of the fit", layer=FRONT),
+    )  # fmt: skip
+
+
+def confidence_band(x: Vector, lower: Vector, upper: Vector, *, colour: str, confidence: float) -> Band:
+    """Return the band between confidence limits, with the confidence level in the legend."""
+    label = f"{100 * confidence:g} % confidence"
+    return Band(x, lower, upper, colour, opacity=0.22, label=label, layer=BAND)
 
 
 def curves_then_bands(marks: Iterable[Mark], curves: int) -> list[Mark]:
@@ -102,8 +87,8 @@ def curves_then_bands(marks: Iterable[Mark], curves: int) -> list[Mark]:
 def band_edges(wv: WaveletVariance, view: View) -> tuple[Vector, Vector]:
     """Return the vertical positions of the lower and upper limits; NaN where the estimate itself cannot be drawn."""
     lower, upper = view.height(wv.lower), view.height(wv.upper)
-    there = np.isfinite(drawable(view.height(wv.variance))) & ~np.isnan(lower) & ~np.isnan(upper)
-    return np.where(there, lower, np.nan), np.where(there, upper, np.nan)
+    valid = np.isfinite(drawable(view.height(wv.variance))) & ~np.isnan(lower) & ~np.isnan(upper)
+    return np.where(valid, lower, np.nan), np.where(valid, upper, np.nan)
 
 
 def closed_panel(
@@ -116,22 +101,10 @@ def closed_panel(
     names: Sequence[str] = ("",),
     title: str = "",
 ) -> Panel:
-    """Return a panel whose axes fit the measured curves. Symbols at its lower border mark variances of zero.
+    """Return a panel whose axes fit the measured curves with their confidence limits, each in its view.
 
-    Parameters
-    ----------
-    views : sequence of View
-        View of each measured curve. All views have the same quantity and unit.
-    measured : sequence of WaveletVariance
-        The measured curves. They and their confidence limits determine the limits of the axes.
-    marks : iterable of Mark
-        The marks of the panel.
-    around : iterable of (n,) arrays
-        Further vertical positions to include in the axis, up to a factor `View.reach` beyond the curves.
-    strokes, names : sequences of Stroke and of str
-        Stroke and name of each measured curve, which the symbols for its zeros have too.
-    title : str
-        Title of the panel.
+    The axis also includes the heights `around`, up to a factor `View.reach` beyond the curves. Symbols at the lower
+    border, with the strokes and names of the curves, mark variances of zero.
     """
     shown = list(zip(views, measured, strokes, names, strict=True))
     edges = [edge for view, wv, _, _ in shown for edge in band_edges(wv, view)]

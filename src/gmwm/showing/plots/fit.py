@@ -69,12 +69,7 @@ tests/plots/test_plot_limits.py."""
 
 
 def fit_panel(
-    fit: Fitted,
-    *,
-    view: ViewName = "wavelet",
-    units: UnitSystem = "si",
-    decomposition: bool = True,
-    alone: bool = True,
+    fit: Fitted, *, view: ViewName = "wavelet", units: UnitSystem = "si", decomposition: bool = True, alone: bool = True
 ) -> Panel:
     """Return the panel that `plot_fit` draws.
 

@@ -13,9 +13,18 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
 from gmwm.showing.plots.axes import signed_axis, time_axis
-from gmwm.showing.plots.curves import ABOVE, BAND, BEHIND, FRONT, MIDDLE, closed_panel, observed_marks, view_for
+from gmwm.showing.plots.curves import (
+    ABOVE,
+    BEHIND,
+    FRONT,
+    MIDDLE,
+    closed_panel,
+    confidence_band,
+    observed_marks,
+    view_for,
+)
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, Symbol, Tick, drawable
+from gmwm.showing.plots.figure import Axis, Figure, Line, Mark, Panel, Stroke, Symbol, Tick, drawable
 from gmwm.showing.plots.imu import PAGE, SINGLE
 from gmwm.showing.plots.labels import axis_title, model_text
 from gmwm.showing.plots.style import GREY, IMPLIED, OBSERVED, term_stroke
@@ -60,13 +69,9 @@ def ranking_figure(ranking: Ranking, *, limit: int = 4, view: ViewName = "wavele
         words.append(f"mean of {recordings} recordings")
     title = ", ".join(filter(None, words))
     return Figure(
-        rows=(*rows, (criteria,)),
-        width=PAGE,
-        height=sum(heights) + foot,
-        title=title[:1].upper() + title[1:],
-        legend_columns=3,
-        heights=heights,
-    )
+        rows=(*rows, (criteria,)), width=PAGE, height=sum(heights) + foot, title=title[:1].upper() + title[1:],
+        legend_columns=3, heights=heights,
+    )  # fmt: skip
 
 
 def candidates_figure(comparison: Comparison, *, view: ViewName = "wavelet", units: UnitSystem = "si") -> Figure:
@@ -113,27 +118,13 @@ def _distances(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view:
     times = view_for(wv, view, units).time(wv.tau)
     x = time_axis(times, view_for(wv, view, units).time_label)
     ends = np.array(x.limits)
-    band = Band(
-        x=ends,
-        lower=np.full(2, -1.0),
-        upper=np.full(2, 1.0),
-        colour=OBSERVED.colour,
-        opacity=0.22,
-        label=f"{100 * wv.confidence:g} % confidence",
-        layer=BAND,
-    )
+    band = confidence_band(ends, np.full(2, -1.0), np.full(2, 1.0), colour=OBSERVED.colour, confidence=wv.confidence)
     marks: list[Mark] = [band, Line(ends, np.zeros(2), stroke=Stroke(OBSERVED.colour, 0.9), label="", layer=BEHIND)]
     rows = [distance(wv, np.asarray(c.fit.implied)) for c in candidates]
     for candidate, row, stroke in zip(candidates, rows, strokes, strict=True):
         layer = MIDDLE if stroke is FIRST else ABOVE
         marks.append(Line(times, row, stroke=stroke, label=_name(candidate), layer=layer))
-    y = signed_axis(
-        np.concatenate(rows),
-        "Distance (confidence limit = 1)",
-        linear=1.0,
-        even=EVEN_DISTANCE,
-        least=1.2,
-    )
+    y = signed_axis(np.concatenate(rows), "Distance (confidence limit = 1)", linear=1.0, even=EVEN_DISTANCE, least=1.2)
     return Panel(x, y, tuple(marks), "Models above (+) and below (−) the data")
 
 
@@ -146,8 +137,8 @@ def distance(wv: WaveletVariance, implied: Vector) -> Vector:
     """
     above = implied - wv.variance
     room = np.where(above > 0, wv.upper - wv.variance, wv.variance - wv.lower)
-    there = np.isfinite(room) & (room > 0)
-    return np.where(there, above / np.where(there, room, 1.0), np.nan)
+    limited = np.isfinite(room) & (room > 0)
+    return np.where(limited, above / np.where(limited, room, 1.0), np.nan)
 
 
 def _criteria(listed: Sequence[Candidate], strokes: dict[int, Stroke]) -> Panel:
@@ -164,10 +155,7 @@ def _criteria(listed: Sequence[Candidate], strokes: dict[int, Stroke]) -> Panel:
     head = Tick(len(listed) + 1.0, _NUMBERS if name == "WIC" else f"{name}; {_NUMBERS}")
     y = Axis("", (0.4, len(listed) + 1.4), tuple(ticks), grid=tuple(places), opposite=(*numbers, head), linear=np.inf)
     x = signed_axis(
-        np.array([c.difference for c in listed]),
-        f"{name} above the best",
-        linear=EVEN_DIFFERENCE,
-        even=EVEN_DISTANCE,
+        np.array([c.difference for c in listed]), f"{name} above the best", linear=EVEN_DIFFERENCE, even=EVEN_DISTANCE
     )
     return Panel(x, y, tuple(marks))
 

@@ -17,10 +17,10 @@ from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
 from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.labels import axis_title, model_text
-from gmwm.showing.plots.linear import even_axis, number_at, time_unit
+from gmwm.showing.plots.linear import elapsed_axis, even_axis, number_at
 from gmwm.showing.plots.series import DOTS, PAGE
 from gmwm.showing.plots.style import BLUE, GREY, VERMILLION
-from gmwm.showing.plots.trace import even_trace, isolated
+from gmwm.showing.plots.trace import even_trace, isolated_dots
 
 if TYPE_CHECKING:
     pass
@@ -48,18 +48,16 @@ def time_panel(residuals: Residuals) -> Panel:
     """
     z = residuals.observed
     largest = NormalDist().inv_cdf((1 + LEVEL ** (1 / z.size)) / 2)
-    one = even_trace(residuals.values, residuals.rate, 1.0, round(DOTS * PAGE))
-    unit, size = time_unit(residuals.values.size / residuals.rate)
-    last = (residuals.values.size - 1) / residuals.rate / size
-    x = even_axis(0.0, last, f"Time since the first sample ({unit})", margin=0.01, at_most=10)
-    y = even_axis(min(one.low, -largest), max(one.high, largest), "Standardised innovation", margin=0.06, at_most=7)
-    times = one.seconds / size
+    samples = even_trace(residuals.values, residuals.rate, 1.0, round(DOTS * PAGE))
+    count = residuals.values.size
+    x, size = elapsed_axis(0.0, (count - 1) / residuals.rate, count / residuals.rate)
+    ends = min(samples.low, -largest), max(samples.high, largest)
+    y = even_axis(*ends, "Standardised innovation", margin=0.06, at_most=7)
+    times = samples.seconds / size
     across = np.array([*x.limits, math.nan, *x.limits])
     limits = np.array([largest, largest, math.nan, -largest, -largest])
-    lone = isolated(one.y)
-    marks: list[Mark] = [Line(times, one.y, stroke=LINE, label="", layer=MIDDLE)]
-    if np.any(lone):
-        marks.append(Line(times[lone], one.y[lone], stroke=DOTTED, label="", layer=MIDDLE))
+    marks: list[Mark] = [Line(times, samples.y, stroke=LINE, layer=MIDDLE)]
+    marks += isolated_dots(times, samples.y, BLUE, MIDDLE)
     marks.append(Line(across, limits, stroke=LIMIT, label=f"{percent(LEVEL)} limits of the largest", layer=FRONT))
     beyond = int(np.count_nonzero(np.abs(z) > largest))
     name = ", ".join(filter(None, [axis_title(residuals.axis), model_text(residuals.model.terms)]))
@@ -81,15 +79,7 @@ def quantile_panel(residuals: Residuals) -> Panel:
     y = even_axis(low, high, "Observed quantile", margin=0.08, at_most=7)
     normality = residuals.normality()
     marks = (
-        Band(
-            x=normal,
-            lower=lower,
-            upper=upper,
-            colour=GREY,
-            opacity=0.25,
-            label=f"{percent(LEVEL)} limits of each point",
-            layer=BAND,
-        ),
+        Band(normal, lower, upper, GREY, label=f"{percent(LEVEL)} limits of each point", layer=BAND),
         Line(np.array(x.limits), np.array(x.limits), stroke=EXPECTED, label="Expected", layer=BEHIND),
         Line(normal, observed, stroke=DOTTED, label="Observed", layer=FRONT),
     )
@@ -102,14 +92,8 @@ def order_limits(normal: Vector, count: int, level: float = LEVEL) -> tuple[Vect
     For the k-th smallest value z of N, Φ(z) has the distribution Beta(k, N − k + 1), where Φ is the normal distribution
     function.
 
-    Parameters
-    ----------
-    normal : (n,) array
-        Normal quantiles that are the expected values of the order statistics.
-    count : int
-        Sample size N.
-    level : float
-        Probability that an order statistic lies within its limits.
+    `normal` (n,) has the normal quantiles that are the expected values of the order statistics of `count` = N samples.
+    `level` is the probability that an order statistic lies within its limits.
 
     >>> low, high = order_limits(np.array([-2.0, 2.0]), 10_000)
     >>> print(*(f"{a:.3f} to {b:.3f};" for a, b in zip(low, high, strict=True)))

@@ -34,27 +34,12 @@ def named_panel(
 ) -> Panel:
     """Return a panel with one named curve. Its axes also include the curves that gmwm has already drawn on `ax`.
 
-    Parameters
-    ----------
-    item : WaveletVariance or Fit
-        The curve. A fit is drawn with symbols for the data and a line for the model.
-    label : str, optional
-        Name in the legend. Default: the sensor axis.
-    color : str, optional
-        A Matplotlib colour. Default: the next colour that the earlier curves do not have.
-    view, units
-        As for `plot_wavelet_variance`.
-    ax : matplotlib Axes, optional
-        Axes on which earlier curves may have been drawn.
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown, or if the earlier curves have another quantity or unit.
+    The default label is the sensor axis, the default colour the next one that the earlier curves do not have. Raises
+    OptionError if the earlier curves have another quantity or unit.
     """
     drawn = ax if isinstance(ax, Axes) else None
     # Each earlier curve has one confidence band, so the number of bands is the number of curves.
-    before = 0 if drawn is None else sum(isinstance(one, PolyCollection) for one in drawn.collections)
+    before = 0 if drawn is None else sum(isinstance(artist, PolyCollection) for artist in drawn.collections)
     stroke = curve_stroke(before)
     if color is not None:
         stroke = replace(stroke, colour=_hex(color))
@@ -100,13 +85,7 @@ def _hex(color: str) -> str:
 
 
 def _joined(panel: Panel, ax: Axes) -> Panel:
-    """Return the panel with axes that also include the curves on `ax`.
-
-    Raises
-    ------
-    OptionError
-        If `ax` shows another quantity or unit.
-    """
+    """Return the panel with axes that also include the curves on `ax`, which must show the same quantity and unit."""
     if ax.get_ylabel() != panel.y.label:
         raise OptionError(
             f"curves on the same axes need the same quantity and unit, but they are {ax.get_ylabel()!r} and "

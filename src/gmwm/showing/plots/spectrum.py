@@ -14,9 +14,9 @@ from gmwm.base.errors import OptionError
 from gmwm.base.units import datasheet_units, noise_unit
 from gmwm.measuring.spectrum.welch import ENERGY_WIDTH
 from gmwm.showing.plots.axes import limits_near, limits_of, power_ticks, value_axis
-from gmwm.showing.plots.curves import ABOVE, BAND, FRONT, MIDDLE
+from gmwm.showing.plots.curves import ABOVE, FRONT, MIDDLE, confidence_band
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, drawable, single_panel
+from gmwm.showing.plots.figure import Axis, Figure, Line, Mark, Panel, Stroke, drawable, single_panel
 from gmwm.showing.plots.fit import LINES
 from gmwm.showing.plots.labels import axis_title, model_text
 from gmwm.showing.plots.style import BLUE, IMPLIED, SOLID, VERMILLION, term_strokes
@@ -79,10 +79,8 @@ def spectrum_panel(
     lower, upper = (np.where(np.isfinite(y), factor * np.sqrt(limit), np.nan) for limit in (shown.lower, shown.upper))
     marks: list[Mark] = [
         Line(f, y, stroke=Stroke(BLUE, 0.9), label="Spectrum", layer=FRONT),
-        Band(
-            f, lower, upper, colour=BLUE, opacity=0.22, label=f"{100 * shown.confidence:g} % confidence", layer=BAND
-        ),
-    ]  # fmt: skip
+        confidence_band(f, lower, upper, colour=BLUE, confidence=shown.confidence),
+    ]
     curves: list[Line] = []
     if model is not None:
         curves = _model_lines(shown, model, factor=factor, alone=alone)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector
 from gmwm.base.time_base import begins_of
 from gmwm.recording.signals import Signal
+from gmwm.showing.plots.figure import Line, Stroke
 
 TAIL = 0.005
 """Fraction of the smallest and of the largest samples that are ignored when the limits of a clipped plot are chosen."""
@@ -134,19 +135,19 @@ def extremes_there(values: Vector, columns: int) -> NDArray[np.int64]:
     >>> extremes_there(np.array([0.0, 5.0, 1.0, 4.0, 2.0, *6 * [np.nan], 7.0, 8.0, 6.0, 7.0]), 3)
     array([ 0,  1,  4,  5, 11, 12, 13, 14])
     """
-    n, there = values.size, np.isfinite(values)
-    if n <= 4 * columns or np.all(there):
+    n, finite = values.size, np.isfinite(values)
+    if n <= 4 * columns or np.all(finite):
         return extremes(values, columns)
-    least, greatest = np.where(there, values, math.inf), np.where(there, values, -math.inf)
-    kept: list[int] = []
+    least, greatest = np.where(finite, values, math.inf), np.where(finite, values, -math.inf)
+    indices: list[int] = []
     for a, b in pairwise(np.linspace(0, n, columns + 1).astype(np.int64).tolist()):
-        run = there[a:b]
+        run = finite[a:b]
         if not np.any(run):
-            kept.append(a)
+            indices.append(a)
             continue
         first, last = a + int(np.argmax(run)), b - 1 - int(np.argmax(run[::-1]))
-        kept += [first, a + int(np.argmin(least[a:b])), a + int(np.argmax(greatest[a:b])), last]
-    return np.unique(np.array(kept, dtype=np.int64))
+        indices += [first, a + int(np.argmin(least[a:b])), a + int(np.argmax(greatest[a:b])), last]
+    return np.unique(np.array(indices, dtype=np.int64))
 
 
 def envelope(lower: Vector, upper: Vector, columns: int) -> tuple[Vector, Vector, Vector]:
@@ -158,8 +159,8 @@ def envelope(lower: Vector, upper: Vector, columns: int) -> tuple[Vector, Vector
     >>> envelope(np.array([0.0, -1.0, 2.0, 3.0]), np.array([1.0, 2.0, np.inf, 5.0]), 2)
     (array([0., 3.]), array([-1.,  3.]), array([2., 5.]))
     """
-    n, there = lower.size, np.isfinite(lower) & np.isfinite(upper)
-    low, high = np.where(there, lower, math.nan), np.where(there, upper, math.nan)
+    n, finite = lower.size, np.isfinite(lower) & np.isfinite(upper)
+    low, high = np.where(finite, lower, math.nan), np.where(finite, upper, math.nan)
     if n <= columns:
         return np.arange(float(n)), low, high
     starts = np.linspace(0, n, columns + 1).astype(np.int64)[:-1]
@@ -173,8 +174,15 @@ def isolated(y: Vector) -> NDArray[np.bool_]:
     >>> isolated(np.array([1.0, np.nan, 2.0, 3.0])).tolist()
     [True, False, False, False]
     """
-    there = np.concatenate([[False], np.isfinite(y), [False]])
-    return np.asarray(there[1:-1] & ~there[:-2] & ~there[2:])
+    finite = np.concatenate([[False], np.isfinite(y), [False]])
+    return np.asarray(finite[1:-1] & ~finite[:-2] & ~finite[2:])
+
+
+def isolated_dots(x: Vector, y: Vector, colour: str, layer: int) -> tuple[Line, ...]:
+    """Return symbols at the isolated values of a line; nothing if there are none."""
+    alone = isolated(y)
+    dots = Line(x[alone], y[alone], stroke=Stroke(colour, 0.0, symbol="circle"), layer=layer)
+    return (dots,) if np.any(alone) else ()
 
 
 def _runs(signal: Signal, columns: int) -> Iterator[tuple[int, int, int]]:
@@ -194,9 +202,10 @@ def _runs(signal: Signal, columns: int) -> Iterator[tuple[int, int, int]]:
             first, opened = stop, signal.starts[k + 1]
 
 
-def removed(one: Trace) -> float:
+def offset_of(samples: Trace) -> float:
     """Return the constant to subtract from a trace: its rounded mean if all samples are far from zero, otherwise 0."""
-    return 0.0 if one.low - one.span <= 0 <= one.high + one.span else in_digits(one.mean, one.span)
+    near_zero = samples.low - samples.span <= 0 <= samples.high + samples.span
+    return 0.0 if near_zero else in_digits(samples.mean, samples.span)
 
 
 def in_digits(mean: float, span: float) -> float:

@@ -47,12 +47,7 @@ def verdict(calibration: Calibration) -> dict[str, Any]:
     equality = equality_remarks(calibration)
     cautions = [one for one in calibration.remarks if one.severity is not Severity.INFO and one not in equality]
     points = [*equality, *cautions, *_results(calibration)]
-    return {
-        "state": state_of(head),
-        "code": head.code,
-        "headline": head.text(Dialect.HTML),
-        "points": _points(points),
-    }
+    return {"state": state_of(head), "code": head.code, "headline": head.text(Dialect.HTML), "points": _points(points)}
 
 
 def notes(calibration: Calibration) -> list[dict[str, Any]]:
