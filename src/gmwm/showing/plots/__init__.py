@@ -1,8 +1,8 @@
 """Plots of results with Matplotlib. `result.plot()` calls the function that is registered for the type of the result.
 
 Each plot has two functions. The first returns a description of the plot without Matplotlib, as a `Panel` or `Figure`
-of `gmwm.plots.figure` (for example `fit_panel` or `imu_figure`). The second (`plot_…`) draws this description with
-Matplotlib, which is imported when the first plot is drawn.
+of `gmwm.showing.plots.figure` (for example `fit_panel` or `imu_figure`). The second (`plot_…`) draws this description
+with Matplotlib, which is imported when the first plot is drawn.
 
 The functions `plot_…` return a `matplotlib.figure.Figure` that is not registered with pyplot, so it need not be closed,
 and notebooks display it. If `path` is given, they also write the picture to a .png, .pdf or .svg file.

@@ -125,10 +125,10 @@ def time_axis(times: Vector, label: str) -> Axis:
     one_grid = bool(np.all(scales[1:] > 1.9 * scales[:-1]))
     grid = scales.tolist() if one_grid else [tick.value for tick in ticks]
     above = [Tick(value, text) for value, text in _DURATIONS if limits[0] <= value <= limits[1]]
-    return Axis(label, limits, ticks, grid=tuple(grid), opposite=spaced(above, limits, 0.1))
+    return Axis(label, limits, ticks, grid=tuple(grid), opposite=thin_ticks(above, limits, 0.1))
 
 
-def spaced(ticks: Sequence[Tick], limits: tuple[float, float], share: float) -> tuple[Tick, ...]:
+def thin_ticks(ticks: Sequence[Tick], limits: tuple[float, float], share: float) -> tuple[Tick, ...]:
     """Return only those ticks whose distance from the previous one is at least the fraction `share` of the axis."""
     distant: list[Tick] = []
     least = (limits[1] / limits[0]) ** share

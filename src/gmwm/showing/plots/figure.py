@@ -251,5 +251,4 @@ def single_panel(panel: Panel, height: float = 80.0, legend_rows: int = 0) -> Fi
 
 def drawable(values: Vector) -> Vector:
     """Return `values` with NaN for each value that a logarithmic axis cannot show (zero, negative or not finite)."""
-    kept = np.isfinite(values) & (values > 0)
-    return np.where(kept, values, np.nan)
+    return np.where(np.isfinite(values) & (values > 0), values, np.nan)

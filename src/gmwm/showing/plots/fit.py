@@ -64,7 +64,7 @@ right, so the top centre is free."""
 LINE = 28
 """Number of characters in a line of the text at `REMARK`."""
 LINES = 2
-"""Largest number of sinusoids that are drawn as separate curves, also in `gmwm.plots.spectrum`. Pinned by
+"""Largest number of sinusoids that are drawn as separate curves, also in `gmwm.showing.plots.spectrum`. Pinned by
 tests/plots/test_plot_limits.py."""
 
 
@@ -108,7 +108,7 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ..
     processes = dict(zip(fit.model.terms, fit.model.processes, strict=True))
     strokes = term_strokes(fit.model.terms, fit.model.processes)
     lines, zero = [], []
-    curves, sinusoids = _summed(fit)
+    curves, sinusoids = _curves_by_term(fit)
     for term, variance in curves.items():
         y = drawable(view.height(np.asarray(variance)))
         if not np.any(np.isfinite(y)):
@@ -130,7 +130,7 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ..
     return tuple(lines)
 
 
-def _summed(fit: Fitted) -> tuple[dict[str, Vector], Sequence[str]]:
+def _curves_by_term(fit: Fitted) -> tuple[dict[str, Vector], Sequence[str]]:
     """Return the curve of each term, and the terms that are combined into one curve.
 
     If the model has more than `LINES` sinusoids, they are combined: the first of them has the sum of their curves.
@@ -150,8 +150,8 @@ def _term_entry(term: str, process: Process, view: View, wv: WaveletVariance) ->
 
     It has datasheet values such as N if the plot has datasheet units, and otherwise the key parameters of the process.
     """
-    found = datasheet_label(term, process, wv.unit, wv.rate) if view.of_datasheets else ""
-    return found or term_label(term, process, view, wv.rate)
+    label = datasheet_label(term, process, wv.unit, wv.rate) if view.of_datasheets else ""
+    return label or term_label(term, process, view, wv.rate)
 
 
 def _summit(line: Line) -> Vector:

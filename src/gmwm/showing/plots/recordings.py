@@ -28,16 +28,16 @@ linear."""
 _REACH = 1.96
 
 
-def recordings_figure(found: Replicates) -> Figure:
+def recordings_figure(replicates: Replicates) -> Figure:
     """Return the figure that `plot_recordings` draws.
 
     It shows by how many per cent the wavelet deviation of each recording differs from the mean of all recordings.
     """
-    wv, fit = found.fit.wavelet_variance, found.fit
+    wv, fit = replicates.fit.wavelet_variance, replicates.fit
     curves = wv.recordings
-    ratios = {name: 100 * (np.sqrt(one.variance[: len(wv)] / wv.variance[: len(one)]) - 1)
-              for name, one in curves.items()}  # fmt: skip
-    typical = sorted(curves.values(), key=lambda one: one.samples)[len(curves) // 2]
+    ratios = {name: 100 * (np.sqrt(curve.variance[: len(wv)] / wv.variance[: len(curve)]) - 1)
+              for name, curve in curves.items()}  # fmt: skip
+    typical = sorted(curves.values(), key=lambda curve: curve.samples)[len(curves) // 2]
     typical_levels = min(len(typical), len(wv))
     design = Design.of(typical).only(typical.levels <= typical_levels)
     # A recording contributes to the mean, so it differs less from the mean than from another recording.
@@ -57,9 +57,9 @@ def recordings_figure(found: Replicates) -> Figure:
 
 
 @drawing
-def plot_recordings(found: Replicates, *, path: str | os.PathLike[str] | None = None) -> Figure:
+def plot_recordings(replicates: Replicates, *, path: str | os.PathLike[str] | None = None) -> Figure:
     """Draw the relative difference between the wavelet deviation of each recording and of all recordings together.
 
     A band shows the range of differences that chance explains.
     """
-    return recordings_figure(found)
+    return recordings_figure(replicates)

@@ -20,7 +20,7 @@ from gmwm.showing.plots.labels import axis_title, model_text
 from gmwm.showing.plots.linear import elapsed_axis, even_axis, number_at
 from gmwm.showing.plots.series import DOTS, PAGE
 from gmwm.showing.plots.style import BLUE, GREY, VERMILLION
-from gmwm.showing.plots.trace import even_trace, isolated_dots
+from gmwm.showing.plots.trace import even_trace, lone_dots
 
 if TYPE_CHECKING:
     pass
@@ -57,7 +57,7 @@ def time_panel(residuals: Residuals) -> Panel:
     across = np.array([*x.limits, math.nan, *x.limits])
     limits = np.array([largest, largest, math.nan, -largest, -largest])
     marks: list[Mark] = [Line(times, samples.y, stroke=LINE, layer=MIDDLE)]
-    marks += isolated_dots(times, samples.y, BLUE, MIDDLE)
+    marks += lone_dots(times, samples.y, BLUE, MIDDLE)
     marks.append(Line(across, limits, stroke=LIMIT, label=f"{percent(LEVEL)} limits of the largest", layer=FRONT))
     beyond = int(np.count_nonzero(np.abs(z) > largest))
     name = ", ".join(filter(None, [axis_title(residuals.axis), model_text(residuals.model.terms)]))

@@ -18,7 +18,7 @@ from gmwm.showing.plots.figure import Figure, Line, Mark, Panel, Stroke, Symbol
 from gmwm.showing.plots.labels import axis_title, model_text, sensor_and_letter, term_label
 from gmwm.showing.plots.linear import elapsed_axis, scaled_axis
 from gmwm.showing.plots.style import BLUE, letter_stroke, term_strokes
-from gmwm.showing.plots.trace import Trace, isolated_dots, offset_of, trace
+from gmwm.showing.plots.trace import Outline, lone_dots, offset_of, trace
 from gmwm.showing.plots.view import UnitSystem, View, view_of
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def signal_panel(signal: Signal, *, units: UnitSystem = "si", width: float = PAG
     samples = trace(signal, shown.factor, round(DOTS * width))
     mean = offset_of(samples)
     title = _without_mean(axis_title(signal.axis), mean, shown.unit)
-    return _panels([_Row(samples.less(mean), _stroke(signal.axis), title)], shown, quantity_name(signal.unit))[0]
+    return _panels([_SignalRow(samples.less(mean), _stroke(signal.axis), title)], shown, quantity_name(signal.unit))[0]
 
 
 def recording_figure(imu: Imu, *, units: UnitSystem = "si") -> Figure:
@@ -87,7 +87,7 @@ def _sensor_panels(imu: Imu, axes: Sequence[str], units: UnitSystem, width: floa
             mean = offset_of(samples)
             title = _without_mean(axis_title(axis), mean, shown.unit)
             title += " (▲▼: beyond the limits)" if any(samples.clipped) else ""
-            rows.append(_Row(samples.less(mean), _stroke(axis), title))
+            rows.append(_SignalRow(samples.less(mean), _stroke(axis), title))
         panels |= dict(zip(members, _panels(rows, shown, quantity_name(unit)), strict=True))
     return [panels[axis] for axis in axes]
 
@@ -103,24 +103,26 @@ def components_figure(simulated: SimulatedSignal, *, units: UnitSystem = "si") -
     step = simulated.resolution
     steps = f", in steps of {number_text(shown.factor * step)} {shown.unit}".rstrip() if step else ""
     title = f"{name}{less}: {model_text(model.terms)}{steps}"
-    rows = [_Row(trace(signal, shown.factor, columns).less(offset), Stroke(BLUE, WIDTH), title)]
+    rows = [_SignalRow(trace(signal, shown.factor, columns).less(offset), Stroke(BLUE, WIDTH), title)]
     strokes = term_strokes(model.terms, model.processes)
     for term, process in zip(model.terms, model.processes, strict=True):
         path = trace(simulated[term], shown.factor, columns)
-        rows.append(_Row(path, Stroke(strokes[term].colour, WIDTH), term_label(term, process, shown, signal.rate)))
+        rows.append(
+            _SignalRow(path, Stroke(strokes[term].colour, WIDTH), term_label(term, process, shown, signal.rate))
+        )
     panels = _panels(rows, shown)
     stacked = time_once([(panel,) for panel in panels])
     return Figure(stacked, width=PAGE, height=12.0 + row_height(len(rows), 34.0) * len(rows))
 
 
 @dataclass(frozen=True, eq=False)
-class _Row:
-    trace: Trace
+class _SignalRow:
+    trace: Outline
     stroke: Stroke
     title: str
 
 
-def _panels(rows: Sequence[_Row], shown: View, name: str = "") -> list[Panel]:
+def _panels(rows: Sequence[_SignalRow], shown: View, name: str = "") -> list[Panel]:
     """Return panels of one quantity over the same time.
 
     If possible, they have a common vertical scale, or at least a common power of ten in their labels.
@@ -140,7 +142,7 @@ def _panels(rows: Sequence[_Row], shown: View, name: str = "") -> list[Panel]:
     return panels
 
 
-def _marks(row: _Row, size: float, scale: float) -> tuple[Mark, ...]:
+def _marks(row: _SignalRow, size: float, scale: float) -> tuple[Mark, ...]:
     """Return the line of a signal, and symbols for clipped samples and for single samples between two gaps."""
     x, y = row.trace.seconds / size, row.trace.y / scale
     stroke = row.stroke if x.size > FEW else replace(row.stroke, width=0.8, symbol="circle")
@@ -150,7 +152,7 @@ def _marks(row: _Row, size: float, scale: float) -> tuple[Mark, ...]:
         for mask, symbol in zip(row.trace.beyond(), symbols, strict=True)
         if np.any(mask)
     ]
-    dots = () if stroke.symbol else isolated_dots(x, y, stroke.colour, FRONT)
+    dots = () if stroke.symbol else lone_dots(x, y, stroke.colour, FRONT)
     return Line(x, y, stroke=stroke, layer=FRONT), *beyond, *dots
 
 

@@ -15,7 +15,7 @@ from gmwm.showing.plots.axes import time_axis, value_axis
 from gmwm.showing.plots.curves import curves_then_bands
 from gmwm.showing.plots.figure import Line, Panel
 from gmwm.showing.plots.fit import term_lines
-from gmwm.showing.plots.overlay import Item, measured, overlay_panel
+from gmwm.showing.plots.overlay import Item, overlay_panel, wavelet_variance_of
 from gmwm.showing.plots.style import curve_stroke
 from gmwm.showing.plots.view import UnitSystem, ViewName, view_of
 
@@ -43,11 +43,11 @@ def named_panel(
     stroke = curve_stroke(before)
     if color is not None:
         stroke = replace(stroke, colour=_hex(color))
-    name = measured(item).axis or "Data" if label is None else label
+    name = wavelet_variance_of(item).axis or "Data" if label is None else label
     panel = overlay_panel({name: item}, view=view, units=units, strokes=[stroke])
     # The bands of all curves share one legend entry.
     panel = replace(panel, marks=tuple(curves_then_bands(panel.marks, 2)))
-    return panel if drawn is None or not before else _joined(panel, drawn)
+    return panel if drawn is None or not before else _join(panel, drawn)
 
 
 def named_fit_panel(
@@ -84,7 +84,7 @@ def _hex(color: str) -> str:
         raise OptionError(argument="color", expected='a colour such as "#0072B2" or "red"', got=color) from error
 
 
-def _joined(panel: Panel, ax: Axes) -> Panel:
+def _join(panel: Panel, ax: Axes) -> Panel:
     """Return the panel with axes that also include the curves on `ax`, which must show the same quantity and unit."""
     if ax.get_ylabel() != panel.y.label:
         raise OptionError(

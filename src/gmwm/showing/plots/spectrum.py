@@ -55,15 +55,15 @@ def density_unit(unit: str, units: UnitSystem) -> tuple[str, float]:
     si, factor = noise_unit(0.5, unit)
     if units == "si":
         return si, factor
-    known = [(name, size) for name, size in datasheet_units(si).items() if name.endswith("/√Hz")]
-    if not known:
+    densities = [(name, size) for name, size in datasheet_units(si).items() if name.endswith("/√Hz")]
+    if not densities:
         raise OptionError(
             f"datasheet units need data in a unit of angular rate or acceleration; got {unit or 'no unit'}",
             argument="units",
             got=units,
             advice="Use {--units=si}, or give the signal a unit such as rad/s.",
         )
-    return known[0][0], factor * known[0][1]
+    return densities[0][0], factor * densities[0][1]
 
 
 def spectrum_panel(
@@ -84,7 +84,7 @@ def spectrum_panel(
     curves: list[Line] = []
     if model is not None:
         curves = _model_lines(shown, model, factor=factor, alone=alone)
-    marks += [*curves, *_found(shown, y, alone=alone)]
+    marks += [*curves, *_peak_marks(shown, y, alone=alone)]
     symbols = [mark.y for mark in marks[2 + len(curves) :] if isinstance(mark, Line)]
     tops = [line.y[:1] for line in curves[:1]]
     limits = limits_near(y, [lower, upper, *tops, *symbols], reach=REACH)
@@ -131,7 +131,7 @@ def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, al
     return [Line(f, drawable(factor * np.sqrt(total)), stroke=IMPLIED, label=name, layer=MIDDLE), *terms]
 
 
-def _found(spectrum: PowerSpectrum, heights: Vector, *, alone: bool) -> list[Line]:
+def _peak_marks(spectrum: PowerSpectrum, heights: Vector, *, alone: bool) -> list[Line]:
     """Return the symbols that mark the lines and the bumps of a spectrum."""
     marks = []
     lines = {line.frequency: line.height for line in spectrum.lines}

@@ -47,7 +47,7 @@ def extremes(values: Vector, columns: int) -> NDArray[np.int64]:
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
+class Outline:
     """The samples of a signal that are drawn, with a NaN in each gap.
 
     Parameters
@@ -76,9 +76,9 @@ class Trace:
         """Difference between `high` and `low`."""
         return self.high - self.low
 
-    def less(self, amount: float) -> Trace:
+    def less(self, amount: float) -> Outline:
         """Return the trace with the constant `amount` subtracted from all values."""
-        return Trace(
+        return Outline(
             self.seconds, self.y - amount, low=self.low - amount, high=self.high - amount, mean=self.mean - amount,
             clipped=self.clipped,
         )  # fmt: skip
@@ -89,7 +89,7 @@ class Trace:
         return above & (self.y >= self.high), below & (self.y <= self.low)
 
 
-def trace(signal: Signal, factor: float, columns: int, left: float = 0.0, *, clip: bool = False) -> Trace:
+def trace(signal: Signal, factor: float, columns: int, left: float = 0.0, *, clip: bool = False) -> Outline:
     """Reduce a signal to the trace for a plot with `columns` columns of dots.
 
     The values are multiplied by `factor`, and the first sample is at the time `left` (s). With `clip`, samples far from
@@ -112,19 +112,19 @@ def trace(signal: Signal, factor: float, columns: int, left: float = 0.0, *, cli
         first, middle, last = (float(x) for x in np.quantile(few, (TAIL, 0.5, 1 - TAIL)))
         least, most = first - FAR * (last - first), last + FAR * (last - first)
         if last > first and (low < least or high > most):
-            return Trace(
+            return Outline(
                 np.concatenate(seconds)[:-1], np.clip(shown, least, most), low=max(low, least), high=min(high, most),
                 mean=middle, clipped=(low < least, high > most),
             )  # fmt: skip
-    return Trace(np.concatenate(seconds)[:-1], shown, low=low, high=high, mean=factor * float(np.mean(signal.values)))
+    return Outline(np.concatenate(seconds)[:-1], shown, low=low, high=high, mean=factor * float(np.mean(signal.values)))
 
 
-def even_trace(values: Vector, rate: float, factor: float, columns: int) -> Trace:
+def even_trace(values: Vector, rate: float, factor: float, columns: int) -> Outline:
     """Reduce evenly sampled values, with NaN for missing samples, to the trace for a plot with `columns` columns."""
     index = extremes_there(values, columns)
     y = factor * values[index]
     mean = factor * float(np.mean(values, where=np.isfinite(values)))
-    return Trace(index / rate, y, low=float(np.nanmin(y)), high=float(np.nanmax(y)), mean=mean)
+    return Outline(index / rate, y, low=float(np.nanmin(y)), high=float(np.nanmax(y)), mean=mean)
 
 
 def extremes_there(values: Vector, columns: int) -> NDArray[np.int64]:
@@ -168,19 +168,19 @@ def envelope(lower: Vector, upper: Vector, columns: int) -> tuple[Vector, Vector
     return np.linspace(0.0, n - 1.0, columns), np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts)
 
 
-def isolated(y: Vector) -> NDArray[np.bool_]:
+def lone_values(y: Vector) -> NDArray[np.bool_]:
     """Return a mask of the finite values whose neighbours are missing, so that a line cannot show these values.
 
-    >>> isolated(np.array([1.0, np.nan, 2.0, 3.0])).tolist()
+    >>> lone_values(np.array([1.0, np.nan, 2.0, 3.0])).tolist()
     [True, False, False, False]
     """
     finite = np.concatenate([[False], np.isfinite(y), [False]])
     return np.asarray(finite[1:-1] & ~finite[:-2] & ~finite[2:])
 
 
-def isolated_dots(x: Vector, y: Vector, colour: str, layer: int) -> tuple[Line, ...]:
-    """Return symbols at the isolated values of a line; nothing if there are none."""
-    alone = isolated(y)
+def lone_dots(x: Vector, y: Vector, colour: str, layer: int) -> tuple[Line, ...]:
+    """Return symbols at the lone_values values of a line; nothing if there are none."""
+    alone = lone_values(y)
     dots = Line(x[alone], y[alone], stroke=Stroke(colour, 0.0, symbol="circle"), layer=layer)
     return (dots,) if np.any(alone) else ()
 
@@ -202,7 +202,7 @@ def _runs(signal: Signal, columns: int) -> Iterator[tuple[int, int, int]]:
             first, opened = stop, signal.starts[k + 1]
 
 
-def offset_of(samples: Trace) -> float:
+def offset_of(samples: Outline) -> float:
     """Return the constant to subtract from a trace: its rounded mean if all samples are far from zero, otherwise 0."""
     near_zero = samples.low - samples.span <= 0 <= samples.high + samples.span
     return 0.0 if near_zero else in_digits(samples.mean, samples.span)

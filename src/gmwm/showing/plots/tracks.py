@@ -23,7 +23,7 @@ from gmwm.showing.plots.labels import axis_title, model_text, term_label
 from gmwm.showing.plots.linear import elapsed_axis, scaled_axis
 from gmwm.showing.plots.series import DOTS, PAGE, quantity_name
 from gmwm.showing.plots.style import BLACK, BLUE, PALE
-from gmwm.showing.plots.trace import envelope, even_trace, extremes_there, in_digits, isolated_dots, offset_of
+from gmwm.showing.plots.trace import envelope, even_trace, extremes_there, in_digits, lone_dots, offset_of
 from gmwm.showing.plots.view import UnitSystem, View, view_of
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def _record_panel(tracks: Tracks, shown: View) -> tuple[Panel, float]:
     y, scale = _value_axis(samples.low, samples.high, tracks, shown)
     times, record = samples.seconds / size, samples.y / scale
     marks: list[Mark] = [Line(times, record, stroke=RECORD, label="Record", layer=BEHIND)]
-    marks += isolated_dots(times, record, PALE, BEHIND)
+    marks += lone_dots(times, record, PALE, BEHIND)
     bias = _estimates(tracks, BIAS)
     index = extremes_there(bias, COLUMNS)
     path = (shown.factor * bias[index] - mean) / scale

@@ -1,4 +1,4 @@
-"""The renderer for Plotly, which converts panels of `gmwm.plots.figure` to traces and layouts as plain data for JSON.
+"""The renderer for Plotly, which converts panels of `gmwm.showing.plots.figure` to traces and layouts for JSON.
 
 Plotly interprets some HTML and its own templates in strings, so every string is escaped with `safe`.
 """
