@@ -83,15 +83,9 @@ def cluster_view(curve: ClusterVariance, units: UnitSystem) -> ClusterView:
 def allan_panel(
     curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "si", guides: bool = True, title: str = ""
 ) -> Panel:
-    """Return a panel with one or several deviations and their confidence bands.
+    """Return a panel with deviations of the same quantity and unit, and their confidence bands.
 
-    If there are several curves, the legend shows their names. With `guides`, the panel has guides for the slopes of
-    noise processes.
-
-    Raises
-    ------
-    OptionError
-        If the curves differ in quantity or unit.
+    The legend shows the names of several curves. With `guides`, the panel has guides for the slopes of noise processes.
     """
     views = [cluster_view(curve, units) for curve in curves.values()]
     if len({(view.unit, view.title) for view in views}) > 1:
@@ -115,8 +109,7 @@ def allan_panel(
 
 
 def _stroke(name: str, index: int) -> Stroke:
-    """Return the stroke of a curve. A name such as "gyro_x" or "x" has the stroke of its letter; any other name has
-    the stroke number `index`."""
+    """Return the stroke of the letter of a name such as "gyro_x" or "x", or stroke number `index` for another name."""
     letter = sensor_and_letter(name)[1] or name.lower()
     return letter_stroke(letter) or curve_stroke(index)
 
@@ -155,10 +148,9 @@ def with_guides(panel: Panel) -> Panel:
 
 
 def _emptiest_corner(panel: Panel, width: float, height: float) -> tuple[float, float]:
-    """Return the left and middle point of the slope guides, as fractions of the panel.
+    """Return the left and middle point of guides in the corner with the fewest points of curves and bands.
 
-    They are in the corner that contains the fewest points of curves and bands. `width` and `height` are the width and
-    half of the height of the guides, as fractions of the panel.
+    All numbers are fractions of the panel; `height` is half of the height of the guides.
     """
     shares = [np.empty((2, 0))]
     for mark in panel.marks:
@@ -210,10 +202,7 @@ def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides:
 
 
 def _axis_with(panel: Panel, heights: Sequence[Vector]) -> Axis:
-    """Return the vertical axis of a panel, extended to include the values `heights`.
-
-    A value that is beyond the axis by more than the factor `MOST_ADDED` is ignored.
-    """
+    """Return the vertical axis of a panel, extended to include `heights`, but at most by the factor `MOST_ADDED`."""
     low, high = panel.y.limits
     points = [float(height) for height in heights if low / MOST_ADDED < height < high * MOST_ADDED]
     if all(low < height < high for height in points):
@@ -222,13 +211,7 @@ def _axis_with(panel: Panel, heights: Sequence[Vector]) -> Axis:
 
 
 def allan_figure(curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "si", guides: bool = True) -> Figure:
-    """Return the figure that `plot_allan_axes` draws, with a panel for each sensor that shows all of its axes.
-
-    Raises
-    ------
-    OptionError
-        If `curves` is empty or is not a mapping of names to ClusterVariance.
-    """
+    """Return the figure that `plot_allan_axes` draws, with a panel for each sensor that shows all of its axes."""
     is_mapping = isinstance(curves, Mapping) and all(isinstance(curve, ClusterVariance) for curve in curves.values())
     if not is_mapping or not curves:
         raise OptionError(

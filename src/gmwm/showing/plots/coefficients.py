@@ -14,9 +14,9 @@ from gmwm.base.text import duration_text
 from gmwm.measuring.variance.transform import Dwt, Modwt
 from gmwm.showing.plots.curves import FRONT
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Figure, Line, Panel, Stroke
+from gmwm.showing.plots.figure import PAGE, Figure, Line, Panel, Stroke
 from gmwm.showing.plots.linear import elapsed_axis, scaled_axis
-from gmwm.showing.plots.series import DOTS, PAGE, WIDTH, row_height, time_once
+from gmwm.showing.plots.series import DOTS, WIDTH, row_height, time_once
 from gmwm.showing.plots.style import BLUE
 from gmwm.showing.plots.trace import even_trace
 

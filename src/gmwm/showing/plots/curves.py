@@ -1,7 +1,8 @@
-"""Elements that several plots share: a measured curve with its confidence band, and a panel with fitting axes."""
+"""Plot of a wavelet variance, and its elements that other plots share: curve, confidence band, and axes that fit."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -12,11 +13,15 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
 from gmwm.showing.plots.axes import limits_near, time_axis, value_axis
-from gmwm.showing.plots.figure import Band, Foot, Line, Mark, Panel, Stroke, Text, drawable
+from gmwm.showing.plots.drawing import drawing
+from gmwm.showing.plots.figure import Band, Figure, Foot, Line, Mark, Panel, Stroke, Text, drawable
+from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.style import GREY, OBSERVED, ROBUST
 from gmwm.showing.plots.view import UnitSystem, View, ViewName, view_of
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from gmwm.measuring.variance.result import WaveletVariance
 
 BEHIND, BAND, MIDDLE, ABOVE, FRONT = range(5)
@@ -25,13 +30,7 @@ the model behind them remains visible."""
 
 
 def view_for(wv: WaveletVariance, view: ViewName, units: UnitSystem) -> View:
-    """Return the view of a wavelet variance by its name and unit system.
-
-    Raises
-    ------
-    OptionError
-        If `view` or `units` is unknown, or if `view` is "allan" and the filter is not Haar.
-    """
+    """Return the view of a wavelet variance by its name and unit system. The Allan deviation needs the Haar filter."""
     chosen = view_of(wv.unit, view, units)
     if chosen.name == "allan" and wv.filter != "haar":
         raise OptionError(
@@ -128,3 +127,54 @@ def _zeros(wv: WaveletVariance, view: View, stroke: Stroke, name: str) -> Foot |
     label = f"{name}: zero" if name else "Zero"
     symbol = replace(stroke, width=0.0, symbol="down", filled=False)
     return Foot(view.time(wv.tau)[zero], symbol, f"{label} at {count} of {zero.size} scales")
+
+
+def wavelet_variance_panel(wv: WaveletVariance, *, view: ViewName = "wavelet", units: UnitSystem = "si") -> Panel:
+    """Return the panel that `plot_wavelet_variance` draws."""
+    shown = view_for(wv, view, units)
+    return closed_panel([shown], [wv], observed_marks(wv, shown), title=axis_title(wv.axis))
+
+
+@drawing
+def plot_wavelet_variance(
+    wv: WaveletVariance,
+    *,
+    view: ViewName = "wavelet",
+    units: UnitSystem = "si",
+    label: str | None = None,
+    color: str | None = None,
+    ax: Axes | None = None,
+    path: str | os.PathLike[str] | None = None,
+) -> Figure:
+    """Draw the wavelet variance over the scale, with its confidence band, on logarithmic axes.
+
+    Levels with a variance of zero are marked at the lower edge of the plot.
+
+    Parameters
+    ----------
+    label : str, optional
+        Name of the curve in the legend. Use it to draw several curves on the same axes, as in
+        `monday.plot(ax=ax, label="monday")`. Each curve then has its own colour and symbol.
+    color : str, optional
+        Matplotlib colour such as "#D55E00"; by default a colour that no earlier curve has.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown, if the data do not support it, or if an earlier curve on `ax` has another unit.
+
+    Examples
+    --------
+    >>> from gmwm import WaveletVariance
+    >>> wv = WaveletVariance.from_values([4e-6, 2e-6, 1e-6], samples=1000, rate=100.0, unit="rad/s")
+    >>> figure = wv.plot(view="allan", units="datasheet")
+    >>> figure.axes[0].get_ylabel()
+    'Allan deviation (deg/h)'
+    """
+    from gmwm.showing.plots.shared_axes import named_panel
+
+    if label is None and color is None:
+        panel = wavelet_variance_panel(wv, view=view, units=units)
+    else:
+        panel = named_panel(wv, label=label, color=color, view=view, units=units, ax=ax)
+    return Figure(((panel,),), height=88.0)

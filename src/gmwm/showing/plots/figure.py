@@ -17,6 +17,10 @@ Symbol = Literal["circle", "square", "diamond", "triangle", "down", "cross", "pl
 """The symbols that each renderer must support."""
 
 
+PAGE = 174.0
+"""Width of a plot (mm) that fills two columns of a printed page."""
+
+
 @dataclass(frozen=True)
 class Stroke:
     """Style of a line: colour, width, dashes and symbols.

@@ -9,20 +9,18 @@ from typing import TYPE_CHECKING, cast
 
 from gmwm.base.errors import OptionError
 from gmwm.showing.plots.axes import quiet, thin_ticks, value_axis
+from gmwm.showing.plots.curves import wavelet_variance_panel
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Axis, Figure, Line, Mark, Panel, Stroke
+from gmwm.showing.plots.figure import PAGE, Axis, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.plots.labels import axis_title, sensor_and_letter, sensor_title
 from gmwm.showing.plots.overlay import Item, checked_items, overlay_panel, wavelet_variance_of
 from gmwm.showing.plots.style import curve_stroke, letter_stroke
-from gmwm.showing.plots.variance import wavelet_variance_panel
 from gmwm.showing.plots.view import UnitSystem, ViewName
 
 if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
 
-PAGE = 174.0
-"""Width of a plot (mm) that fills two columns of a printed page."""
 SINGLE = 120.0
 """Width of a plot with a single panel (mm). If it is reduced to a printed column of 85 mm, its text has 5 points."""
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from gmwm.base.arrays import Vector
     from gmwm.fitting.estimation.conditions_fit import ConditionsFit
     from gmwm.fitting.estimation.result import Fit
+    from gmwm.fitting.likelihood.result import LikelihoodFit
     from gmwm.measuring.variance.result import WaveletVariance
 
 
@@ -33,18 +34,12 @@ class AtCondition(NamedTuple):
     implied: Vector
 
 
-Item: TypeAlias = "WaveletVariance | Fit | AtCondition"
+Item: TypeAlias = "WaveletVariance | Fit | LikelihoodFit | AtCondition"
 """Something to draw as a curve: a wavelet variance, or a fit, which contains a wavelet variance."""
 
 
 def wavelet_variance_of(item: Item) -> WaveletVariance:
-    """Return the wavelet variance of an item.
-
-    Raises
-    ------
-    OptionError
-        If the item is neither a WaveletVariance nor a Fit.
-    """
+    """Return the wavelet variance of an item. Anything else than a wavelet variance or a fit is an OptionError."""
     wv: Any = getattr(item, "wavelet_variance", item)
     if not hasattr(wv, "variance") or not hasattr(wv, "tau"):
         raise OptionError(argument="items", expected="of type WaveletVariance or Fit", got=item)
@@ -52,13 +47,7 @@ def wavelet_variance_of(item: Item) -> WaveletVariance:
 
 
 def checked_items(items: Mapping[str, Any]) -> dict[str, Item]:
-    """Check a mapping from names to wavelet variances and fits, and return it as a dict.
-
-    Raises
-    ------
-    OptionError
-        If `items` is not a mapping, if it is empty, or if a value is neither a WaveletVariance nor a Fit.
-    """
+    """Check a mapping from names to wavelet variances and fits, and return it as a dict."""
     if not isinstance(items, Mapping) or not items:
         raise OptionError(
             argument="items",
@@ -78,14 +67,9 @@ def overlay_panel(
     strokes: Sequence[Stroke] | None = None,
     title: str = "",
 ) -> Panel:
-    """Return a panel with several curves and their confidence bands.
+    """Return a panel with several curves in the same unit and their confidence bands.
 
     A fit is drawn with symbols for the data and a line for the model.
-
-    Raises
-    ------
-    OptionError
-        If the curves differ in unit.
     """
     results = [wavelet_variance_of(item) for item in items.values()]
     views = [view_for(wv, view, units) for wv in results]

@@ -24,8 +24,8 @@ from gmwm.showing.plots.curves import (
     view_for,
 )
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Axis, Figure, Line, Mark, Panel, Stroke, Symbol, Tick, drawable
-from gmwm.showing.plots.imu import PAGE, SINGLE
+from gmwm.showing.plots.figure import PAGE, Axis, Figure, Line, Mark, Panel, Stroke, Symbol, Tick, drawable
+from gmwm.showing.plots.imu import SINGLE
 from gmwm.showing.plots.labels import axis_title, model_text
 from gmwm.showing.plots.style import GREY, IMPLIED, OBSERVED, term_stroke
 from gmwm.showing.plots.view import UnitSystem, ViewName
@@ -39,8 +39,6 @@ LISTED = 10
 Pinned by tests/plots/test_plot_ranking.py."""
 MOST_CURVES = 8
 """Largest number of candidates whose curve can be drawn. Pinned by tests/plots/test_plot_ranking.py."""
-NAME = 44
-"""Number of characters after which the name of a model is wrapped."""
 FIRST = replace(IMPLIED, symbol="circle")
 """Stroke of the recommended candidate."""
 SYMBOLS: tuple[Symbol, ...] = ("square", "triangle", "diamond", "down", "star", "plus", "cross")
@@ -98,10 +96,7 @@ def _stroke(place: int) -> Stroke:
 
 
 def _curves(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view: ViewName, units: UnitSystem) -> Panel:
-    """Return the panel with the data and the curves of the models.
-
-    The models have no legend entries here, because they have them in the panel of `_distances`.
-    """
+    """Return the panel with the data and the curves of the models, whose legend entries the other panel has."""
     wv = candidates[0].fit.wavelet_variance
     shown = view_for(wv, view, units)
     marks: list[Mark] = list(observed_marks(wv, shown, stroke=replace(OBSERVED, width=0.0)))
@@ -185,7 +180,7 @@ def _row_name(candidate: Candidate) -> str:
     """Return the name of a model as the label of its row, wrapped to leave space for the panel."""
     # The no-break space prevents lines that start with a plus sign.
     name = model_text(candidate.model.terms).replace(" + ", "\N{NO-BREAK SPACE}+ ")
-    return "\n".join(wrap(name, NAME, break_long_words=False)).replace("\N{NO-BREAK SPACE}", " ")
+    return "\n".join(wrap(name, 44, break_long_words=False)).replace("\N{NO-BREAK SPACE}", " ")
 
 
 def _score(candidate: Candidate) -> float:

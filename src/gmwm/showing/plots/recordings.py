@@ -25,7 +25,6 @@ MEAN = Stroke(GREY, 0.8, SOLID)
 LINEAR, EVEN = 10.0, 100.0
 """Difference (%) up to which the vertical axis is linear, and largest difference (%) for which the whole axis is
 linear."""
-_REACH = 1.96
 
 
 def recordings_figure(replicates: Replicates) -> Figure:
@@ -42,7 +41,7 @@ def recordings_figure(replicates: Replicates) -> Figure:
     design = Design.of(typical).only(typical.levels <= typical_levels)
     # A recording contributes to the mean, so it differs less from the mean than from another recording.
     part = np.sqrt(max(1 - typical.samples / wv.samples, 0.0))
-    scatter = 50 * _REACH * part * np.sqrt(variances(fit.model, design)) / fit.implied[:typical_levels]
+    scatter = 50 * 1.96 * part * np.sqrt(variances(fit.model, design)) / fit.implied[:typical_levels]
     x = replace(time_axis(wv.tau, "Scale τ (s)"), opposite=())
     shown = [values[wv.degrees_of_freedom[: values.size] > len(curves)] for values in ratios.values()]
     y = signed_axis(np.concatenate(shown), "Difference from all recordings (%)", linear=LINEAR, even=EVEN)

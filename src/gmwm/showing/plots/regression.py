@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 BEFORE = Stroke(BLUE, 0.0, (), "circle", filled=False)
 AFTER = Stroke(GREY, 0.0, (), "cross")
 EFFECT = Stroke(ORANGE, 2.2)
-_PLACES = 100
 _NAMES = {"temperature": "Temperature (°C)", TIME: "Time (h)", WARM_UP: "Time (h)"}
 
 
@@ -52,7 +51,7 @@ def regression_panel(regression: Regression, *, units: UnitSystem = "si") -> Pan
     y = even_axis(float(np.min(values)), float(np.max(values)), label, margin=0.06)
     marks: list[Line | Band] = [Line(regression.points.at, before * size, stroke=BEFORE, label="Before", layer=1)]
     if name != WARM_UP:
-        effect = regression.curve(np.linspace(*regression.ranges[name], _PLACES), name)
+        effect = regression.curve(np.linspace(*regression.ranges[name], 100), name)
         scale = factor * size
         marks = [
             Band(effect.at, effect.lower * scale, effect.upper * scale, ORANGE, label="95 % confidence band", layer=2),

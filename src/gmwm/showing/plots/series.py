@@ -14,7 +14,7 @@ from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.plots.axes import number_text, quiet
 from gmwm.showing.plots.curves import FRONT
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Figure, Line, Mark, Panel, Stroke, Symbol
+from gmwm.showing.plots.figure import PAGE, Figure, Line, Mark, Panel, Stroke, Symbol
 from gmwm.showing.plots.labels import axis_title, model_text, sensor_and_letter, term_label
 from gmwm.showing.plots.linear import elapsed_axis, scaled_axis
 from gmwm.showing.plots.style import BLUE, letter_stroke, term_strokes
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     from gmwm.theory.simulation.components import SimulatedSignal
 
-PAGE = 174.0
-"""Width of a plot (mm) that fills two columns of a printed page."""
 DOTS = 15.0
 """Horizontal resolution to which long signals are reduced (columns of dots per millimetre), about 400 per inch."""
 WIDTH = 0.5

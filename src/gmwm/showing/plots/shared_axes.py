@@ -60,11 +60,8 @@ def named_fit_panel(
     ax: Axes | None,
     decomposition: bool,
 ) -> Panel:
-    """Return the panel of `named_panel` for a fit.
-
-    If `decomposition` is True, the panel also has a thin line for each term, in the colour of the fit.
-    """
-    panel = named_panel(fit, label=label, color=color, view=view, units=units, ax=ax)  # type: ignore[arg-type]
+    """Return the panel of `named_panel` for a fit, with a thin line for each term in its colour if `decomposition`."""
+    panel = named_panel(fit, label=label, color=color, view=view, units=units, ax=ax)
     if not decomposition:
         return panel
     name = panel.marks[0].label

@@ -42,11 +42,6 @@ ABOVE_PEAK = 1.35
 def density_unit(unit: str, units: UnitSystem) -> tuple[str, float]:
     """Return the unit of the root density of data in `unit`, and the conversion factor to this unit.
 
-    Raises
-    ------
-    OptionError
-        If `units` is unknown, or is "datasheet" and the data are neither an angular rate nor an acceleration.
-
     >>> density_unit("rad/s", "si"), density_unit("m/s²", "datasheet")[0]
     (('rad/s/√Hz', 1.0), 'µg/√Hz')
     """

@@ -24,7 +24,6 @@ TAIL = 0.005
 FAR = 2.0
 """Distance of the limits of a clipped plot from the other samples, as a multiple of their span. Gaussian noise is never
 clipped, because a sample would have to be 12 standard deviations from the mean (tests/plots/test_plot_series.py)."""
-_FEW = 100_000
 
 
 def extremes(values: Vector, columns: int) -> NDArray[np.int64]:
@@ -108,7 +107,7 @@ def trace(signal: Signal, factor: float, columns: int, left: float = 0.0, *, cli
     shown: Vector = np.concatenate(y)[:-1]
     low, high = float(np.nanmin(shown)), float(np.nanmax(shown))
     if clip:
-        few = factor * signal.values[:: max(1, signal.values.size // _FEW)]
+        few = factor * signal.values[:: max(1, signal.values.size // 100_000)]  # quantiles of all would take longer
         first, middle, last = (float(x) for x in np.quantile(few, (TAIL, 0.5, 1 - TAIL)))
         least, most = first - FAR * (last - first), last + FAR * (last - first)
         if last > first and (low < least or high > most):

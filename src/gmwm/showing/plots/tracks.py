@@ -18,10 +18,10 @@ from gmwm.fitting.likelihood.tracks import BIAS, Kind, Tracks, wanders
 from gmwm.showing.plots.axes import number_text, quiet
 from gmwm.showing.plots.curves import ABOVE, BAND, BEHIND, FRONT, MIDDLE
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke
+from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.labels import axis_title, model_text, term_label
 from gmwm.showing.plots.linear import elapsed_axis, scaled_axis
-from gmwm.showing.plots.series import DOTS, PAGE, quantity_name
+from gmwm.showing.plots.series import DOTS, quantity_name
 from gmwm.showing.plots.style import BLACK, BLUE, PALE
 from gmwm.showing.plots.trace import envelope, even_trace, extremes_there, in_digits, lone_dots, offset_of
 from gmwm.showing.plots.view import UnitSystem, View, view_of
@@ -57,10 +57,7 @@ def tracks_figure(
     units: UnitSystem = "si",
     record: bool = True,
 ) -> Figure:
-    """Return the figure that `plot_tracks` draws: a panel with the record and its bias, and a panel for each process.
-
-    Without `record`, or without data, the first panel is left out.
-    """
+    """Return the figure that `plot_tracks` draws: a panel with the record and its bias, and one for each process."""
     chosen, paths = _as_labels(tracks, labels), _as_truth(tracks, truth)
     shown = view_of(tracks.unit, "allan", units)
     panels: list[Panel] = []
@@ -136,10 +133,7 @@ def _track_panel(drawn: _Drawn, less: float) -> Panel:
 
 
 def _ends(tracks: Tracks, label: str, lower: Vector, upper: Vector, truth: Vector | None) -> tuple[float, float]:
-    """Return the smallest and the largest value that the panel must show.
-
-    The first values of a filter, before it has settled, are ignored.
-    """
+    """Return the smallest and the largest value that the panel must show, without those of a filter that settles."""
     error = tracks.error[label]
     shown = np.isfinite(error)
     if tracks.kind == "filter" and np.any(shown):
@@ -209,13 +203,7 @@ def _as_labels(tracks: Tracks, labels: str | Sequence[str] | None) -> list[str]:
 
 
 def _as_truth(tracks: Tracks, truth: Mapping[str, ArrayLike] | ArrayLike | None) -> dict[str, Vector]:
-    """Return the true paths (N,) by label. A single array is the path of the bias.
-
-    Raises
-    ------
-    OptionError
-        If a label is unknown, or a path has another length than the tracks.
-    """
+    """Return the true paths (N,) by label. A single array is the path of the bias."""
     if truth is None:
         return {}
     by_label = truth if isinstance(truth, Mapping) else {BIAS: truth}
