@@ -300,11 +300,11 @@ def calibration_helpers(
 
 def pictures(found: Calibration, view: Literal["wavelet", "allan"], datasheet: bool) -> dict[str, bytes]:
     """Draw the plots of a calibration: the content of each file."""
-    from gmwm.showing.plots.matplotlib import rendered
+    from gmwm.showing.plots.matplotlib import render
 
     system: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
     return {
-        name: rendered(found.plot(split=split, view=view, units=system), ".png")
+        name: render(found.plot(split=split, view=view, units=system), ".png")
         for name, split in (("calibration.png", True), ("by_sensor.png", False))
     }
 

@@ -20,8 +20,7 @@ from gmwm.base.text import counted
 from gmwm.showing.plots.axes import limits_of, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, Symbol, Text, Tick
-from gmwm.showing.plots.imu import PAGE
+from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Line, Mark, Panel, Stroke, Symbol, Text, Tick
 from gmwm.showing.plots.labels import sensor_and_letter, sensor_title
 from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit
 from gmwm.showing.plots.style import BLACK, DASHED, GREY, curve_stroke, letter_stroke

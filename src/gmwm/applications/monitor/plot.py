@@ -15,10 +15,9 @@ from gmwm.base.errors import DataError
 from gmwm.base.units import SI_UNIT
 from gmwm.showing.plots.axes import quiet
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke
+from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.linear import even_axis, time_unit
-from gmwm.showing.plots.series import PAGE
 from gmwm.showing.plots.style import BLUE, DASHED, GREEN, ORANGE, PURPLE, VERMILLION
 from gmwm.showing.plots.view import view_of
 
