@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass
 
 from gmwm.base.units import TIME_WORDS, find_time_unit, find_unit
+from gmwm.files.contract import Channel
 
 # Spellings of units that only occur in column names, which have no slash: gyro_x_rad_s.
 _UNIT_WORDS = {
@@ -94,6 +95,11 @@ def recognise(name: str) -> ColumnName:
     if axis == "time" and joined.startswith("sec"):
         unit = unit or "s"
     return ColumnName(axis, unit, "angularvelocity" in joined or "linearacceleration" in joined)
+
+
+def role_of(channel: Channel) -> str:
+    """Return the role of a column, by its format or its name: an axis, "time", "temperature" or ""."""
+    return channel.axis or recognise(channel.name).axis
 
 
 def _by_unit(words: list[str], tail: str, unit: str) -> ColumnName:

@@ -13,7 +13,7 @@ from gmwm.base.remarks import Remark
 from gmwm.base.template import Fact, joined
 from gmwm.base.text import counted
 from gmwm.base.units import STANDARD_GRAVITY
-from gmwm.files.columns.column_names import clean, recognise
+from gmwm.files.columns.column_names import clean, role_of
 from gmwm.files.contract import Layout
 from gmwm.recording.options import ROLES, Columns
 
@@ -129,7 +129,7 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
     """Find the columns of the wanted roles by the format or by the names; columns in `used` are excluded."""
     candidates: dict[str, list[int]] = {}
     for k, channel in enumerate(layout.channels):
-        role = channel.axis or recognise(channel.name).axis
+        role = role_of(channel)
         if role in wanted and k not in used:
             candidates.setdefault(role, []).append(k)
     for role, several in candidates.items():

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
-from gmwm.files.columns.column_names import named_unit, recognise
+from gmwm.files.columns.column_names import named_unit, role_of
 from gmwm.files.contract import Layout, Reader, Rows, register
 from gmwm.files.formats.byte_sources import ZIP, MemberSource, PackedError, file_names, open_archive
 from gmwm.files.formats.compressed import packed_text
@@ -43,7 +43,7 @@ class _Table:
     @property
     def quantities(self) -> set[str]:
         """Names of the sensors in the table: "gyro", "accel" or both."""
-        axes = {channel.axis or recognise(channel.name).axis for channel in self.layout.channels}
+        axes = {role_of(channel) for channel in self.layout.channels}
         return {axis_quantity(axis) for axis in axes if axis in AXES}
 
     @property
@@ -58,9 +58,7 @@ class _Table:
     @property
     def time(self) -> int | None:
         """Index of the first column with a time; None if there is none."""
-        return next(
-            (k for k, c in enumerate(self.layout.channels) if (c.axis or recognise(c.name).axis) == "time"), None
-        )
+        return next((k for k, c in enumerate(self.layout.channels) if role_of(c) == "time"), None)
 
     def rows(self, wanted: Sequence[int], skip_bad_lines: bool = False) -> Iterator[Rows]:
         """Yield the values of the wanted columns, chunk by chunk."""
@@ -192,7 +190,7 @@ def _joined(gyro: _Table, accel: _Table) -> Layout | None:
     left = stamps[0].size + stamps[1].size - 2 * rows
     # The recording has the time stamps of the gyroscopes.
     channels = [
-        replace(c, axis="", name=f"{accel.layout.topic}: stamps") if (c.axis or recognise(c.name).axis) == "time" else c
+        replace(c, axis="", name=f"{accel.layout.topic}: stamps") if role_of(c) == "time" else c
         for c in accel.layout.channels
     ]
     paired = Remark.of("rows-paired", gyro=gyro.layout.topic, accel=accel.layout.topic, left=left)

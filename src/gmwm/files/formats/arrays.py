@@ -21,7 +21,7 @@ from gmwm.base.axis_names import AXES
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.units import find_unit
-from gmwm.files.columns.column_names import recognise
+from gmwm.files.columns.column_names import recognise, role_of
 from gmwm.files.contract import Channel, Layout, Mark, Reader, Rows
 
 ROWS = 1 << 20
@@ -218,7 +218,7 @@ def _is_real(array: Array) -> bool:
 def _roles(part: Sequence[Array]) -> list[str]:
     """Return the roles ("time" or an axis) of the columns of the arrays. Columns without a role are omitted."""
     channels = _channels(part)
-    return [role for c in channels if (role := c.axis or recognise(c.name).axis)]
+    return [role for c in channels if (role := role_of(c))]
 
 
 def _parted(group: list[Array]) -> list[list[Array]]:
@@ -316,7 +316,7 @@ def _layout(part: Sequence[Array], rate: float | None, topic: str, remarks: tupl
     channels = _channels(part)
     state = tuple((array, k) for array in part for k in range(array.columns))
     first = tuple(str(value) for array in part for value in array.rows(0, 1, 0).reshape(-1))
-    stamped = any((c.axis or recognise(c.name).axis) == "time" for c in channels)
+    stamped = any(role_of(c) == "time" for c in channels)
     if rate is not None and not stamped:
         remarks = (*remarks, Remark.of("rate-stated", rate=Quantity(rate, "Hz"), used="yes"))
     return Layout(channels, first, topic, rate, remarks=remarks, state=state, stray_time=stray, rate_of_samples=True)

@@ -46,6 +46,8 @@ TEMPERATURE = "(temperature)"
 _ELEMENT = re.compile(r"(.*)\[([012])\]")
 _TEMPERATURE_TYPE = "sensor_msgs/msg/Temperature"
 _SENSORS = {"angular_velocity": "gyro", "linear_acceleration": "accel"}
+# The numbers that a type must have to be sensor_msgs/Imu, in addition to its name.
+_IMU_LEAVES = {STAMP, *(f"{sensor}{part}" for sensor in _SENSORS for part in (".x", ".y", ".z", "_covariance[0]"))}
 _PEEK = 64  # first messages that show whether a sensor is always zero; noise is not zero in 64 samples
 _YAML_LIMIT = 1 << 20  # bytes: a metadata.yaml lists one line for each file and topic; a larger one takes 10 s
 _FILES = 10_000  # files of a recording: a bag is split into parts of some hundred MB at least
@@ -229,7 +231,8 @@ def _with_temperatures(layouts: Sequence[Layout], topics: Sequence[Topic]) -> li
     for topic in topics:
         if topic.type != _TEMPERATURE_TYPE or topic.count == 0 or not inertial:
             continue
-        alike = {k: _letters_in_common(topic.name, out[k].topic) for k in inertial}
+        pairs = {k: zip(topic.name, out[k].topic, strict=False) for k in inertial}
+        alike = {k: sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs[k])) for k in inertial}
         best = [k for k in inertial if alike[k] == max(alike.values())]
         layout = out[best[0]]
         own = any("temperature" in (c.axis, recognise(c.name).axis) for c in layout.channels)
@@ -242,11 +245,6 @@ def _with_temperatures(layouts: Sequence[Layout], topics: Sequence[Topic]) -> li
                 remarks=(*layout.remarks, remark),
             )
     return out
-
-
-def _letters_in_common(one: str, other: str) -> int:
-    """Return the number of letters with which both names begin."""
-    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(one, other, strict=False)))
 
 
 def _temperatures(
@@ -286,7 +284,7 @@ def _layout(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | N
         raise error.at(str(path)) from error
     if kind is None:
         return None
-    if topic.type == IMU and _imu_leaves() <= set(leaves):
+    if topic.type == IMU and set(leaves) >= _IMU_LEAVES:
         return _imu_layout(topic, kind, leaves, storages)
     channels = [Channel(leaf, axis=_axis(leaf)) for leaf in leaves]
     if STAMP in leaves:
@@ -294,7 +292,7 @@ def _layout(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | N
     inertial = any(channel.axis in AXES for channel in channels)
     remarks: tuple[Remark, ...] = (Remark.of("topic-read", topic=topic.name, type=topic.type),)
     timed = any(channel.axis == "time" or recognise(channel.name).axis == "time" for channel in channels)
-    if inertial and STAMP in leaves and not _stamped(topic, kind, storages):
+    if inertial and STAMP in leaves and not np.any(_first(topic, kind, [STAMP], storages)[STAMP]):
         del channels[leaves.index(STAMP)]
         timed = False
     if not timed:
@@ -306,11 +304,6 @@ def _layout(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | N
         channels=tuple(channels), topic=topic.name, remarks=remarks,
         state=_Stream(topic, kind), inertial=inertial,
     )  # fmt: skip
-
-
-def _imu_leaves() -> set[str]:
-    """Return the names of the numbers that a type must have to be sensor_msgs/Imu, in addition to its name."""
-    return {STAMP, *(f"{sensor}{part}" for sensor in _SENSORS for part in (".x", ".y", ".z", "_covariance[0]"))}
 
 
 def _imu_layout(topic: Topic, kind: Definition, leaves: Sequence[str], storages: Sequence[Storage]) -> Layout:
@@ -336,15 +329,10 @@ def _imu_layout(topic: Topic, kind: Definition, leaves: Sequence[str], storages:
         if sensor not in absent:
             channels.append(Channel(name, axis=f"{_SENSORS[sensor]}_{axis}"))
     channels.append(Channel(LOG_TIME, "ns", "" if stamped else "time"))
-    state = _Stream(topic, kind)
     return Layout(
         channels=tuple(channels), topic=topic.name, remarks=tuple(remarks),
-        state=state, inertial=bool(first[STAMP].size),
+        state=_Stream(topic, kind), inertial=bool(first[STAMP].size),
     )  # fmt: skip
-
-
-def _stamped(topic: Topic, kind: Definition, storages: Sequence[Storage]) -> bool:
-    return bool(np.any(_first(topic, kind, [STAMP], storages)[STAMP]))
 
 
 def _first(topic: Topic, kind: Definition, names: Sequence[str], storages: Sequence[Storage]) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from gmwm.files.clock.lost_samples import MISSING, is_missing
 from gmwm.files.clock.text_stamps import UNIT, is_time_of_day
 from gmwm.files.columns.column_names import recognise, unit_of
 from gmwm.files.columns.known_tables import known_table
-from gmwm.files.contract import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register
+from gmwm.files.contract import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register, without_guests
 from gmwm.files.formats.byte_sources import FileSource
 from gmwm.files.formats.dialect import Dialect, detect, is_number, split
 from gmwm.files.formats.text_rows import OR_SKIP, RowParser
@@ -146,6 +146,13 @@ class TextReader(Reader):
                     if stamp not in wanted
                     else {k: _stamp(chunk, dialect) if k == stamp else chunk[k] for k in wanted}
                 )
+
+
+def text_reader(path: Path, head: bytes) -> TextReader | None:
+    """Return the reader of text that fits its first bytes best; None if they are not text."""
+    readers = [reader for reader in without_guests() if isinstance(reader, TextReader)]
+    score, best = max(((reader.sniff(path, head), reader) for reader in readers), key=lambda pair: pair[0])
+    return best if score > 0 else None
 
 
 def _stamp(chunk: Rows, dialect: Dialect) -> NDArray[np.int64]:

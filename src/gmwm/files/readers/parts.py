@@ -7,7 +7,6 @@ part is read, a few rows before it are read too, to find out whether the sample 
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -17,12 +16,12 @@ import numpy as np
 
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.files.clock.lost_samples import Sifted, sift
-from gmwm.files.contract import Layout, Mark, Reader, existing_file, find_reader
+from gmwm.files.contract import Layout, Mark, Reader, existing_file
 from gmwm.files.readers.builder import RowSummary, SampleBuilder
 from gmwm.files.readers.interpretation import Interpretation
 from gmwm.files.readers.several_files import SeveralFiles
 from gmwm.files.readers.streams import FileRows, Stream
-from gmwm.files.readers.topics import one_layout
+from gmwm.files.readers.topics import reopened
 from gmwm.recording.chunks import Chunk, Samples
 
 SHORTEST = 4096
@@ -209,7 +208,4 @@ def _opened(part: Part) -> tuple[Reader, Layout]:
             code="changed",
             advice="Divide the recording again.",
         )
-    reader = find_reader(path, part.format)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the warnings were given when the stream was made
-        return reader, replace(one_layout(reader, path, part.topic), skip_bad_lines=part.skip_bad_lines)
+    return reopened(path, part.format, part.topic, part.skip_bad_lines)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,13 +12,13 @@ import numpy as np
 from gmwm.base.remarks import Remark
 from gmwm.files.clock.lost_samples import CUT, as_floats
 from gmwm.files.columns.columns import Choice
-from gmwm.files.contract import Layout, Reader, Rows, existing_file, find_reader
+from gmwm.files.contract import Layout, Reader, Rows
 from gmwm.files.readers import interpretation
 from gmwm.files.readers.builder import RowSummary, SampleBuilder
 from gmwm.files.readers.interpretation import Interpretation, RowSource
 from gmwm.files.readers.reading_warnings import of_file, warn
 from gmwm.files.readers.several_files import SeveralFiles, files_of, source_words
-from gmwm.files.readers.topics import one_layout
+from gmwm.files.readers.topics import reopened
 from gmwm.recording.chunks import Chunk, Samples
 from gmwm.recording.time_ranges import Trimmer, range_texts
 
@@ -370,9 +369,6 @@ def _again(
     size: int, kept: Kept | None,
 ) -> Stream:  # fmt: skip
     """Restore a pickled stream, without repeating its warnings."""
-    reader = find_reader(existing_file(path), format)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        layout = replace(one_layout(reader, path, topic), skip_bad_lines=skip)
+    reader, layout = reopened(path, format, topic, skip)
     rows = FileRows(path, reader, layout, topic=topic, limits=limits)
     return Stream(source_words(path), found, rows, size=size, kept=kept)

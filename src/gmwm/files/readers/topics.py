@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,7 @@ from gmwm.base.axis_names import AXES
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.text import counted, duration_text
-from gmwm.files.contract import Layout, Reader
+from gmwm.files.contract import Layout, Reader, existing_file, find_reader
 from gmwm.files.readers.several_files import Source, found_reader
 
 
@@ -44,6 +45,14 @@ def one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
         code="several-recordings",
         advice="Choose one with {--topic}." + _APART if _apart(fitting) else "Choose one with {--topic}.",
     )
+
+
+def reopened(path: Path, format: str, topic: str | None, skip_bad_lines: bool) -> tuple[Reader, Layout]:
+    """Find the reader and the layout of a file again, in another process, without repeating warnings."""
+    reader = find_reader(existing_file(path), format)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return reader, replace(one_layout(reader, path, topic), skip_bad_lines=skip_bad_lines)
 
 
 def inertial_topics(path: Source, format: str | None = None) -> tuple[str, ...]:
