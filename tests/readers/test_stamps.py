@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import gmwm
 from gmwm.base.errors import OptionError, ReadError, UnitError
-from gmwm.files.clock.text_stamps import Midnights, described, is_stamp, times_of
+from gmwm.files.clock.text_stamps import Midnights, form_remark, is_stamp, times_of
 from gmwm.files.formats import text
 from gmwm.files.readers import interpretation, read, stream
 from gmwm.files.readers.growing_files import Lines, growing_stream
@@ -190,7 +190,7 @@ def test_what_a_stamp_is(cell, yes):
     ],
 )
 def test_the_remarks_say_how_it_was_understood(tmp_path, cell, facts):
-    assert described(cell).facts == facts
+    assert form_remark(cell).facts == facts
     cells = [cell.replace("12:00:00", f"12:00:{k // 10:02d}.{k % 10}") for k in range(60)]
     remark = only(read(saved(tmp_path, cells)).remarks, "time-read")
     assert remark.facts == facts

@@ -128,7 +128,7 @@ def median_of_three(v: Vector) -> Vector:
     return out
 
 
-def placed(x: Vector, level: Vector, width: int, steps: Vector) -> Rows:
+def row_levels(x: Vector, level: Vector, width: int, steps: Vector) -> Rows:
     """Return the level of each row from the level of each block of `width` rows. Each rise is at the row where it fits
     the values `x` best, preferably after a long interval (`steps`)."""
     level = np.maximum.accumulate(level)

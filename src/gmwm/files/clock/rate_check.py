@@ -82,18 +82,18 @@ def rate_change(ticks: Vector) -> Change | None:
     """
     steps = np.diff(ticks)
     burst = _burst(steps)
-    beside, factor = (_BESIDE, CHANGED) if burst == 1 else (_BESIDE_BURSTS, CHANGED_BURSTS)
+    width, factor = (_BESIDE, CHANGED) if burst == 1 else (_BESIDE_BURSTS, CHANGED_BURSTS)
     length = max(steps.size // _BLOCKS, _BLOCK, 8 * burst)
     count = steps.size // length
-    if count < 2 * beside:
+    if count < 2 * width:
         return None
     blocks = np.where(steps < 0, 0.0, steps)[: count * length].reshape(count, length)
     means, medians = np.mean(blocks, axis=1), np.median(blocks, axis=1)
     values = medians if burst == 1 else means
     if np.max(values) <= factor * np.min(values):
         return None  # no block differs by this factor from any other
-    for k in range(beside, count - beside + 1):
-        mean, middle = (_Sides.of(values, k, beside) for values in (means, medians))
+    for k in range(width, count - width + 1):
+        mean, middle = (_Sides.of(values, k, width) for values in (means, medians))
         chosen = middle if burst == 1 else mean
         if chosen.apart(factor) and (burst > 1 or mean.agrees(middle)):
             at = _corner(steps, (k - 1) * length, (k + 1) * length, chosen)
@@ -111,9 +111,9 @@ class _Sides:
 
     @classmethod
     def of(cls, values: Vector, k: int, beside: int) -> _Sides:
-        left, right = np.sort(values[k - beside : k]), np.sort(values[k : k + beside])
-        ranges = (float(left[0]), float(left[-1]), float(right[0]), float(right[-1]))
-        return cls(float(np.median(left)), float(np.median(right)), ranges)
+        before, right = np.sort(values[k - beside : k]), np.sort(values[k : k + beside])
+        ranges = (float(before[0]), float(before[-1]), float(right[0]), float(right[-1]))
+        return cls(float(np.median(before)), float(np.median(right)), ranges)
 
     def apart(self, factor: float) -> bool:
         """Return whether the sides differ by more than a factor, and by more than the range of either side."""

@@ -112,7 +112,7 @@ class Pace:
 
 
 @dataclass
-class Counted:
+class IntervalCounts:
     """Counts and sums over the intervals between time stamps."""
 
     inside: int = 0  # number of intervals within segments
@@ -135,7 +135,7 @@ class RunningClock:
         self._window = np.empty(0)  # ticks from row `_base` on
         self._base = self._stop = 0
         self._starts = SegmentStarts(pace.time(0.0), pace.rate)
-        self._counted = Counted()
+        self._counted = IntervalCounts()
 
     @property
     def rows(self) -> int:
@@ -192,7 +192,7 @@ class RunningClock:
             raise
         if self._window.size < _SOME:
             return
-        last = self._repaired(self._window)[0]
+        last = self._without_steps_back(self._window)[0]
         change = find_losses(last, resolution_of(last, pace.spacing)).interval / pace.interval
         allowed = CHANGED if pace.width == 1 else CHANGED_BURSTS
         if not 1 / allowed <= change <= allowed:
@@ -203,7 +203,7 @@ class RunningClock:
                 advice="Split the file there and read the parts one at a time.",
             )
 
-    def _repaired(self, ticks: Vector) -> tuple[Vector, NDArray[np.int64]]:
+    def _without_steps_back(self, ticks: Vector) -> tuple[Vector, NDArray[np.int64]]:
         """Return time stamps of the window that never decrease, and the rows in it where the clock was set back."""
         pace = self.pace
         ordered = in_order(ticks, pace.spacing == 0, pace.per_second, pace.interval).ticks
@@ -211,11 +211,11 @@ class RunningClock:
 
     def _settle(self, stop: int) -> Settled:
         window, base, pace = self._window, self._base, self.pace
-        ticks, walls = self._repaired(window)
+        ticks, walls = self._without_steps_back(window)
         cuts = dict.fromkeys((base + walls).tolist(), 0)
         if window.size > 2:
-            found = find_losses(ticks, resolution_of(ticks, pace.spacing), pace.interval)
-            cuts |= dict(zip((base + found.rows).tolist(), found.lost.tolist(), strict=True)) | cuts
+            losses = find_losses(ticks, resolution_of(ticks, pace.spacing), pace.interval)
+            cuts |= dict(zip((base + losses.rows).tolist(), losses.lost.tolist(), strict=True)) | cuts
         firsts = [row for row in sorted(cuts) if self._stop <= row < stop]
         steps = np.diff(ticks)[max(0, self._stop - base - 1) : max(0, stop - base - 1)]
         self._count(steps, np.diff(window)[max(0, self._stop - base - 1) : max(0, stop - base - 1)], firsts)
@@ -236,9 +236,9 @@ class RunningClock:
         """Add the intervals before the rows, from `_stop` (or row 1) on, whose segments have just been determined."""
         inside = np.ones(steps.size, dtype=bool)
         inside[[row - max(self._stop, 1) for row in firsts]] = False
-        kept, counted = steps[inside], self._counted
-        counted.inside += kept.size
-        counted.span += float(kept.sum())
-        counted.squares += float(np.sum((kept - self.pace.interval) ** 2))
+        intervals, counted = steps[inside], self._counted
+        counted.inside += intervals.size
+        counted.span += float(intervals.sum())
+        counted.squares += float(np.sum((intervals - self.pace.interval) ** 2))
         counted.duplicates += int(np.count_nonzero(raw == 0))
         counted.backward += int(np.count_nonzero(raw < 0))

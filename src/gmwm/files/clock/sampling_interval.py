@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
-from gmwm.files.clock.loss_levels import Rows, follow, least_ahead, median_of_three, placed
+from gmwm.files.clock.loss_levels import Rows, follow, least_ahead, median_of_three, row_levels
 
 # The thresholds are pinned by the study of clocks, docs/validation/clocks.md.
 
@@ -103,14 +103,14 @@ def resolution_of(ticks: Vector, spacing: float) -> float:
     steps = np.abs(np.diff(ticks))
     for decimals in range(10):
         unit = 1
-        for some in (steps[:: max(1, steps.size // 4096)], steps):  # a few steps rule out most units
-            counts = some * 10.0**decimals
-            whole = np.round(counts)
+        for sample in (steps[:: max(1, steps.size // 4096)], steps):  # a few steps rule out most units
+            counts = sample * 10.0**decimals
+            multiples = np.round(counts)
             allowed = 4 * spacing * 10.0**decimals + 1e-9 * counts + 1e-12
-            if np.any(np.abs(counts - whole) > allowed) or np.max(whole, initial=0.0) >= 2.0**53:
+            if np.any(np.abs(counts - multiples) > allowed) or np.max(multiples, initial=0.0) >= 2.0**53:
                 unit = 0
                 break
-            unit = int(np.gcd.reduce(whole.astype(np.int64), initial=0))
+            unit = int(np.gcd.reduce(multiples.astype(np.int64), initial=0))
         if unit:
             return unit / 10.0**decimals
     return spacing
@@ -192,7 +192,7 @@ def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Fo
         odd = np.count_nonzero(np.abs(steps / single - np.round(steps / single)) > 1e-6) + np.count_nonzero(steps == 0)
         if odd > max(2, 0.002 * steps.size):
             return None
-    closed, far = _closed(ticks, single)
+    closed, far = _close_gaps(ticks, single)
     interval, phase = _phase_locked(closed, single)
     if interval is None:
         return None
@@ -202,7 +202,7 @@ def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Fo
     if np.count_nonzero(np.abs(x - level) > 0.75) > _LATE * x.size:
         return None
     level = _with_long_steps(level, np.diff(closed) / interval)
-    return _assembled(ticks, closed, far, level, interval=interval, width=1)
+    return _with_closed_gaps(ticks, closed, far, level, interval=interval, width=1)
 
 
 def _is_rounding(found: Found, resolution: float, single: float) -> bool:
@@ -230,7 +230,7 @@ def _with_long_steps(level: Rows, steps: Vector) -> Rows:
     return np.asarray(level - np.concatenate([np.zeros(1, dtype=np.int64), slips]))
 
 
-def _closed(ticks: Vector, interval: float) -> tuple[Vector, Rows]:
+def _close_gaps(ticks: Vector, interval: float) -> tuple[Vector, Rows]:
     """Return time stamps without their long gaps, and the rows after these gaps."""
     steps = np.diff(ticks)
     r = ticks / interval - np.arange(ticks.size)
@@ -251,18 +251,18 @@ def _closed(ticks: Vector, interval: float) -> tuple[Vector, Rows]:
 def _phase_locked(ticks: Vector, interval: float) -> tuple[float | None, Vector]:
     """Return the interval at which single rows are coherent, and the slow phase of the rows in samples."""
     n = ticks.size
-    some = ticks[(n - min(n, _SOME)) // 2 :][:_SOME]
-    steps = np.diff(some) / interval
+    sample = ticks[(n - min(n, _SOME)) // 2 :][:_SOME]
+    steps = np.diff(sample) / interval
     near = steps[np.abs(steps - 1) <= 0.5]
     # With many gaps, the median of all intervals is above the median of those without one.
     interval *= float(np.median(near)) if near.size else 1.0
-    runs = np.flatnonzero(np.abs(np.diff(some) / interval - 1) > 0.5) + 1
-    within = _slope(np.arange(some.size, dtype=np.float64), some, runs)
+    runs = np.flatnonzero(np.abs(np.diff(sample) / interval - 1) > 0.5) + 1
+    within = _slope(np.arange(sample.size, dtype=np.float64), sample, runs)
     interval = within if abs(within / interval - 1) < 0.05 else interval
     for lag in (1, 4, 16, 64, 256, 1024):
-        if lag > some.size // 8:
+        if lag > sample.size // 8:
             break
-        apart = (some[lag:] - some[:-lag]) / interval
+        apart = (sample[lag:] - sample[:-lag]) / interval
         mean = np.mean(np.exp(2j * np.pi * apart))
         turn, advance = float(np.angle(mean)) / (2 * np.pi), float(np.median(apart))
         if abs(mean) < max(_TURNS, 3 / np.sqrt(apart.size)):
@@ -306,7 +306,7 @@ _STATISTICS: dict[str, Callable[[Vector], Vector]] = {
 
 def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) -> Found:
     """Find losses from statistics of blocks of rows."""
-    closed, far = _closed(ticks, interval)
+    closed, far = _close_gaps(ticks, interval)
     n = closed.size
     # Minima and maxima of rounded time stamps are whole numbers for any interval that is a multiple of their unit.
     rounded = resolution >= _COARSE * interval
@@ -319,7 +319,7 @@ def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) 
     while width <= 2048 and (best[0] < 0 or (best[0] < _STEADY and width * _BLOCKS <= n)):
         size = max(1, min(width, n // 3))
         for name in names:
-            refined = _refined(closed, near[name], size, name)
+            refined = _refine(closed, near[name], size, name)
             value = _coherence(_blocks(closed, refined, size, name))
             if abs(refined / near[name] - 1) > min(_NEAR, 0.45 / size):
                 continue
@@ -339,10 +339,10 @@ def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) 
     steps = np.diff(closed) / interval
     for _ in range(2):
         level = least_ahead(median_of_three(np.round(b - phase)), horizon)
-        rows_level = placed(r - np.interp(np.arange(n), centres, phase), level, width, steps)
+        rows_level = row_levels(r - np.interp(np.arange(n), centres, phase), level, width, steps)
         # The losses are now known. Without them, the statistic of each block is its phase.
         phase = _moving_median(_blocks_of(r - rows_level, width, name), _SMOOTH_BLOCKS)
-    return _assembled(ticks, closed, far, rows_level, interval=interval, width=width, name=name)
+    return _with_closed_gaps(ticks, closed, far, rows_level, interval=interval, width=width, name=name)
 
 
 def _moving_median(v: Vector, width: int) -> Vector:
@@ -358,7 +358,7 @@ def _blocks(ticks: Vector, interval: float, width: int, name: str) -> Vector:
     return _STATISTICS[name](r)
 
 
-def _refined(ticks: Vector, interval: float, width: int, name: str) -> float:
+def _refine(ticks: Vector, interval: float, width: int, name: str) -> float:
     """Return the interval at which the statistics of blocks keep their phase."""
     lag = 1
     for _ in range(2):
@@ -384,7 +384,7 @@ def _coherence(b: Vector) -> float:
     return float(np.abs(np.mean(np.conj(z[:-1]) * z[1:])))
 
 
-def _assembled(
+def _with_closed_gaps(
     ticks: Vector, closed: Vector, far: Rows, level: Rows, interval: float, width: int, name: str = "mean"
 ) -> Found:
     """Return the gaps from the levels of the rows, together with the long gaps that were closed."""

@@ -43,7 +43,8 @@ class Steps:
     def joined(cls, several: Iterable[Steps]) -> Steps:
         """Join the steps of consecutive parts. The row numbers still refer to the beginning of each part."""
         several = tuple(several)
-        return cls(tuple(w for one in several for w in one.wraps), tuple(h for one in several for h in one.hours))
+        wraps = tuple(wrap for steps in several for wrap in steps.wraps)
+        return cls(wraps, tuple(hour for steps in several for hour in steps.hours))
 
     def remarks(self, per_second: int) -> Iterator[Remark]:
         """Yield remarks on these steps."""
@@ -51,7 +52,7 @@ class Steps:
             length = Quantity(self.wraps[0][1] / per_second, "s")
             yield Remark.of("stamps-wrapped", count=len(self.wraps), length=length)
         for sign, direction in ((1, "forward"), (-1, "back")):
-            if count := sum(sign == one for _, one in self.hours):
+            if count := sum(sign == sense for _, sense in self.hours):
                 yield Remark.of("stamps-hour", count=count, direction=direction)
 
 
@@ -122,10 +123,11 @@ def _wraps(
     """Yield the length of the counter and the intervals where it wraps, if most backward steps are its wraps."""
     back = np.flatnonzero(steps < 0)
     for length in sorted(unit * 2.0**bits for unit in units for bits in _BITS):
-        rest = steps[back] + length
-        some = np.round(rest / nominal)  # number of sampling intervals that remain
-        missing = (some >= 1) & (some <= min(_LOST, length / nominal / 8)) & (np.abs(rest / nominal - some) <= 0.25)
-        wraps = back[(np.abs(rest - nominal) <= near) | missing]
+        remainder = steps[back] + length
+        intervals = np.round(remainder / nominal)  # number of sampling intervals that remain
+        near_whole = np.abs(remainder / nominal - intervals) <= 0.25
+        missing = (intervals >= 1) & (intervals <= min(_LOST, length / nominal / 8)) & near_whole
+        wraps = back[(np.abs(remainder - nominal) <= near) | missing]
         if wraps.size and wraps.size >= 0.5 * back.size and length > 8 * nominal:
             yield length, wraps
             return

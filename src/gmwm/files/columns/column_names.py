@@ -106,8 +106,8 @@ def _by_unit(words: list[str], tail: str, unit: str) -> ColumnName:
     """Return the axis of a column whose name is only a letter and a unit, such as X (rad/s)."""
     if words in (["x"], ["y"], ["z"]) and not tail:
         for quantity in ("gyro", "accel"):
-            if found := unit_of(unit, quantity):
-                return ColumnName(f"{quantity}_{words[0]}", found)
+            if name := unit_of(unit, quantity):
+                return ColumnName(f"{quantity}_{words[0]}", name)
     return ColumnName()
 
 
@@ -117,9 +117,9 @@ def named_unit(name: str, axis: str) -> str:
     >>> named_unit("ch3 [dps]", "gyro_x")
     'deg/s'
     """
-    said = recognise(name)
-    if said.unit and said.axis.split("_")[0] == axis.split("_")[0]:
-        return said.unit
+    column = recognise(name)
+    if column.unit and column.axis.split("_")[0] == axis.split("_")[0]:
+        return column.unit
     bracket = _BRACKETED.search(clean(name))
     if bracket:
         return unit_of(bracket.group(1), axis)
@@ -188,8 +188,8 @@ def _axis(words: list[str]) -> str:
         return "temperature"
     if not words or _OTHER & set(words):
         return ""
-    for letter, rest in _letters(words):
-        quantity = _quantity(rest)
+    for letter, others in _letters(words):
+        quantity = _quantity(others)
         if quantity:
             return f"{quantity}_{letter}"
     return ""

@@ -33,23 +33,23 @@ class Choice:
 
     def only(self, axes: Sequence[str]) -> Choice:
         """Return the choice without the axes that are not in `axes`. The time and the temperature are kept."""
-        kept = {role: k for role, k in self.columns.items() if role not in AXES or role in axes}
-        return Choice(kept, self.remarks)
+        columns = {role: k for role, k in self.columns.items() if role not in AXES or role in axes}
+        return Choice(columns, self.remarks)
 
 
 def choose(layout: Layout, columns: Columns | None, path: Path) -> Choice:
     """Choose the columns to read. If `columns` names a column for at least one axis, only the named axes are read. The
     time column is still found by its name unless `columns` has "time". An axis whose column is None is left out."""
     if columns is not None and not isinstance(columns, Mapping):
-        return _finished(Choice(_by_order(layout, columns, path)), layout, path)
-    given = dict(columns or {})
-    declared = {role: _index(layout, column, role, path) for role, column in given.items() if column is not None}
+        return _check_choice(Choice(_by_order(layout, columns, path)), layout, path)
+    requested = dict(columns or {})
+    declared = {role: _index(layout, column, role, path) for role, column in requested.items() if column is not None}
     exhaustive = any(role in AXES for role in declared)
-    wanted = {"time", "temperature"} if exhaustive else set(ROLES)
+    roles = {"time", "temperature"} if exhaustive else set(ROLES)
     if not layout.named and not declared:
         raise _nameless(layout, path)
-    found, remarks = _by_name(layout, wanted - set(given), set(declared.values()), path)
-    return _finished(Choice(declared | found, remarks), layout, path)
+    named, remarks = _by_name(layout, roles - set(requested), set(declared.values()), path)
+    return _check_choice(Choice(declared | named, remarks), layout, path)
 
 
 def described(layout: Layout) -> str:
@@ -59,7 +59,7 @@ def described(layout: Layout) -> str:
     return f"{len(layout.channels)} columns without names"
 
 
-def _finished(choice: Choice, layout: Layout, path: Path) -> Choice:
+def _check_choice(choice: Choice, layout: Layout, path: Path) -> Choice:
     """Check the choice, and add a remark on the columns that are not read."""
     indices = list(choice.columns.values())
     repeated = next((k for k in indices if indices.count(k) > 1), None)
@@ -91,7 +91,7 @@ def _by_order(layout: Layout, roles: Sequence[str | None], path: Path) -> dict[s
     if len(roles) != len(layout.channels):
         raise OptionError(
             f"{counted(len(roles), 'column')} named, but {path} has {len(layout.channels)} columns (first row: "
-            f"{_shown(layout)})",
+            f"{_first_cells(layout)})",
             argument="columns",
             advice="Give one name for each column, or name single columns by name or number from 0, for example "
             "{--columns=gyro_x:1,gyro_y:2}.",
@@ -148,7 +148,7 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
                 f"{path}: {which} could each be {role}",
                 code="columns-ambiguous",
                 advice="Choose by the numbers of the columns, counted from 0, for example {--columns=@example}.",
-                example=",".join(f"{axis}:{found[0]}" for axis, found in candidates.items()),
+                example=",".join(f"{axis}:{places[0]}" for axis, places in candidates.items()),
             )
         others: Fact = tuple(names[1:])
         remarks.append(Remark.of("column-chosen", role=role, column=names[0], others=others))
@@ -165,7 +165,7 @@ def _header_stamp(layout: Layout, times: Sequence[int]) -> int | None:
     return None
 
 
-def _shown(layout: Layout) -> str:
+def _first_cells(layout: Layout) -> str:
     """Return the first cells of the first row, for a message."""
     return ", ".join(layout.first_row[:8]) + (", …" if len(layout.first_row) > 8 else "")
 
@@ -190,7 +190,7 @@ def _nameless(layout: Layout, path: Path) -> ReadError:
     if count in (6, 7) and _is_gravity(layout.first_row[count - 6 : count - 3]):
         guess = (*guess[: count - 6], *AXES[3:], *AXES[:3])
     return ReadError(
-        f"{path} has {count} columns without names; the first row is {_shown(layout)}",
+        f"{path} has {count} columns without names; the first row is {_first_cells(layout)}",
         code="columns-unnamed",
         advice="Name the columns in their order, for example {--columns=@example}.",
         example=",".join(guess) if count <= _LISTED else "gyro_x=1,gyro_y=2,gyro_z=3",

@@ -52,7 +52,7 @@ class Ros1Storage(ChunkedStorage):
     def collect(self, records: bytes, ids: Set[int], times: list[int], messages: list[bytes]) -> None:
         """Append the messages. The layout of one header is reused for the next headers until it no longer fits."""
         position, end = 0, len(records)
-        shape = _Shape(b"")
+        shape = _HeaderShape(b"")
         while position < end:
             (length,) = _WORD.unpack_from(records, position)
             header = records[position + 4 : position + 4 + length]
@@ -64,10 +64,10 @@ class Ros1Storage(ChunkedStorage):
             if not shape.fits(header):
                 if header.find(b"op=\x02") < 0:
                     continue
-                shape = _Shape(header)
-            connection, seconds, rest = shape.values(header)
+                shape = _HeaderShape(header)
+            connection, seconds, nanoseconds = shape.values(header)
             if connection in ids:
-                times.append(seconds * 1_000_000_000 + rest)
+                times.append(seconds * 1_000_000_000 + nanoseconds)
                 messages.append(records[position - size : position])
 
     def _index(self, file: BinaryIO) -> tuple[tuple[Topic, ...], list[tuple[int, dict[int, int]]]]:
@@ -155,7 +155,7 @@ def _topic(info: dict[str, bytes], data: bytes, counts: dict[int, int]) -> Topic
     )  # fmt: skip
 
 
-class _Shape:
+class _HeaderShape:
     """Layout of a message header: the positions of its values, and the constant bytes around them."""
 
     def __init__(self, header: bytes) -> None:
@@ -177,5 +177,5 @@ class _Shape:
 
     def values(self, header: bytes) -> tuple[int, int, int]:
         (connection,) = _WORD.unpack_from(header, self.conn)
-        seconds, rest = _PAIR.unpack_from(header, self.time)
-        return connection, seconds, rest
+        seconds, nanoseconds = _PAIR.unpack_from(header, self.time)
+        return connection, seconds, nanoseconds

@@ -25,7 +25,7 @@ def definition(topic: Topic) -> Definition | None:
     if topic.encoding not in ENCODINGS:
         return None
     ros1 = topic.encoding == "ros1"
-    types = _parsed(topic) if topic.text else _builtin(ros1)
+    types = _parse_types(topic) if topic.text else _builtin(ros1)
     if topic.type not in types:
         return None
     return Definition(topic.type, types if ros1 else {k: v or _EMPTY for k, v in types.items()}, topic.encoding)  # type: ignore[arg-type]
@@ -39,23 +39,23 @@ def _builtin(ros1: bool) -> Mapping[str, Sequence[tuple[str, Description]]]:
     return {name: fields for name, (_, fields) in store.fielddefs.items()}
 
 
-def _parsed(topic: Topic) -> Mapping[str, Sequence[tuple[str, Description]]]:
+def _parse_types(topic: Topic) -> Mapping[str, Sequence[tuple[str, Description]]]:
     """Parse the definition text of a topic into its types."""
     from rosbags.typesys import Stores, get_typestore
 
     if len(topic.text) > TEXT_LIMIT:
         raise topic_error(f"{topic.name}: its type is defined in more than {TEXT_LIMIT} characters", "type-invalid")
-    found: dict[str, Any] = {}
+    definitions: dict[str, Any] = {}
     try:
         for text in _idl_parts(topic.text) if topic.language == "ros2idl" else (topic.text,):
-            found |= _parse(text, topic)
+            definitions |= _parse(text, topic)
     except Exception as error:  # a library can raise any error on an invalid definition
         reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
         raise topic_error(
             f"{topic.name}: the definition of its type {topic.type} is not understood ({reason})", "type-invalid"
         ) from error
     types = {name: fields for name, (_, fields) in get_typestore(Stores.EMPTY).fielddefs.items()}
-    types |= {name: fields for name, (_, fields) in found.items()}
+    types |= {name: fields for name, (_, fields) in definitions.items()}
     for name, fields in types.items():
         _require_plain(name, fields, topic)
     return types

@@ -143,16 +143,16 @@ def unpacked_messages(messages: list[bytes], path: Path) -> list[bytes]:
     if not messages[0].startswith(ZSTD):
         return messages
     try:
-        found = [_decompressor("zstd").decompress(message, max_length=MESSAGE_LIMIT) for message in messages]
+        contents = [_decompressor("zstd").decompress(message, max_length=MESSAGE_LIMIT) for message in messages]
     except Exception as error:  # a library can raise any error on invalid data
         raise damage_error(f"{path}: a compressed message is damaged ({error})", "chunk-damaged") from error
-    if sum(map(len, found)) > CHUNK_LIMIT:
+    if sum(map(len, contents)) > CHUNK_LIMIT:
         raise ReadError(
             f"{path}: compressed messages of more than {CHUNK_LIMIT >> 20} MB; no recorder writes them",
             code="too-large",
             advice="Copy the file again, or export the topic as CSV.",
         )
-    return found
+    return contents
 
 
 def require_checksum(content: bytes, checksum: int, path: Path) -> None:
@@ -163,20 +163,20 @@ def require_checksum(content: bytes, checksum: int, path: Path) -> None:
 
 def merged(topics: Iterator[Topic]) -> tuple[Topic, ...]:
     """Merge topics of the same name, because the messages of several publishers of a topic form one recording."""
-    found: dict[tuple[str, str, str], Topic] = {}
+    by_key: dict[tuple[str, str, str], Topic] = {}
     for topic in topics:
         key = (topic.name, topic.type, topic.encoding)
-        other = found.get(key, Topic(*key))
+        other = by_key.get(key, Topic(*key))
         count = None if topic.count is None else topic.count + (other.count or 0)
         text, language = (topic.text, topic.language) if topic.text else (other.text, other.language)
-        found[key] = replace(topic, text=text, language=language, ids=other.ids + topic.ids, count=count)
-        if len(found) > TOPIC_LIMIT:
+        by_key[key] = replace(topic, text=text, language=language, ids=other.ids + topic.ids, count=count)
+        if len(by_key) > TOPIC_LIMIT:
             raise ReadError(
                 f"more than {TOPIC_LIMIT} topics",
                 code="too-many",
                 advice="Copy the topics of the sensor to another recording.",
             )
-    return tuple(found.values())
+    return tuple(by_key.values())
 
 
 def _decompressor(compression: str) -> Any:

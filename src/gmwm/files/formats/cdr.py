@@ -230,36 +230,36 @@ class Decoder:
         """Decode the wanted numbers of N messages. Return an array (N,) of int64 or float64 for each name."""
         sizes = np.fromiter(map(len, messages), np.int64, len(messages))
         out: dict[str, NDArray[Any]] = {}
-        left = np.arange(len(messages))
+        remaining = np.arange(len(messages))
         for _ in range(_TEMPLATES):
-            if not left.size:
+            if not remaining.size:
                 break
-            first = messages[int(left[0])]
-            alike = left[sizes[left] == len(first)]
+            first = messages[int(remaining[0])]
+            alike = remaining[sizes[remaining] == len(first)]
             # Usually all messages fit, so no selection is needed.
             rows = messages if alike.size == len(messages) else [messages[k] for k in alike.tolist()]
             plan = self._template(first)
             if len(plan.words) > _LENGTHS:
                 break
-            numbers, fits = self._strided(b"".join(rows), plan)
+            numbers, fits = self._read_columns(b"".join(rows), plan)
             for name, values in numbers.items():
                 _put(out, name, values=values[fits], rows=alike[fits], count=len(messages))
-            left = np.setdiff1d(left, alike[fits], assume_unique=True)
-        if left.size:
-            for name, values in self.general([messages[k] for k in left.tolist()]).items():
-                _put(out, name, values=values, rows=left, count=len(messages))
+            remaining = np.setdiff1d(remaining, alike[fits], assume_unique=True)
+        if remaining.size:
+            for name, values in self.general([messages[k] for k in remaining.tolist()]).items():
+                _put(out, name, values=values, rows=remaining, count=len(messages))
         return out
 
     def _template(self, message: bytes) -> Template:
         """Return a template that fits a message: a known one, or a new one."""
         for plan in self._known:
-            if plan.size == len(message) and bool(self._strided(message, plan)[1][0]):
+            if plan.size == len(message) and bool(self._read_columns(message, plan)[1][0]):
                 return plan
         plan = template(self.definition, message, self.wanted)
         self._known = [plan, *self._known[: _TEMPLATES - 1]]
         return plan
 
-    def _strided(self, joined: bytes, plan: Template) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]:
+    def _read_columns(self, joined: bytes, plan: Template) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]:
         """Read the numbers at the offsets of the template; return them with a mask of the messages that fit."""
         fields = [
             (f"{name}#{k}", plan.order + word, offset + 4 * k)
@@ -279,8 +279,8 @@ class Decoder:
         numbers = {}
         for name, (kind, _) in plan.places.items():
             if kind == "time":
-                seconds, rest = table[f"{name}#0"].astype(np.int64), table[f"{name}#1"].astype(np.int64)
-                numbers[name] = seconds * 10**9 + rest
+                seconds, nanoseconds = table[f"{name}#0"].astype(np.int64), table[f"{name}#1"].astype(np.int64)
+                numbers[name] = seconds * 10**9 + nanoseconds
             elif kind == "b1":  # any byte but 0 is true
                 numbers[name] = _wide(table[f"{name}#0"].view(np.uint8) != 0)
             else:
@@ -295,7 +295,7 @@ class Decoder:
         store, name = self._store, self.definition.name
         decode = store.deserialize_cdr if self.definition.encoding == "cdr" else store.deserialize_ros1
         paths = [(leaf, _path(leaf)) for leaf in self.wanted]
-        found: dict[str, list[Any]] = {leaf: [] for leaf in self.wanted}
+        columns: dict[str, list[Any]] = {leaf: [] for leaf in self.wanted}
         for message in messages:
             try:
                 decoded = decode(message, name)
@@ -306,8 +306,8 @@ class Decoder:
                     advice=_COPY_OR_EXPORT,
                 ) from error
             for leaf, path in paths:
-                found[leaf].append(_follow(decoded, path))
-        return {leaf: _wide(np.array(values)) for leaf, values in found.items()}
+                columns[leaf].append(_follow(decoded, path))
+        return {leaf: _wide(np.array(values)) for leaf, values in columns.items()}
 
 
 def _put(out: dict[str, NDArray[Any]], name: str, values: NDArray[Any], rows: NDArray[np.int64], count: int) -> None:
@@ -352,10 +352,10 @@ def _store(definition: Definition) -> Any:
 
     store = get_typestore(Stores.EMPTY)
     try:
-        known = set(store.fielddefs)
+        defined = set(store.fielddefs)
         # Constants are not needed. They are omitted, because the decoder generates code from the definition in the
         # file.
-        store.register({name: ([], list(fields)) for name, fields in definition.types.items() if name not in known})
+        store.register({name: ([], list(fields)) for name, fields in definition.types.items() if name not in defined})
     except Exception as error:  # a library can raise any error on an invalid definition
         raise topic_error(f"the message type {definition.name} is not understood: {error}", "type-invalid") from error
     return store

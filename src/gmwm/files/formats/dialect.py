@@ -129,18 +129,20 @@ def detect(lines: list[str], path: object) -> Dialect:
     named = any(len(cells) == fields and cells[-1] for _, cells in rows[:start])
     trailing = fields > 1 and not named and all(cells[-1] == "" for cells in data)
     columns = fields - trailing
-    header = [(k, _trimmed(cells, columns)) for k, cells in rows[:start]]
+    header = [(k, _trim(cells, columns)) for k, cells in rows[:start]]
     comments = [line for line in lines[: first_line - 1] if comment_sign(line) and len(line) <= LONGEST_COMMENT]
     where = (path, first_line)
     names, units = (
         (labels, ())
         if len(labels) == columns
-        else _parted(header, body, comments=comments, row=data[0][:columns], delimiter=delimiter, where=where)
+        else _split_stamp_header(
+            header, body, comments=comments, row=data[0][:columns], delimiter=delimiter, where=where
+        )
         or _header(header, body, comments=comments, columns=columns, delimiter=delimiter, where=where)
     )
     sign = next((comment_sign(line) for line in lines if comment_sign(line)), "")
-    whole = [cells for _, cells in rows[start:] if _is_row(cells, numeric, decimal_comma)]
-    filled = [[row[c] for row in whole if row[c]] for c in range(columns)]
+    complete = [cells for _, cells in rows[start:] if _is_row(cells, numeric, decimal_comma)]
+    filled = [[row[c] for row in complete if row[c]] for c in range(columns)]
     integers = tuple(bool(cells) and all(re.fullmatch(r"[+-]?\d+", cell) for cell in cells) for cells in filled)
     stated = _stated_units(comments)
     first_row = tuple(data[0][:columns])
@@ -150,8 +152,8 @@ def detect(lines: list[str], path: object) -> Dialect:
         names=names, column_units=units, units=stated, comment=sign, first_row=first_row, integers=integers,
         rate=_stated_rate(comments), stamps=stamps,
         header=tuple(line for k, line in body[:start] if len(split(line, delimiter)) > 1),
-        above=tuple(lines[: first_line - 1]), sensors=_sensors(names, whole), stamp_parts=_stamp_parts(names, integers),
-        cleaning=cleaning,
+        above=tuple(lines[: first_line - 1]), sensors=_sensors(names, complete),
+        stamp_parts=_stamp_parts(names, integers), cleaning=cleaning,
     )  # fmt: skip
 
 
@@ -164,16 +166,16 @@ def _cleaning(lines: list[str]) -> tuple[tuple[tuple[bytes, bytes], ...], tuple[
     """Return the replacements to make in each line, and the names of the columns if each number has a label. Programs
     for the serial port write "ax:0.1 ay:0.2" or "t=0.01, gx=0.1", and the Arduino IDE "12:00:00.000 -> 0.1"."""
     sample = lines[len(lines) // 2 :][:50]
-    found: list[tuple[bytes, bytes]] = []
+    replacements: list[tuple[bytes, bytes]] = []
     if 2 * sum(_ARROW.match(line) is not None for line in sample) > len(sample):
-        rest = sample[-1].partition(" -> ")[2]
-        sign = next((mark for mark in ",;\t" if mark in rest), " ")
-        found.append((rb" -> ", sign.encode()))
+        text = sample[-1].partition(" -> ")[2]
+        sign = next((mark for mark in ",;\t" if mark in text), " ")
+        replacements.append((rb" -> ", sign.encode()))
     labelled = [line for line in sample if _LABELLED.fullmatch(line.partition(" -> ")[2] or line)]
     if 2 * len(labelled) <= len(sample):
-        return tuple(found), ()
-    names = (*["time"] * len(found), *(label.rstrip(" \t:=") for label in re.findall(_LABEL, labelled[-1])))
-    return (*found, (_LABEL.encode(), b"")), names
+        return tuple(replacements), ()
+    names = (*["time"] * len(replacements), *(label.rstrip(" \t:=") for label in re.findall(_LABEL, labelled[-1])))
+    return (*replacements, (_LABEL.encode(), b"")), names
 
 
 def _sensors(names: Sequence[str], rows: list[list[str]]) -> tuple[int, tuple[str, ...]] | None:
@@ -193,10 +195,10 @@ _MOST_SENSORS = 16
 def _stamp_parts(names: Sequence[str], integers: Sequence[bool]) -> tuple[int, int] | None:
     """Find the columns of time stamps that consist of seconds and nanoseconds."""
     keys = {re.sub(r"[^a-z]", "", name.casefold()): k for k, name in enumerate(names)}
-    for seconds, rest in (("stampsec", "stampnanosec"), ("stampsecs", "stampnsecs")):
-        found = [next((k for key, k in keys.items() if key.endswith(end)), None) for end in (seconds, rest)]
-        if found[0] is not None and found[1] is not None and integers[found[0]] and integers[found[1]]:
-            return found[0], found[1]
+    for seconds, nanoseconds in (("stampsec", "stampnanosec"), ("stampsecs", "stampnsecs")):
+        places = [next((k for key, k in keys.items() if key.endswith(end)), None) for end in (seconds, nanoseconds)]
+        if places[0] is not None and places[1] is not None and integers[places[0]] and integers[places[1]]:
+            return places[0], places[1]
     return None
 
 
@@ -234,7 +236,7 @@ def _require_equal_rows(above: list[tuple[int, str]], where: tuple[object, int])
 def _is_numbers(line: str) -> bool:
     """Return whether a delimiter splits a line into several numbers."""
     ways = (split(line, delimiter) for delimiter in (",", ";", "\t", "|", BLANKS))
-    return any(len(cells) > 1 and all(is_number(one, decimal_comma=True) for one in cells) for cells in ways)
+    return any(len(cells) > 1 and all(is_number(cell, decimal_comma=True) for cell in cells) for cells in ways)
 
 
 def _numeric_columns(rows: list[list[str]], decimal_comma: bool) -> list[bool]:
@@ -248,18 +250,18 @@ def _is_row(cells: list[str], numeric: list[bool], decimal_comma: bool) -> bool:
     """Return whether a line is a row of the recording: its numeric fields contain numbers or are empty."""
     if len(cells) != len(numeric):
         return False
-    there = [cell for cell, wanted in zip(cells, numeric, strict=True) if wanted and cell not in ("", *MISSING_WORDS)]
-    return bool(there) and all(is_number(cell, decimal_comma) for cell in there)
+    filled = [cell for cell, number in zip(cells, numeric, strict=True) if number and cell not in ("", *MISSING_WORDS)]
+    return bool(filled) and all(is_number(cell, decimal_comma) for cell in filled)
 
 
-def _trimmed(cells: list[str], columns: int) -> list[str]:
+def _trim(cells: list[str], columns: int) -> list[str]:
     """Return the cells without empty cells after the last column."""
     while len(cells) > columns and cells[-1] == "":
         cells = cells[:-1]
     return cells
 
 
-def _parted(
+def _split_stamp_header(
     header: list[tuple[int, list[str]]],
     body: list[tuple[int, str]],
     comments: list[str],
@@ -363,34 +365,34 @@ def _cells(text: str, columns: int, delimiter: str) -> list[str]:
     if not re.search(r"[,;\t|]", text):
         # A blank inside or before the brackets of "gyro_x [rad/s]" does not separate columns.
         ways.append(_NAME_IN_BLANKS.findall(text))
-    fitting = [cells for way in ways if len(cells := _trimmed([clean(c) for c in way], columns)) == columns]
+    fitting = [cells for way in ways if len(cells := _trim([clean(c) for c in way], columns)) == columns]
     return max(fitting, key=lambda cells: sum(bool(recognise(c).axis) for c in cells), default=[])
 
 
 def _stated_units(comments: list[str]) -> dict[str, str]:
     """Return the units that comments state for a sensor, as "gyro in deg/s, accel in g" or "units: rad/s, m/s^2"."""
-    found: dict[str, str] = {}
+    units: dict[str, str] = {}
     for line in comments:
         text = _single_blanks(line).casefold()
-        said = "unit" in text
+        names_unit = "unit" in text
         for clause in re.split(r"[,;]|\band\b", text):
             about = "gyro" if re.search(r"gyr|angular|omega", clause) else ""
             about = about or ("accel" if re.search(r"acc|specific force", clause) else "")
             about = about or ("time" if re.search(r"\btime|stamp", clause) else "")
             words = re.findall(r"[\w°²/^.\-µμ]+", re.sub(r"(?<=\w) (?=[sh]\^?-)", "", clause))
-            for quantity in (about,) if about else ("gyro", "accel") if said else ():
+            for quantity in (about,) if about else ("gyro", "accel") if names_unit else ():
                 for word in words:
                     unit = unit_of(word.strip(".-"), quantity)
                     if unit and (about or word != "g") and not (quantity == "time" and not _is_clear(word, clause)):
-                        found.setdefault(quantity, unit)
-    return found
+                        units.setdefault(quantity, unit)
+    return units
 
 
 def _stated_rate(comments: list[str]) -> float | None:
     """Return the sampling rate (Hz) if comments state exactly one, as in "// Update Rate: 100.0Hz"; otherwise None."""
     stated = (match for line in comments for match in _RATE.findall(_single_blanks(line)))
-    found = {float(number) * (1e3 if kilo else 1) for number, kilo in stated}
-    return found.pop() if len(found) == 1 and min(found) > 0 else None
+    rates = {float(number) * (1e3 if kilo else 1) for number, kilo in stated}
+    return rates.pop() if len(rates) == 1 and min(rates) > 0 else None
 
 
 def _single_blanks(line: str) -> str:

@@ -120,17 +120,17 @@ def _matrix(data: memoryview, order: str, path: Path, where: str, depth: int) ->
 
 def _numbers(element: _Element, kind: str, shape: tuple[int, ...], order: str, path: Path, name: str) -> NDArray[Any]:
     """Read the numbers of a matrix. They may be stored in a smaller type than the type of the matrix."""
-    values = _stored(element, order, path)
+    values = _read_numbers(element, order, path)
     if values.size != int(np.prod(shape, dtype=object)):
         raise damage_error(f"{path} is damaged: {name} has {values.size} numbers, expected {'×'.join(map(str, shape))}")
     with np.errstate(invalid="ignore", over="ignore"):  # a number that the type cannot hold is an error below
-        found = values.astype(f"{order}{kind}", copy=False)
-    if found.dtype.kind in "iu" and not np.array_equal(found, values):
+        numbers = values.astype(f"{order}{kind}", copy=False)
+    if numbers.dtype.kind in "iu" and not np.array_equal(numbers, values):
         raise damage_error(f"{path} is damaged: {name} has numbers that its type cannot hold")
-    return found.reshape(shape, order="F")
+    return numbers.reshape(shape, order="F")
 
 
-def _stored(element: _Element, order: str, path: Path) -> NDArray[Any]:
+def _read_numbers(element: _Element, order: str, path: Path) -> NDArray[Any]:
     if element.kind not in _STORED:
         raise damage_error(f"{path} is damaged: numbers of the unknown type {element.kind}")
     kind = np.dtype(f"{order}{_STORED[element.kind]}")
@@ -140,7 +140,7 @@ def _stored(element: _Element, order: str, path: Path) -> NDArray[Any]:
 
 
 def _integers(element: _Element, order: str, path: Path) -> list[int]:
-    values = _stored(element, order, path)
+    values = _read_numbers(element, order, path)
     if values.dtype.kind not in "iu":
         raise damage_error(f"{path} is damaged: sizes that are not whole numbers")
     return [int(value) for value in values]

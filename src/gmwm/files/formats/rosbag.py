@@ -55,7 +55,7 @@ _PACKED = (".db3.zstd", ".mcap.zstd")
 
 
 @dataclass(frozen=True)
-class _Stream:
+class _TopicState:
     """The topic of a layout, the type of its messages, and the topic of its temperature if there is one."""
 
     topic: Topic
@@ -79,35 +79,35 @@ class RosbagReader(Reader):
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return one recording for each topic whose messages contain numbers."""
-        with _opened(path) as storages:
+        with _storages(path) as storages:
             topics = merged(topic for storage in storages for topic in storage.topics())
-            found = [layout for topic in topics if (layout := _layout_or_error(topic, storages, path)) is not None]
-            found = _with_temperatures(found, topics)
-        if not found:
-            known = ", ".join(f"{t.name} ({t.type}, {t.encoding})" for t in topics) or "none"
+            layouts = [layout for topic in topics if (layout := _layout_or_error(topic, storages, path)) is not None]
+            layouts = _with_temperatures(layouts, topics)
+        if not layouts:
+            described = ", ".join(f"{t.name} ({t.type}, {t.encoding})" for t in topics) or "none"
             raise ReadError(
-                f"{path} has no topic whose messages can be read. Its topics: {known}",
+                f"{path} has no topic whose messages can be read. Its topics: {described}",
                 code="no-inertial-data",
                 advice="Messages must have the encoding cdr or ros1, and a type of ROS itself or one that the "
                 "recording defines (as ROS 1 and MCAP do, and databases since ROS 2 Iron).",
             )
-        return tuple(found)
+        return tuple(layouts)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Yield the numbers of a topic, one chunk for each batch of messages."""
-        stream: _Stream = layout.state
+        stream: _TopicState = layout.state
         names = {k: layout.channels[k].name for k in wanted}
         stamp = next((c.name for c in layout.channels if c.axis == "time"), LOG_TIME)
         warm = stream.temperature is not None and TEMPERATURE in names.values()
         fields = dict.fromkeys([*names.values(), stamp] if warm else names.values())
         decoder = Decoder(stream.definition, [name for name in fields if name not in (LOG_TIME, TEMPERATURE)])
-        with _opened(path) as storages:
+        with _storages(path) as storages:
             slow = _temperatures(stream.temperature if warm else None, stamp, storages, path)
             for times, messages in _batches(storages, stream.topic):
-                numbers = dict(_decoded(decoder, messages, stream.topic, path))
+                numbers = dict(_decode(decoder, messages, stream.topic, path))
                 numbers[LOG_TIME] = np.array(times, dtype=np.int64)
                 if warm:
-                    numbers[TEMPERATURE] = _interpolated(slow, numbers[stamp])
+                    numbers[TEMPERATURE] = _interpolate(slow, numbers[stamp])
                 yield {k: numbers[name] for k, name in names.items()}
 
 
@@ -117,13 +117,13 @@ def _is_metadata(head: bytes) -> bool:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[list[Storage]]:
+def _storages(path: Path) -> Iterator[list[Storage]]:
     """Open the files of a recording; compressed files are unpacked into a temporary folder."""
     with TemporaryDirectory(prefix="gmwm-") as folder:
         try:
             with path.open("rb") as file:
                 head = file.read(1 << 12)
-            files = _listed(path) if _is_metadata(head) else [path]
+            files = _listed_files(path) if _is_metadata(head) else [path]
             yield [_storage(_plain(file, Path(folder))) for file in files]
         except OSError as error:
             raise ReadError(
@@ -168,7 +168,7 @@ def _plain(path: Path, folder: Path) -> Path:
     return target
 
 
-def _listed(path: Path) -> list[Path]:
+def _listed_files(path: Path) -> list[Path]:
     """Return the files that a metadata.yaml lists."""
     from ruamel.yaml import YAML
 
@@ -210,10 +210,10 @@ def _listed(path: Path) -> list[Path]:
 def _batches(storages: Sequence[Storage], topic: Topic) -> Iterator[Batch]:
     """Yield the messages of a topic in all files. The identifiers of the topic can differ between the files."""
     for storage in storages:
-        for own in storage.topics():
-            if (own.name, own.type, own.encoding) == (topic.name, topic.type, topic.encoding):
-                for times, messages in storage.batches(own):
-                    yield times, unpacked_messages(messages, storage.path) if own.encoding == "cdr" else messages
+        for part in storage.topics():
+            if (part.name, part.type, part.encoding) == (topic.name, topic.type, topic.encoding):
+                for times, messages in storage.batches(part):
+                    yield times, unpacked_messages(messages, storage.path) if part.encoding == "cdr" else messages
 
 
 def _layout_or_error(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | None:
@@ -227,7 +227,7 @@ def _layout_or_error(topic: Topic, storages: Sequence[Storage], path: Path) -> L
 def _with_temperatures(layouts: Sequence[Layout], topics: Sequence[Topic]) -> list[Layout]:
     """Add each temperature topic to the inertial topic whose name shares the longest beginning with its name."""
     out = list(layouts)
-    inertial = [k for k, layout in enumerate(out) if layout.inertial and isinstance(layout.state, _Stream)]
+    inertial = [k for k, layout in enumerate(out) if layout.inertial and isinstance(layout.state, _TopicState)]
     for topic in topics:
         if topic.type != _TEMPERATURE_TYPE or topic.count == 0 or not inertial:
             continue
@@ -235,8 +235,8 @@ def _with_temperatures(layouts: Sequence[Layout], topics: Sequence[Topic]) -> li
         alike = {k: sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs[k])) for k in inertial}
         best = [k for k in inertial if alike[k] == max(alike.values())]
         layout = out[best[0]]
-        own = any("temperature" in (c.axis, recognise(c.name).axis) for c in layout.channels)
-        if len(best) == 1 and not own:
+        has_temperature = any("temperature" in (c.axis, recognise(c.name).axis) for c in layout.channels)
+        if len(best) == 1 and not has_temperature:
             remark = Remark.of("temperature-read", topic=topic.name)
             out[best[0]] = replace(
                 layout,
@@ -256,23 +256,23 @@ def _temperatures(
     if topic is not None and kind is not None:
         decoder = Decoder(kind, [STAMP, "temperature"])
         for times, messages in _batches(storages, topic):
-            numbers = _decoded(decoder, messages, topic, path)
+            numbers = _decode(decoder, messages, topic, path)
             # The temperatures need times of the same clock as the samples.
             stamps.append(numbers[STAMP] if stamp == STAMP else np.array(times, dtype=np.int64))
             values.append(numbers["temperature"])
-    at, there = np.concatenate(stamps), np.concatenate(values)
+    at, degrees = np.concatenate(stamps), np.concatenate(values)
     order = np.argsort(at, kind="stable")
-    order = order[np.isfinite(there[order])]
-    return at[order], there[order]
+    order = order[np.isfinite(degrees[order])]
+    return at[order], degrees[order]
 
 
-def _interpolated(slow: tuple[NDArray[np.int64], Vector], stamps: NDArray[np.int64]) -> Vector:
+def _interpolate(slow: tuple[NDArray[np.int64], Vector], stamps: NDArray[np.int64]) -> Vector:
     """Return the temperature at some time stamps (ns), interpolated linearly; NaN if none was recorded."""
     at, values = slow
     if not at.size:
         return np.full(stamps.size, np.nan)
-    found: Vector = np.interp((stamps - at[0]).astype(np.float64), (at - at[0]).astype(np.float64), values)
-    return found
+    temperatures: Vector = np.interp((stamps - at[0]).astype(np.float64), (at - at[0]).astype(np.float64), values)
+    return temperatures
 
 
 def _layout(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | None:
@@ -302,7 +302,7 @@ def _layout(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | N
         return None
     return Layout(
         channels=tuple(channels), topic=topic.name, remarks=remarks,
-        state=_Stream(topic, kind), inertial=inertial,
+        state=_TopicState(topic, kind), inertial=inertial,
     )  # fmt: skip
 
 
@@ -331,18 +331,18 @@ def _imu_layout(topic: Topic, kind: Definition, leaves: Sequence[str], storages:
     channels.append(Channel(LOG_TIME, "ns", "" if stamped else "time"))
     return Layout(
         channels=tuple(channels), topic=topic.name, remarks=tuple(remarks),
-        state=_Stream(topic, kind), inertial=bool(first[STAMP].size),
+        state=_TopicState(topic, kind), inertial=bool(first[STAMP].size),
     )  # fmt: skip
 
 
 def _first(topic: Topic, kind: Definition, names: Sequence[str], storages: Sequence[Storage]) -> dict[str, Any]:
     """Return the numbers `names` of the first messages of a topic; empty arrays if it has no messages."""
     for _, messages in _batches(storages, topic):
-        return _decoded(Decoder(kind, names), messages[:_PEEK], topic, storages[0].path)
+        return _decode(Decoder(kind, names), messages[:_PEEK], topic, storages[0].path)
     return {name: np.empty(0) for name in names}
 
 
-def _decoded(decoder: Decoder, messages: Sequence[bytes], topic: Topic, path: Path) -> dict[str, Any]:
+def _decode(decoder: Decoder, messages: Sequence[bytes], topic: Topic, path: Path) -> dict[str, Any]:
     try:
         return decoder.decode(messages)
     except ReadError as error:

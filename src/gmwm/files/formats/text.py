@@ -105,12 +105,12 @@ class TextReader(Reader):
         dialect = detect(_head_lines(source), source)
         names = dialect.names or ("",) * dialect.columns
         time, channels = _time_by_content(dialect), []
-        program, known = known_table(names, source.named, dialect.above)
+        program, roles = known_table(names, source.named, dialect.above)
         for k, name in enumerate(names):
             unit = dialect.column_units[k] if dialect.column_units else ""
             axis = recognise(name).axis
-            if k in known and not dialect.stamps[k]:
-                channels.append(Channel(name, known[k][1] or unit, known[k][0]))
+            if k in roles and not dialect.stamps[k]:
+                channels.append(Channel(name, roles[k][1] or unit, roles[k][0]))
             elif dialect.stamps[k]:
                 channels.append(Channel(name, UNIT, "time" if k == time else ""))
             else:
@@ -160,9 +160,9 @@ def _stamp(chunk: Rows, dialect: Dialect) -> NDArray[np.int64]:
     assert dialect.stamp_parts is not None
     parts = [np.asarray(chunk[k]) for k in dialect.stamp_parts]
     missing = [is_missing(part) for part in parts]
-    away = np.any([np.zeros(parts[0].size, dtype=bool) if one is None else one for one in missing], axis=0)
-    seconds, rest = (np.where(away, 0, part).astype(np.int64) for part in parts)
-    return np.where(away, MISSING, seconds * 10**9 + rest)
+    away = np.any([np.zeros(parts[0].size, dtype=bool) if mask is None else mask for mask in missing], axis=0)
+    seconds, nanoseconds = (np.where(away, 0, part).astype(np.int64) for part in parts)
+    return np.where(away, MISSING, seconds * 10**9 + nanoseconds)
 
 
 def _time_by_content(dialect: Dialect) -> int | None:
@@ -170,8 +170,8 @@ def _time_by_content(dialect: Dialect) -> int | None:
     timed = dialect.stamp_parts is not None or any(recognise(name).axis == "time" for name in dialect.names)
     if not dialect.names or timed:
         return None
-    found = [k for k, stamped in enumerate(dialect.stamps) if stamped]
-    return min(found, key=lambda k: is_time_of_day(dialect.first_row[k]), default=None)
+    columns = [k for k, stamped in enumerate(dialect.stamps) if stamped]
+    return min(columns, key=lambda k: is_time_of_day(dialect.first_row[k]), default=None)
 
 
 def _head_lines(source: FileSource) -> list[str]:
@@ -264,15 +264,15 @@ def _blocks(source: FileSource, dialect: Dialect, place: Place | None = None) ->
                         code="line-too-long",
                         advice="Check that the file is a table of text with one sample per line.",
                     )
-            rest = b""
+            ending = b""
             if not block.endswith(b"\n"):  # the end of the file
                 end = block.rfind(b"\n") + 1
-                block, rest = block[:end], block[end:]
+                block, ending = block[:end], block[end:]
             if block:
                 yield Place(begin, line), block
             begin, line = begin + len(block), line + _lines(block)
-            if rest and not dialect.cut:
-                yield Place(begin, line), rest
+            if ending and not dialect.cut:
+                yield Place(begin, line), ending
 
 
 def _lines(block: bytes) -> int:

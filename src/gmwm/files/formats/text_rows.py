@@ -88,13 +88,13 @@ class RowParser:
             return np.ascontiguousarray(column.fill_null(MISSING).to_numpy())
         if k not in self.stamps:
             return np.ascontiguousarray(column.to_numpy())
-        there = column.is_not_null().to_numpy()
-        times = np.full(there.size, MISSING)
-        if there.any():
-            known = times_of(column.filter(column.is_not_null()), self.stamps[k])
-            if (unknown := np.isnat(known)).any() and not self.layout.skip_bad_lines:
-                self._explain_stamp(block, line, k, int(np.flatnonzero(there)[np.argmax(unknown)]))
-            times[there] = known.view(np.int64)
+        present = column.is_not_null().to_numpy()
+        times = np.full(present.size, MISSING)
+        if present.any():
+            stamps = times_of(column.filter(column.is_not_null()), self.stamps[k])
+            if (unknown := np.isnat(stamps)).any() and not self.layout.skip_bad_lines:
+                self._explain_stamp(block, line, k, int(np.flatnonzero(present)[np.argmax(unknown)]))
+            times[present] = stamps.view(np.int64)
         if k in self.midnights and (placed := times != MISSING).any():
             times[placed] = self.midnights[k].continued(times[placed])
         return times
@@ -142,11 +142,11 @@ class RowParser:
                 frame = self._frame_or_none(_without_blank_lines(block))
             if frame is not None and _has_nulls(frame):
                 frame = self._frame_or_none(
-                    _without_blank_lines(block if self._even(block) else self._repaired(block, line))
+                    _without_blank_lines(block if self._even(block) else self._repair(block, line))
                 )
             return frame
         try:
-            return self._frame_or_none(_without_blank_lines(self._repaired(block, line)))
+            return self._frame_or_none(_without_blank_lines(self._repair(block, line)))
         except pl.exceptions.PolarsError as error:
             reason = str(error).splitlines()[0]
             raise ReadError(
@@ -181,7 +181,7 @@ class RowParser:
         sign, counts = self.dialect.delimiter.encode(), {self.dialect.fields - 1, self.dialect.columns - 1}
         return all(line.count(sign) in counts for line in _without_blank_lines(block).split(b"\n") if line.strip())
 
-    def _repaired(self, block: bytes, line: int) -> bytes:
+    def _repair(self, block: bytes, line: int) -> bytes:
         """Return the block without repeated headers, and with rows of missing values for bad lines."""
         gap = (b" " if self.dialect.delimiter == BLANKS else self.dialect.delimiter.encode()).join(
             [_GAP] * self.dialect.columns

@@ -128,11 +128,11 @@ def record_channels(
 ) -> tuple[Channel, ...]:
     """Return the columns of a record: time (s), gyroscopes and accelerometers."""
     sensors = zip(("gyro", "accel"), units, scales, increments, strict=True)
-    found = {name: (unit, flag, scale) for name, unit, scale, flag in sensors}
+    by_sensor = {name: (unit, flag, scale) for name, unit, scale, flag in sensors}
     axes = (
         Channel(axis, unit, axis=axis, increments=flag, scale=scale)
         for axis in AXES
-        for unit, flag, scale in (found[axis_quantity(axis)],)
+        for unit, flag, scale in (by_sensor[axis_quantity(axis)],)
     )
     return (Channel("time", "s", "time"), *axes)
 
@@ -181,9 +181,9 @@ def _layout(path: Path, kind: RecordType, name: str) -> Layout:
     if not _heavy(head, kind):
         better = [other for other in TYPES if other.dtype == kind.dtype and _heavy(head, other)]
         gravity = Quantity(_gravity(head, kind), "m/s²")
-        known = "yes" if better else "no"
+        decided = "yes" if better else "no"
         doubtful = Remark.of(
-            "record-type-doubtful", str(path), type=name, gravity=gravity, better=known, formats=_formats(better)
+            "record-type-doubtful", str(path), type=name, gravity=gravity, better=decided, formats=_formats(better)
         )
         remarks.append(doubtful)
         warnings.warn(GmwmWarning(doubtful), stacklevel=2)

@@ -44,17 +44,17 @@ class XsensReader(TextReader):
 
     def sniff(self, path: Path, head: bytes) -> float:
         """Return 0.9 for comments with // above a header with PacketCounter and an inertial column."""
-        known = re.search(rb"(?m)^PacketCounter\b.*\b(Acc_X|Gyr_X|VelInc_X|OriInc_q1)\b", head)
-        return 0.9 if known and head.removeprefix(b"\xef\xbb\xbf").startswith(b"//") else 0.0
+        header = re.search(rb"(?m)^PacketCounter\b.*\b(Acc_X|Gyr_X|VelInc_X|OriInc_q1)\b", head)
+        return 0.9 if header and head.removeprefix(b"\xef\xbb\xbf").startswith(b"//") else 0.0
 
     def layout(self, source: FileSource) -> Layout:
         """Return the layout, with the axes and units that the names of the columns determine."""
-        found = super().layout(source)
-        dialect: Dialect = found.state
-        names = {channel.name for channel in found.channels}
-        time = self._time(found, dialect)
-        channels, remarks = [], [*found.remarks]
-        for channel in found.channels:
+        layout = super().layout(source)
+        dialect: Dialect = layout.state
+        names = {channel.name for channel in layout.channels}
+        time = self._time(layout, dialect)
+        channels, remarks = [], [*layout.remarks]
+        for channel in layout.channels:
             unit, axis = _SIGNALS.get(channel.name) or _INCREMENTS.get(channel.name, ("", ""))
             increments = channel.name in _INCREMENTS
             if channel.name == time:
@@ -71,7 +71,7 @@ class XsensReader(TextReader):
             remarks += [Remark.of("increments", name, source="file") for name in used]
         if time == "PacketCounter" and dialect.rate is not None:
             remarks.append(Remark.of("time-read", form="packets", rate=Quantity(dialect.rate, "Hz")))
-        return replace(found, channels=tuple(channels), remarks=tuple(remarks))
+        return replace(layout, channels=tuple(channels), remarks=tuple(remarks))
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
         """Return marks for the blocks; none for PacketCounter, whose wraps are counted from the first row."""
@@ -92,16 +92,16 @@ class XsensReader(TextReader):
                     out[k] = np.where(ticks == MISSING, MISSING, ticks * _TICK_US)
                 elif name == "PacketCounter" and layout.channels[k].axis == "time":
                     counter = whole_numbers(chunk[k])
-                    there = counter != MISSING
+                    present = counter != MISSING
                     out[k] = np.full(counter.size, np.nan)
-                    if not there.any():
+                    if not present.any():
                         continue
-                    counter = counter[there]
+                    counter = counter[present]
                     steps = np.diff(counter, prepend=counter[0] if last is None else last) % _WRAP
                     # A reset of the counter appears as a gap of minutes. Samples were lost there.
                     packets = (packets[-1] if packets is not None else 0) + np.cumsum(steps)
                     last = counter[-1]
-                    out[k][there] = packets / layout.state.rate
+                    out[k][present] = packets / layout.state.rate
             yield out
 
     @staticmethod

@@ -192,7 +192,7 @@ def stream(
 def read_file(path: Source, options: ReadOptions) -> Imu:
     """Read the recording in a file into memory, with options that are already checked; see `read`."""
     with np.errstate(all="ignore"):  # checks find damaged numbers, so NumPy need not warn
-        opened = _Opened.of(path, options, in_memory=True)
+        opened = _OpenFile.of(path, options, in_memory=True)
         imu = replace(recording_of(opened.found, opened.rows, opened.path), source=source_words(path))
     warn(imu.remarks, stacklevel=3)
     if options.ranges is not None:
@@ -203,10 +203,10 @@ def read_file(path: Source, options: ReadOptions) -> Imu:
 def stream_file(path: Source, options: ReadOptions, chunk: int = CHUNK) -> Stream:
     """Open a recording as a stream, with checked options; see `stream`. The option `gaps` is not applied."""
     with np.errstate(all="ignore"):
-        opened = _Opened.of(path, options, in_memory=False)
+        opened = _OpenFile.of(path, options, in_memory=False)
     warn(opened.found.remarks, stacklevel=3)
-    kept = None if options.ranges is None else kept_ranges(*opened.times(options))
-    return Stream(source_words(path), opened.found, opened.rows, size=chunk, kept=kept)
+    ranges = None if options.ranges is None else kept_ranges(*opened.times(options))
+    return Stream(source_words(path), opened.found, opened.rows, size=chunk, kept=ranges)
 
 
 def recording_of(found: Interpretation, rows: RowSource, path: object) -> Imu:
@@ -219,7 +219,7 @@ def recording_of(found: Interpretation, rows: RowSource, path: object) -> Imu:
 
 
 @dataclass(frozen=True, eq=False)
-class _Opened:
+class _OpenFile:
     """A recording in a file: the source of its rows, and the interpretation of its columns."""
 
     path: Path
@@ -227,7 +227,7 @@ class _Opened:
     found: Interpretation
 
     @classmethod
-    def of(cls, path: Source, options: ReadOptions, *, in_memory: bool) -> _Opened:
+    def of(cls, path: Source, options: ReadOptions, *, in_memory: bool) -> _OpenFile:
         """Open a file."""
         file, reader = found_reader(path, options.format)
         layout = one_layout(reader, file, options.topic)
@@ -237,10 +237,10 @@ class _Opened:
         origin = FileRows(file, reader, layout, topic=options.topic)
         rows = origin.held(choice) if in_memory else origin
 
-        def opened(rows: FileRows | HeldRows, begin: float = 0.0) -> _Opened:
-            found = understand(layout, choice, rows.first(choice), path=file, options=options, source=rows)
-            timing = replace(found.timing, base=replace(found.timing.base, left=begin))
-            return cls(file, rows, replace(found, timing=timing))
+        def opened(rows: FileRows | HeldRows, begin: float = 0.0) -> _OpenFile:
+            interpretation = understand(layout, choice, rows.first(choice), path=file, options=options, source=rows)
+            timing = replace(interpretation.timing, base=replace(interpretation.timing.base, left=begin))
+            return cls(file, rows, replace(interpretation, timing=timing))
 
         try:
             return opened(rows)

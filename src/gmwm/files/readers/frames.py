@@ -54,7 +54,7 @@ def _has_missing(values: Any) -> bool:
 def read_table(data: Any, rate: float | None, units: Mapping[str, str] | None, source: str) -> Imu:
     """Read the recording in a table, with names as in a file. Without a stated unit, rad/s and m/s² are assumed."""
     options = ReadOptions(rate=rate, units={} if units is None else units)
-    arrays = [one for name, values in _columns(data) for one in _arrays(str(name), values)]
+    arrays = [entry for name, values in _columns(data) for entry in _arrays(str(name), values)]
     layouts = layouts_of(arrays, _NAME)
     if len(layouts) > 1:
         raise DataError(
@@ -66,12 +66,12 @@ def read_table(data: Any, rate: float | None, units: Mapping[str, str] | None, s
     layout = layouts[0]
     choice = choose(layout, options.columns, _NAME)
     require_time(layout, choice, options.rate, _NAME)
-    wanted = list(choice.columns.values())
-    parts = list(chunks_of(layout, wanted, _NAME))
-    held = HeldRows({k: np.concatenate([part[k] for part in parts]) for k in wanted})
+    columns = list(choice.columns.values())
+    parts = list(chunks_of(layout, columns, _NAME))
+    held = HeldRows({k: np.concatenate([part[k] for part in parts]) for k in columns})
     options = replace(options, units={**_unstated(layout, choice), **options.units})
-    found = understand(layout, choice, held.rows, path=_NAME, options=options, source=held)
-    imu = recording_of(found, held, _NAME)
+    interpretation = understand(layout, choice, held.rows, path=_NAME, options=options, source=held)
+    imu = recording_of(interpretation, held, _NAME)
     warn(imu.remarks, stacklevel=3)
     return replace(imu, source=source)
 

@@ -63,19 +63,19 @@ class GrowingFile:
             self._taken += len(data)
             return data
         else:
-            self.trouble = self._replaced(here)
+            self.trouble = self._replacement(here)
         return None if self.trouble else b""
 
     def close(self) -> None:
         """Close the file."""
         self._file.close()
 
-    def _replaced(self, here: os.stat_result) -> str:
+    def _replacement(self, here: os.stat_result) -> str:
         try:
-            there = self.path.stat()
+            status = self.path.stat()
         except OSError:
             return f"{self.path} was removed while it was watched"
-        if not os.path.samestat(here, there):
+        if not os.path.samestat(here, status):
             return f"{self.path} was replaced by another file while it was watched"
         return ""
 
@@ -179,7 +179,7 @@ class _Live(io.RawIOBase):
 
 
 @dataclass(frozen=True)
-class _Text(FileSource):
+class _GrowingText(FileSource):
     """The first bytes of a growing text, and all that follow unless `lines` is None. They can be read only once."""
 
     begin: bytes
@@ -200,7 +200,7 @@ class _LiveRows:
     """The rows of a growing text."""
 
     reader: TextReader
-    text: _Text
+    text: _GrowingText
     layout: Layout
 
     def chunks(self, wanted: Sequence[int]) -> Iterator[Rows]:
@@ -224,15 +224,15 @@ def growing_stream(lines: Lines, path: Path, options: ReadOptions | None = None,
             f"{path} is not a text file, and only text can be watched", code="not-text",
             advice="Read it when it is complete.",
         )  # fmt: skip
-    layout = reader.layout(_Text(path, head, None))
+    layout = reader.layout(_GrowingText(path, head, None))
     choice = choose(layout, options.columns, path)
     choice = Choice({role: k for role, k in choice.columns.items() if role != "temperature"}, choice.remarks)
     require_time(layout, choice, options.rate, path)
     layout = replace(layout, skip_bad_lines=options.bad_lines == "skip")
-    first = first_rows(reader.rows(_Text(path, head, None), layout, list(choice.columns.values())), choice)
-    found = understand(layout, choice, first, path=path, options=options, source=None)
-    warn(found.remarks, stacklevel=2)
-    return Stream(str(path), found, _LiveRows(reader, _Text(path, head, lines), layout), BLOCK)
+    first = first_rows(reader.rows(_GrowingText(path, head, None), layout, list(choice.columns.values())), choice)
+    interpretation = understand(layout, choice, first, path=path, options=options, source=None)
+    warn(interpretation.remarks, stacklevel=2)
+    return Stream(str(path), interpretation, _LiveRows(reader, _GrowingText(path, head, lines), layout), BLOCK)
 
 
 def _first_lines(lines: Lines, patience: float) -> bytes:

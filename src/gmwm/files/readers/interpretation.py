@@ -89,10 +89,10 @@ def understand(
         raise constant(words[axis], axis, value, size)
     sifted = sift(rows, choice.columns, axes)
     count = next(iter(sifted.rows.values())).size
-    left = count if sifted.lost is None else count - int(np.count_nonzero(sifted.lost))
-    if 2 * left < count:
+    remaining = count if sifted.lost is None else count - int(np.count_nonzero(sifted.lost))
+    if 2 * remaining < count:
         raise _apart_in_rows(sifted, choice, axes, layout=layout, path=path)
-    require_samples(left, words[axes[0]])
+    require_samples(remaining, words[axes[0]])
     clock = partial(_timing, layout, choice, options, count)
     stamped, pace = "time" in choice.columns, None
     column = None
@@ -143,28 +143,28 @@ def _read_columns(choice: Choice, rows: Rows, column: TimeColumn | None, *, temp
 def _first_samples(rows: Rows, choice: Choice, axes: Sequence[str]) -> dict[str, Vector]:
     """Return the values of each axis in the first rows, without rows that lack one of `axes`."""
     head = sift({k: column[:HEAD] for k, column in rows.items()}, choice.columns, axes)
-    kept = slice(None) if head.lost is None else ~head.lost
-    return {axis: as_floats(head.rows[choice.columns[axis]])[kept] for axis in choice.axes}
+    usable = slice(None) if head.lost is None else ~head.lost
+    return {axis: as_floats(head.rows[choice.columns[axis]])[usable] for axis in choice.axes}
 
 
 def _dead(rows: Rows, choice: Choice, source: RowSource) -> dict[str, tuple[float, int]]:
     """Return the axes that are constant over all rows of a recording, with their value and the number of rows."""
     columns, size = choice.columns, next(iter(rows.values())).size
-    found = {axis: (value, size) for axis, value in dead_axes(rows, columns, choice.axes).items()}
-    if not found or size < HEAD:
-        return found
+    constants = {axis: (value, size) for axis, value in dead_axes(rows, columns, choice.axes).items()}
+    if not constants or size < HEAD:
+        return constants
     count = 0
-    for chunk in source.chunks([columns[axis] for axis in found]):
+    for chunk in source.chunks([columns[axis] for axis in constants]):
         count += next(iter(chunk.values())).size
-        still = dead_axes(chunk, columns, found)
-        found = {
+        still = dead_axes(chunk, columns, constants)
+        constants = {
             axis: (still[axis] if np.isnan(value) else value, count)
-            for axis, (value, _) in found.items()
+            for axis, (value, _) in constants.items()
             if axis in still and (still[axis] == value or np.isnan(still[axis]) or np.isnan(value))
         }
-        if not found:
+        if not constants:
             break
-    return found
+    return constants
 
 
 def _about_dead(constants: Mapping[str, tuple[float, int]]) -> Iterator[Remark]:
@@ -178,9 +178,9 @@ def _first_reading(rows: Rows, column: int, source: RowSource | None) -> float |
     blocks = [rows] if source is None or rows[column].size < HEAD else source.chunks([column])
     for block in blocks:
         missing = is_missing(block[column])
-        known = block[column] if missing is None else block[column][~missing]
-        if known.size:
-            return float(known[0])
+        readings = block[column] if missing is None else block[column][~missing]
+        if readings.size:
+            return float(readings[0])
     return None
 
 
@@ -192,10 +192,10 @@ def _timing(
     if stamps is None:
         return unstamped(as_rate(layout.rate if options.rate is None else options.rate), samples), ()
     unit, about_unit = time_unit(layout, choice, options.units)
-    found, about_form = clock_of(stamps, unit, options.rate)
+    timing, about_form = clock_of(stamps, unit, options.rate)
     if options.rate is None and layout.rate is not None and layout.rate_of_samples:
-        found = beside_stated(found, layout.rate)
-    return found, tuple(remark for remark in (about_unit, about_form) if remark is not None)
+        timing = beside_stated(timing, layout.rate)
+    return timing, tuple(remark for remark in (about_unit, about_form) if remark is not None)
 
 
 class TimeColumn:

@@ -83,13 +83,13 @@ class FileRows:
 
     def held(self, choice: Choice) -> HeldRows:
         """Read the chosen columns into memory, as float64 except the time stamps, which need the precision."""
-        wanted = list(choice.columns.values())
-        parts: dict[int, list[Any]] = {k: [] for k in wanted}
+        columns = list(choice.columns.values())
+        parts: dict[int, list[Any]] = {k: [] for k in columns}
         cuts, marked = [], False
-        for chunk in self.chunks(wanted):
-            for k in wanted:
+        for chunk in self.chunks(columns):
+            for k in columns:
                 parts[k].append(chunk[k])
-            cuts.append(chunk.get(CUT, np.zeros(chunk[wanted[0]].size, dtype=bool)))
+            cuts.append(chunk.get(CUT, np.zeros(chunk[columns[0]].size, dtype=bool)))
             marked |= CUT in chunk
         rows = {CUT: np.concatenate(cuts)} if marked else {}
         for role, k in choice.columns.items():
@@ -121,9 +121,9 @@ class HeldRows:
 def first_rows(chunks: Iterator[Rows], choice: Choice) -> Rows:
     """Return at least `HEAD` rows of each column, or all rows of a shorter recording."""
     parts, count = [], 0
-    for some in chunks:
-        parts.append(some)
-        count += next(iter(some.values())).size
+    for chunk in chunks:
+        parts.append(chunk)
+        count += next(iter(chunk.values())).size
         if count >= interpretation.HEAD:
             break
     return {k: np.concatenate([part[k] for part in parts] or [np.empty(0)]) for k in choice.columns.values()}
@@ -326,10 +326,10 @@ class Stream:
 
     def samples(self) -> Iterator[Samples]:
         """Iterate over the samples as they are read, in `Samples` objects that state the gaps between them."""
-        found, trimmer = self._found, None if self._kept is None else Trimmer(self._kept, self.rate)
-        builder = SampleBuilder(found)
-        for some in without_float_warnings(builder.samples(self._rows)):
-            part = some if trimmer is None else trimmer.take(some)
+        interpretation, trimmer = self._found, None if self._kept is None else Trimmer(self._kept, self.rate)
+        builder = SampleBuilder(interpretation)
+        for samples in without_float_warnings(builder.samples(self._rows)):
+            part = samples if trimmer is None else trimmer.take(samples)
             if part is not None:
                 yield part
             if trimmer is not None and trimmer.done:

@@ -21,7 +21,7 @@ def one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
     if topic is not None:
         # The number of the first instance of a message, and the slash of a ROS topic, can be left out.
         spelled = ((topic,), (f"{topic}_0", f"/{topic}"))
-        named = next((found for names in spelled if (found := [x for x in layouts if x.topic in names])), [])
+        named = next((matches for names in spelled if (matches := [x for x in layouts if x.topic in names])), [])
         if len(named) == 1:
             return _readable(named[0], path)
         what = f"{len(named)} topics {topic!r}" if named else f"no topic {topic!r}"
@@ -68,8 +68,8 @@ def sensor_topics(path: Source, format: str | None = None) -> tuple[str, ...]:
     if reader.single:
         return ()
     layouts = [layout for layout in reader.layouts(file) if layout.inertial]
-    whole = [layout for layout in layouts if set(AXES) <= {channel.axis for channel in layout.channels}]
-    return tuple(layout.topic for layout in whole or layouts)
+    complete = [layout for layout in layouts if set(AXES) <= {channel.axis for channel in layout.channels}]
+    return tuple(layout.topic for layout in complete or layouts)
 
 
 def topic_folder(topic: str) -> str:
