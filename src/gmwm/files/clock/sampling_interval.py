@@ -90,7 +90,7 @@ def find_losses(ticks: Vector, resolution: float, declared: float | None = None)
         return Found(line, none, none, 1)
     if regular is not None and resolution >= _COARSE * single and _is_rounding(regular, resolution, single):
         regular = None
-    if line is not None and (regular is None or _are_slips(regular)):
+    if line is not None and (regular is None or not 0 < regular.rows.size + regular.repeated.size < _SLIPS):
         return Found(line, none, none, 1)
     if regular is not None and (declared is None or agrees):
         return regular
@@ -170,12 +170,6 @@ def _slope(k: Vector, t: Vector, far: Rows | None = None) -> float:
     sizes = np.diff(edges)
     c, m = (v - np.repeat(np.add.reduceat(v, edges[:-1]) / sizes, sizes) for v in (k, t))
     return float(np.dot(c, m) / max(np.dot(c, c), 1e-300))
-
-
-def _are_slips(found: Found) -> bool:
-    """Return whether there are no gaps, or so many that they are taken as rounding at another rate."""
-    count = found.rows.size + found.repeated.size
-    return count == 0 or count >= _SLIPS
 
 
 def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Found | None:

@@ -96,7 +96,8 @@ def in_order(ticks: Vector, integer: bool, per_second: int, nominal: float | Non
     near = 0.5 * nominal
     added = np.zeros(ticks.size)
     wraps: list[tuple[int, float]] = []
-    for length, places in _wraps(steps, nominal, near, (1.0,) if integer else _parts(per_second)):
+    units = {1.0} if integer else {1.0, *(per_second / parts for parts in (10**3, 10**6, 10**9))}  # ns, µs, ms, tick
+    for length, places in _wraps(steps, nominal, near, tuple(sorted(units))):
         added[places + 1] += length
         wraps = [(row + 1, length) for row in places.tolist()]
     steps = np.diff(ticks + np.cumsum(added))
@@ -110,11 +111,6 @@ def in_order(ticks: Vector, integer: bool, per_second: int, nominal: float | Non
     if not wraps and not hours:
         return Ordered(ticks, Steps())
     return Ordered(ticks + np.cumsum(added), Steps(tuple(wraps), tuple(sorted(hours))))
-
-
-def _parts(per_second: int) -> tuple[float, ...]:
-    """Return the possible units of counters in ticks: ns, µs, ms, and the tick itself."""
-    return tuple(sorted({1.0, *(per_second / parts for parts in (10**3, 10**6, 10**9))}))
 
 
 def _wraps(

@@ -46,6 +46,7 @@ _REMARKS = {
     "raw", "counts", "count", "lsb", "lsbs", "adc", "digits", "bits", "cal", "calibrated", "uncalibrated", "body",
     "imu", "sensor", "meas", "measured", "x", "y", "z", "-",
 }  # fmt: skip
+_HARMLESS = {"raw", "meas", "measured", "data", "value", "imu", "cal", "calibrated"}
 _CLOCKS = {"utc", "gps", "gnss", "tai", "unix", "epoch", "posix", "ros", "local", "host", "device", "sensor", "elapsed"}
 
 _ELEMENT = re.compile(r"\[([012])\]")  # pattern of an element of an array of three axes: gyroADC[0] is the x axis
@@ -87,7 +88,7 @@ def recognise(name: str) -> ColumnName:
     if not axis:
         return _by_unit(words, tail_unit, unit_text)
     unit = unit_of(unit_text, axis) or unit_of(tail_unit, axis)
-    if tail_unit and not unit_of(tail_unit, axis) and not _harmless(tail_unit):
+    if tail_unit and not unit_of(tail_unit, axis) and not (tail_unit.isdigit() or tail_unit in _HARMLESS):
         return ColumnName()  # for example gyro_x_std and accel_x_bias, which are not samples
     joined = "".join(words)
     if joined == "ts" and unit_of(unit_text, "temperature") == "°C":
@@ -167,10 +168,6 @@ def is_unit(text: str) -> bool:
 def clean(name: str) -> str:
     """Return a name without quotes, surrounding blanks and the comment sign at the beginning of some headers."""
     return name.strip()[:LONGEST].lstrip("#%").strip().strip("\"'").lstrip("#%").strip()
-
-
-def _harmless(text: str) -> bool:
-    return text.isdigit() or text in {"raw", "meas", "measured", "data", "value", "imu", "cal", "calibrated"}
 
 
 def _words(text: str) -> list[str]:

@@ -100,7 +100,7 @@ def with_stated_units(arrays: Sequence[Array], texts: Sequence[str]) -> list[Arr
 
 def layouts_of(arrays: Sequence[Array], path: object, remarks: tuple[Remark, ...] = ()) -> tuple[Layout, ...]:
     """Group arrays of the same length into recordings, and by their folders in the file if an axis occurs twice."""
-    usable = [upright(array) for array in arrays if _is_real(array)]
+    usable = [upright(array) for array in arrays if array.dtype.kind in "iufMm" and len(array.shape) <= 2]
     series = [a for a in usable if len(a.shape) in (1, 2) and a.shape[0] > 1 and 0 < a.columns <= MAX_COLUMNS]
     if not series:
         shown = ", ".join(f"{a.name} {'×'.join(map(str, a.shape)) or 'number'}" for a in arrays[:8])
@@ -211,10 +211,6 @@ def _date_unit(dtype: np.dtype[Any]) -> str:
     """Return the unit of a type of dates or durations; "" for numbers, and for steps of several units such as 10 ms."""
     unit, count = np.datetime_data(dtype) if dtype.kind in "Mm" else ("", 1)
     return unit if count == 1 else ""
-
-
-def _is_real(array: Array) -> bool:
-    return array.dtype.kind in "iufMm" and len(array.shape) <= 2
 
 
 def _roles(part: Sequence[Array]) -> list[str]:

@@ -118,16 +118,16 @@ class RowParser:
         if b'"' in block or (self.sign and self.sign in block):
             frame = self._table(block, line)
             return 0 if frame is None else frame.height
-        again = sum(line.strip() in self.headers for line in block.splitlines()) if self._repeats(block) else 0
+        again = (
+            sum(line.strip() in self.headers for line in block.splitlines())
+            if any(header in block for header in self.headers)
+            else 0
+        )
         begin = _BLANK_BEGIN.match(block)
         blank = sum(run[0].count(b"\n") - 1 for run in _BLANK_RUN.finditer(block, begin.end() if begin else 0))
         blank += begin[0].count(b"\n") if begin else 0
         ended = block.endswith(b"\n") or not block[block.rfind(b"\n") + 1 :].strip()
         return block.count(b"\n") - blank + (not ended) - again
-
-    def _repeats(self, block: bytes) -> bool:
-        """Return whether a header may occur again in a block."""
-        return any(header in block for header in self.headers)
 
     def _table(self, block: bytes, line: int) -> pl.DataFrame | None:
         """Return the columns of a block, with nulls for missing values; None if it has no row."""
@@ -138,7 +138,7 @@ class RowParser:
         with suppress(pl.exceptions.PolarsError):  # a line cannot be parsed
             # Polars finds the number of columns in the first line, even if it is blank.
             frame = self._frame_or_none(_BLANK_BEGIN.sub(b"", block, count=1))
-            if frame is not None and _has_nulls(frame) and _has_blank_lines(block):
+            if frame is not None and _has_nulls(frame) and (b"\n\n" in block or b"\n\r\n" in block):
                 frame = self._frame_or_none(_without_blank_lines(block))
             if frame is not None and _has_nulls(frame):
                 frame = self._frame_or_none(
@@ -292,10 +292,6 @@ def _advice(block: bytes, line: int, number: int) -> str:
 
 def _has_nulls(frame: pl.DataFrame) -> bool:
     return any(series.null_count() for series in frame)
-
-
-def _has_blank_lines(block: bytes) -> bool:
-    return b"\n\n" in block or (b"\r" in block and b"\n\r\n" in block)
 
 
 def _without_blank_lines(block: bytes) -> bytes:

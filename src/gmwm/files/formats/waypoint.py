@@ -225,14 +225,10 @@ def _plausible(times: NDArray[Any]) -> bool:
 def _gravity(head: bytes, kind: RecordType) -> float:
     """Return the norm of the mean specific force (m/s²) in the first records if they are of this type."""
     with np.errstate(all="ignore"):  # records of another type may overflow
-        return _mean_norm(head, kind)
-
-
-def _mean_norm(head: bytes, kind: RecordType) -> float:
-    times = _times(head, kind)
-    rate = 1 / float(np.median(np.diff(times))) if times.size > 1 else np.nan
-    means = [float(np.mean(_column(head, kind.dtype, axis))) for axis in AXES[3:]]
-    return float(np.linalg.norm(means)) * kind.accel * rate
+        times = _times(head, kind)
+        rate = 1 / float(np.median(np.diff(times))) if times.size > 1 else np.nan
+        means = [float(np.mean(_column(head, kind.dtype, axis))) for axis in AXES[3:]]
+        return float(np.linalg.norm(means)) * kind.accel * rate
 
 
 def _heavy(head: bytes, kind: RecordType) -> bool:

@@ -115,7 +115,10 @@ def understand(
     reading = None
     if TEMPERATURE in choice.columns:
         reading = _first_reading(rows, choice.columns[TEMPERATURE], source)
-    remarks = [*layout.remarks, *choice.remarks, *_about_dead(constants)]
+    remarks = [*layout.remarks, *choice.remarks]
+    for axis, (value, size) in constants.items():
+        kind = "missing" if np.isnan(value) else "constant"
+        remarks.append(Remark.of("axis-dead", axis, kind=kind, value=value, rows=size))
     if column is not None and column.other:
         remarks.append(Remark.of("rows-of-others", count=column.other, rows=column.rows))
     remarks += [*about_scale, *scales.remarks, *about_time]
@@ -165,12 +168,6 @@ def _dead(rows: Rows, choice: Choice, source: RowSource) -> dict[str, tuple[floa
         if not constants:
             break
     return constants
-
-
-def _about_dead(constants: Mapping[str, tuple[float, int]]) -> Iterator[Remark]:
-    """Yield a remark for each constant axis, which is left out."""
-    for axis, (value, rows) in constants.items():
-        yield Remark.of("axis-dead", axis, kind="missing" if np.isnan(value) else "constant", value=value, rows=rows)
 
 
 def _first_reading(rows: Rows, column: int, source: RowSource | None) -> float | None:
