@@ -103,7 +103,7 @@ def test_without_stamps_and_more_parts_than_rows_allow(tmp_path):
     path = written(tmp_path / "a.npy", columns())
     divided = same(stream(path, 125.0, units=UNITS), 1000)
     assert 2 <= len(divided) <= 4
-    assert all(part.stop - part.first >= parts.SHORTEST for part in divided)
+    assert all(part.stop - part.first >= parts.SHORTEST_PART for part in divided)
     (only,) = same(stream(path, 125.0, units=UNITS), 1)
     assert only.whole
     assert "all rows" in repr(only)

@@ -1,13 +1,8 @@
 """Find rows of a file without a usable sample, because of missing values, unreadable lines, or other messages.
 
-A reader marks a missing value: NaN in a column of numbers, `MISSING` in a column of integers. This module decides what
-a missing value means for the recording, in the same way for all formats, in memory and in streams:
-
-- A row with a time stamp and no value in any axis belongs to another message, or its sample was not stored. It is left
-  out. If a sample is missing there, the time stamps show the gap.
-- A row without a time stamp, in a recording that has them, cannot be placed. It is left out, and there is a gap between
-  the samples before and after it.
-- Any other row without a finite value in each axis is a lost sample. Its place is known, and it is a gap.
+A row with a time stamp and no value in any axis belongs to another message, and is left out: time stamps show a gap.
+A row without a time stamp, in a recording that has them, is left out too, and the recording is split there. Any other
+row without a finite value in each axis is a lost sample at a known place, and a gap. `MISSING` and NaN mark values.
 """
 
 from __future__ import annotations

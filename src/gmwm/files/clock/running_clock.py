@@ -23,10 +23,7 @@ from gmwm.files.clock.time_stamps import SegmentStarts, Timing, about_stamps
 
 KEPT = 4096
 """Number of time stamps before a block that are analysed again with it, so that both sides of each gap are used."""
-_BEHIND = 128  # later rows that decide whether a row begins a segment. Late deliveries end within these rows.
-_SOME = 1024  # smallest number of recent rows whose rate is compared with the rate of the first rows
-_APART = 1e-3
-"""Relative difference between the rates of the first and of all rows for a warning, as for a declared rate."""
+_ROWS_BEHIND = 128  # later rows that decide whether a row begins a segment. Late deliveries end within these rows.
 
 
 @dataclass(frozen=True)
@@ -99,7 +96,7 @@ class Pace:
     @property
     def behind(self) -> int:
         """Number of later rows that are needed to decide whether a row begins a segment."""
-        return min(_BEHIND + 4 * self.width, KEPT)
+        return min(_ROWS_BEHIND + 4 * self.width, KEPT)
 
     def ticks(self, values: NDArray[Any]) -> Vector:
         """Convert time stamps of the file to ticks from the first time stamp."""
@@ -168,7 +165,8 @@ class RunningClock:
         yield from about_stamps(self.base())
         if self._stop > pace.rows and counted.span > 0:
             measured = pace.per_second * counted.inside / counted.span
-            if abs(measured / pace.rate - 1) > _APART:
+            # Relative difference between the rates of the first and of all rows for a warning, as for a declared rate
+            if abs(measured / pace.rate - 1) > 1e-3:
                 yield Remark.of(
                     "rate-contradicted",
                     source="first-rows",
@@ -190,7 +188,8 @@ class RunningClock:
             if row:
                 error.message += f" (rows and times counted from row {row + 1} of the file)"
             raise
-        if self._window.size < _SOME:
+        # Smallest number of recent rows whose rate is compared with the rate of the first rows
+        if self._window.size < 1024:
             return
         last = self._without_steps_back(self._window)[0]
         change = find_losses(last, resolution_of(last, pace.spacing)).interval / pace.interval

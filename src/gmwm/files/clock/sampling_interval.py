@@ -1,16 +1,10 @@
 """Find the sampling interval and the lost samples of a recording from its time stamps.
 
-The time stamp of row k is t_k = t_0 + (k + L_k) T + d_k. L_k counts the samples lost so far and never decreases. The
-delay d_k is jitter, the rounding of the time stamps, or the time that a sample waits in a buffer. So
-r_k = t_k / T - k = L_k + (slow drift of the clock) + d_k / T, in samples. A late delivery increases r for a while; a
-lost sample increases it permanently.
-
-1. A statistic of r over blocks of W rows (mean, minimum or maximum) reduces the delays; W = 1 if single rows are
-   regular. W is the shortest length for which the statistics of neighbouring blocks agree modulo 1 (`_coherence`).
-2. Modulo 1, r does not depend on the lost samples. Its phase gives the interval T and the drift of the clock.
-3. Without the drift, the statistics are whole numbers, the levels. If the level falls again after a rise,
-   within twice the length of the rise, the rise was a late delivery.
-4. Each rise is placed at the row at which the levels before and after it fit best.
+The time stamp of row k is t_k = t_0 + (k + L_k) T + d_k, with L_k samples lost so far and a delay d_k: jitter,
+rounding, or time in a buffer. So r_k = t_k / T - k = L_k + drift + d_k / T. A lost sample increases r permanently, a delay for a
+while. Modulo 1, r does not depend on losses: its phase gives T and the drift. Without the drift, single rows, or the
+mean, minimum or maximum of the shortest blocks that agree modulo 1 (`_coherence`), are whole numbers: the levels. A
+level that falls again within twice the length of its rise was a late delivery. `row_levels` places the other rises.
 """
 
 from __future__ import annotations
@@ -31,26 +25,30 @@ _COARSE = 0.35
 _REGULAR = 0.35
 """Smallest coherence at which single rows are used. It is exp(-2π²σ²) for a jitter of σ = 0.23 sampling intervals."""
 _TURNS = 0.15  # smallest coherence at a distance of rows that refines the interval; beyond, the clock drifts too far
-_LATE = 0.01  # largest share of rows more than 0.75 samples from their level; delays have a heavier tail than jitter
+_LATE_SHARE = (
+    0.01  # largest share of rows more than 0.75 samples from their level; delays have a heavier tail than jitter
+)
 _STEADY = 0.85
 """Sufficient coherence of neighbouring blocks: their statistics have a standard deviation of 0.06 samples."""
-_NEAR = 0.02
+_INTERVAL_CHANGE = 0.02
 """Largest relative change of the interval between phases of blocks; beyond, whole turns would be miscounted."""
 _MOST_LOST = 2.5
 """Ratio of mean to median interval above which long intervals are pauses between bursts of rows, not losses."""
 _RUNS, _RUN = 8, 16
 """Rows come in at least 8 bursts, of fewer than 16 rows on average unless the ratio is above 4 `_MOST_LOST`."""
-_LONG = 1.5  # interval, in samples, halfway between an interval without a lost sample and an interval with one
-_FAR = 256  # gap (samples) above which it is removed before phases are compared: the clock may drift within it
+_LONG_INTERVAL = 1.5  # interval, in samples, halfway between an interval without a lost sample and an interval with one
+_LONG_GAP = 256  # gap (samples) above which it is removed before phases are compared: the clock may drift within it
 _SMOOTH, _STEP, _SMOOTH_BLOCKS = 64, 8, 9
 """Rows over which the phase is averaged, step between its values, and the same number of blocks."""
-_SOME = 1 << 17  # number of rows from which the interval is first found; all rows then refine it
+_FIRST_ROWS = 1 << 17  # number of rows from which the interval is first found; all rows then refine it
 _PER_DOUBLING = 0.03  # increase of the coherence above which a block with twice the rows is preferred
 _BLOCKS = 12  # smallest number of blocks into which the recording is divided in the search for a better block length
 RATE_TOLERANCE = 1e-2
-"""Relative agreement of rates; gyroscope clocks are specified to 1 % (InvenSense specification PS-MPU-6000A, 2013)."""
-_AGREES = 0.02  # largest relative difference at which an interval agrees with the declared interval
-_BESIDE = 0.1  # relative difference between the declared interval and one without a lost sample, jitter included
+"""Relative agreement of rates; gyroscope clocks are specified to 1 % (InvenSense specification PS-MPU-6000A)."""
+_AGREES_WITH_DECLARED = 0.02  # largest relative difference at which an interval agrees with the declared interval
+_JITTER_OF_DECLARED = (
+    0.1  # relative difference between the declared interval and one without a lost sample, jitter included
+)
 _SLIPS = 5  # smallest number of regular steps that are taken as rounding at another rate instead of losses
 
 
@@ -80,10 +78,12 @@ def find_losses(ticks: Vector, resolution: float, declared: float | None = None)
     mean = _windowed_mean(ticks, burst)
     if declared is not None and contradicts:
         steps = np.diff(ticks)
-        near = steps[np.abs(steps / declared - 1) < _BESIDE]
+        near = steps[np.abs(steps / declared - 1) < _JITTER_OF_DECLARED]
         single = float(np.median(near)) if near.size else single
     regular = _regular(ticks, single, resolution, mean)
-    agrees = declared is not None and regular is not None and abs(regular.interval / declared - 1) < _AGREES
+    agrees = (
+        declared is not None and regular is not None and abs(regular.interval / declared - 1) < _AGREES_WITH_DECLARED
+    )
     if agrees and regular is not None and (line is None or contradicts):
         return regular  # the declared rate decides between jitter or rounding, and regular losses
     if line is not None and uniform:
@@ -118,7 +118,7 @@ def resolution_of(ticks: Vector, spacing: float) -> float:
 
 def _typical(ticks: Vector) -> float:
     """Return the median interval of some rows."""
-    return float(np.median(np.diff(ticks[(ticks.size - min(ticks.size, _SOME)) // 2 :][:_SOME])))
+    return float(np.median(np.diff(ticks[(ticks.size - min(ticks.size, _FIRST_ROWS)) // 2 :][:_FIRST_ROWS])))
 
 
 def _burst(ticks: Vector) -> float:
@@ -178,7 +178,7 @@ def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Fo
         return None
     steps = np.diff(ticks)
     if mean / single > _MOST_LOST:
-        runs = int(np.count_nonzero(steps > _LONG * single))
+        runs = int(np.count_nonzero(steps > _LONG_INTERVAL * single))
         if runs >= _RUNS and (steps.size < _RUN * runs or mean / single > 4 * _MOST_LOST):
             return None
     if resolution >= _COARSE * single:
@@ -193,7 +193,7 @@ def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Fo
     r = closed / interval - np.arange(closed.size)
     x = r - phase
     level = follow(x)
-    if np.count_nonzero(np.abs(x - level) > 0.75) > _LATE * x.size:
+    if np.count_nonzero(np.abs(x - level) > 0.75) > _LATE_SHARE * x.size:
         return None
     level = _with_long_steps(level, np.diff(closed) / interval)
     return _with_closed_gaps(ticks, closed, far, level, interval=interval, width=1)
@@ -213,7 +213,7 @@ def _with_long_steps(level: Rows, steps: Vector) -> Rows:
     """Remove rises and falls of the levels without a fitting long or short interval (in samples): drift of the
     clock."""
     rise = np.diff(level)
-    near = np.abs(steps[steps < _LONG] - 1)
+    near = np.abs(steps[steps < _LONG_INTERVAL] - 1)
     scatter = 3 * 1.4826 * float(np.median(near)) if near.size else 0.0
     short = max(0.5, scatter)
     wide = np.concatenate([[1.0], steps, [1.0]])
@@ -228,7 +228,7 @@ def _close_gaps(ticks: Vector, interval: float) -> tuple[Vector, Rows]:
     """Return time stamps without their long gaps, and the rows after these gaps."""
     steps = np.diff(ticks)
     r = ticks / interval - np.arange(ticks.size)
-    jumps = np.flatnonzero(steps > _FAR * interval)
+    jumps = np.flatnonzero(steps > _LONG_GAP * interval)
     size = steps[jumps] / interval
     later = np.minimum(jumps + 65 + np.minimum(2 * size, 20_000).astype(np.int64), ticks.size - 1)
     stays = np.minimum.reduceat(r, np.column_stack([jumps + 1, later]).ravel())[::2] if jumps.size else np.empty(0)
@@ -245,7 +245,7 @@ def _close_gaps(ticks: Vector, interval: float) -> tuple[Vector, Rows]:
 def _phase_locked(ticks: Vector, interval: float) -> tuple[float | None, Vector]:
     """Return the interval at which single rows are coherent, and the slow phase of the rows in samples."""
     n = ticks.size
-    sample = ticks[(n - min(n, _SOME)) // 2 :][:_SOME]
+    sample = ticks[(n - min(n, _FIRST_ROWS)) // 2 :][:_FIRST_ROWS]
     steps = np.diff(sample) / interval
     near = steps[np.abs(steps - 1) <= 0.5]
     # With many gaps, the median of all intervals is above the median of those without one.
@@ -315,7 +315,7 @@ def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) 
         for name in names:
             refined = _refine(closed, near[name], size, name)
             value = _coherence(_blocks(closed, refined, size, name))
-            if abs(refined / near[name] - 1) > min(_NEAR, 0.45 / size):
+            if abs(refined / near[name] - 1) > min(_INTERVAL_CHANGE, 0.45 / size):
                 continue
             if value > 0.5:
                 near[name] = refined

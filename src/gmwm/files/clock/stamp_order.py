@@ -14,16 +14,14 @@ from gmwm.base.remarks import Quantity, Remark
 
 # The thresholds are pinned by the study of clocks, docs/validation/clocks.md, and by tests/readers/test_steady.py.
 
-_WINDOW = 64
+_NOMINAL_WINDOW = 64
 """Number of intervals over which the nominal interval is averaged, so that the rounding of time stamps averages out."""
-_BITS = (16, 24, 32)  # bits of counters that wrap around
 _HOUR = 3600  # step of a clock at a change to or from summer time (s)
 _HOUR_WITHIN = 0.25
 """Largest difference (s) of such a step; two sampling intervals if shorter, and at least half of one."""
-_LOST = 64  # largest number of samples that may be lost where a counter wraps around
-_LONGEST = 1e10
-"""Longest time between two time stamps of a recording (s). It is 300 years, the range of nanoseconds since 1970."""
-_BEHIND = 8  # time stamps after a backward step that show whether the clock was set back or one stamp is out of order
+_STAMPS_BEHIND = (
+    8  # time stamps after a backward step that show whether the clock was set back or one stamp is out of order
+)
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,7 @@ def nominal_interval(ticks: Vector) -> float:
     forward = np.diff(ticks)
     forward = forward[forward >= 0]
     single = float(np.median(forward)) if forward.size else 0.0
-    window = max(1, min(_WINDOW, ticks.size // 8))
+    window = max(1, min(_NOMINAL_WINDOW, ticks.size // 8))
     averages = (ticks[window:] - ticks[:-window]) / window
     averages = averages[averages > 0]
     average = float(np.median(averages)) if averages.size else 0.0
@@ -118,11 +116,13 @@ def _wraps(
 ) -> Iterator[tuple[float, NDArray[np.int64]]]:
     """Yield the length of the counter and the intervals where it wraps, if most backward steps are its wraps."""
     back = np.flatnonzero(steps < 0)
-    for length in sorted(unit * 2.0**bits for unit in units for bits in _BITS):
+    # Bits of counters that wrap around
+    for length in sorted(unit * 2.0**bits for unit in units for bits in (16, 24, 32)):
         remainder = steps[back] + length
         intervals = np.round(remainder / nominal)  # number of sampling intervals that remain
         near_whole = np.abs(remainder / nominal - intervals) <= 0.25
-        missing = (intervals >= 1) & (intervals <= min(_LOST, length / nominal / 8)) & near_whole
+        # Largest number of samples that may be lost where a counter wraps around
+        missing = (intervals >= 1) & (intervals <= min(64, length / nominal / 8)) & near_whole
         wraps = back[(np.abs(remainder - nominal) <= near) | missing]
         if wraps.size and wraps.size >= 0.5 * back.size and length > 8 * nominal:
             yield length, wraps
@@ -136,7 +136,7 @@ def without_steps_back(ticks: Vector, nominal: float) -> tuple[Vector, NDArray[n
     back = np.flatnonzero(np.diff(ticks) < 0)
     if not back.size:
         return ticks, np.empty(0, dtype=np.int64)
-    last = np.minimum(back + 1 + _BEHIND, ticks.size - 1)
+    last = np.minimum(back + 1 + _STAMPS_BEHIND, ticks.size - 1)
     base = np.minimum(ticks[back], ticks[np.maximum(back - 1, 0)] + nominal)
     missing = base + (last - back) * nominal - ticks[last]
     walls = back[missing > 0.75 * nominal + 1e-9 * np.abs(base)] + 1
@@ -152,7 +152,8 @@ def without_steps_back(ticks: Vector, nominal: float) -> tuple[Vector, NDArray[n
 def require_span(ticks: Vector, nominal: float, per_second: float) -> None:
     """Raise an error if the time stamps span a longer time than a recording can last."""
     span = float(np.max(ticks) - np.min(ticks))
-    if span > _LONGEST * per_second or not span < 2.0**52 * nominal:
+    # Longest time between two time stamps of a recording (s). It is 300 years, the range of nanoseconds since 1970.
+    if span > 1e10 * per_second or not span < 2.0**52 * nominal:
         raise ReadError(
             f"the time stamps reach over {span / per_second:.3g} s at a typical interval of {nominal / per_second:.3g} "
             "s, which is no recording",

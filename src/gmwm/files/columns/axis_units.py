@@ -25,7 +25,7 @@ from gmwm.recording.options import TIME_NAMES
 
 _INFERRED = ("g", "m/s²", "mg")
 """Units that can be inferred from the norm of the accelerometers, because gravity is 1 g, 9.81 m/s² or 1000 mg."""
-_NEAR = 0.10
+_NEAR_GRAVITY = 0.10
 """Relative agreement of norm and gravity (tests/readers/test_units.py). Zero-g offsets reach 80 mg (PS-MPU-6000A)."""
 
 _STATE_ACCEL = "State it with {--units=accel:g} or {--units=accel:m/s2}."
@@ -192,7 +192,7 @@ def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, Rem
     norm = _norm(axes, values)
     for name in _INFERRED:
         gravity = STANDARD_GRAVITY / parse_unit(name, "accel").factor
-        if abs(norm / gravity - 1) <= _NEAR:
+        if abs(norm / gravity - 1) <= _NEAR_GRAVITY:
             return name, Remark.of("unit-inferred", unit=name, norm=norm, units=f"accel:{name}")
     raise UnitError(
         f"the unit of the accelerometers is unknown, and the norm of their mean, {norm:.4g}, is neither 1 (g) nor 9.8 "
@@ -205,14 +205,16 @@ def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, Rem
 def _doubts(axes: list[str], values: Mapping[str, Vector], units: Mapping[str, Unit]) -> list[Remark]:
     """Report accelerometers whose norm is close to gravity in a unit other than the declared or stated one. A norm
     within 20 % of gravity is accepted, because biases can explain it. Another unit is suggested only if the norm in
-    this unit is within 5 % of gravity. This limit is half of `_NEAR`, because a stated unit is evidence against another
-    one."""
+    this unit is within 5 % of gravity. This is half of `_NEAR_GRAVITY`, because a stated unit is evidence
+    against another one."""
     if len(axes) < 3 or len({units[axis].name for axis in axes}) > 1:
         return []
     norm, unit = _norm(axes, values), units[axes[0]]
-    if abs(norm * unit.factor / STANDARD_GRAVITY - 1) <= 2 * _NEAR:
+    if abs(norm * unit.factor / STANDARD_GRAVITY - 1) <= 2 * _NEAR_GRAVITY:
         return []
-    better = [n for n in _INFERRED if abs(norm * parse_unit(n, "accel").factor / STANDARD_GRAVITY - 1) <= _NEAR / 2]
+    better = [
+        n for n in _INFERRED if abs(norm * parse_unit(n, "accel").factor / STANDARD_GRAVITY - 1) <= _NEAR_GRAVITY / 2
+    ]
     return [
         Remark.of("unit-doubtful", unit=unit.name, norm=norm, likely=name, units=f"accel:{name}")
         for name in better

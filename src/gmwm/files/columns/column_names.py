@@ -51,7 +51,7 @@ _CLOCKS = {"utc", "gps", "gnss", "tai", "unix", "epoch", "posix", "ros", "local"
 
 _ELEMENT = re.compile(r"\[([012])\]")  # pattern of an element of an array of three axes: gyroADC[0] is the x axis
 
-LONGEST = 200
+LONGEST_NAME = 200
 """Largest number of characters of a name or unit that are searched. Much longer strings would take minutes."""
 _BRACKETED = re.compile(r"\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*$")
 
@@ -147,7 +147,7 @@ def unknown_unit(name: str, stated: str, axis: str) -> str:
 
 def unit_of(text: str, axis: str) -> str:
     """Return the standard spelling of a unit if it is a unit of `axis`; otherwise ""."""
-    text = text.strip()[:LONGEST]
+    text = text.strip()[:LONGEST_NAME]
     key = text.strip().strip("[](){}<>").casefold().replace(" ", "")
     if axis == "time":
         return find_time_unit(text)
@@ -167,7 +167,7 @@ def is_unit(text: str) -> bool:
 
 def clean(name: str) -> str:
     """Return a name without quotes, surrounding blanks and the comment sign at the beginning of some headers."""
-    return name.strip()[:LONGEST].lstrip("#%").strip().strip("\"'").lstrip("#%").strip()
+    return name.strip()[:LONGEST_NAME].lstrip("#%").strip().strip("\"'").lstrip("#%").strip()
 
 
 def _words(text: str) -> list[str]:

@@ -179,9 +179,6 @@ def _is_gravity(cells: Sequence[str]) -> bool:
     return any(abs(norm / gravity - 1) <= 0.1 for gravity in (STANDARD_GRAVITY, 1.0))
 
 
-_LISTED = 30  # largest number of columns that the example of the option lists
-
-
 def _nameless(layout: Layout, path: Path) -> ReadError:
     """Make the error for columns without names, with the first row and an example of the option."""
     count = len(layout.channels)
@@ -193,7 +190,8 @@ def _nameless(layout: Layout, path: Path) -> ReadError:
         f"{path} has {count} columns without names; the first row is {_first_cells(layout)}",
         code="columns-unnamed",
         advice="Name the columns in their order, for example {--columns=@example}.",
-        example=",".join(guess) if count <= _LISTED else "gyro_x=1,gyro_y=2,gyro_z=3",
+        # Largest number of columns that the example of the option lists
+        example=",".join(guess) if count <= 30 else "gyro_x=1,gyro_y=2,gyro_z=3",
     )
 
 

@@ -39,7 +39,6 @@ _LIMITS = {
     _SCHEMA: 2 * TEXT_LIMIT, _CHANNEL: TEXT_LIMIT, _STATISTICS: TEXT_LIMIT, _MESSAGE: CHUNK_LIMIT,
     _CHUNK: 2 * CHUNK_LIMIT,
 }  # fmt: skip
-_SKIPPED = 1 << 40  # an attachment may be large
 
 
 class McapStorage(ChunkedStorage):
@@ -117,7 +116,7 @@ class McapStorage(ChunkedStorage):
                 return
             if kind == _FOOTER:
                 return
-            limit = _LIMITS.get(kind, _SKIPPED)
+            limit = _LIMITS.get(kind, 1 << 40)  # an attachment may be large
             if length > limit:
                 raise damage_error(f"{self.path} is damaged: a record of {length} bytes", "record-damaged")
             if kind not in wanted:

@@ -29,7 +29,6 @@ MAGIC = b"#ROSBAG V2.0\n"
 _BAG, _CHUNK, _CHUNK_INFO, _CONNECTION = 3, 5, 6, 7
 _WORD, _LONG = Struct("<I"), Struct("<Q")
 _PAIR = Struct("<II")
-_CHUNKS = 10_000_000
 
 
 class Ros1Storage(ChunkedStorage):
@@ -88,7 +87,7 @@ class Ros1Storage(ChunkedStorage):
                 advice="Decrypt it with `rosbag decrypt`.",
             )
         connections, chunks = (_WORD.unpack(head[name])[0] for name in ("conn_count", "chunk_count"))
-        if connections > TOPIC_LIMIT or chunks > _CHUNKS:
+        if connections > TOPIC_LIMIT or chunks > 10_000_000:
             raise damage_error(f"{self.path} is damaged: {connections} connections in {chunks} chunks", "index-damaged")
         self._seek(file, position)
         records = [self._record(file, _CONNECTION) for _ in range(connections)]

@@ -9,14 +9,10 @@ from typing import Any
 from gmwm.files.formats.bagfiles import TEXT_LIMIT, Topic
 from gmwm.files.formats.cdr import Definition, Description, topic_error
 
-ENCODINGS = ("cdr", "ros1")
-"""Serialisation formats of messages that gmwm can decode."""
-
 IMU = "sensor_msgs/msg/Imu"
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _TYPE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)+")
-_LARGEST = 4096  # elements of an array of strings or messages; the general decoder has a line of code for each
 _EMPTY = (("structure_needs_at_least_one_member", (1, ("uint8", 0))),)  # how CDR stores a message without fields
 
 
@@ -27,7 +23,7 @@ def definition(topic: Topic) -> Definition | None:
     """
     from rosbags.typesys import Stores, get_typestore
 
-    if topic.encoding not in ENCODINGS:
+    if topic.encoding not in ("cdr", "ros1"):  # serialisation formats of messages that gmwm can decode
         return None
     ros1 = topic.encoding == "ros1"
     if topic.text:
@@ -74,7 +70,8 @@ def _require_plain(name: str, fields: Sequence[tuple[str, Description]], topic: 
         plain &= bool(_NAME.fullmatch(field))
         if sort in (3, 4):
             part, count = inner
-            plain &= sort == 4 or count <= _LARGEST or (part[0] == 1 and part[1][0] != "string")
+            # Elements of an array of strings or messages; the general decoder has a line of code for each
+            plain &= sort == 4 or count <= 4096 or (part[0] == 1 and part[1][0] != "string")
             sort, inner = part
         plain &= sort != 2 or bool(_TYPE.fullmatch(inner))
     if not plain:

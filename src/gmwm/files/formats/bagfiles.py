@@ -29,8 +29,6 @@ BATCH_BYTES = 2 << 20
 CHUNK_LIMIT = 256 << 20
 """Largest size of a decompressed chunk (bytes); recorders write 0.8 to 16 MB."""
 
-MESSAGE_LIMIT = 1 << 20
-"""Largest size of a decompressed message (bytes); messages of inertial sensors have a few hundred bytes."""
 
 TEXT_LIMIT = 1 << 20
 """Largest length of a message definition (characters), and of a record that contains one (bytes)."""
@@ -143,7 +141,8 @@ def unpacked_messages(messages: list[bytes], path: Path) -> list[bytes]:
     if not messages[0].startswith(ZSTD):
         return messages
     try:
-        contents = [_decompressor("zstd").decompress(message, max_length=MESSAGE_LIMIT) for message in messages]
+        # Largest size of a decompressed message (bytes); messages of inertial sensors have a few hundred bytes
+        contents = [_decompressor("zstd").decompress(message, max_length=(1 << 20)) for message in messages]
     except Exception as error:  # a library can raise any error on invalid data
         raise damage_error(f"{path}: a compressed message is damaged ({error})", "chunk-damaged") from error
     if sum(map(len, contents)) > CHUNK_LIMIT:

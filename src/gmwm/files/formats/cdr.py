@@ -1,11 +1,8 @@
 """Decode the numbers in serialised ROS messages, many messages at once if they have the same layout.
 
-ROS 2 serialises a message as CDR: a head of four bytes that states the byte order, and then the values one after
-another, each aligned to its own size. ROS 1 has no head and no alignment. In both, the positions of the values depend
-only on the lengths of the strings and sequences before them. Therefore the positions in one message are valid for all
-messages of the same size and byte order whose strings and sequences have the same lengths, and their numbers are read
-as strided columns. The decoder of rosbags decodes all other messages one by one.
-
+CDR (ROS 2) has a head of four bytes with the byte order, and values aligned to their size; ROS 1 has neither. The
+positions of the values depend only on the lengths of the strings and sequences before them, so messages with the same
+lengths are read as strided columns. The decoder of rosbags decodes all other messages one by one.
 Sources: OMG Common Data Representation (formal/02-06-51, 15.3); ROS wiki, "msg", serialization.
 """
 
@@ -35,13 +32,9 @@ SIZES = {
 TIME = "builtin_interfaces/msg/Time"
 """The type of a time stamp: seconds and nanoseconds, 32 bits each."""
 
-_DEPTH = 32  # largest nesting depth: a definition that contains itself would have no end
 _LONG = 16  # longer arrays of numbers are not channels
-_LEAVES = 512
 _STEPS = 100_000  # largest number of parts of a message
-_LENGTHS = 256  # strings and sequences in a message: with more, the next message hardly ever has the same lengths
 _TEMPLATES = 8  # layouts to try in a batch before the general decoder decodes the rest
-_TIME_WORDS = ("i4", "u4")  # seconds and nanoseconds; unsigned in ROS 1, which matters from 2038 on
 _COPY_OR_EXPORT = "Copy the file again, or export the topic as CSV."
 _WORDS = {"<": Struct("<I"), ">": Struct(">I")}
 
@@ -69,7 +62,7 @@ class Definition:
     def leaves(self) -> tuple[str, ...]:
         """Return the names of the numbers in every message, for example "angular_velocity.x" and "gyro[0]". A time
         stamp is one number, in nanoseconds. Strings, sequences and long arrays are left out."""
-        return tuple(islice(self._leaves(self.name, "", 0), _LEAVES))
+        return tuple(islice(self._leaves(self.name, "", 0), 512))
 
     def _leaves(self, kind: str, prefix: str, depth: int) -> Iterator[str]:
         for name, description in self.fields(kind, depth):
@@ -95,7 +88,7 @@ class Definition:
 
     def fields(self, kind: str, depth: int) -> Sequence[tuple[str, Description]]:
         """Return the fields of one of the types, which is nested in `depth` others."""
-        if depth > _DEPTH:
+        if depth > 32:  # largest nesting depth: a definition that contains itself would have no end
             raise topic_error(f"the message type {self.name} holds itself", "type-recursive")
         if kind not in self.types:
             raise topic_error(
@@ -239,7 +232,8 @@ class Decoder:
             # Usually all messages fit, so no selection is needed.
             rows = messages if alike.size == len(messages) else [messages[k] for k in alike.tolist()]
             plan = self._template(first)
-            if len(plan.words) > _LENGTHS:
+            # Strings and sequences in a message: with more, the next message hardly ever has the same lengths
+            if len(plan.words) > 256:
                 break
             numbers, fits = self._read_columns(b"".join(rows), plan)
             for name, values in numbers.items():
@@ -264,7 +258,8 @@ class Decoder:
         fields = [
             (f"{name}#{k}", plan.order + word, offset + 4 * k)
             for name, (kind, offset) in plan.places.items()
-            for k, word in enumerate(_TIME_WORDS if kind == "time" else (kind,))
+            # Seconds and nanoseconds; unsigned in ROS 1, which matters from 2038 on
+            for k, word in enumerate(("i4", "u4") if kind == "time" else (kind,))
         ]
         fields += [(f"#{k}", plan.order + "u4", offset) for k, (offset, _) in enumerate(plan.words)]
         cdr = self.definition.encoding == "cdr"

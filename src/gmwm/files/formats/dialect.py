@@ -19,8 +19,6 @@ from gmwm.files.columns.column_names import clean, is_unit, recognise, unit_of
 BLANKS = " "
 """Delimiter that stands for any number of blanks and tabs."""
 
-LONGEST_COMMENT = 8192
-"""Length of the longest comment (characters) that is searched for names and units."""
 
 COMMENT_SIGNS = ("#", "%", "//", "!")
 
@@ -130,7 +128,8 @@ def detect(lines: list[str], path: object) -> Dialect:
     trailing = fields > 1 and not named and all(cells[-1] == "" for cells in data)
     columns = fields - trailing
     header = [(k, _trim(cells, columns)) for k, cells in rows[:start]]
-    comments = [line for line in lines[: first_line - 1] if comment_sign(line) and len(line) <= LONGEST_COMMENT]
+    # Length of the longest comment (characters) that is searched for names and units
+    comments = [line for line in lines[: first_line - 1] if comment_sign(line) and len(line) <= 8192]
     where = (path, first_line)
     names, units = (
         (labels, ())
@@ -183,13 +182,12 @@ def _sensors(names: Sequence[str], rows: list[list[str]]) -> tuple[int, tuple[st
     for k, name in enumerate(names):
         if name.casefold() in _SENSOR_COLUMNS:
             values = sorted({row[k] for row in rows})
-            if 1 < len(values) <= _MOST_SENSORS and all(value.isdecimal() for value in values):
+            if 1 < len(values) <= 16 and all(value.isdecimal() for value in values):
                 return k, tuple(values)
     return None
 
 
 _SENSOR_COLUMNS = ("i", "imu", "imu_id", "sensor", "sensor_id", "device", "device_id", "instance")
-_MOST_SENSORS = 16
 
 
 def _stamp_parts(names: Sequence[str], integers: Sequence[bool]) -> tuple[int, int] | None:

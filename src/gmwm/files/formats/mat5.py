@@ -23,12 +23,9 @@ from gmwm.files.formats.byte_sources import require_ratio
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15
 _STRUCT, _CHAR = 2, 4
-_LOGICAL_OR_COMPLEX = 0x0A
 _STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
-_DEPTH = 4
 _PIECE = 1 << 14  # compressed bytes at a time: they decompress to at most 16 MB
-_MAX_FIELDS = 1000
 
 
 def variables(path: Path) -> Iterator[tuple[str, NDArray[Any]]]:
@@ -94,7 +91,7 @@ def _matrix(data: memoryview, order: str, path: Path, where: str, depth: int) ->
         raise damage_error(f"{path} is damaged: a matrix without a class, or of negative size")
     name = f"{where}/{_text(parts[2].data)}" if where and len(parts[2].data) else where or _text(parts[2].data)
     kind = flags[0] & 0xFF
-    if kind in _CLASSES and not (flags[0] >> 8) & _LOGICAL_OR_COMPLEX:
+    if kind in _CLASSES and not (flags[0] >> 8) & 0x0A:  # neither logical nor complex
         yield (
             name,
             _numbers(_element(data, at, order, path), _CLASSES[kind], shape=shape, order=order, path=path, name=name),
@@ -104,10 +101,10 @@ def _matrix(data: memoryview, order: str, path: Path, where: str, depth: int) ->
         wide = len(element.data) == 2 * int(np.prod(shape, dtype=object))
         encoding = ("utf-16-le" if order == "<" else "utf-16-be") if wide else "utf-8"
         yield name, np.array(bytes(element.data).decode(encoding, errors="replace"))
-    elif kind == _STRUCT and shape and int(np.prod(shape, dtype=object)) == 1 and depth < _DEPTH:
+    elif kind == _STRUCT and shape and int(np.prod(shape, dtype=object)) == 1 and depth < 4:
         length = _integers(_element(data, at, order, path), order, path)
         names = _element(data, _element(data, at, order, path).end, order, path)
-        if not length or not 0 < length[0] <= 64 or len(names.data) > _MAX_FIELDS * length[0]:
+        if not length or not 0 < length[0] <= 64 or len(names.data) > 1000 * length[0]:
             raise damage_error(f"{path} is damaged: the names of the fields of {name}")
         at = names.end
         for first in range(0, len(names.data), length[0]):

@@ -48,10 +48,8 @@ _TEMPERATURE_TYPE = "sensor_msgs/msg/Temperature"
 _SENSORS = {"angular_velocity": "gyro", "linear_acceleration": "accel"}
 # The numbers that a type must have to be sensor_msgs/Imu, in addition to its name.
 _IMU_LEAVES = {STAMP, *(f"{sensor}{part}" for sensor in _SENSORS for part in (".x", ".y", ".z", "_covariance[0]"))}
-_PEEK = 64  # first messages that show whether a sensor is always zero; noise is not zero in 64 samples
 _YAML_LIMIT = 1 << 20  # bytes: a metadata.yaml lists one line for each file and topic; a larger one takes 10 s
 _FILES = 10_000  # files of a recording: a bag is split into parts of some hundred MB at least
-_PACKED = (".db3.zstd", ".mcap.zstd")
 
 
 @dataclass(frozen=True)
@@ -75,7 +73,7 @@ class RosbagReader(Reader):
         """Return 1 for the signatures of ROS 1 bags, SQLite and MCAP, and for the first key of a metadata.yaml."""
         if head.startswith((b"#ROSBAG V", bag_sqlite.MAGIC, bag_mcap.MAGIC)) or _is_metadata(head):
             return 1.0
-        return 1.0 if head.startswith(ZSTD) and path.name.lower().endswith(_PACKED) else 0.0
+        return 1.0 if head.startswith(ZSTD) and path.name.lower().endswith((".db3.zstd", ".mcap.zstd")) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return one recording for each topic whose messages contain numbers."""
@@ -338,7 +336,8 @@ def _imu_layout(topic: Topic, kind: Definition, leaves: Sequence[str], storages:
 def _first(topic: Topic, kind: Definition, names: Sequence[str], storages: Sequence[Storage]) -> dict[str, Any]:
     """Return the numbers `names` of the first messages of a topic; empty arrays if it has no messages."""
     for _, messages in _batches(storages, topic):
-        return _decode(Decoder(kind, names), messages[:_PEEK], topic, storages[0].path)
+        # First messages that show whether a sensor is always zero; noise is not zero in 64 samples
+        return _decode(Decoder(kind, names), messages[:64], topic, storages[0].path)
     return {name: np.empty(0) for name in names}
 
 

@@ -21,8 +21,6 @@ _HEADER = 16
 _BLOCK = 4 << 20
 _FORMAT, _FLAGS, _ADD, _DATA, _DROPOUT = b"FBADO"
 _OTHER = frozenset(b"IMPQLCSR")
-_LARGEST = 10_000
-"""Largest size (bytes) of a message of an unknown kind; a larger one is taken for damage, as in pyulog."""
 _MOST_FIELDS = 2000
 """Largest number of fields of a message: sensors have about ten; deeply nested types could exhaust the memory."""
 _DEEPEST = 50  # largest depth of nested types
@@ -127,7 +125,8 @@ class Log:
             elif kind == _ADD:
                 instance, number, name = body[0], body[1] | body[2] << 8, body[3:].decode()
                 self.messages[number] = self._message(name, instance) if name in names else None
-            elif not kind or not 0 < len(body) <= _LARGEST:
+            # Largest size (bytes) of a message of an unknown kind; a larger one is taken for damage, as in pyulog
+            elif not kind or not 0 < len(body) <= 10_000:
                 raise self._damage("a message is invalid")
         except ReadError:
             raise

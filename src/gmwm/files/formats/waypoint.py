@@ -29,9 +29,6 @@ BLOCK = 1 << 18
 # The limits separate the records of every type and byte order in tests/readers/test_waypoint.py and test_imr.py.
 _SLOWEST, _SHORTEST = 10.0, 1e-6
 """Longest and shortest interval (s) between the time stamps of an inertial sensor."""
-_LATEST = 1e10
-"""Upper limit of time stamps (s), for seconds of a week and for seconds since 1970."""
-_IN_ORDER = 0.9  # smallest share of plausible intervals; the other intervals are gaps and resets of the clock
 _NEAR_GRAVITY = 0.2
 """Relative agreement with gravity at rest. The scales of record types are equal or differ by 1.5 or more."""
 
@@ -215,11 +212,13 @@ def _times(head: bytes, kind: RecordType) -> Vector:
 def _plausible(times: NDArray[Any]) -> bool:
     """Return whether numbers can be the time stamps of a recording (s)."""
     with np.errstate(all="ignore"):
-        if not times.size or not np.all(np.abs(times) < _LATEST):
+        # Upper limit of time stamps (s), for seconds of a week and for seconds since 1970
+        if not times.size or not np.all(np.abs(times) < 1e10):
             return False
         steps = np.diff(times)
         possible = np.mean((steps >= 0) & (steps <= _SLOWEST)) if steps.size else 1.0
-        return bool(possible >= _IN_ORDER and (not steps.size or np.median(steps) >= _SHORTEST))
+        # Smallest share of plausible intervals; the other intervals are gaps and resets of the clock
+        return bool(possible >= 0.9 and (not steps.size or np.median(steps) >= _SHORTEST))
 
 
 def _gravity(head: bytes, kind: RecordType) -> float:

@@ -23,8 +23,6 @@ from gmwm.files.formats.byte_sources import FileSource
 from gmwm.files.formats.dialect import Dialect
 from gmwm.files.formats.text import Place, TextReader
 
-_TICK_US = 100
-_WRAP = 1 << 16
 _SIGNALS = {
     **{f"Acc_{axis}": ("m/s²", f"accel_{axis.lower()}") for axis in "XYZ"},
     **{f"Gyr_{axis}": ("rad/s", f"gyro_{axis.lower()}") for axis in "XYZ"},
@@ -89,7 +87,7 @@ class XsensReader(TextReader):
             for k, name in names.items():
                 if name == "SampleTimeFine":
                     ticks = whole_numbers(chunk[k])
-                    out[k] = np.where(ticks == MISSING, MISSING, ticks * _TICK_US)
+                    out[k] = np.where(ticks == MISSING, MISSING, ticks * 100)  # a tick is 100 µs
                 elif name == "PacketCounter" and layout.channels[k].axis == "time":
                     counter = whole_numbers(chunk[k])
                     present = counter != MISSING
@@ -97,7 +95,7 @@ class XsensReader(TextReader):
                     if not present.any():
                         continue
                     counter = counter[present]
-                    steps = np.diff(counter, prepend=counter[0] if last is None else last) % _WRAP
+                    steps = np.diff(counter, prepend=counter[0] if last is None else last) % (1 << 16)
                     # A reset of the counter appears as a gap of minutes. Samples were lost there.
                     packets = (packets[-1] if packets is not None else 0) + np.cumsum(steps)
                     last = counter[-1]

@@ -24,7 +24,7 @@ from gmwm.files.readers.streams import FileRows, Stream
 from gmwm.files.readers.topics import reopened
 from gmwm.recording.chunks import Chunk, Samples
 
-SHORTEST = 4096
+SHORTEST_PART = 4096
 """Smallest number of rows of a part. Reading fewer rows takes less time than opening the file."""
 
 
@@ -186,7 +186,7 @@ def _cuts(marks: Sequence[Mark], count: int) -> list[int]:
     for k in range(1, count) if rows else ():
         target = rows[-1] * k / count
         nearest = min(range(len(rows)), key=lambda m: abs(rows[m] - target))
-        if rows[nearest] - rows[last] >= SHORTEST and rows[-1] - rows[nearest] >= SHORTEST:
+        if rows[nearest] - rows[last] >= SHORTEST_PART and rows[-1] - rows[nearest] >= SHORTEST_PART:
             cuts.append(nearest)
             last = nearest
     return cuts

@@ -1,8 +1,8 @@
 """Give every row a temperature, by linear interpolation between the rows that have a reading.
 
 The interpolation is over the time stamps if they increase, and over the row numbers otherwise. Readings in rows without
-samples are used too. Rows before the first reading get the first reading. If more than `LONGEST` rows have no reading,
-they get the last reading before them. The result does not depend on how the rows are divided into chunks.
+samples are used too. Rows before the first reading get the first reading. More than `MOST_ROWS_APART` rows without a
+reading get the last one before them. The result does not depend on how the rows are divided into chunks.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from gmwm.base.arrays import Vector
 from gmwm.files.clock.lost_samples import is_missing
 from gmwm.files.contract import Rows
 
-LONGEST = 1 << 20
+MOST_ROWS_APART = 1 << 20
 """Rows over which the temperature is interpolated (17 min at 1 kHz): so many rows wait in memory. It is a choice."""
 
 
@@ -64,7 +64,7 @@ class _RowBlock:
         x, x0, x1 = (
             np.where(ordered, a, b) for a, b in ((x, at + self.first), (x0, row[before_index]), (x1, row[right]))
         )
-        near = (right > before_index) & (row[right] - row[before_index] <= LONGEST)
+        near = (right > before_index) & (row[right] - row[before_index] <= MOST_ROWS_APART)
         slope = np.divide(value[right] - value[before_index], x1 - x0, out=np.zeros(at.size), where=near)
         out = self.values.copy()
         out[at] = np.where(near, slope * (x - x0) + value[before_index], value[before_index])
@@ -74,7 +74,7 @@ class _RowBlock:
 def with_temperature(chunks: Iterable[Rows], columns: Mapping[str, int], first: float) -> Iterator[Rows]:
     """Yield the chunks with a temperature in each row, from the first reading (°C) on."""
     column, count, origin = columns["temperature"], 0, None
-    before = latest = _TemperatureReading(-LONGEST - 1, np.nan, first)
+    before = latest = _TemperatureReading(-MOST_ROWS_APART - 1, np.nan, first)
     waiting = list[_RowBlock]()
 
     def flush(after: _TemperatureReading | None) -> Iterator[Rows]:
@@ -100,7 +100,7 @@ def with_temperature(chunks: Iterable[Rows], columns: Mapping[str, int], first: 
         elif not waiting:
             before = latest
         waiting.append(block)
-        if latest.row == count - 1 or count - latest.row > LONGEST:
+        if latest.row == count - 1 or count - latest.row > MOST_ROWS_APART:
             yield from flush(None)
     yield from flush(None)
 
