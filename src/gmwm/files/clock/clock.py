@@ -21,8 +21,8 @@ from gmwm.base.time_base import TimeBase, gap_duration
 from gmwm.base.units import LONG_TIME_UNITS, TIME_UNITS
 from gmwm.files.clock.loss_levels import Rows
 from gmwm.files.clock.rate_check import require_one_rate, require_order
-from gmwm.files.clock.sampling_interval import RATE_TOLERANCE, Found, find_losses, resolution_of
-from gmwm.files.clock.stamp_order import Steps, in_order, nominal_interval, require_span, without_steps_back
+from gmwm.files.clock.sampling_interval import RATE_TOLERANCE, Losses, find_losses, resolution_of
+from gmwm.files.clock.stamp_order import ClockSteps, in_order, nominal_interval, require_span, without_steps_back
 from gmwm.files.clock.time_stamps import SegmentStarts, Timing, about_stamps, as_stamps, require_countable
 
 BLOCK, MARGIN = 1 << 20, 1 << 16
@@ -39,7 +39,7 @@ class _StampBlock:
     set back."""
 
     rows: int  # number of rows
-    found: Found  # sampling interval, and gaps by the number of the row in the recording
+    found: Losses  # sampling interval, and gaps by the number of the row in the recording
     walls: tuple[tuple[int, float], ...]  # each row before which the clock was set back, and its time stamp
     index: float  # mean index of the samples, in which lost samples are counted, and mean of the time stamps
     tick: float
@@ -56,7 +56,7 @@ class _StampBlock:
     # number of time stamps that equal the previous one, and number that are smaller than the previous one
     duplicates: int
     backward: int
-    steps: Steps  # wraps of a counter and changes of summer time
+    steps: ClockSteps  # wraps of a counter and changes of summer time
     end: float  # tick of the first row of the next block
 
 
@@ -200,7 +200,7 @@ def _joint_timing(
     count = sum(b.rows for b in blocks)
     interval, remark = _interval(blocks, rows, lost, count=count, per_second=per_second)
     measured = per_second / interval
-    steps = Steps.joined([b.steps for b in blocks])
+    steps = ClockSteps.join([b.steps for b in blocks])
     remarks = [*steps.remarks(per_second), *([remark] if remark else ())]
     if rate is not None:
         _require_agreement(rate, measured, unit)

@@ -27,7 +27,7 @@ _ROWS_BEHIND = 128  # later rows that decide whether a row begins a segment. Lat
 
 
 @dataclass(frozen=True)
-class Settled:
+class KnownSegments:
     """The row up to which segments are known (`stop`), the new rows that begin a segment, and their times (s)."""
 
     stop: int
@@ -43,14 +43,14 @@ class KnownClock:
         self._starts, self._row, self._gaps = timing.starts, row, timing.base.gaps
         self._rows = timing.segments[-1][1] if timing.base.stamped else None
 
-    def take(self, rows: int) -> Settled:
+    def take(self, rows: int) -> KnownSegments:
         """Add the next rows, and return the segments that begin in them."""
         row, stop = self._row, self._row + rows
         self._row = stop
         a, b = np.searchsorted(self._firsts, [row, stop]).tolist()
-        return Settled(stop, tuple(self._firsts[a:b].tolist()), self._starts[a:b])
+        return KnownSegments(stop, tuple(self._firsts[a:b].tolist()), self._starts[a:b])
 
-    def left(self) -> int | None:
+    def remaining(self) -> int | None:
         """Return the number of rows that follow; None if it is unknown because the recording has no time stamps."""
         return None if self._rows is None else self._rows - self._row
 
@@ -139,14 +139,14 @@ class RunningClock:
         """Number of the next row."""
         return self._base + self._window.size
 
-    def take(self, values: NDArray[Any]) -> Settled:
+    def take(self, values: NDArray[Any]) -> KnownSegments:
         """Add the time stamps of the next rows, and return the rows whose segments are now known."""
         before = self.rows
         self._window = np.concatenate([self._window, self.pace.ticks(values)])
         self._require_steady(self._window[max(0, before - self._base - 1) :], max(0, before - 1))
         return self._settle(max(self._stop, self.rows - self.pace.behind))
 
-    def end(self) -> Settled:
+    def end(self) -> KnownSegments:
         """Return the segments of the last rows, at the end of the stream."""
         return self._settle(self.rows)
 
@@ -208,7 +208,7 @@ class RunningClock:
         ordered = in_order(ticks, pace.spacing == 0, pace.per_second, pace.interval).ticks
         return without_steps_back(ordered, pace.interval)
 
-    def _settle(self, stop: int) -> Settled:
+    def _settle(self, stop: int) -> KnownSegments:
         window, base, pace = self._window, self._base, self.pace
         ticks, walls = self._without_steps_back(window)
         cuts = dict.fromkeys((base + walls).tolist(), 0)
@@ -229,7 +229,7 @@ class RunningClock:
         self._stop = stop
         dropped = max(0, stop - KEPT - base)
         self._window, self._base = window[dropped:], base + dropped
-        return Settled(stop, tuple(firsts), tuple(starts))
+        return KnownSegments(stop, tuple(firsts), tuple(starts))
 
     def _count(self, steps: Vector, raw: Vector, firsts: list[int]) -> None:
         """Add the intervals before the rows, from `_stop` (or row 1) on, whose segments have just been determined."""

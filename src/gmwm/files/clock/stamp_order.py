@@ -25,20 +25,20 @@ _STAMPS_BEHIND = (
 
 
 @dataclass(frozen=True)
-class Steps:
+class ClockSteps:
     """Rows before which a counter wraps, each with the length of the counter (ticks), and rows before which the clock
     changes by an hour for summer time (1 for forward, −1 for back)."""
 
     wraps: tuple[tuple[int, float], ...] = ()
     hours: tuple[tuple[int, int], ...] = ()
 
-    def between(self, begin: int, end: int) -> Steps:
+    def between(self, begin: int, end: int) -> ClockSteps:
         """Return the steps before the rows `begin` to `end`."""
         wraps = tuple(wrap for wrap in self.wraps if begin <= wrap[0] < end)
-        return Steps(wraps, tuple(hour for hour in self.hours if begin <= hour[0] < end))
+        return ClockSteps(wraps, tuple(hour for hour in self.hours if begin <= hour[0] < end))
 
     @classmethod
-    def joined(cls, several: Iterable[Steps]) -> Steps:
+    def join(cls, several: Iterable[ClockSteps]) -> ClockSteps:
         """Join the steps of consecutive parts. The row numbers still refer to the beginning of each part."""
         several = tuple(several)
         wraps = tuple(wrap for steps in several for wrap in steps.wraps)
@@ -55,11 +55,11 @@ class Steps:
 
 
 @dataclass(frozen=True)
-class Ordered:
+class OrderedStamps:
     """Time stamps (ticks) that are corrected for counter wraps and summer time, and the rows of these corrections."""
 
     ticks: Vector
-    steps: Steps
+    steps: ClockSteps
 
 
 def nominal_interval(ticks: Vector) -> float:
@@ -82,14 +82,14 @@ def nominal_interval(ticks: Vector) -> float:
     return single if single > 0.5 * average and (in_place or average <= 0) else average
 
 
-def in_order(ticks: Vector, integer: bool, per_second: int, nominal: float | None = None) -> Ordered:
+def in_order(ticks: Vector, integer: bool, per_second: int, nominal: float | None = None) -> OrderedStamps:
     """Undo wraps of a counter and changes to and from summer time. A backward step is a wrap if it becomes one sampling
     interval, or at most 64, when 2¹⁶, 2²⁴ or 2³² ticks are added to it. For time stamps that are not integers, the
     ticks of the counter can also be ns, µs or ms. A step is a change of summer time if it becomes one sampling interval
     when an hour is added or subtracted."""
     steps = np.diff(ticks)
     if not np.any(steps < 0) and not np.any(steps > _HOUR_WITHIN * per_second):
-        return Ordered(ticks, Steps())
+        return OrderedStamps(ticks, ClockSteps())
     nominal = nominal_interval(ticks) if nominal is None else nominal
     near = 0.5 * nominal
     added = np.zeros(ticks.size)
@@ -107,8 +107,8 @@ def in_order(ticks: Vector, integer: bool, per_second: int, nominal: float | Non
         added[leaps + 1] -= sign * _HOUR * per_second
         hours += [(row + 1, sign) for row in leaps.tolist()]
     if not wraps and not hours:
-        return Ordered(ticks, Steps())
-    return Ordered(ticks + np.cumsum(added), Steps(tuple(wraps), tuple(sorted(hours))))
+        return OrderedStamps(ticks, ClockSteps())
+    return OrderedStamps(ticks + np.cumsum(added), ClockSteps(tuple(wraps), tuple(sorted(hours))))
 
 
 def _wraps(

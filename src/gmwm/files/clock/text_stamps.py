@@ -157,10 +157,10 @@ class Midnights:
     def __init__(self) -> None:
         self._days, self._last = 0, -1
 
-    def continued(self, times: NDArray[Any]) -> NDArray[np.int64]:
+    def continue_days(self, times: NDArray[Any]) -> NDArray[np.int64]:
         """Return the next times of day (ns), continued from the previous ones.
 
-        >>> Midnights().continued(np.array([86_399, 0, 1]) * 10**9) // 10**9
+        >>> Midnights().continue_days(np.array([86_399, 0, 1]) * 10**9) // 10**9
         array([86399, 86400, 86401])
         """
         steps = np.diff(times, prepend=times[0] if self._last < 0 else self._last)

@@ -47,7 +47,7 @@ class Stamps:
 @dataclass(frozen=True)
 class Timing:
     """Time base, segments, their start times (s), remarks on the time stamps, and the width of
-    `sampling_interval.Found`."""
+    `sampling_interval.Losses`."""
 
     base: TimeBase
     segments: tuple[tuple[int, int], ...]
@@ -71,7 +71,7 @@ class SegmentStarts:
         return self._time + (row - self._row + self._lost) / self._rate
 
 
-def unstamped(rate: float, samples: int) -> Timing:
+def timing_without_stamps(rate: float, samples: int) -> Timing:
     """Return the time base of a recording without time stamps: one segment at the given rate (Hz)."""
     return Timing(TimeBase(rate), ((0, samples),), starts=(0.0,), remarks=())
 

@@ -19,7 +19,7 @@ from gmwm.base.units import SI_UNIT, STANDARD_GRAVITY, TIME_UNITS, Quantity, Uni
 from gmwm.files.clock.text_stamps import UNIT as STAMPS
 from gmwm.files.clock.text_stamps import form_remark, holds_stamps
 from gmwm.files.columns.column_names import named_unit, recognise, unit_of, unknown_unit
-from gmwm.files.columns.columns import Choice
+from gmwm.files.columns.columns import ColumnChoice
 from gmwm.files.contract import Layout
 from gmwm.recording.options import TIME_NAMES
 
@@ -48,7 +48,7 @@ class _StatedUnit:
     stated: str = ""
 
 
-def time_unit(layout: Layout, choice: Choice, declared: Mapping[str, str]) -> tuple[str, Remark | None]:
+def time_unit(layout: Layout, choice: ColumnChoice, declared: Mapping[str, str]) -> tuple[str, Remark | None]:
     """Return the unit of the time stamps, "" if unknown, and a remark if they are dates or a declared unit replaces
     another."""
     column = choice.columns["time"]
@@ -82,7 +82,7 @@ def time_unit(layout: Layout, choice: Choice, declared: Mapping[str, str]) -> tu
 
 def resolve(
     layout: Layout,
-    choice: Choice,
+    choice: ColumnChoice,
     declared: Mapping[str, str],
     values: Mapping[str, Vector],
     rate: float,
@@ -130,7 +130,9 @@ def resolve(
     return Scales(units, tuple(remarks))
 
 
-def _stated_unit(layout: Layout, choice: Choice, declared: Mapping[str, str], axis: str, integral: bool) -> _StatedUnit:
+def _stated_unit(
+    layout: Layout, choice: ColumnChoice, declared: Mapping[str, str], axis: str, integral: bool
+) -> _StatedUnit:
     """Return the unit of an axis if it is declared by the user or stated in the file."""
     quantity = axis_quantity(axis)
     channel = layout.channels[choice.columns[axis]]

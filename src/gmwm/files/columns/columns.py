@@ -19,7 +19,7 @@ from gmwm.recording.options import ROLES, Columns
 
 
 @dataclass(frozen=True)
-class Choice:
+class ColumnChoice:
     """The columns to read, and their roles."""
 
     columns: dict[str, int]  # index of the column of each role: an axis, "time" or "temperature"
@@ -31,17 +31,17 @@ class Choice:
         """The axes among the roles, gyroscopes first."""
         return tuple(axis for axis in AXES if axis in self.columns)
 
-    def only(self, axes: Sequence[str]) -> Choice:
+    def only(self, axes: Sequence[str]) -> ColumnChoice:
         """Return the choice without the axes that are not in `axes`. The time and the temperature are kept."""
         columns = {role: k for role, k in self.columns.items() if role not in AXES or role in axes}
-        return Choice(columns, self.remarks)
+        return ColumnChoice(columns, self.remarks)
 
 
-def choose(layout: Layout, columns: Columns | None, path: Path) -> Choice:
+def choose(layout: Layout, columns: Columns | None, path: Path) -> ColumnChoice:
     """Choose the columns to read. If `columns` names a column for at least one axis, only the named axes are read. The
     time column is still found by its name unless `columns` has "time". An axis whose column is None is left out."""
     if columns is not None and not isinstance(columns, Mapping):
-        return _check_choice(Choice(_by_order(layout, columns, path)), layout, path)
+        return _check_choice(ColumnChoice(_by_order(layout, columns, path)), layout, path)
     requested = dict(columns or {})
     declared = {role: _index(layout, column, role, path) for role, column in requested.items() if column is not None}
     exhaustive = any(role in AXES for role in declared)
@@ -49,17 +49,17 @@ def choose(layout: Layout, columns: Columns | None, path: Path) -> Choice:
     if not layout.named and not declared:
         raise _nameless(layout, path)
     named, remarks = _by_name(layout, roles - set(requested), set(declared.values()), path)
-    return _check_choice(Choice(declared | named, remarks), layout, path)
+    return _check_choice(ColumnChoice(declared | named, remarks), layout, path)
 
 
-def described(layout: Layout) -> str:
+def describe_columns(layout: Layout) -> str:
     """Describe the columns of a file for a message: their names, or their number."""
     if layout.named:
         return ", ".join(channel.name or "(unnamed)" for channel in layout.channels)
     return f"{len(layout.channels)} columns without names"
 
 
-def _check_choice(choice: Choice, layout: Layout, path: Path) -> Choice:
+def _check_choice(choice: ColumnChoice, layout: Layout, path: Path) -> ColumnChoice:
     """Check the choice, and add a remark on the columns that are not read."""
     indices = list(choice.columns.values())
     repeated = next((k for k in indices if indices.count(k) > 1), None)
@@ -72,7 +72,7 @@ def _check_choice(choice: Choice, layout: Layout, path: Path) -> Choice:
         )
     if not choice.axes:
         raise ReadError(
-            f"{path} has no column whose name is known as an axis. Its columns: {described(layout)}",
+            f"{path} has no column whose name is known as an axis. Its columns: {describe_columns(layout)}",
             code="no-inertial-data",
             advice="Name the columns of the axes with {--columns}, for example {--columns=@example}.",
             example=f"gyro_x:{min(1, len(layout.channels) - 1)}",
@@ -83,7 +83,7 @@ def _check_choice(choice: Choice, layout: Layout, path: Path) -> Choice:
         if k not in choice.columns.values() and (channel.name or layout.named is False)
     ]
     left_out = (Remark.of("left-out", kind="columns", names=tuple(others)),) if others else ()
-    return Choice(choice.columns, (*choice.remarks, *left_out))
+    return ColumnChoice(choice.columns, (*choice.remarks, *left_out))
 
 
 def _by_order(layout: Layout, roles: Sequence[str | None], path: Path) -> dict[str, int]:
@@ -121,7 +121,7 @@ def _index(layout: Layout, column: str | int, role: str, path: Path) -> int:
             example=f"{role}:{matches[0]}",
         )
     raise OptionError(
-        f"{path} has no column {column!r} for {role}. Its columns: {described(layout)}", argument="columns"
+        f"{path} has no column {column!r} for {role}. Its columns: {describe_columns(layout)}", argument="columns"
     )
 
 

@@ -20,8 +20,8 @@ from gmwm.files.formats.bagfiles import (
     TOPIC_LIMIT,
     ChunkedStorage,
     Topic,
-    merged,
-    unpacked,
+    decompress,
+    merge_topics,
 )
 
 MAGIC = b"#ROSBAG V2.0\n"
@@ -36,7 +36,7 @@ class Ros1Storage(ChunkedStorage):
 
     def topics(self) -> tuple[Topic, ...]:
         """Return the topics, from the index at the end of the file."""
-        with self.opened() as file:
+        with self.open_records() as file:
             return self._index(file)[0]
 
     def parts(self, file: BinaryIO, ids: Set[int]) -> Iterator[tuple[bytes, int]]:
@@ -46,7 +46,7 @@ class Ros1Storage(ChunkedStorage):
                 self._seek(file, position)
                 head, data = self._record(file, _CHUNK)
                 size = _WORD.unpack(head["size"])[0]
-                yield unpacked(data, head["compression"].decode(), size, self.path), size
+                yield decompress(data, head["compression"].decode(), size, self.path), size
 
     def collect(self, records: bytes, ids: Set[int], times: list[int], messages: list[bytes]) -> None:
         """Append the messages. The layout of one header is reused for the next headers until it no longer fits."""
@@ -99,7 +99,9 @@ class Ros1Storage(ChunkedStorage):
             places.append((_LONG.unpack(info["chunk_pos"])[0], held))
             for number, count in held.items():
                 counts[number] = counts.get(number, 0) + count
-        return merged(_topic(info, data, counts) for info, data in records), sorted(places, key=lambda place: place[0])
+        return merge_topics(_topic(info, data, counts) for info, data in records), sorted(
+            places, key=lambda place: place[0]
+        )
 
     def _seek(self, file: BinaryIO, position: int) -> None:
         """Go to a position from the index, after a check that it is inside the file."""

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING
 
 from gmwm.base.errors import ReadError
 from gmwm.files.contract import damage_error
-from gmwm.files.formats.bagfiles import BATCH_BYTES, CHUNK_LIMIT, TEXT_LIMIT, TOPIC_LIMIT, Batch, Storage, Topic, merged
+from gmwm.files.formats.bagfiles import (
+    BATCH_BYTES,
+    CHUNK_LIMIT,
+    TEXT_LIMIT,
+    TOPIC_LIMIT,
+    Batch,
+    Storage,
+    Topic,
+    merge_topics,
+)
 
 if TYPE_CHECKING:
     import sqlite3
@@ -46,7 +55,7 @@ class SqliteStorage(Storage):
             ):
                 raise damage_error(f"{self.path} is damaged: its table of topics does not hold texts")
             topics.append(Topic(name=name, type=kind, encoding=encoding, text=text, language=language, ids=(number,)))
-        return merged(iter(topics))
+        return merge_topics(iter(topics))
 
     def batches(self, topic: Topic) -> Iterator[Batch]:
         """Yield the messages of a topic, by time of recording if the table has an index for it, else by number."""

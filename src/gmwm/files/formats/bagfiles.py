@@ -79,7 +79,7 @@ class ChunkedStorage(Storage):
         """Yield the messages of a topic, chunk by chunk; within a batch they are sorted by the time of recording."""
         ids, size = frozenset(topic.ids), 0
         times, messages = list[int](), list[bytes]()
-        with self.opened() as file:
+        with self.open_records() as file:
             for records, weight in self.parts(file, ids):
                 self.collect(records, ids, times, messages)
                 size += weight
@@ -90,7 +90,7 @@ class ChunkedStorage(Storage):
             yield _in_order(times, messages)
 
     @contextmanager
-    def opened(self) -> Iterator[BinaryIO]:
+    def open_records(self) -> Iterator[BinaryIO]:
         """Open the file, and convert the errors of damaged records to a ReadError."""
         with self.path.open("rb") as file:
             try:
@@ -107,11 +107,11 @@ def _in_order(times: list[int], messages: list[bytes]) -> Batch:
     return [times[k] for k in order], [messages[k] for k in order]
 
 
-def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
+def decompress(data: bytes, compression: str, size: int, path: Path) -> bytes:
     """Decompress a chunk ("", "none", "lz4", "bz2" or "zstd"), and check that it has the size that the file states."""
     if size > CHUNK_LIMIT:
         raise ReadError(
-            f"{path}: a chunk of {size} bytes; more than {CHUNK_LIMIT >> 20} MB are not unpacked at once",
+            f"{path}: a chunk of {size} bytes; more than {CHUNK_LIMIT >> 20} MB are not decompress at once",
             code="too-large",
             advice="Record with smaller chunks, or export the topic as CSV.",
         )
@@ -136,7 +136,7 @@ def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
     return bytes(content)
 
 
-def unpacked_messages(messages: list[bytes], path: Path) -> list[bytes]:
+def decompress_messages(messages: list[bytes], path: Path) -> list[bytes]:
     """Decompress messages that were compressed one by one. A CDR message cannot begin with the bytes of Zstandard."""
     if not messages[0].startswith(ZSTD):
         return messages
@@ -160,7 +160,7 @@ def require_checksum(content: bytes, checksum: int, path: Path) -> None:
         raise damage_error(f"{path}: a chunk is damaged: its checksum is wrong", "checksum-wrong")
 
 
-def merged(topics: Iterator[Topic]) -> tuple[Topic, ...]:
+def merge_topics(topics: Iterator[Topic]) -> tuple[Topic, ...]:
     """Merge topics of the same name, because the messages of several publishers of a topic form one recording."""
     by_key: dict[tuple[str, str, str], Topic] = {}
     for topic in topics:

@@ -52,7 +52,7 @@ class FileSource:
         return str(self.path)
 
     @property
-    def named(self) -> Path:
+    def unpacked_path(self) -> Path:
         """The name of the unpacked file."""
         return self.path
 
@@ -78,7 +78,7 @@ class CompressedSource(FileSource):
     """The bytes inside a gzip or Zstandard file. The first bytes show the compression."""
 
     @property
-    def named(self) -> Path:
+    def unpacked_path(self) -> Path:
         """The name of the unpacked file."""
         return self.path.with_suffix("")
 
@@ -107,7 +107,7 @@ class MemberSource(FileSource):
         return f"{self.path}:{self.member}"
 
     @property
-    def named(self) -> Path:
+    def unpacked_path(self) -> Path:
         """The name of the unpacked file."""
         return Path(self.member)
 

@@ -45,7 +45,7 @@ ADVICE = "Log them: set bit 7 (IMU) of the parameter LOG_BITMASK, or INS_RAW_LOG
 
 
 @dataclass(frozen=True)
-class _Message:
+class _DataflashMessage:
     """A type of message: its number, its length in the file (bytes), its name, and the type of its fields."""
 
     number: int
@@ -58,7 +58,7 @@ class _Message:
 class _LogFields:
     """The messages of a recording: their type, the number of the sensor (-1 for none), and the fields to read."""
 
-    message: _Message
+    message: _DataflashMessage
     instance: int
     names: tuple[str, ...]
 
@@ -67,7 +67,7 @@ class _LogFields:
 class _LogSummary:
     """Types, counts and times of the inertial messages of a log, and the number of damaged places."""
 
-    types: dict[int, _Message] = field(default_factory=dict)
+    types: dict[int, _DataflashMessage] = field(default_factory=dict)
     counts: dict[tuple[int, int], int] = field(default_factory=dict)
     edges: dict[tuple[int, int], tuple[int, int]] = field(default_factory=dict)
     warm: set[tuple[int, int]] = field(default_factory=set)
@@ -128,7 +128,7 @@ def _numbers(column: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(column, dtype=np.int64 if column.dtype.kind in "iu" else np.float64)
 
 
-def _count(found: _LogSummary, message: _Message, table: NDArray[Any]) -> None:
+def _count(found: _LogSummary, message: _DataflashMessage, table: NDArray[Any]) -> None:
     """Add the messages of a block to the summary."""
     stamp = next(name for name in STAMPS if name in (message.fields.names or ()))
     instances = np.unique(table["I"]).tolist() if "I" in (message.fields.names or ()) else [-1]
@@ -143,7 +143,7 @@ def _count(found: _LogSummary, message: _Message, table: NDArray[Any]) -> None:
             found.warm.add(key)
 
 
-def _messages(path: Path, found: _LogSummary, only: str = "") -> Iterator[tuple[_Message, NDArray[Any]]]:
+def _messages(path: Path, found: _LogSummary, only: str = "") -> Iterator[tuple[_DataflashMessage, NDArray[Any]]]:
     """Yield the inertial messages as tables, one for each type and block; add types and damaged places to `found`."""
     lengths = [0] * 256
     lengths[_FMT] = _FMT_LENGTH
@@ -195,7 +195,7 @@ def is_inertial(name: str, names: Sequence[str]) -> bool:
     return len(set(names)) == len(names) and len(axes) in (3, 6)
 
 
-def _inertial(number: int, size: int, name: bytes, *, fields: bytes, labels: bytes) -> _Message | None:
+def _inertial(number: int, size: int, name: bytes, *, fields: bytes, labels: bytes) -> _DataflashMessage | None:
     """Return the message type that an FMT message defines if it belongs to an inertial sensor; otherwise None."""
     title = name.rstrip(b"\0").decode("latin-1")
     names = labels.rstrip(b"\0").decode("latin-1").split(",")
@@ -203,4 +203,4 @@ def _inertial(number: int, size: int, name: bytes, *, fields: bytes, labels: byt
     if not is_inertial(title, names) or len(names) != len(kinds) or not all(kinds):
         return None
     dtype = np.dtype([(label, f"<{kind}") for label, kind in zip(names, kinds, strict=True)])
-    return _Message(number, size, title, dtype) if dtype.itemsize == size - 3 else None
+    return _DataflashMessage(number, size, title, dtype) if dtype.itemsize == size - 3 else None

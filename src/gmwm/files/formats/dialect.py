@@ -32,7 +32,7 @@ _NAME_IN_BLANKS = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\]()\[]*[\])])?|\([^()]*\)|
 
 
 @dataclass(frozen=True)
-class Dialect:
+class TextDialect:
     """The dialect of a text file."""
 
     delimiter: str  # one character; " " for any number of blanks
@@ -60,13 +60,13 @@ class Dialect:
     # indices of the columns of seconds and nanoseconds if the time stamps have two columns, as in ROS messages; None
     # otherwise
     stamp_parts: tuple[int, int] | None = None
-    # Replacements in each line before it is split. They remove labels of numbers, and arrows after a time
+    # Replacements in each line before it is split_line. They remove labels of numbers, and arrows after a time
     cleaning: tuple[tuple[bytes, bytes], ...] = ()
     # the last cell of the file, and the last cell of the line before, if the file ends within a number; empty otherwise
     cut: tuple[str, ...] = ()
 
 
-def split(line: str, delimiter: str) -> list[str]:
+def split_line(line: str, delimiter: str) -> list[str]:
     """Split a line into cells, without the blanks and quotes around them; quotes protect a delimiter."""
     if delimiter == BLANKS:
         return [cell.strip("\"'") for cell in line.split()]
@@ -98,7 +98,7 @@ def comment_sign(line: str) -> str:
     return next((sign for sign in COMMENT_SIGNS if text.startswith(sign)), "")
 
 
-def detect(lines: list[str], path: object) -> Dialect:
+def detect(lines: list[str], path: object) -> TextDialect:
     """Detect the dialect of a file from its first lines."""
     body = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and not comment_sign(line)]
     if not body:
@@ -111,7 +111,7 @@ def detect(lines: list[str], path: object) -> Dialect:
     for pattern, replacement in cleaning:
         body = [(k, re.sub(pattern.decode(), replacement.decode(), line)) for k, line in body]
     delimiter, decimal_comma = _delimiter([line for _, line in body])
-    rows = [(k, split(line, delimiter)) for k, line in body]
+    rows = [(k, split_line(line, delimiter)) for k, line in body]
     numeric = _numeric_columns([cells for _, cells in rows], decimal_comma)
     start = next((i for i, (_, cells) in enumerate(rows) if _is_row(cells, numeric, decimal_comma)), None)
     if start is None or not any(numeric):
@@ -146,11 +146,11 @@ def detect(lines: list[str], path: object) -> Dialect:
     stated = _stated_units(comments)
     first_row = tuple(data[0][:columns])
     stamps = tuple(is_stamp(first_row[c]) and len({row[c] for row in data}) > 1 for c in range(columns))
-    return Dialect(
+    return TextDialect(
         delimiter=delimiter, decimal_comma=decimal_comma, fields=fields, columns=columns, first_line=first_line,
         names=names, column_units=units, units=stated, comment=sign, first_row=first_row, integers=integers,
         rate=_stated_rate(comments), stamps=stamps,
-        header=tuple(line for k, line in body[:start] if len(split(line, delimiter)) > 1),
+        header=tuple(line for k, line in body[:start] if len(split_line(line, delimiter)) > 1),
         above=tuple(lines[: first_line - 1]), sensors=_sensors(names, complete),
         stamp_parts=_stamp_parts(names, integers), cleaning=cleaning,
     )  # fmt: skip
@@ -208,7 +208,7 @@ def _delimiter(lines: list[str]) -> tuple[str, bool]:
         for decimal_comma in (False, True):
             if delimiter == "," and decimal_comma:
                 continue
-            rows = [split(line, delimiter) for line in sample]
+            rows = [split_line(line, delimiter) for line in sample]
             fields, same = Counter(map(len, rows)).most_common(1)[0]
             cells = [cell for row in rows for cell in row]
             numbers = sum(is_number(cell, decimal_comma) or is_stamp(cell) for cell in cells if cell)
@@ -233,7 +233,7 @@ def _require_equal_rows(above: list[tuple[int, str]], where: tuple[object, int])
 
 def _is_numbers(line: str) -> bool:
     """Return whether a delimiter splits a line into several numbers."""
-    ways = (split(line, delimiter) for delimiter in (",", ";", "\t", "|", BLANKS))
+    ways = (split_line(line, delimiter) for delimiter in (",", ";", "\t", "|", BLANKS))
     return any(len(cells) > 1 and all(is_number(cell, decimal_comma=True) for cell in cells) for cells in ways)
 
 
@@ -359,7 +359,7 @@ def _named_cells(line: str, columns: int, delimiter: str) -> list[str]:
 
 def _cells(text: str, columns: int, delimiter: str) -> list[str]:
     """Split text into one cell for each column, by the delimiter of the rows, commas or blanks; [] if none fits."""
-    ways = [split(text, delimiter), split(text, ",")]
+    ways = [split_line(text, delimiter), split_line(text, ",")]
     if not re.search(r"[,;\t|]", text):
         # A blank inside or before the brackets of "gyro_x [rad/s]" does not separate columns.
         ways.append(_NAME_IN_BLANKS.findall(text))

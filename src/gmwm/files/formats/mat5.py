@@ -62,7 +62,7 @@ def _element(data: memoryview, at: int, order: str, path: Path) -> _Element:
     """Read the element at a position. The bytes of a short element are inside its tag of 8 bytes."""
     tag = data[at : at + 8]
     if len(tag) < 8:
-        raise _cut(path)
+        raise _cut_off(path)
     kind, size = (int(word) for word in np.frombuffer(tag, f"{order}u4"))
     if kind >> 16:
         kind, size = kind & 0xFFFF, kind >> 16
@@ -71,7 +71,7 @@ def _element(data: memoryview, at: int, order: str, path: Path) -> _Element:
         return _Element(kind, tag[4 : 4 + size], at + 8)
     begin, end = at + 8, at + 8 + size
     if end > len(data):
-        raise _cut(path)
+        raise _cut_off(path)
     # All elements except compressed ones end at a multiple of eight bytes.
     return _Element(kind, data[begin:end], end if kind == _COMPRESSED else end + -size % 8)
 
@@ -158,9 +158,9 @@ def _unpack(data: memoryview, packed: int, unpacked: int, path: Path) -> bytes:
     except zlib.error as error:
         raise damage_error(f"{path} is damaged ({error})") from error
     if not unpacker.eof:
-        raise _cut(path)
+        raise _cut_off(path)
     return bytes(out)
 
 
-def _cut(path: Path) -> ReadError:
+def _cut_off(path: Path) -> ReadError:
     return damage_error(f"{path} is not a complete MATLAB file: a part of it ends behind its end", "incomplete")

@@ -31,7 +31,7 @@ from gmwm.files.formats.bag_mcap import McapStorage
 from gmwm.files.formats.bag_ros1 import Ros1Storage
 from gmwm.files.formats.bag_sqlite import SqliteStorage
 from gmwm.files.formats.bag_types import IMU, definition
-from gmwm.files.formats.bagfiles import Batch, Storage, Topic, merged, unpacked_messages
+from gmwm.files.formats.bagfiles import Batch, Storage, Topic, decompress_messages, merge_topics
 from gmwm.files.formats.byte_sources import ZSTD, CompressedSource
 from gmwm.files.formats.cdr import Decoder, Definition
 
@@ -78,7 +78,7 @@ class RosbagReader(Reader):
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return one recording for each topic whose messages contain numbers."""
         with _storages(path) as storages:
-            topics = merged(topic for storage in storages for topic in storage.topics())
+            topics = merge_topics(topic for storage in storages for topic in storage.topics())
             layouts = [layout for topic in topics if (layout := _layout_or_error(topic, storages, path)) is not None]
             layouts = _with_temperatures(layouts, topics)
         if not layouts:
@@ -211,7 +211,7 @@ def _batches(storages: Sequence[Storage], topic: Topic) -> Iterator[Batch]:
         for part in storage.topics():
             if (part.name, part.type, part.encoding) == (topic.name, topic.type, topic.encoding):
                 for times, messages in storage.batches(part):
-                    yield times, unpacked_messages(messages, storage.path) if part.encoding == "cdr" else messages
+                    yield times, decompress_messages(messages, storage.path) if part.encoding == "cdr" else messages
 
 
 def _layout_or_error(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | None:

@@ -23,7 +23,7 @@ from gmwm.files.columns.column_names import recognise, unit_of
 from gmwm.files.columns.known_tables import known_table
 from gmwm.files.contract import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register, without_guests
 from gmwm.files.formats.byte_sources import FileSource
-from gmwm.files.formats.dialect import Dialect, detect, is_number, split
+from gmwm.files.formats.dialect import TextDialect, detect, is_number, split_line
 from gmwm.files.formats.text_rows import OR_SKIP, RowParser
 
 BLOCK_BYTES = 8 << 20
@@ -69,7 +69,7 @@ class TextReader(Reader):
     def layouts_of(self, source: FileSource) -> tuple[Layout, ...]:
         """Return the recordings in text: several if a column states the sensor of each row."""
         layout = self.layout(source)
-        dialect: Dialect = layout.state
+        dialect: TextDialect = layout.state
         if dialect.sensors is None:
             return (layout,)
         column, values = dialect.sensors
@@ -105,7 +105,7 @@ class TextReader(Reader):
         dialect = detect(_head_lines(source), source)
         names = dialect.names or ("",) * dialect.columns
         time, channels = _time_by_content(dialect), []
-        program, roles = known_table(names, source.named, dialect.above)
+        program, roles = known_table(names, source.unpacked_path, dialect.above)
         for k, name in enumerate(names):
             unit = dialect.column_units[k] if dialect.column_units else ""
             axis = recognise(name).axis
@@ -132,7 +132,7 @@ class TextReader(Reader):
         self, source: FileSource, layout: Layout, wanted: Sequence[int], place: Place | None = None
     ) -> Iterator[Rows]:
         """Yield the numbers in text, from the first row or from the block at `place` on."""
-        dialect: Dialect = layout.state
+        dialect: TextDialect = layout.state
         _require_end(source, layout)
         stamp, read = dialect.columns, list(wanted)
         if stamp in wanted and dialect.stamp_parts is not None:
@@ -155,7 +155,7 @@ def text_reader(path: Path, head: bytes) -> TextReader | None:
     return best if score > 0 else None
 
 
-def _stamp(chunk: Rows, dialect: Dialect) -> NDArray[np.int64]:
+def _stamp(chunk: Rows, dialect: TextDialect) -> NDArray[np.int64]:
     """Return the time stamps (ns) of a table with seconds and nanoseconds in two columns."""
     assert dialect.stamp_parts is not None
     parts = [np.asarray(chunk[k]) for k in dialect.stamp_parts]
@@ -165,7 +165,7 @@ def _stamp(chunk: Rows, dialect: Dialect) -> NDArray[np.int64]:
     return np.where(away, MISSING, seconds * 10**9 + nanoseconds)
 
 
-def _time_by_content(dialect: Dialect) -> int | None:
+def _time_by_content(dialect: TextDialect) -> int | None:
     """Return the column that contains dates or times of day; None if a name states the time column."""
     timed = dialect.stamp_parts is not None or any(recognise(name).axis == "time" for name in dialect.names)
     if not dialect.names or timed:
@@ -214,7 +214,9 @@ def _open_end(source: FileSource, delimiter: str) -> tuple[str, str] | tuple[()]
         *lines, last = file.read().decode("latin-1").split("\n")
     if not last.strip("\r") or last.endswith("\r"):
         return None
-    *others, cut = (split(line.strip("\r"), delimiter)[-1] for line in [*lines[-TAIL_LINES:], last] if line.strip())
+    *others, cut = (
+        split_line(line.strip("\r"), delimiter)[-1] for line in [*lines[-TAIL_LINES:], last] if line.strip()
+    )
     others = [cell for cell in others if is_number(cell)]
     was_cut = len(others) >= _ENOUGH and is_number(cut) and _lacks_digits(cut, others)
     return (cut, others[-1]) if was_cut else ()
@@ -238,7 +240,7 @@ def _lacks_digits(cell: str, others: Sequence[str]) -> bool:
     return len(cell) < min(map(len, others)) or powers[0] < min(powers[1:])
 
 
-def _blocks(source: FileSource, dialect: Dialect, place: Place | None = None) -> Iterator[tuple[Place, bytes]]:
+def _blocks(source: FileSource, dialect: TextDialect, place: Place | None = None) -> Iterator[tuple[Place, bytes]]:
     """Yield blocks of complete lines with their places, from the first row or from the block at `place` on."""
     first = b""
     with source.open() as file:

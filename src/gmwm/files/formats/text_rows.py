@@ -23,7 +23,15 @@ from gmwm.files.clock.lost_samples import MISSING
 from gmwm.files.clock.text_stamps import Midnights, is_stamp, is_time_of_day, times_of, what_is_wrong
 from gmwm.files.contract import Layout, Rows
 from gmwm.files.formats.byte_sources import FileSource
-from gmwm.files.formats.dialect import BLANKS, MISSING_WORDS, Dialect, comment_sign, is_grouped, is_number, split
+from gmwm.files.formats.dialect import (
+    BLANKS,
+    MISSING_WORDS,
+    TextDialect,
+    comment_sign,
+    is_grouped,
+    is_number,
+    split_line,
+)
 
 if TYPE_CHECKING:
     import polars as pl
@@ -47,7 +55,7 @@ def _has_words(block: bytes) -> bool:
 class RowParser:
     """Parse blocks of text into arrays."""
 
-    def __init__(self, source: FileSource, dialect: Dialect, layout: Layout, wanted: tuple[int, ...]) -> None:
+    def __init__(self, source: FileSource, dialect: TextDialect, layout: Layout, wanted: tuple[int, ...]) -> None:
         require_threads(source)
         import polars as pl
 
@@ -96,14 +104,14 @@ class RowParser:
                 self._explain_stamp(block, line, k, int(np.flatnonzero(present)[np.argmax(unknown)]))
             times[present] = stamps.view(np.int64)
         if k in self.midnights and (placed := times != MISSING).any():
-            times[placed] = self.midnights[k].continued(times[placed])
+            times[placed] = self.midnights[k].continue_days(times[placed])
         return times
 
     def _require_no_thousands(self, block: bytes, line: int) -> None:
         """Raise an error if a number has a point before three digits, in a file with decimal commas."""
         columns = [k for k in self.wanted if k not in self.stamps]
         for number, text in self._lines(block, line):
-            cells = split(text, self.dialect.delimiter)
+            cells = split_line(text, self.dialect.delimiter)
             for k in columns:
                 if k < len(cells) and is_grouped(cells[k]):
                     raise ReadError(
@@ -213,7 +221,7 @@ class RowParser:
     def _error_in(self, text: str, number: int, block: bytes, line: int) -> ReadError | None:
         """Return the error for a line of a block that begins in `line`; None if the line is a valid row."""
         d = self.dialect
-        cells = split(text, d.delimiter)
+        cells = split_line(text, d.delimiter)
         if len(cells) not in {d.fields, d.columns} and not (len(cells) > d.columns and not any(cells[d.columns :])):
             return ReadError(
                 f"{self.source}, line {number}: {len(cells)} values, expected {d.columns} as in line "
@@ -235,7 +243,7 @@ class RowParser:
     def _explain_stamp(self, block: bytes, line: int, column: int, row: int) -> NoReturn:
         """Raise the error for the invalid time stamp in row number `row` (from 0) of a block."""
         number, text = next(islice(self._lines(block, line), row, None))
-        cell = split(text, self.dialect.delimiter)[column]
+        cell = split_line(text, self.dialect.delimiter)[column]
         raise ReadError(
             f"{self.source}, line {number}: column {self._name(column)!r} holds "
             f"{what_is_wrong(cell, self.stamps[column])}",

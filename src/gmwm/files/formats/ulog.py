@@ -16,7 +16,7 @@ from gmwm.base.arrays import Vector
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
 from gmwm.files.contract import Channel, Layout, Reader, Rows, register
-from gmwm.files.formats.ulog_messages import SIGNATURE, Log, Message, Table, column
+from gmwm.files.formats.ulog_messages import SIGNATURE, Log, Table, UlogMessage, column
 
 _AXES = ("x", "y", "z")
 _GYRO = {"x": "gyro_x", "y": "gyro_y", "z": "gyro_z", "temperature": "temperature"}
@@ -75,7 +75,7 @@ class _SensorSummary:
 class _UlogFields:
     """The message and the fields from which the columns of a recording are read."""
 
-    message: Message  # the message to read
+    message: UlogMessage  # the message to read
     names: tuple[str, ...]  # Field of each column. A temperature column from another message has no field
     # temperatures of another message, which are interpolated linearly
     temperatures: tuple[Vector, Vector] | None = None
@@ -92,7 +92,7 @@ class UlogReader(Reader):
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return one recording for each instance of sensor_combined (preferred), sensor_gyro and sensor_accel. The
         temperature of sensor_combined comes from the slower message sensor_gyro."""
-        log, summaries, selected = Log(path), dict[Message, _SensorSummary](), 0
+        log, summaries, selected = Log(path), dict[UlogMessage, _SensorSummary](), 0
         for message, table in log.tables((*_MESSAGES, _SELECTION)):
             if message.name != _SELECTION:
                 summaries.setdefault(message, _SensorSummary()).add(table)
@@ -129,7 +129,7 @@ def _column(table: Table, selection: _UlogFields, k: int) -> Vector:
     return np.interp(column(table, selection.names[0]).astype(np.float64), *selection.temperatures)
 
 
-def _layout(message: Message, found: _SensorSummary) -> Layout | None:
+def _layout(message: UlogMessage, found: _SensorSummary) -> Layout | None:
     """Return the columns of one message, with its temperature if there is one; None if an axis is missing."""
     axes, fields = _MESSAGES[message.name], message.fields.names or ()
     stamp = next((name for name in _STAMPS if name in found.stamped), None)
@@ -147,7 +147,7 @@ def _layout(message: Message, found: _SensorSummary) -> Layout | None:
     )
 
 
-def _with_temperature(layout: Layout, found: Mapping[Message, _SensorSummary], selected: int) -> Layout:
+def _with_temperature(layout: Layout, found: Mapping[UlogMessage, _SensorSummary], selected: int) -> Layout:
     """Add the temperature of the selected gyroscope, or of another sensor, to the layout of sensor_combined."""
     sensors = [message for message, summary in found.items() if summary.warm]
     sensors.sort(key=lambda one: (found[one].device != selected, one.name != "sensor_gyro", one.name, one.instance))

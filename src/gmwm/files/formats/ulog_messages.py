@@ -33,7 +33,7 @@ Table = NDArray[Any]
 
 
 @dataclass(frozen=True)
-class Message:
+class UlogMessage:
     """One instance of a logged message."""
 
     name: str  # name of the message, such as "sensor_gyro"
@@ -53,12 +53,12 @@ class Log:
 
     path: Path  # the file
     # logged messages by their identifiers; None for messages that are not wanted
-    messages: dict[int, Message | None] = field(default_factory=dict)
+    messages: dict[int, UlogMessage | None] = field(default_factory=dict)
     dropouts: int = 0  # number of places where the logger lost data
     _formats: dict[str, list[tuple[str, int, str]]] = field(default_factory=dict)
     _bounds: list[int] = field(default_factory=list)
 
-    def tables(self, names: tuple[str, ...]) -> Iterator[tuple[Message, Table]]:
+    def tables(self, names: tuple[str, ...]) -> Iterator[tuple[UlogMessage, Table]]:
         """Read the file, and yield the messages with the wanted names as tables, one for each message and block."""
         tail, begin = b"", _HEADER
         with self.path.open("rb") as file:
@@ -133,12 +133,12 @@ class Log:
         except (ValueError, IndexError, KeyError, struct.error) as error:
             raise self._damage(f"a message of the kind {chr(kind)!r} is invalid: {error}") from error
 
-    def _message(self, name: str, instance: int) -> Message:
+    def _message(self, name: str, instance: int) -> UlogMessage:
         fields = list(self._flat(name, "", (), [_MOST_FIELDS]))
         sizes = np.dtype([(label, f"<{kind}") for label, kind in fields]).itemsize
         while fields and fields[-1][0].startswith("_padding"):
             fields.pop()
-        return Message(name, instance, np.dtype([(label, f"<{kind}") for label, kind in fields]), sizes)
+        return UlogMessage(name, instance, np.dtype([(label, f"<{kind}") for label, kind in fields]), sizes)
 
     def _flat(self, name: str, prefix: str, above: tuple[str, ...], budget: list[int]) -> Iterator[tuple[str, str]]:
         """Yield name and type of each field of a message, also of nested types, for at most `budget[0]` fields."""
@@ -157,7 +157,7 @@ class Log:
                 else:
                     yield from self._flat(kind, f"{path}.", (*above, name), budget)
 
-    def _table(self, block: bytes, message: Message, starts: NDArray[np.int64]) -> Table:
+    def _table(self, block: bytes, message: UlogMessage, starts: NDArray[np.int64]) -> Table:
         """Return the messages that begin at the positions `starts` of a block, as a table."""
         raw = np.frombuffer(block, dtype=np.uint8)
         sizes = raw[starts].astype(np.int64) + (raw[starts + 1].astype(np.int64) << 8) - 2

@@ -110,7 +110,7 @@ class ImuReader(RecordsReader):
 
 def _register(of: RecordType) -> None:
     @register
-    class Named(_NamedReader):
+    class NamedType(_NamedReader):
         __doc__ = f".imu records of the type {of.name}."
         name = of.format
         kind = of

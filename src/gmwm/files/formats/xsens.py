@@ -20,7 +20,7 @@ from gmwm.base.remarks import Quantity, Remark
 from gmwm.files.clock.lost_samples import MISSING, whole_numbers
 from gmwm.files.contract import Channel, Layout, Mark, Rows, register
 from gmwm.files.formats.byte_sources import FileSource
-from gmwm.files.formats.dialect import Dialect
+from gmwm.files.formats.dialect import TextDialect
 from gmwm.files.formats.text import Place, TextReader
 
 _SIGNALS = {
@@ -48,7 +48,7 @@ class XsensReader(TextReader):
     def layout(self, source: FileSource) -> Layout:
         """Return the layout, with the axes and units that the names of the columns determine."""
         layout = super().layout(source)
-        dialect: Dialect = layout.state
+        dialect: TextDialect = layout.state
         names = {channel.name for channel in layout.channels}
         time = self._time(layout, dialect)
         channels, remarks = [], [*layout.remarks]
@@ -103,7 +103,7 @@ class XsensReader(TextReader):
             yield out
 
     @staticmethod
-    def _time(found: Layout, dialect: Dialect) -> str:
+    def _time(found: Layout, dialect: TextDialect) -> str:
         """Return the time column: SampleTimeFine, or PacketCounter if SampleTimeFine is empty; else ""."""
         names = [channel.name for channel in found.channels]
         if "SampleTimeFine" in names and dialect.integers[names.index("SampleTimeFine")]:

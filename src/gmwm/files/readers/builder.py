@@ -17,7 +17,7 @@ from gmwm.base.remarks import Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import SI_UNIT, beyond_sensors
 from gmwm.files.clock.lost_samples import about_lost, as_floats, gaps_of, sift
-from gmwm.files.clock.running_clock import KnownClock, RunningClock, Settled
+from gmwm.files.clock.running_clock import KnownClock, KnownSegments, RunningClock
 from gmwm.files.contract import Rows
 from gmwm.files.readers.interpretation import TEMPERATURE, Interpretation, RowSource
 from gmwm.files.readers.temperature import with_temperature
@@ -91,7 +91,7 @@ class SampleBuilder:
         sifted = sift(rows, columns, interpretation.choice.axes)
         self._count += sifted.unplaced
         # Rows that were appended to the file after its time stamps were read are ignored.
-        remaining = None if self._live else self._known.left()
+        remaining = None if self._live else self._known.remaining()
         rows = {k: column[:remaining] for k, column in sifted.rows.items()}
         size = next(iter(rows.values())).size
         cut = np.zeros(size + 1, dtype=bool) if sifted.cut is None else sifted.cut[: size + 1]
@@ -147,7 +147,7 @@ class SampleBuilder:
                 values = values * factor
         return values
 
-    def _settle(self, settled: Settled) -> Iterator[Samples]:
+    def _settle(self, settled: KnownSegments) -> Iterator[Samples]:
         """Yield the waiting samples up to the last one whose segment is known."""
         first = self._came - self._lost.size
         count = settled.stop - first
@@ -219,7 +219,7 @@ def _append(before: NDArray[Any], after: NDArray[Any]) -> NDArray[Any]:
     return np.concatenate([before, after]) if before.size else after
 
 
-def collected(parts: Sequence[Samples], found: Interpretation, base: TimeBase, remarks: Sequence[Remark]) -> Imu:
+def collect_samples(parts: Sequence[Samples], found: Interpretation, base: TimeBase, remarks: Sequence[Remark]) -> Imu:
     """Join samples into one recording, from its beginning."""
     if not parts:
         raise DataError(

@@ -18,7 +18,7 @@ from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError
 from gmwm.base.units import SI_UNIT
 from gmwm.files.columns.column_names import named_unit, unit_of
-from gmwm.files.columns.columns import Choice, choose
+from gmwm.files.columns.columns import ColumnChoice, choose
 from gmwm.files.contract import Layout
 from gmwm.files.formats.arrays import Array, chunks_of, fields_of, layouts_of, part_of
 from gmwm.files.readers.api import recording_of
@@ -69,14 +69,14 @@ def read_table(data: Any, rate: float | None, units: Mapping[str, str] | None, s
     columns = list(choice.columns.values())
     parts = list(chunks_of(layout, columns, _NAME))
     held = HeldRows({k: np.concatenate([part[k] for part in parts]) for k in columns})
-    options = replace(options, units={**_unstated(layout, choice), **options.units})
+    options = replace(options, units={**_default_units(layout, choice), **options.units})
     interpretation = understand(layout, choice, held.rows, path=_NAME, options=options, source=held)
     imu = recording_of(interpretation, held, _NAME)
     warn(imu.remarks, stacklevel=3)
     return replace(imu, source=source)
 
 
-def _unstated(layout: Layout, choice: Choice) -> dict[str, str]:
+def _default_units(layout: Layout, choice: ColumnChoice) -> dict[str, str]:
     """Return SI units for the sensors whose columns state no unit."""
     stated = {
         axis_quantity(axis)

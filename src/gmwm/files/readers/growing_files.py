@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import BinaryIO, cast
 
 from gmwm.base.errors import ReadError
-from gmwm.files.columns.columns import Choice, choose
+from gmwm.files.columns.columns import ColumnChoice, choose
 from gmwm.files.contract import Layout, Rows
 from gmwm.files.formats.byte_sources import FileSource
 from gmwm.files.formats.text import TextReader, text_reader
@@ -226,7 +226,7 @@ def growing_stream(lines: Lines, path: Path, options: ReadOptions | None = None,
         )  # fmt: skip
     layout = reader.layout(_GrowingText(path, head, None))
     choice = choose(layout, options.columns, path)
-    choice = Choice({role: k for role, k in choice.columns.items() if role != "temperature"}, choice.remarks)
+    choice = ColumnChoice({role: k for role, k in choice.columns.items() if role != "temperature"}, choice.remarks)
     require_time(layout, choice, options.rate, path)
     layout = replace(layout, skip_bad_lines=options.bad_lines == "skip")
     first = first_rows(reader.rows(_GrowingText(path, head, None), layout, list(choice.columns.values())), choice)

@@ -21,7 +21,7 @@ from gmwm.files.readers.builder import RowSummary, SampleBuilder
 from gmwm.files.readers.interpretation import Interpretation
 from gmwm.files.readers.several_files import SeveralFiles
 from gmwm.files.readers.streams import FileRows, Stream
-from gmwm.files.readers.topics import reopened
+from gmwm.files.readers.topics import reopen
 from gmwm.recording.chunks import Chunk, Samples
 
 SHORTEST_PART = 4096
@@ -209,4 +209,4 @@ def _open(part: Part) -> tuple[Reader, Layout]:
             code="changed",
             advice="Divide the recording again.",
         )
-    return reopened(path, part.format, part.topic, part.skip_bad_lines)
+    return reopen(path, part.format, part.topic, part.skip_bad_lines)

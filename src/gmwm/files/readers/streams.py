@@ -11,14 +11,14 @@ import numpy as np
 
 from gmwm.base.remarks import Remark
 from gmwm.files.clock.lost_samples import CUT, as_floats
-from gmwm.files.columns.columns import Choice
+from gmwm.files.columns.columns import ColumnChoice
 from gmwm.files.contract import Layout, Reader, Rows
 from gmwm.files.readers import interpretation
 from gmwm.files.readers.builder import RowSummary, SampleBuilder
 from gmwm.files.readers.interpretation import Interpretation, RowSource
 from gmwm.files.readers.reading_warnings import of_file, warn
 from gmwm.files.readers.several_files import SeveralFiles, files_of, source_words
-from gmwm.files.readers.topics import reopened
+from gmwm.files.readers.topics import reopen
 from gmwm.recording.chunks import Chunk, Samples
 from gmwm.recording.time_ranges import Trimmer, range_texts
 
@@ -73,15 +73,15 @@ class FileRows:
         chunks = without_float_warnings(self.reader.chunks(self.path, self.layout, wanted))
         return chunks if self.limits is None else _between(chunks, *self.limits)
 
-    def first(self, choice: Choice) -> Rows:
+    def first(self, choice: ColumnChoice) -> Rows:
         """Return at least `HEAD` rows of each column, or all rows of a shorter recording."""
         return first_rows(self.chunks(list(choice.columns.values())), choice)
 
-    def limited(self, begin: int, end: int) -> FileRows:
+    def limit(self, begin: int, end: int) -> FileRows:
         """Return the rows `begin` to `end` − 1."""
         return replace(self, limits=(begin, end))
 
-    def held(self, choice: Choice) -> HeldRows:
+    def hold(self, choice: ColumnChoice) -> HeldRows:
         """Read the chosen columns into memory, as float64 except the time stamps, which need the precision."""
         columns = list(choice.columns.values())
         parts: dict[int, list[Any]] = {k: [] for k in columns}
@@ -109,16 +109,16 @@ class HeldRows:
         """Yield all rows of the wanted columns, at once."""
         yield {k: self.rows[k] for k in (*wanted, *([CUT] if CUT in self.rows else []))}
 
-    def first(self, choice: Choice) -> Rows:
+    def first(self, choice: ColumnChoice) -> Rows:
         """Return all rows."""
         return self.rows
 
-    def limited(self, begin: int, end: int) -> HeldRows:
+    def limit(self, begin: int, end: int) -> HeldRows:
         """Return the rows `begin` to `end` − 1."""
         return HeldRows({k: column[begin:end] for k, column in self.rows.items()})
 
 
-def first_rows(chunks: Iterator[Rows], choice: Choice) -> Rows:
+def first_rows(chunks: Iterator[Rows], choice: ColumnChoice) -> Rows:
     """Return at least `HEAD` rows of each column, or all rows of a shorter recording."""
     parts, count = [], 0
     for chunk in chunks:
@@ -335,11 +335,11 @@ class Stream:
             if trimmer is not None and trimmer.done:
                 break
         else:
-            self._ended(builder.summary(), stacklevel=2)
+            self._complete(builder.summary(), stacklevel=2)
         if trimmer is not None:
             self.time_base = trimmer.time_base(self.time_base)
 
-    def _ended(self, summary: RowSummary, *, stacklevel: int) -> None:
+    def _complete(self, summary: RowSummary, *, stacklevel: int) -> None:
         """Complete the time base and the remarks when all rows were read."""
         self.time_base = summary.time_base(self._found)
         remarks = of_file(summary.remarks(self._found), self.source)
@@ -369,6 +369,6 @@ def _again(
     size: int, kept: Kept | None,
 ) -> Stream:  # fmt: skip
     """Restore a pickled stream, without repeating its warnings."""
-    reader, layout = reopened(path, format, topic, skip)
+    reader, layout = reopen(path, format, topic, skip)
     rows = FileRows(path, reader, layout, topic=topic, limits=limits)
     return Stream(source_words(path), found, rows, size=size, kept=kept)

@@ -47,7 +47,7 @@ def one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
     )
 
 
-def reopened(path: Path, format: str, topic: str | None, skip_bad_lines: bool) -> tuple[Reader, Layout]:
+def reopen(path: Path, format: str, topic: str | None, skip_bad_lines: bool) -> tuple[Reader, Layout]:
     """Find the reader and the layout of a file again, in another process, without repeating warnings."""
     reader = find_reader(existing_file(path), format)
     with warnings.catch_warnings():
