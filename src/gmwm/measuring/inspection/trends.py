@@ -94,12 +94,12 @@ def trend_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> 
         return None
     step = length / extent.rate
     scale = 1 / math.sqrt(step)
-    walk, limit, whole = test.walks()
+    walk, limit, walk_with_trend = test.walks()
     until = test.until()
     return Trend(
         axis=axis, kind=test.kind, size=test.size(), tau=None if test.kind != "exponential" else test.tau * step,
         pvalue=test.pvalue, until=None if until is None else start + until * step, walk=math.sqrt(walk) * scale,
-        walk_limit=math.sqrt(limit) * scale, walk_with_trend=math.sqrt(whole) * scale,
+        walk_limit=math.sqrt(limit) * scale, walk_with_trend=math.sqrt(walk_with_trend) * scale,
     )  # fmt: skip
 
 
@@ -108,15 +108,15 @@ def _longest(means: Sequence[tuple[int, Vector]], extent: Extent, length: int) -
     parts: list[tuple[float, list[Vector]]] = []
     ends = -math.inf
     last_of = dict(extent.joined)
-    for first, own in means:
+    for first, block_means in means:
         start, end = extent.times([first, last_of[first] - 1])
         if start - ends > length / extent.rate:
             parts.append((start - extent.starts[0], []))
-        parts[-1][1].append(own)
+        parts[-1][1].append(block_means)
         ends = end + 1 / extent.rate
     if not parts:
         return 0.0, np.empty(0)
-    start, most = max(parts, key=lambda part: sum(own.size for own in part[1]))
+    start, most = max(parts, key=lambda part: sum(block_means.size for block_means in part[1]))
     return start, np.concatenate(most)
 
 
@@ -132,15 +132,15 @@ class TrendTest:
         self._none = likelihood.without()
         at = (np.arange(n) + 0.5) / n
         times = np.geomspace(1.0, 1.5 * n, _TIMES)
-        decays, kept = self._decays(times)
+        decays, courses = self._decays(times)
         j = _best(decays)
         # A second grid around the best time constant.
         ratio = times[1] / times[0]
         finer = times[j] * np.geomspace(1 / ratio, ratio, 9)
-        decays, kept = self._decays(finer[finer <= times[-1]])
+        decays, courses = self._decays(finer[finer <= times[-1]])
         j = _best(decays)
         self.tau = float(finer[j])
-        self._decay = kept[j]
+        self._decay = courses[j]
         lines = likelihood.transformed(np.vstack([at, at**2]))
         self._exponential = Profile(decays.values[:, [j]], decays.squares[:, [j]])
         self._line, self._lines = likelihood.with_one(lines[:1]), lines

@@ -61,10 +61,11 @@ def grid_of(blocks: int) -> Grid:
             # below 2.2.
             walks.append(_WALKS[::2])
             rests.append(np.repeat((white + plateau / (2 * time) * markov)[None, :], walks[-1].size, axis=0))
-    ratios, rest = np.concatenate(walks), np.vstack(rests)
-    variances = rest + ratios[:, None] * walk
+    ratios, variances_without = np.concatenate(walks), np.vstack(rests)
+    variances = variances_without + ratios[:, None] * walk
     return Grid(
-        transform=transform, weights=1 / variances, logs=np.sum(np.log(variances), axis=1), walks=ratios, rest=rest,
+        transform=transform, weights=1 / variances, logs=np.sum(np.log(variances), axis=1), walks=ratios,
+        rest=variances_without,
         walk=walk,
     )  # fmt: skip
 
@@ -121,8 +122,8 @@ class Likelihood:
     def with_one(self, courses: Matrix) -> Profile:
         """Return the profile likelihood with one course; the result has a column for each of C transformed courses."""
         cross = self.grid.weights @ (courses * self.z).T
-        own = self.grid.weights @ (courses**2).T
-        return self._profile(self._flat[:, None] - cross**2 / own)
+        squares = self.grid.weights @ (courses**2).T
+        return self._profile(self._flat[:, None] - cross**2 / squares)
 
     def with_two(self, first: Vector, second: Vector) -> Profile:
         """Return the profile likelihood with two transformed courses together."""
@@ -156,8 +157,8 @@ class Likelihood:
         variances = grid.rest[best] + ratios[:, None] * grid.walk
         values, scales = self._restricted(1 / variances, np.sum(np.log(variances), axis=1), courses)
         finer = int(np.argmin(values))
-        found = float(ratios[finer] * scales[finer])
-        return found, max(limit, found)
+        best_walk = float(ratios[finer] * scales[finer])
+        return best_walk, max(limit, best_walk)
 
     def _restricted(self, weights: Matrix, logs: Vector, courses: Matrix) -> tuple[Vector, Vector]:
         """Return −2 log of the restricted likelihood, up to a constant, and σ², for each noise model."""

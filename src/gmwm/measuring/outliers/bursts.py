@@ -137,9 +137,9 @@ class BurstFinder:
     def _add(self, panel: Vector) -> None:
         step = step_of(self._sample.values()) or 0.0
         for level in coefficients(panel, self.rate, step):
-            found = _bursts(level, small=False)
-            occupied, count = int(np.sum(found.last - found.first + 1)), found.first.size
-            sums = level.energy, float(found.energy.sum()), level.size, occupied, count
+            bursts = _bursts(level, small=False)
+            occupied, count = int(np.sum(bursts.last - bursts.first + 1)), bursts.first.size
+            sums = level.energy, float(bursts.energy.sum()), level.size, occupied, count
             self._sums[:, level.number - 1] += sums
 
 
@@ -229,14 +229,14 @@ def burst_ranges(levels: Iterable[Coefficients], *, small: bool = False) -> Rang
     """Return index ranges (k, 2) of the samples in bursts of one panel, ordered and without overlap. A burst is left
     out if it overlaps a burst of a finer level, at which its position is known better. With `small`, bursts of
     coefficients below `LARGE` that are large for this noise are found too."""
-    found = np.empty((0, 2), dtype=np.int64)
+    ranges = np.empty((0, 2), dtype=np.int64)
     for level in levels:
         bursts = _bursts(level, small)
         new = np.stack([bursts.first << level.number - 1, (bursts.last + 2) << level.number - 1], axis=1)
-        new = new[np.searchsorted(found[:, 0], new[:, 1]) == np.searchsorted(found[:, 1], new[:, 0], side="right")]
-        found = np.concatenate([found, new])
-        found = found[np.argsort(found[:, 0])]
-    return found
+        new = new[np.searchsorted(ranges[:, 0], new[:, 1]) == np.searchsorted(ranges[:, 1], new[:, 0], side="right")]
+        ranges = np.concatenate([ranges, new])
+        ranges = ranges[np.argsort(ranges[:, 0])]
+    return ranges
 
 
 def _levels(rate: float) -> int:
@@ -266,26 +266,26 @@ def _bursts(level: Coefficients, small: bool) -> _Found:
         share = (_FALSE / (level.size * APART ** (FEWEST - 1))) ** (1 / FEWEST)
         ranked = np.append(np.sort(ratio)[::-1], _SMALL)
         large = min(LARGE, float(np.interp(share * (level.size - 1), np.arange(ranked.size), ranked)))
-    kept = ratio > large
-    at, w, ratio = at[kept], w[kept], ratio[kept]
+    chosen = ratio > large
+    at, w, ratio = at[chosen], w[chosen], ratio[chosen]
     if at.size < FEW:
         return _NO_BURSTS
     begins = np.concatenate([[0], np.flatnonzero(np.diff(at) > APART) + 1])
     counts = np.diff(np.append(begins, at.size))
     positive = np.add.reduceat((w > 0).astype(np.int64), begins)
     huge = np.maximum.reduceat(ratio, begins) > HUGE
-    kept = (counts >= np.where(huge, FEW, FEWEST)) & (positive > 0) & (positive < counts)
+    chosen = (counts >= np.where(huge, FEW, FEWEST)) & (positive > 0) & (positive < counts)
     if small:
-        for k in np.flatnonzero(kept).tolist():
-            kept[k] = _is_alone(level, int(at[begins[k]]), int(at[begins[k] + counts[k] - 1]) + 1)
+        for k in np.flatnonzero(chosen).tolist():
+            chosen[k] = _is_alone(level, int(at[begins[k]]), int(at[begins[k] + counts[k] - 1]) + 1)
     energy = np.add.reduceat(w**2, begins)
-    return _Found(at[begins[kept]], at[(begins + counts - 1)[kept]], energy[kept])
+    return _Found(at[begins[chosen]], at[(begins + counts - 1)[chosen]], energy[chosen])
 
 
 def _is_alone(level: Coefficients, first: int, last: int) -> bool:
     """Return whether the noise next to a burst is usual. If the variance of the noise varies, it is larger there."""
     margin = max(last - first, APART)
     length = max(margin, _BESIDE)
-    beside = [(first - margin - length, first - margin), (last + margin, last + margin + length)]
-    relative = [level.relative(max(a, 0), max(b, 0)) for a, b in beside]
+    surroundings = [(first - margin - length, first - margin), (last + margin, last + margin + length)]
+    relative = [level.relative(max(a, 0), max(b, 0)) for a, b in surroundings]
     return all(float(np.median(part)) < _ALONE * _QUARTILE for part in relative if part.size >= APART)

@@ -78,8 +78,8 @@ def cleaned(x: Signal) -> Cleaned:
 def _knocks(values: Vector, rate: float) -> Ranges:
     """Return the index ranges of the knocks."""
     step, length = lsb(values) or 0.0, panel_length(rate)
-    found = [_of_panel(values[begin : begin + length], rate, step) + begin for begin in range(0, values.size, length)]
-    ranges = _joined(np.concatenate(found))
+    panels = [_of_panel(values[begin : begin + length], rate, step) + begin for begin in range(0, values.size, length)]
+    ranges = _joined(np.concatenate(panels))
     ranges = ranges[ranges[:, 1] - ranges[:, 0] <= LONGEST * rate]
     return ranges if np.sum(ranges[:, 1] - ranges[:, 0]) <= MOST * values.size else ranges[:0]
 
@@ -89,8 +89,8 @@ def _of_panel(values: Vector, rate: float, step: float) -> Ranges:
     levels, ranges = list(coefficients(values, rate, step)), np.empty((0, 2), dtype=np.int64)
     for small in [False, True]:
         for _ in range(_PASSES):
-            found = burst_ranges(levels, small=small)
-            wider = _joined(np.concatenate([ranges, _widened(found, values.size)]))
+            bursts = burst_ranges(levels, small=small)
+            wider = _joined(np.concatenate([ranges, _widened(bursts, values.size)]))
             if np.array_equal(wider, ranges):
                 break
             ranges, levels = wider, list(coefficients(_mirrored(values, wider), rate, step))
@@ -103,13 +103,16 @@ def _mirrored(values: Vector, ranges: Ranges) -> Vector:
     out = values.copy()
     for first, last in ranges.tolist():
         size, half = last - first, (last - first) // 2
-        left = values[max(first - max(half, _BESIDE), 0) : first]
-        right = values[last : last + max(half, _BESIDE)]
-        if not left.size + right.size:
+        before = values[max(first - max(half, _BESIDE), 0) : first]
+        after = values[last : last + max(half, _BESIDE)]
+        if not before.size + after.size:
             continue
-        left, right = (one if one.size else other for one, other in ((left, right), (right, left)))
-        line = np.linspace(np.median(left), np.median(right), size)
-        echoes = np.resize((left - np.median(left))[::-1], half), np.resize(right - np.median(right), size - half)[::-1]
+        before, after = (side if side.size else other for side, other in ((before, after), (after, before)))
+        line = np.linspace(np.median(before), np.median(after), size)
+        echoes = (
+            np.resize((before - np.median(before))[::-1], half),
+            np.resize(after - np.median(after), size - half)[::-1],
+        )
         out[first:last] = line + np.concatenate(echoes)
     return out
 

@@ -197,9 +197,9 @@ class Verdict(Summarised):
             name: np.array(values[name], dtype=np.float64) for name in _ARRAYS if name != "levels"
         }
         left_out = {int(level): reason for level, reason in values["left_out"].items()}
-        known = get_args(Reason)
-        if wrong := [reason for reason in left_out.values() if reason not in known]:
-            raise DataError(argument="left_out", expected=f"a mapping of levels to {', '.join(known)}", got=wrong[0])
+        reasons = get_args(Reason)
+        if wrong := [reason for reason in left_out.values() if reason not in reasons]:
+            raise DataError(argument="left_out", expected=f"a mapping of levels to {', '.join(reasons)}", got=wrong[0])
         levels, bursts = np.array(values["levels"], dtype=np.int64), values["bursts"]
         depends = values["dependence"]
         scalars = {name: values[name] for name in _SCALARS}
@@ -375,9 +375,9 @@ def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVarianc
 def _left_out(robust: WaveletVariance) -> dict[int, Reason]:
     """Return the levels that are not tested, with the reason."""
     freedom = Design.of(robust).degrees_of_freedom
-    found = robust.diagnostics.get("robust", {})
-    outcomes = found.get("outcome", ["root"] * len(robust))
-    zeros = np.array(found.get("zeros", np.zeros(len(robust))))
+    diagnostics = robust.diagnostics.get("robust", {})
+    outcomes = diagnostics.get("outcome", ["root"] * len(robust))
+    zeros = np.array(diagnostics.get("zeros", np.zeros(len(robust))))
     # If there are few coefficients, one that is zero by chance is a large share.
     rounded = _ruled_by_steps(np.where(freedom > LEAST_FREEDOM, zeros, 0.0))
     left_out: dict[int, Reason] = {}
@@ -417,7 +417,7 @@ def excess_text(excess: float) -> str:
 
 
 def _scales(tau: Vector) -> tuple[Quantity, ...]:
-    return tuple(Quantity(float(one), "s") for one in tau)
+    return tuple(Quantity(float(seconds), "s") for seconds in tau)
 
 
 def _plain(value: float) -> float | None:

@@ -125,13 +125,13 @@ def find_spikes(x: Signal) -> Spikes:
     deviation = np.abs(_core.neighbour_residuals(values, values, candidates, _REACHES[0]))
     deviation /= _at(candidates, scale, length)
     threshold = _threshold(deviation, values.size, tail)
-    found = candidates[deviation >= threshold]
-    if not 0 < found.size <= MOST * values.size:
+    spikes = candidates[deviation >= threshold]
+    if not 0 < spikes.size <= MOST * values.size:
         return none
     # Repeat the search without the spikes. They shift the median of their neighbours, and make the tails of the bulk
     # heavier.
     for _ in range(_PASSES):
-        filled, right = _filled(values, found)
+        filled, right = _filled(values, spikes)
         reach = _best_reach(filled, right)
         scale, length, tail, usual = _bulk(filled, x.rate, step, most=_PRECISE, right=right, reach=reach)
         if not scale.min() > 0:
@@ -141,11 +141,11 @@ def find_spikes(x: Signal) -> Spikes:
         threshold = _threshold(deviations, values.size, tail, FALSE)
         clear = np.flatnonzero(_clear(candidates, _crowded(candidates[deviations >= threshold], values.size)))
         spiky = clear[_surplus(deviations[clear], threshold, values.size, usual)]
-        before, found, deviation, limit = found.size, candidates[spiky], deviations[spiky], limit[spiky]
-        if abs(found.size - before) <= _SETTLED * before:
+        before, spikes, deviation, limit = spikes.size, candidates[spiky], deviations[spiky], limit[spiky]
+        if abs(spikes.size - before) <= _SETTLED * before:
             break
-    kept = _returns(values, filled, found, np.minimum(threshold, deviation) * limit)
-    return Spikes(indices=found[kept], deviations=deviation[kept])
+    isolated = _returns(values, filled, spikes, np.minimum(threshold, deviation) * limit)
+    return Spikes(indices=spikes[isolated], deviations=deviation[isolated])
 
 
 def repaired(x: Signal, spikes: Spikes) -> Signal:
@@ -258,9 +258,9 @@ def _threshold(deviation: Vector, samples: int, freedom: float, false: float = 1
     double = np.searchsorted(-ordered, -theta / 2, side="right")
     expected = samples * _beyond(theta, freedom)
     # Residuals that Gaussian noise explains are not counted, because small spikes are among its tails.
-    own = np.minimum(samples * 2 * ndtr(-theta / APART), beyond - ks)
-    good = (pdtrc(ks - 1, expected) <= CERTAIN) & (expected <= false * ks) & (beyond - own <= MORE * ks)
-    good &= np.where(ks < _FEW, double == ks, bdtrc(ks - 1, beyond - own.astype(np.int64), _TAIL) <= CERTAIN)
+    gaussian = np.minimum(samples * 2 * ndtr(-theta / APART), beyond - ks)
+    good = (pdtrc(ks - 1, expected) <= CERTAIN) & (expected <= false * ks) & (beyond - gaussian <= MORE * ks)
+    good &= np.where(ks < _FEW, double == ks, bdtrc(ks - 1, beyond - gaussian.astype(np.int64), _TAIL) <= CERTAIN)
     return float(theta[good][-1]) if np.any(good) else np.inf
 
 

@@ -71,15 +71,15 @@ class Term:
         >>> Term.parse("temperature:2,lag")
         Term(name='temperature', degree=2, lag=True, knots=0, exact=False)
         """
-        name, _, rest = text.strip().partition(":")
+        name, _, options = text.strip().partition(":")
         if not re.fullmatch(r"[A-Za-z_]\w*", name) or name in (AUTO, NONE):
             raise OptionError(argument="against", expected=_EXPECTED, got=text)
         degree, knots, words = 1, 0, set()
-        for word in filter(None, (part.strip() for part in rest.split(","))):
+        for word in filter(None, (part.strip() for part in options.split(","))):
             if word.isdigit() and 1 <= int(word) <= MOST_DEGREES:
                 degree = int(word)
-            elif (found := re.fullmatch(r"knots=(\d+)", word)) and 1 <= int(found[1]) <= MOST_KNOTS:
-                knots = int(found[1])
+            elif (match := re.fullmatch(r"knots=(\d+)", word)) and 1 <= int(match[1]) <= MOST_KNOTS:
+                knots = int(match[1])
             elif word in ("lag", "exact"):
                 words.add(word)
             else:
@@ -88,7 +88,7 @@ class Term:
                     expected=f"a degree from 1 to {MOST_DEGREES}, knots=1 to {MOST_KNOTS}, lag or exact after {name!r}",
                     got=word,
                 )
-        if (name == WARM_UP and rest) or (name == TIME and words) or (knots and degree > 1):
+        if (name == WARM_UP and options) or (name == TIME and words) or (knots and degree > 1):
             raise OptionError(
                 f"against: {text!r} has options that do not apply",
                 argument="against",
@@ -124,11 +124,11 @@ class Asked:
             if text == NONE:
                 return cls()
             return cls(_distinct(Term.parse(part) for part in text.split("+")))
-        given = against if isinstance(against, Mapping) else {"covariate": against}
-        if not given:
+        arrays_by_text = against if isinstance(against, Mapping) else {"covariate": against}
+        if not arrays_by_text:
             raise OptionError(argument="against", expected=_EXPECTED, got="an empty mapping")
         arrays, terms = {}, []
-        for text, values in given.items():
+        for text, values in arrays_by_text.items():
             term = Term.parse(str(text))
             if not term.measured:
                 raise OptionError(
@@ -143,19 +143,19 @@ class Asked:
 
 
 def _distinct(terms: Iterable[Term]) -> tuple[Term, ...]:
-    found = tuple(terms)
-    names = [term.name for term in found]
+    distinct = tuple(terms)
+    names = [term.name for term in distinct]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise OptionError(argument="against", expected="each covariate once", got=twice)
-    if TIME in names and WARM_UP in names and next(t for t in found if t.name == TIME).degree > 1:
+    if TIME in names and WARM_UP in names and next(t for t in distinct if t.name == TIME).degree > 1:
         raise OptionError(
             "against: a curved trend in time and a warm-up describe the same course",
             argument="against",
-            got=" + ".join(map(str, found)),
+            got=" + ".join(map(str, distinct)),
             advice="Use one of them.",
         )
-    return found
+    return distinct
 
 
 def is_given(asked: Asked) -> bool:

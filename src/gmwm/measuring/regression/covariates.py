@@ -71,10 +71,10 @@ class Covariates:
         scales."""
         usual = 1 if any(term.exact for term in terms) else None
         clock = Clock.of(signal.rate, signal.segments, signal.starts, length=usual)
-        block, lowest, known, smooth = clock.length, 1, dict(arrays), dict(arrays)
+        block, lowest, values_by_name, smooth = clock.length, 1, dict(arrays), dict(arrays)
         for term in terms:
             if term.measured:
-                values = _checked(term, known, signal)
+                values = _checked(term, values_by_name, signal)
                 if not term.exact:
                     level, step = as_known(term.name, values, signal)
                     # The mean over a block has a smaller reading error, but not if the error is a rounding error.
@@ -85,9 +85,9 @@ class Covariates:
                     smooth[term.name] = without_steps(values, step) if step else values
         coarse = replace(clock, length=block)
         names = [term.name for term in terms if term.measured]
-        means = {name: coarse.onto(coarse.means(known[name]), clock) for name in names}
-        made = cls.on(clock, terms, means, known, lowest=lowest, block=block)
-        return replace(made, smooth={name: coarse.onto(coarse.means(smooth[name]), clock) for name in names})
+        means = {name: coarse.onto(coarse.means(values_by_name[name]), clock) for name in names}
+        covariates = cls.on(clock, terms, means, values_by_name, lowest=lowest, block=block)
+        return replace(covariates, smooth={name: coarse.onto(coarse.means(smooth[name]), clock) for name in names})
 
     @classmethod
     def slow(cls, term: Term, values: Vector, signal: Signal) -> Covariates:
@@ -124,16 +124,17 @@ class Covariates:
         at = clock.times
         references, ranges = {}, {}
         for term in terms:
-            own = means.get(term.name, at / HOUR if term.name == TIME else at)
-            low, high = float(np.min(own[present])), float(np.max(own[present]))
+            covariate = means.get(term.name, at / HOUR if term.name == TIME else at)
+            low, high = float(np.min(covariate[present])), float(np.max(covariate[present]))
             # The reference is rounded to three digits of the range, so that it is a short number in reports.
             digits = 2 - int(np.floor(np.log10(high - low))) if high > low else 3
-            references[term.name] = 0.0 if term.name == WARM_UP else round(float(np.mean(own[present])), digits)
+            references[term.name] = 0.0 if term.name == WARM_UP else round(float(np.mean(covariate[present])), digits)
             ranges[term.name] = (low, high)
         exact = {term.name: arrays[term.name] for term in terms if term.exact}
         bare = cls(
-            basis=Basis((), references, {}), clock=clock, means={name: freeze(own) for name, own in means.items()},
-            smooth=dict(means), exact=exact, ranges=ranges, lowest=lowest, block=block,
+            basis=Basis((), references, {}), clock=clock,
+            means={name: freeze(covariate) for name, covariate in means.items()}, smooth=dict(means),
+            exact=exact, ranges=ranges, lowest=lowest, block=block,
         )  # fmt: skip
         return bare.having(tuple(terms))
 
@@ -167,8 +168,8 @@ class Covariates:
         starts = [place / clock.rate for place in clock.offsets]
         times = times_of(np.arange(first, last), clock.rate, clock.segments, starts)
         values = {
-            name: self.exact[name][first:last] if name in self.exact else clock.interpolated(own, first, last)
-            for name, own in self.smooth.items()
+            name: self.exact[name][first:last] if name in self.exact else clock.interpolated(covariate, first, last)
+            for name, covariate in self.smooth.items()
         }
         return np.asarray(self.basis.matrix(values, times, tau) @ coefficients)
 
@@ -176,9 +177,9 @@ class Covariates:
 def _checked(term: Term, arrays: Mapping[str, Vector], signal: Signal) -> Vector:
     values = arrays.get(term.name)
     if values is None:
-        known = ", ".join([*arrays, TIME, WARM_UP])
+        names = ", ".join([*arrays, TIME, WARM_UP])
         raise OptionError(
-            f"against: there is no {term.name!r} beside {signal.axis or 'the signal'}; known are {known}",
+            f"against: there is no {term.name!r} beside {signal.axis or 'the signal'}; known are {names}",
             argument="against",
             got=term.name,
             advice="Pass the samples: `against={{{name}: values}}`." if term.name != TEMPERATURE else

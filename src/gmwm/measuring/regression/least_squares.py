@@ -70,13 +70,13 @@ class RegressionDesign:
     def weights(self, density: Callable[[Vector], Vector], highest: float = 0.5) -> list[Vector]:
         """Compute, for each run, the weights 1/S(f) at the frequencies (cycles per value) of its cosine transform. They
         are zero above `highest`, where the errors of the columns are too large."""
-        found: dict[int, Vector] = {}
+        weights: dict[int, Vector] = {}
         for size in {last - first for first, last in self.runs}:
             at = np.arange(1, size) / (2 * size)
             grid = at if size <= GRID else np.geomspace(at[0], at[-1], GRID)
             inverse = np.exp(np.interp(np.log(at), np.log(grid), -np.log(density(grid))))
-            found[size] = np.concatenate([[0.0], np.where(at <= highest, inverse, 0.0)])
-        return [found[last - first] for first, last in self.runs]
+            weights[size] = np.concatenate([[0.0], np.where(at <= highest, inverse, 0.0)])
+        return [weights[last - first] for first, last in self.runs]
 
     def under(self, weights: Sequence[Vector]) -> Weighted:
         """Return the regression with given weights for each run."""
@@ -97,8 +97,8 @@ class Weighted:
 
         total = np.zeros_like(self.design.columns)
         for (first, last), weights in zip(self.design.runs, self.weights, strict=True):
-            own = fft.dct(self.design.columns[first:last], axis=0, norm="ortho")
-            total[first:last] = fft.idct(weights[:, None] * own, axis=0, norm="ortho")
+            transform = fft.dct(self.design.columns[first:last], axis=0, norm="ortho")
+            total[first:last] = fft.idct(weights[:, None] * transform, axis=0, norm="ortho")
         return total
 
     @cached_property
@@ -152,9 +152,9 @@ class Weighted:
         size = fft.next_fast_len(2 * n, real=True)
         rows = fft.rfft(self.rows, size, axis=0)
         cross = fft.irfft(np.conj(rows)[:, :, None] * rows[:, None, :], size, axis=0)
-        found = cross[:n].copy()
-        found[1:] += cross[size - n + 1 :][::-1]
-        return np.asarray((found + found.transpose(0, 2, 1)) / 2)
+        products = cross[:n].copy()
+        products[1:] += cross[size - n + 1 :][::-1]
+        return np.asarray((products + products.transpose(0, 2, 1)) / 2)
 
     def covariances(self, lags: Matrix) -> Matrix:
         """Compute Cov β̂ (K, p, p) for K processes with the generalised covariances `lags` (K, n)."""
@@ -165,13 +165,15 @@ class Weighted:
         Haar coefficients of level j and D_j = W_j X, E ‖W_j (y − X β̂)‖² = M_j ν_j² − 2 tr(D_jᵀ W_j Σ Bᵀ) + tr(D_jᵀ D_j
         Cov β̂). The mean is over the coefficients for the wavelet variance, or over all if there are none."""
         covariance = self.rows.T @ spread
-        found = np.zeros(self.design.levels)
+        shares = np.zeros(self.design.levels)
         for j, (d, counted) in enumerate(zip(self.design.coefficients, self.design.counted, strict=True), 1):
-            wanted = counted if np.any(counted) else self.design.used[j - 1]
-            own = d[wanted]
-            cross = float(np.sum(own * haar(spread, j)[wanted]))
-            found[j - 1] = (2 * cross - float(np.sum((own.T @ own) * covariance))) / len(own)
-        return found
+            mask = counted if np.any(counted) else self.design.used[j - 1]
+            haar_columns = d[mask]
+            cross = float(np.sum(haar_columns * haar(spread, j)[mask]))
+            shares[j - 1] = (2 * cross - float(np.sum((haar_columns.T @ haar_columns) * covariance))) / len(
+                haar_columns
+            )
+        return shares
 
 
 def haar(values: Matrix, level: int) -> Matrix:

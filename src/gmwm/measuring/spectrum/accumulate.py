@@ -161,10 +161,10 @@ class SpectrumAccumulator(OneAtATime):
         if not isinstance(following, SpectrumAccumulator):
             raise OptionError(argument="following", expected="a SpectrumAccumulator", got=following)
         for name in ("rate", "length", "detrend", "unit"):
-            own, other = getattr(self, name), getattr(following, name)
-            if own != other:
+            value, other = getattr(self, name), getattr(following, name)
+            if value != other:
                 raise OptionError(
-                    f"both parts must have the same {name}; got {own!r} and {other!r}", argument=name, got=other
+                    f"both parts must have the same {name}; got {value!r} and {other!r}", argument=name, got=other
                 )
         if following.start != self.stop:
             raise OptionError(
@@ -197,8 +197,8 @@ class SpectrumAccumulator(OneAtATime):
         self._fold()
         longest = max(self._segments, default=0)
         least = LEAST_SAMPLES if self.length is None else self.length
-        found = [n for n, sums in self._sums.items() if sums.blocks >= ENOUGH]
-        length = max(found) if found else max(self._sums, key=lambda n: (self._sums[n].blocks, n))
+        lengths = [n for n, sums in self._sums.items() if sums.blocks >= ENOUGH]
+        length = max(lengths) if lengths else max(self._sums, key=lambda n: (self._sums[n].blocks, n))
         sums = self._sums[length]
         if longest < least or not sums.blocks:
             raise DataError(
@@ -248,9 +248,9 @@ class SpectrumAccumulator(OneAtATime):
             half = n // 2
             first = -(-max(begin, boundary - n + 1) // half) * half
             stop = after + n - 1 if crossing else values.size
-            own = periodograms(values[first - begin : stop], n, self.detrend)
-            if own.blocks:
-                fresh = _Sums(own, own.blocks - 1, first, first + (own.blocks - 1) * half)
+            part = periodograms(values[first - begin : stop], n, self.detrend)
+            if part.blocks:
+                fresh = _Sums(part, part.blocks - 1, first, first + (part.blocks - 1) * half)
                 self._sums[n] = sums.followed_by(fresh, half)
             if self._sums[n].blocks >= ENOUGH:
                 break
@@ -267,8 +267,8 @@ class SpectrumAccumulator(OneAtATime):
             self.rate, length=self.length, detrend=self.detrend, start=self.start, unit=self.unit,
             axis=self.axis or following.axis,
         )  # fmt: skip
-        kept = [n for n in self._sums if n in following._sums]
-        joint._sums = {n: self._sums[n] for n in kept}
+        lengths = [n for n in self._sums if n in following._sums]
+        joint._sums = {n: self._sums[n] for n in lengths}
         if not following._segments:
             joint._sums = dict(self._sums)
         joint._segments, joint._open = list(self._segments), self._open
@@ -287,8 +287,8 @@ class SpectrumAccumulator(OneAtATime):
         joint._open = following._open
         if len(self._segments) <= self._open:
             joint._head = np.concatenate([self._head, following._head])[: self._reach]
-        whole = self._open and following._open and len(following._segments) == 1
-        joint._tail = np.concatenate([self._tail, following._tail])[-self._reach :] if whole else following._tail
+        unbroken = self._open and following._open and len(following._segments) == 1
+        joint._tail = np.concatenate([self._tail, following._tail])[-self._reach :] if unbroken else following._tail
         return joint
 
 

@@ -245,8 +245,8 @@ class PowerSpectrum(Summarised, Plotted):
         return "\n".join(lines)
 
     def __repr__(self) -> str:
-        found = f"{counted(len(self.lines), 'line')}, {counted(len(self.bumps), 'bump')}"
-        return f"PowerSpectrum({self.axis or 'unnamed'}, {self.extent}, {found})"
+        peaks = f"{counted(len(self.lines), 'line')}, {counted(len(self.bumps), 'bump')}"
+        return f"PowerSpectrum({self.axis or 'unnamed'}, {self.extent}, {peaks})"
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

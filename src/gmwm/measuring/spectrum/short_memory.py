@@ -156,10 +156,10 @@ def _grown(data: _Data, best: _Point, price: float, *, free: bool) -> list[_Poin
     tried = [best]
     while True:
         orders = [m for m in STEPS if best.a.size + m[0] <= HIGHEST and best.b.size + m[1] <= HIGHEST]
-        found = [_best_start(data, best, more, free=free) for more in orders]
-        found = _supported(data, found)
-        tried += found
-        next_best = min(found, key=lambda point: _score(point, price), default=best)
+        candidates = [_best_start(data, best, more, free=free) for more in orders]
+        candidates = _supported(data, candidates)
+        tried += candidates
+        next_best = min(candidates, key=lambda point: _score(point, price), default=best)
         if _score(next_best, price) >= _score(best, price):
             return tried
         best = next_best
@@ -256,9 +256,9 @@ class _Point:
         """The own density, the known part with its factor, and the total, at each frequency."""
         below, above = self.data.polynomial(self.a), self.data.polynomial(self.b)
         with np.errstate(all="ignore"):
-            own = np.exp(self.scale) * (above.real**2 + above.imag**2) / (below.real**2 + below.imag**2)
-            beside = np.exp(self.slow) * self.data.known
-            return own, beside, own + beside + self.data.floor
+            shape = np.exp(self.scale) * (above.real**2 + above.imag**2) / (below.real**2 + below.imag**2)
+            slow_part = np.exp(self.slow) * self.data.known
+            return shape, slow_part, shape + slow_part + self.data.floor
 
     @cached_property
     def left(self) -> Vector:
@@ -275,13 +275,13 @@ class _Point:
     @cached_property
     def jacobian(self) -> Matrix:
         """Derivatives (n, 2 + p + q) of the logarithm of the density with respect to `scale`, `a`, `b` and `slow`."""
-        own, beside, total = self.parts
-        found = [own / total]
+        shape, slow_part, total = self.parts
+        rows = [shape / total]
         for tail, sign in ((self.a, -2), (self.b, 2)):
-            factor = sign * found[0] / self.data.polynomial(tail)
+            factor = sign * rows[0] / self.data.polynomial(tail)
             real, imaginary = self.data.waves[:, : tail.size]
-            found += list(real * factor.real - imaginary * factor.imag)
-        return np.array([*found, beside / total]).T
+            rows += list(real * factor.real - imaginary * factor.imag)
+        return np.array([*rows, slow_part / total]).T
 
 
 def _descend(
@@ -289,13 +289,16 @@ def _descend(
 ) -> _Point:
     """Find the local optimum by the Levenberg-Marquardt method, with all roots inside the unit circle. If `free`, the
     factor on the known part is fitted too."""
-    found = np.concatenate([[scale], a, b, [slow]])
+    parameters = np.concatenate([[scale], a, b, [slow]])
     _core.spectral_descent(
         data.waves, data.rows, floor=data.floor, prior=KNOWN, p=a.size, free=free, steps=steps, near=_NEAR,
-        parameters=found,
+        parameters=parameters,
     )  # fmt: skip
-    (inner_a, gain_a), (inner_b, gain_b) = _inside(found[1 : 1 + a.size], POLE), _inside(found[1 + a.size : -1], ZERO)
-    scale, slow = float(found[0]) - gain_a + gain_b, float(found[-1])
+    (inner_a, gain_a), (inner_b, gain_b) = (
+        _inside(parameters[1 : 1 + a.size], POLE),
+        _inside(parameters[1 + a.size : -1], ZERO),
+    )
+    scale, slow = float(parameters[0]) - gain_a + gain_b, float(parameters[-1])
     return _Point(data=data, a=inner_a, b=inner_b, scale=scale, slow=slow)
 
 
@@ -365,12 +368,12 @@ def _starts(data: _Data, best: _Point, more: tuple[int, int]) -> Iterator[tuple[
 
 def _widened(tail: Vector, count: int, angle: float, radius: float) -> Vector:
     """Return the coefficients of the polynomial with `count` additional roots at a radius and an angle."""
-    whole = np.concatenate([[1.0], tail])
+    polynomial = np.concatenate([[1.0], tail])
     for _ in range(count // 2):
-        whole = np.convolve(whole, [1.0, -2 * radius * math.cos(angle), radius**2])
+        polynomial = np.convolve(polynomial, [1.0, -2 * radius * math.cos(angle), radius**2])
     if count % 2:
-        whole = np.convolve(whole, [1.0, -math.copysign(radius, math.cos(angle))])
-    return whole[1:]
+        polynomial = np.convolve(polynomial, [1.0, -math.copysign(radius, math.cos(angle))])
+    return polynomial[1:]
 
 
 def _alternatives(data: _Data, chosen: _Point, tried: Sequence[_Point], price: float) -> tuple[Alternative, ...]:
@@ -378,8 +381,8 @@ def _alternatives(data: _Data, chosen: _Point, tried: Sequence[_Point], price: f
     exp(−d/2), with d the information criterion minus that of the chosen process."""
     best = {(point.a.size, point.b.size): point for point in (*_best_of_each_order(tried), chosen)}
     spread = max(chosen.loss / max(data.logs.size - chosen.order - 1, 1), 1.0)
-    own = _score(chosen, price, spread)
-    weights = {at: math.exp(min(own - _score(point, price, spread), 0.0) / 2) for at, point in best.items()}
+    score = _score(chosen, price, spread)
+    weights = {at: math.exp(min(score - _score(point, price, spread), 0.0) / 2) for at, point in best.items()}
     total = sum(weights.values())
     return tuple(
         Alternative(phi=-point.a, theta=point.b.copy(), density=point.density, weight=weights[at] / total)

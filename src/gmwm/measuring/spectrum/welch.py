@@ -73,25 +73,25 @@ def periodograms(values: Vector, length: int, detrend: Detrend) -> Periodograms:
     """Return the sums over all blocks of `values` that begin at multiples of length / 2."""
     from scipy.fft import rfft
 
-    found = Periodograms.none(length)
+    sums = Periodograms.none(length)
     if values.size < length:
-        return found
+        return sums
     blocks, window = sliding_window_view(values, length)[:: length // 2], hann(length)
     edges = band_edges(length)
     sizes = np.diff(np.append(edges, length // 2 + 1))
-    total, levels, squares = found[:3]
+    total, levels, squares = sums[:3]
     step = max(1, BATCH // length)
     for first in range(0, len(blocks), step):
-        some = blocks[first : first + step]
-        mean = some.mean(axis=1, keepdims=True)
-        some = some - mean
+        batch = blocks[first : first + step]
+        mean = batch.mean(axis=1, keepdims=True)
+        batch = batch - mean
         # For a constant block, only the rounding error of the mean remains. It is set to zero.
-        some[np.abs(some).max(axis=1) <= ROUNDING * np.abs(mean[:, 0])] = 0.0
+        batch[np.abs(batch).max(axis=1) <= ROUNDING * np.abs(mean[:, 0])] = 0.0
         if detrend == "linear":
             line = _centred_time(length)
-            some -= (some @ line)[:, None] * line
-        some *= window
-        parts = rfft(some, axis=1, overwrite_x=True).view(np.float64)
+            batch -= (batch @ line)[:, None] * line
+        batch *= window
+        parts = rfft(batch, axis=1, overwrite_x=True).view(np.float64)
         np.multiply(parts, parts, out=parts)
         power = parts[:, ::2] + parts[:, 1::2]
         total += power.sum(axis=0)

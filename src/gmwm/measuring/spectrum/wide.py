@@ -79,8 +79,8 @@ def grid_of(spectrum: PowerSpectrum, freedom: Vector, free: NDArray[np.bool_], p
         for values in (spectrum.density, spectrum.frequencies, freedom, np.ones(free.size))
     ]
     with np.errstate(invalid="ignore", divide="ignore"):
-        density, frequencies, own = (one / sums[3] for one in sums[:3])
-        freedom = pooled_freedom(own, sums[3])
+        density, frequencies, mean_freedom = (total / sums[3] for total in sums[:3])
+        freedom = pooled_freedom(mean_freedom, sums[3])
     return Grid(frequencies, density, freedom, per_octave)
 
 
@@ -97,24 +97,24 @@ def wide_peaks(
     bumps in `narrow` is not reported as another peak."""
     grids = [grid_of(spectrum, freedom, free, resolution) for resolution in RESOLUTIONS]
     tests = max(1, sum(grid.density.size for grid in grids))
-    found: list[WidePeak] = []
+    peaks: list[WidePeak] = []
     wider: list[WidePeak] = []
     for grid in grids:
         for peak in _peaks(grid, level / tests):
-            if _is_known(peak, *narrow) or any(_overlap(peak, one, grid) for one in found):
+            if _is_known(peak, *narrow) or any(_overlap(peak, other, grid) for other in peaks):
                 continue
-            (found if peak.compact else wider).append(peak)
+            (peaks if peak.compact else wider).append(peak)
     # The remaining peaks are so close to an end of the spectrum that no coarser grid can measure them.
     for peak in reversed(wider):
-        if not any(_overlap(peak, one, None) for one in found):
-            found.append(peak)
-    found = [_fitted(peak, grids) for peak in found]
-    lines = [_line(spectrum, peak) for peak in found if peak.frequency >= LEAST_QUALITY * peak.width]
+        if not any(_overlap(peak, other, None) for other in peaks):
+            peaks.append(peak)
+    peaks = [_fitted(peak, grids) for peak in peaks]
+    lines = [_line(spectrum, peak) for peak in peaks if peak.frequency >= LEAST_QUALITY * peak.width]
     bumps = [
         Bump(
             frequency=peak.frequency, width=peak.width, height=peak.height, density=peak.density, p_value=peak.p_value
         )
-        for peak in found
+        for peak in peaks
         if peak.frequency < LEAST_QUALITY * peak.width
     ]  # fmt: skip
     return lines, bumps
@@ -125,19 +125,19 @@ def _peaks(grid: Grid, level: float) -> list[WidePeak]:
     if grid.density.size < 2 * NEAR:
         return []
     with np.errstate(invalid="ignore", divide="ignore"):
-        beside = flanks(grid.density, grid.freedom, NEAR, FAR, least=LEAST_FLANK)
-        ratio = grid.density / beside.level
+        surroundings = flanks(grid.density, grid.freedom, NEAR, FAR, least=LEAST_FLANK)
+        ratio = grid.density / surroundings.level
         p = p_values(ratio, grid.freedom, level)
     top = np.ones(ratio.size, dtype=bool)
     top[1:] &= ~(grid.density[1:] < grid.density[:-1])
     top[:-1] &= ~(grid.density[:-1] < grid.density[1:])
     (hits,) = np.nonzero(top & np.isfinite(p) & (p < level) & (ratio >= LEAST_HEIGHT))
-    found = []
+    peaks = []
     for k in sorted(hits.tolist(), key=lambda k: -ratio[k]):
-        between = float(beside.between[k])
+        between = float(surroundings.between[k])
         width = _width(grid, k, (float(grid.density[k]) + between) / 2)
         if width is not None:
-            found.append(
+            peaks.append(
                 WidePeak(
                     frequency=_summit(grid, k),
                     width=width,
@@ -148,7 +148,7 @@ def _peaks(grid: Grid, level: float) -> list[WidePeak]:
                     compact=_is_compact(grid, k, between),
                 )
             )
-    return found
+    return peaks
 
 
 def _fitted(peak: WidePeak, grids: Sequence[Grid]) -> WidePeak:
@@ -163,10 +163,10 @@ def _fitted(peak: WidePeak, grids: Sequence[Grid]) -> WidePeak:
         return peak
     grid = usable[-1]
     part = (np.abs(grid.frequencies - peak.frequency) < AROUND * peak.width) & (grid.density > 0)
-    found = lorentz_fit(
+    fit = lorentz_fit(
         grid.frequencies[part], grid.density[part], grid.freedom[part], center=peak.frequency, width=peak.width
     )
-    return peak if found is None else peak._replace(frequency=found[0], width=found[1])
+    return peak if fit is None else peak._replace(frequency=fit[0], width=fit[1])
 
 
 def _width(grid: Grid, k: int, half: float) -> float | None:
@@ -182,16 +182,16 @@ def _width(grid: Grid, k: int, half: float) -> float | None:
         inside, outside = grid.density[j], grid.density[j + step]
         share = (inside - half) / (inside - outside)
         ends.append(grid.frequencies[j] + share * (grid.frequencies[j + step] - grid.frequencies[j]))
-    width, own = ends[1] - ends[0], grid.frequencies[k] * math.log(2) / grid.per_octave
-    return float(math.sqrt(max(width**2 - own**2, own**2 / 4)))
+    width, bin_width = ends[1] - ends[0], grid.frequencies[k] * math.log(2) / grid.per_octave
+    return float(math.sqrt(max(width**2 - bin_width**2, bin_width**2 / 4)))
 
 
 def _summit(grid: Grid, k: int) -> float:
     """Return the frequency (Hz) of the peak at bin k, by a parabola through the logarithms of three bins."""
     with np.errstate(divide="ignore"):
-        left, top, right = np.log(grid.density[k - 1 : k + 2])
-    curve = left - 2 * top + right
-    shift = 0.5 * (left - right) / curve if np.isfinite(curve) and curve < 0 else 0.0
+        before, top, after = np.log(grid.density[k - 1 : k + 2])
+    curve = before - 2 * top + after
+    shift = 0.5 * (before - after) / curve if np.isfinite(curve) and curve < 0 else 0.0
     return float(grid.frequencies[k] * 2 ** (np.clip(shift, -0.5, 0.5) / grid.per_octave))
 
 
@@ -203,11 +203,11 @@ def _is_compact(grid: Grid, k: int, level: float) -> bool:
     return float(excess[~near].sum()) <= float(excess[near].sum()) / 2
 
 
-def _overlap(one: WidePeak, other: WidePeak, grid: Grid | None) -> bool:
+def _overlap(peak: WidePeak, other: WidePeak, grid: Grid | None) -> bool:
     """Return whether two peaks are closer than the width of the wider one, or than two bins of `grid`, and so the
     same."""
     bin_width = 0.0 if grid is None else 2 * other.frequency * math.log(2) / grid.per_octave
-    return abs(one.frequency - other.frequency) <= max(one.width, other.width, bin_width)
+    return abs(peak.frequency - other.frequency) <= max(peak.width, other.width, bin_width)
 
 
 def _is_known(peak: WidePeak, lines: Sequence[Line], bumps: Sequence[Bump]) -> bool:

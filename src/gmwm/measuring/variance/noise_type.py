@@ -100,7 +100,7 @@ def noise_types(
     Source: Riley and Greenhall (2004), Power law noise identification using the lag 1 autocorrelation, 18th EFTF. B1
     and R(n): NIST Special Publication 1065 (2008), section 5.5.
     """
-    found = []
+    types = []
     last = UNDETERMINED
     for n, measured in zip(clusters.tolist(), variance.tolist(), strict=True):
         taken = phase[::n]
@@ -114,8 +114,8 @@ def noise_types(
             last = _by_ratio(taken, reddest) or last
         if last.exponent > 0 and n >= LEAST_PHASE_RATIO and means >= LEAST_RATIO:
             last = _by_modified_ratio(modified_ratio(phase, n), n)
-        found.append(last)
-    return tuple(found)
+        types.append(last)
+    return tuple(types)
 
 
 def _middle(phase: Vector) -> Vector:
@@ -145,8 +145,8 @@ def _by_autocorrelation(phase: Vector, n: int, reddest: int) -> NoiseType | None
             break
         z = np.diff(z)
     if d in AUTOCORRELATION and n > 1:
-        known = AUTOCORRELATION[d]
-        alpha = min(known, key=lambda exponent: abs(known[exponent] - r1))
+        expected = AUTOCORRELATION[d]
+        alpha = min(expected, key=lambda exponent: abs(expected[exponent] - r1))
     else:
         alpha = min(2, 2 - 2 * d - round(2 * delta))
     return _BY_EXPONENT[max(reddest, alpha)]

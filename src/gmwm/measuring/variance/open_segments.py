@@ -183,8 +183,8 @@ class SegmentedAccumulator(OneAtATime):
         """Return Σ W² and the number of coefficients of all levels (J,)."""
         squares, counts = self._squares.copy(), self._counts.copy()
         for part in self._open():
-            own = part.sums(self.levels)
-            squares, counts = squares + own[0], counts + own[1]
+            sums = part.sums(self.levels)
+            squares, counts = squares + sums[0], counts + sums[1]
         return squares, counts
 
     def _all_statistics(self) -> Any:

@@ -92,11 +92,11 @@ class ThinnedValues:
 
     def _thinned(self, every: int) -> ThinnedValues:
         """Keep every `every`-th sample, and fewer if more than `KEPT` values remain."""
-        first, values, own = self.first, self.values, self.every
-        while own < every or values.size > KEPT:
-            odd = first // own % 2
-            first, values, own = first + odd * own, values[odd::2].copy(), 2 * own
-        return ThinnedValues(own, first, values)
+        first, values, distance = self.first, self.values, self.every
+        while distance < every or values.size > KEPT:
+            odd = first // distance % 2
+            first, values, distance = first + odd * distance, values[odd::2].copy(), 2 * distance
+        return ThinnedValues(distance, first, values)
 
     def winsorised_rise(self, start: int, lengths: tuple[int, ...]) -> WinsorisedRise:
         """Return the object that computes the mean rise in the second pass, with clipping limits from the kept values.
@@ -132,9 +132,9 @@ class WinsorisedRise:
         np.clip(values, -self.reach, self.reach, out=values)
         # Process row by row to compute the sums of x and of t x in one pass.
         rows = values[: values.size // ROW * ROW].reshape(-1, ROW) @ _ROW_SUMS
-        rest = values[rows.shape[0] * ROW :]
-        total = float(rows[:, 1].sum()) + float(rest.sum())
+        remainder = values[rows.shape[0] * ROW :]
+        total = float(rows[:, 1].sum()) + float(remainder.sum())
         moment = float(rows[:, 0].sum() + ROW * (np.arange(rows.shape[0], dtype=np.float64) @ rows[:, 1]))
-        moment += float(np.arange(x.size - rest.size, x.size, dtype=np.float64) @ rest)
+        moment += float(np.arange(x.size - remainder.size, x.size, dtype=np.float64) @ remainder)
         begin = float(start - self.edges[k]) - 0.5 * (float(self.edges[k + 1] - self.edges[k]) - 1.0)
         return float(self.weights[k]) * (moment + begin * total)

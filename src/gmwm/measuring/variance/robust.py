@@ -120,11 +120,11 @@ def _search(level: _Level, sample: Vector, resolution: float, complete: bool, tu
     middle = float(np.median(sample))
     # More than half of the sample can be zero although less than half of all coefficients are.
     if _mad_is_zero(level) or middle <= resolution:
-        rest = sample[sample > resolution]
-        if rest.size == 0:
+        nonzero = sample[sample > resolution]
+        if nonzero.size == 0:
             return
         # The median of the nonzero coefficients is the quantile (1 + share of zeros) / 2 of |W|.
-        start = float(np.median(rest)) / NormalDist().inv_cdf((3 + level.zeros) / 4)
+        start = float(np.median(nonzero)) / NormalDist().inv_cdf((3 + level.zeros) / 4)
     else:
         start = middle / NORMAL_QUARTILE
     level.start = start**2
@@ -134,12 +134,12 @@ def _search(level: _Level, sample: Vector, resolution: float, complete: bool, tu
     tolerance = TOLERANCE / 10 if complete else 1e-3
     root, level.iterations = (None, 0) if _mad_is_zero(level) else newton(criterion, tolerance)
     if root is None:
-        found = scan(criterion, tolerance)
-        root, level.iterations = found.root, level.iterations + found.evaluations
+        result = scan(criterion, tolerance)
+        root, level.iterations = result.root, level.iterations + result.evaluations
         if root is None and not complete:
             # The error of the mean of ρ on the sample is 4 % of a. If the sample nearly has a root, the criterion of
             # all coefficients may have one.
-            near = [(abs(place), place) for place, value in found.peaks if value > -0.15 * tuning.a]
+            near = [(abs(place), place) for place, value in result.peaks if value > -0.15 * tuning.a]
             level.peaks = [place for _, place in sorted(near)]
     if root is not None:
         level.place, level.rooted = root, True
@@ -226,8 +226,8 @@ def _settle(source: CoefficientSource, k: int, level: _Level, tuning: Biweight) 
     criterion = _on_all(source, k, level, tuning)
     root: float | None = None
     if level.rooted:
-        found = scan(criterion, TOLERANCE)
-        root, level.passes = found.root, level.passes + found.evaluations
+        result = scan(criterion, TOLERANCE)
+        root, level.passes = result.root, level.passes + result.evaluations
     for peak in level.peaks:
         root, count = root_beyond(criterion, peak, TOLERANCE)
         level.passes += count

@@ -176,26 +176,26 @@ class SegmentState:
         head, tail, squares, heads, tails = (
             np.array(values[prefix + name], dtype=np.float64) for name in ("head", "tail", "squares", "heads", "tails")
         )
-        if any(one.ndim != 1 for one in (head, tail, squares, heads, tails)):
+        if any(array.ndim != 1 for array in (head, tail, squares, heads, tails)):
             raise ValueError("the samples of a segment must be lists of numbers")
         table = np.asarray(values[f"{prefix}blocks"], dtype=np.float64)
-        if not all(np.all(np.abs(one) < LARGEST_SUM) for one in (head, tail, squares, heads, tails, table)):
+        if not all(np.all(np.abs(array) < LARGEST_SUM) for array in (head, tail, squares, heads, tails, table)):
             raise ValueError(f"the sums of a segment must be numbers below {LARGEST_SUM:g}")
         if squares.size != exact or np.any(squares < 0):
             raise ValueError(f"a segment must have {exact} sums of squares, and none may be negative")
         if len(table) != max(levels, exact + 1) - exact:
             raise ValueError(f"a segment must have a row of blocks for each level above {exact}, up to {levels}")
         for level, row in enumerate(table.tolist(), start=exact + 1):
-            kept = slice(at, at + int(row[-1]))
-            blocks.append(Blocks.restored((1 << level) // STEPS, row, heads[kept], tails[kept]))
-            at = kept.stop
+            part = slice(at, at + int(row[-1]))
+            blocks.append(Blocks.restored((1 << level) // STEPS, row, heads[part], tails[part]))
+            at = part.stop
         statistics: Statistics | None = None
         if f"{prefix}bins" in values:
-            whole = Sketches.from_arrays(values[f"{prefix}bins"], values[f"{prefix}resolutions"])
-            statistics = Sketches(whole.levels[:exact], whole.resolutions[:exact])
-            further = zip(whole.levels[exact:], whole.resolutions[exact:].tolist(), strict=True)
-            known = [*further, *((Sketch(), 0.0) for _ in blocks)]
-            blocks = [replace(b, part=p[0], resolution=p[1]) for b, p in zip(blocks, known, strict=False)]
+            sketches = Sketches.from_arrays(values[f"{prefix}bins"], values[f"{prefix}resolutions"])
+            statistics = Sketches(sketches.levels[:exact], sketches.resolutions[:exact])
+            further = zip(sketches.levels[exact:], sketches.resolutions[exact:].tolist(), strict=True)
+            entries = [*further, *((Sketch(), 0.0) for _ in blocks)]
+            blocks = [replace(b, part=p[0], resolution=p[1]) for b, p in zip(blocks, entries, strict=False)]
         start, count = (as_count(values[prefix + name]) for name in ("start", "count"))
         return cls(
             exact=exact, start=start, count=count, reference=float(values[f"{prefix}reference"]), head=head, tail=tail,

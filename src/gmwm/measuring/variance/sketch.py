@@ -82,8 +82,8 @@ class Sketch:
         """Merge the sketches of two sets of coefficients."""
         zeros, beyond = self.zeros + other.zeros, self.beyond + other.beyond
         if not self.counts.size or not other.counts.size:
-            kept = self if self.counts.size else other
-            return Sketch(zeros, beyond, first=kept.first, counts=kept.counts, sums=kept.sums)
+            filled = self if self.counts.size else other
+            return Sketch(zeros, beyond, first=filled.first, counts=filled.counts, sums=filled.sums)
         first = min(self.first, other.first)
         last = max(part.first + part.counts.size // OCTAVE for part in (self, other))
         counts, sums = np.zeros((2, (last - first) * OCTAVE), dtype=np.int64)
@@ -160,8 +160,8 @@ class Sketches:
         """Merge the sketches level by level."""
         resolutions = np.zeros(max(len(self.levels), len(other.levels)))
         for part in (self, other):
-            own = resolutions[: len(part.levels)]
-            np.maximum(own, part.resolutions, out=own)
+            resolutions_of_part = resolutions[: len(part.levels)]
+            np.maximum(resolutions_of_part, part.resolutions, out=resolutions_of_part)
         pairs = zip_longest(self.levels, other.levels, fillvalue=Sketch())
         return Sketches(tuple(a.merge(b) for a, b in pairs), resolutions)
 

@@ -322,11 +322,11 @@ def pooled_counts(
     M_sj, and η_j = M_j² / Σ_s (M_sj² / η_sj) with η_sj ≥ 1. If no segment is shorter than two scales, η_j = M_j / 2^j;
     it is larger if there are many segments with few coefficients."""
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
-    own = np.maximum(coefficient_counts(sizes[:, None], levels, filter, transform), 0)
-    counts = np.asarray(times @ own, dtype=np.int64)
+    segment_counts = np.maximum(coefficient_counts(sizes[:, None], levels, filter, transform), 0)
+    counts = np.asarray(times @ segment_counts, dtype=np.int64)
     if sizes.size == 1 and times[0] == 1:
         return counts, degrees_of_freedom(counts, levels, transform)
-    spread = times @ (own.astype(np.float64) ** 2 / degrees_of_freedom(own, levels, transform))
+    spread = times @ (segment_counts.astype(np.float64) ** 2 / degrees_of_freedom(segment_counts, levels, transform))
     return counts, np.asarray(counts.astype(np.float64) ** 2 / np.where(counts > 0, spread, 1.0))
 
 
@@ -363,7 +363,7 @@ def inner_coefficients(values: Vector, filter: WaveletFilter, transform: Transfo
     """Return the coefficients of levels 1 … J that do not depend on the boundary. Decimated coefficients, 2^(j/2) times
     the maximal-overlap coefficients, are scaled to the size of the latter."""
     centred = values - _core.mean(values)
-    whole = modwt(centred, filter, levels) if transform == "modwt" else dwt(centred, filter, levels)
-    inside = whole.interior
+    coefficients = modwt(centred, filter, levels) if transform == "modwt" else dwt(centred, filter, levels)
+    inside = coefficients.interior
     size = {j: 1.0 if transform == "modwt" else 2 ** (-j / 2) for j in inside}
-    return [size[j] * whole.details[j][inside[j]] for j in inside]
+    return [size[j] * coefficients.details[j][inside[j]] for j in inside]
