@@ -41,8 +41,8 @@ def test_a_line_in_time_is_interpolated_exactly():
     for length in (1, 4, 16):
         own = clock(length)
         means = 3.0 + 0.25 * ((np.arange(own.blocks) + 0.5) * length - 0.5)
-        assert np.allclose(own.interpolated(means, 0, 131), line)
-        assert np.allclose(own.interpolated(means, 30, 50), line[30:50])
+        assert np.allclose(own.interpolate(means, 0, 131), line)
+        assert np.allclose(own.interpolate(means, 30, 50), line[30:50])
 
 
 def test_knocks_hardly_change_clipped_means():

@@ -200,7 +200,7 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
     rest = without(signal, regress(signal, covariates), covariates)
     length = max(covariates.clock.length, SHORTEST)
     blocks = Clock.of(signal.rate, signal.segments, signal.starts, length=length)
-    rest = replace(rest, values=blocks.clipped(rest.values))
+    rest = replace(rest, values=blocks.clip(rest.values))
     wv = signal_wavelet_variance(rest)
     design = Design.of(wv)
     used = _slow(rest, values, design)
@@ -256,7 +256,7 @@ def _condition(signal: Signal, condition: Against) -> tuple[Term, Covariates, Ve
             got=condition,
         )  # fmt: skip
     covariates = Covariates.slow(term, arrays[term.name], signal)
-    smooth = covariates.clock.interpolated(covariates.smooth[term.name], 0, len(signal))
+    smooth = covariates.clock.interpolate(covariates.smooth[term.name], 0, len(signal))
     return term, covariates, arrays[term.name] if term.exact else smooth
 
 

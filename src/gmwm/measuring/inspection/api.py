@@ -92,10 +92,10 @@ def inspect(recording: Imu | Stream, *, against: Against = AUTO) -> Inspection:
     """
     if not isinstance(recording, Imu | Stream):
         raise _not_a_recording(recording)
-    return inspected(recording, Conditions.of_recording(recording, Asked.of(against)))
+    return inspect_with(recording, Conditions.of_recording(recording, Asked.of(against)))
 
 
-def inspected(recording: Imu | Stream, conditions: Conditions) -> Inspection:
+def inspect_with(recording: Imu | Stream, conditions: Conditions) -> Inspection:
     """Inspect a recording whose axes are regressed on conditions."""
     batches = Batches(recording)
     first_pass = FirstPass(batches)
@@ -180,7 +180,7 @@ class RecordingStatistics:
         self._units = {axis: signal.unit for axis, signal in batch.signals.items()}
         in_threads(lambda axis, one: one.update(batch.signals[axis].values), self._axes)
         if self._base.duplicates:
-            self._same += _repeated(batch)
+            self._same += _repetitions(batch)
 
     def result(self, conditions: Conditions = NOTHING) -> Inspection:
         """Return the inspection, after the last batch. The effect of the conditions is removed before the test for
@@ -262,7 +262,7 @@ class RecordingStatistics:
         return densities
 
 
-def _repeated(batch: Batch) -> int:
+def _repetitions(batch: Batch) -> int:
     """Return the number of samples that equal the sample before on all axes."""
     same: Any = True
     for signal in batch.signals.values():
@@ -274,7 +274,7 @@ def _repeated(batch: Batch) -> int:
 
 def _noise(axis: str, sums: AxisStatistics, conditions: Conditions) -> list[tuple[int, Vector]]:
     """Return block means of an axis without the effect of the conditions."""
-    if conditions.applied(axis) is None:
+    if conditions.applied_regression(axis) is None:
         return sums.means()
     length = sums.length
     return [

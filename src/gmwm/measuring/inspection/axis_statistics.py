@@ -39,7 +39,7 @@ class AxisStatistics:
     def update(self, values: Vector) -> None:
         """Add the next samples. They may extend over several ranges without gaps."""
         while values.size:
-            _, last = self._extent.joined[self._segment]
+            _, last = self._extent.unbroken[self._segment]
             missing = last - self._row - self._waiting.size
             size = min(missing, _SLAB)  # so that only a slab is copied to join it with the waiting samples
             part, values = values[:size], values[size:]
@@ -73,7 +73,7 @@ class AxisStatistics:
             self._waiting = np.concatenate([self._waiting, part])
             return
         values = np.concatenate([self._waiting, part]) if self._waiting.size else part
-        first, last = self._extent.joined[self._segment]
+        first, last = self._extent.unbroken[self._segment]
         end = values.size if ends else values.size - values.size % BLOCK
         for k in range(0, end, _SLAB):
             slab = values[k : min(k + _SLAB, end)]

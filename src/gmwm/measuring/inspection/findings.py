@@ -54,13 +54,13 @@ _ROUNDED = 0.7
 
 def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
     """Yield remarks on gaps and time stamps. `same` is the number of samples that equal the one before on all axes."""
-    filled, count = extent.filled
-    if len(extent.joined) > 1:
+    filled, count = extent.filled_samples
+    if len(extent.unbroken) > 1:
         lost = lost_samples([duration - 1 / base.rate for _, duration in base.gaps], base.rate)
         missing = (int(lost.sum()) - filled) / base.rate
         length = "known" if missing > 0.5 / extent.rate else "unknown"
         span = Quantity(max(missing, 0.0), "s")
-        yield Remark.of("gaps", segments=len(extent.joined), missing=span, length=length)
+        yield Remark.of("gaps", segments=len(extent.unbroken), missing=span, length=length)
     if count:
         yield Remark.of("gaps-filled", share=filled / (extent.samples + filled), count=count)
     if base.lost:
@@ -145,14 +145,14 @@ def of_conditions(regressions: Mapping[str, Regression], unknown: str) -> Iterat
                 ratio=regression[name].value / long,
             )  # fmt: skip
         if regression.applied:
-            yield removed(axis, regression)
+            yield removal_remark(axis, regression)
         else:
             yield Remark.of(
                 "conditions-without-effect", axis, against=covariates_text(regression), pvalue=regression.pvalue
             )
 
 
-def removed(axis: str, regression: Regression, left_in: str = "") -> Remark:
+def removal_remark(axis: str, regression: Regression, left_in: str = "") -> Remark:
     """Make the remark on an effect that is removed. `left_in` is a phrase about the effect if it were not removed; by
     default about the Allan deviation three octaves below the longest averaging time."""
     level = max(regression.share.size - 3, 1)

@@ -107,7 +107,7 @@ def _longest(means: Sequence[tuple[int, Vector]], extent: Extent, length: int) -
     """Return the start (s) and the block means of the longest part whose gaps are shorter than a block."""
     parts: list[tuple[float, list[Vector]]] = []
     ends = -math.inf
-    last_of = dict(extent.joined)
+    last_of = dict(extent.unbroken)
     for first, block_means in means:
         start, end = extent.times([first, last_of[first] - 1])
         if start - ends > length / extent.rate:
@@ -141,7 +141,7 @@ class TrendTest:
         j = _best(decays)
         self.tau = float(finer[j])
         self._decay = courses[j]
-        lines = likelihood.transformed(np.vstack([at, at**2]))
+        lines = likelihood.transform(np.vstack([at, at**2]))
         self._exponential = Profile(decays.values[:, [j]], decays.squares[:, [j]])
         self._line, self._lines = likelihood.with_one(lines[:1]), lines
         self._parabola = likelihood.with_two(lines[0], lines[1])
@@ -174,7 +174,7 @@ class TrendTest:
         courses = self._lines if self.kind == "quadratic" else self._lines[:1]
         if self.kind == "exponential":
             decay = np.exp(-at / self.tau)
-            courses = likelihood.transformed(np.vstack([decay, at / self.tau * decay]))
+            courses = likelihood.transform(np.vstack([decay, at / self.tau * decay]))
         walk, limit = likelihood.walk(courses)
         return walk, limit, likelihood.walk(courses[:0], alone=True)[0]
 
@@ -216,7 +216,7 @@ class TrendTest:
         """Return the profile likelihoods with an exponential of each time constant, and the transformed
         exponentials."""
         at = np.arange(self._means.size) + 0.5
-        courses = self._likelihood.transformed(np.exp(-at / times[:, None]))
+        courses = self._likelihood.transform(np.exp(-at / times[:, None]))
         return self._likelihood.with_one(courses), courses
 
 

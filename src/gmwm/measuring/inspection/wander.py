@@ -111,7 +111,7 @@ class Likelihood:
         self.z = self.grid.transform @ np.diff(means)
         self._flat = self.grid.weights @ self.z**2
 
-    def transformed(self, courses: Matrix) -> Matrix:
+    def transform(self, courses: Matrix) -> Matrix:
         """Return the transformed differences of courses (C, n), with one course in each row."""
         return np.asarray(np.diff(courses, axis=1) @ self.grid.transform)
 
@@ -148,19 +148,19 @@ class Likelihood:
         otherwise the walk would be underestimated. For an exponential, its derivative with respect to the time constant
         is a course too. With `alone`, the noise model has no Gauss-Markov process, which can replace a random walk."""
         grid, used = self.grid, _WALKS.size if alone else len(self.grid.walks)
-        values, scales = self._restricted(grid.weights[:used], grid.logs[:used], courses)
+        values, scales = self._restricted_likelihood(grid.weights[:used], grid.logs[:used], courses)
         best = int(np.argmin(values))
         limit = _crossing(grid.walks[:used] * scales, values - values[best] - _LIMIT)
         if not grid.walks[best]:
             return 0.0, limit
         ratios = grid.walks[best] * _FINER
         variances = grid.rest[best] + ratios[:, None] * grid.walk
-        values, scales = self._restricted(1 / variances, np.sum(np.log(variances), axis=1), courses)
+        values, scales = self._restricted_likelihood(1 / variances, np.sum(np.log(variances), axis=1), courses)
         finer = int(np.argmin(values))
         best_walk = float(ratios[finer] * scales[finer])
         return best_walk, max(limit, best_walk)
 
-    def _restricted(self, weights: Matrix, logs: Vector, courses: Matrix) -> tuple[Vector, Vector]:
+    def _restricted_likelihood(self, weights: Matrix, logs: Vector, courses: Matrix) -> tuple[Vector, Vector]:
         """Return −2 log of the restricted likelihood, up to a constant, and σ², for each noise model."""
         squares, free = weights @ self.z**2, self.z.size - len(courses)
         if len(courses):

@@ -113,7 +113,7 @@ class BurstFinder:
     def update(self, values: Vector) -> None:
         """Add the next samples of the segment."""
         self._sample.update(values)
-        for panel in self.panels.cut(values):
+        for panel in self.panels.divide(values):
             self._add(panel)
 
     def gap(self) -> None:

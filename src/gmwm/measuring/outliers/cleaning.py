@@ -58,7 +58,7 @@ def cleaned(x: Signal) -> Cleaned:
     knocks = _knocks(signal.values, x.rate)
     if knocks.size:
         # Knocks hide the tails of the noise from the search for spikes.
-        spikes = find_spikes(replace(x, values=_mirrored(x.values, knocks)))
+        spikes = find_spikes(replace(x, values=_mirror(x.values, knocks)))
         present = _outside(knocks, len(x))
         present[spikes.indices] = False
         signal = replace(x, values=drawn(x.values, present))
@@ -79,7 +79,7 @@ def _knocks(values: Vector, rate: float) -> Ranges:
     """Return the index ranges of the knocks."""
     step, length = lsb(values) or 0.0, panel_length(rate)
     panels = [_of_panel(values[begin : begin + length], rate, step) + begin for begin in range(0, values.size, length)]
-    ranges = _joined(np.concatenate(panels))
+    ranges = _union(np.concatenate(panels))
     ranges = ranges[ranges[:, 1] - ranges[:, 0] <= LONGEST * rate]
     return ranges if np.sum(ranges[:, 1] - ranges[:, 0]) <= MOST * values.size else ranges[:0]
 
@@ -90,14 +90,14 @@ def _of_panel(values: Vector, rate: float, step: float) -> Ranges:
     for small in [False, True]:
         for _ in range(_PASSES):
             bursts = burst_ranges(levels, small=small)
-            wider = _joined(np.concatenate([ranges, _widened(bursts, values.size)]))
+            wider = _union(np.concatenate([ranges, _widen(bursts, values.size)]))
             if np.array_equal(wider, ranges):
                 break
-            ranges, levels = wider, list(coefficients(_mirrored(values, wider), rate, step))
+            ranges, levels = wider, list(coefficients(_mirror(values, wider), rate, step))
     return ranges
 
 
-def _mirrored(values: Vector, ranges: Ranges) -> Vector:
+def _mirror(values: Vector, ranges: Ranges) -> Vector:
     """Replace each range by the mirrored samples next to it on a straight line, for the search for weak parts of
     knocks."""
     out = values.copy()
@@ -125,14 +125,14 @@ def _outside(ranges: Ranges, size: int) -> NDArray[np.bool_]:
     return outside
 
 
-def _widened(ranges: Ranges, size: int) -> Ranges:
+def _widen(ranges: Ranges, size: int) -> Ranges:
     """Extend each range by the margins in which the knock is weak."""
     margin = np.maximum(LEAST, np.ceil(MARGIN * (ranges[:, 1] - ranges[:, 0]))).astype(np.int64)
     first, last = ranges[:, 0] - margin, ranges[:, 1] + margin
     return np.stack([np.maximum(first, 0), np.minimum(last, size)], axis=1)
 
 
-def _joined(ranges: Ranges) -> Ranges:
+def _union(ranges: Ranges) -> Ranges:
     """Return the union of the ranges, in order."""
     if not ranges.size:
         return ranges

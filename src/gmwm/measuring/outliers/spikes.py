@@ -131,7 +131,7 @@ def find_spikes(x: Signal) -> Spikes:
     # Repeat the search without the spikes. They shift the median of their neighbours, and make the tails of the bulk
     # heavier.
     for _ in range(_PASSES):
-        filled, right = _filled(values, spikes)
+        filled, right = _interpolate(values, spikes)
         reach = _best_reach(filled, right)
         scale, length, tail, usual = _bulk(filled, x.rate, step, most=_PRECISE, right=right, reach=reach)
         if not scale.min() > 0:
@@ -139,7 +139,7 @@ def find_spikes(x: Signal) -> Spikes:
         limit = _at(candidates, scale, length)
         deviations = np.abs(_core.neighbour_residuals(values, filled, candidates, reach)) / limit
         threshold = _threshold(deviations, values.size, tail, FALSE)
-        clear = np.flatnonzero(_clear(candidates, _crowded(candidates[deviations >= threshold], values.size)))
+        clear = np.flatnonzero(_clear(candidates, _in_crowds(candidates[deviations >= threshold], values.size)))
         spiky = clear[_surplus(deviations[clear], threshold, values.size, usual)]
         before, spikes, deviation, limit = spikes.size, candidates[spiky], deviations[spiky], limit[spiky]
         if abs(spikes.size - before) <= _SETTLED * before:
@@ -190,13 +190,13 @@ def repaired(x: Signal, spikes: Spikes) -> Signal:
 
 def _best_reach(values: Vector, right: NDArray[np.bool_]) -> int:
     """Return the number of neighbours on each side whose median predicts a sample best."""
-    places, _ = _sampled(values.size, _BULK)
+    places, _ = _sample_places(values.size, _BULK)
     places = places[right[places]]
     errors = [np.median(np.abs(_core.neighbour_residuals(values, values, places, reach))) for reach in _REACHES]
     return _REACHES[int(np.argmin(errors))]
 
 
-def _sampled(samples: int, most: int) -> tuple[NDArray[np.int64], int]:
+def _sample_places(samples: int, most: int) -> tuple[NDArray[np.int64], int]:
     """Return positions at a regular distance (stride), about `most` of them, and this distance."""
     stride = max(1, samples // most)
     # Vary the offset within each stride, so that a period of the signal is not sampled at one phase.
@@ -210,7 +210,7 @@ def _bulk(
     """Return the local standard deviation of the residuals in each block, the length of a block, and a lower limit and
     an estimate of the degrees of freedom of the tails. About `most` residuals are used at most. The tails are estimated
     from the samples that are `right`."""
-    places, stride = _sampled(values.size, most)
+    places, stride = _sample_places(values.size, most)
     residual = np.abs(_core.neighbour_residuals(values, values, places, reach))
     piece = min(max(round(NEIGHBOURHOOD * rate / stride), 128), residual.size)
     count = residual.size // piece
@@ -295,7 +295,7 @@ def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) 
     return chosen
 
 
-def _crowded(at: NDArray[np.int64], samples: int) -> NDArray[np.int64]:
+def _in_crowds(at: NDArray[np.int64], samples: int) -> NDArray[np.int64]:
     """Return those of the ascending positions that are in a cluster or in a long run."""
     from scipy.special import bdtrc
 
@@ -327,7 +327,7 @@ def _returns(values: Vector, filled: Vector, at: NDArray[np.int64], limit: Vecto
     return np.asarray(apart > 0.5 * limit)
 
 
-def _filled(values: Vector, at: NDArray[np.int64]) -> tuple[Vector, NDArray[np.bool_]]:
+def _interpolate(values: Vector, at: NDArray[np.int64]) -> tuple[Vector, NDArray[np.bool_]]:
     """Interpolate the values at some ascending positions from all others. Return also a mask of the others."""
     good = np.ones(values.size, dtype=np.bool_)
     good[at] = False

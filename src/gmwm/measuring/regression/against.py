@@ -60,7 +60,7 @@ class Term:
         return _UNITS.get(self.name, "")
 
     @property
-    def measured(self) -> bool:
+    def is_measured(self) -> bool:
         """Whether the covariate is measured data, in contrast to a function of time."""
         return self.name not in (TIME, WARM_UP)
 
@@ -130,7 +130,7 @@ class Asked:
         arrays, terms = {}, []
         for text, values in arrays_by_text.items():
             term = Term.parse(str(text))
-            if not term.measured:
+            if not term.is_measured:
                 raise OptionError(
                     f"against: {term.name} is computed from the clock, and needs no array",
                     argument="against",

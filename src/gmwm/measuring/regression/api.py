@@ -81,7 +81,7 @@ def regress_axis(
         regression = (
             replace(regression, applied=False)
             if regression.pvalue >= FOLLOWS
-            else _extended(regression, means, covariates)
+            else _extend(regression, means, covariates)
         )
     return replace(regression, coarse=_coarse(regression, means, covariates.having(regression.terms)))
 
@@ -91,7 +91,7 @@ def _coarse(regression: Regression, means: Vector, covariates: Covariates) -> tu
     (s). The result is None unless this coefficient is significantly farther from zero than the coefficient from all
     scales. Reading errors that are correlated in time are not detected as errors; they make it too small at short
     scales."""
-    if not regression.terms[0].measured or regression.terms[0].exact:
+    if not regression.terms[0].is_measured or regression.terms[0].exact:
         return None
     clock = covariates.clock
     levels = max(int(np.count_nonzero(clock.present())).bit_length() - 1, 0)
@@ -109,7 +109,7 @@ def _coarse(regression: Regression, means: Vector, covariates: Covariates) -> tu
     return long.value, long.error, clock.length * 2**first / clock.rate
 
 
-def _extended(regression: Regression, means: Vector, covariates: Covariates) -> Regression:
+def _extend(regression: Regression, means: Vector, covariates: Covariates) -> Regression:
     """Add the square, the rate of change and the cube of the temperature if they are significant."""
     for change in ({"degree": 2}, {"lag": True}, {"degree": 3}):
         term = regression.terms[0]
@@ -130,7 +130,7 @@ def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit
     """Regress block means (n,) of an axis on covariates, without the automatic choice; see `regress_axis`."""
     clock = covariates.clock
     present = clock.present()
-    solved = _solved(means, covariates, present, clock.whole())
+    solved = _iterate(means, covariates, present, clock.whole())
     weighted, noise, design = solved.weighted, solved.noise, solved.weighted.design
     beta, lags = weighted.estimate(means), noise.covariances(len(means))
     parts = [weighted.covariances(part) for part in lags]
@@ -141,13 +141,15 @@ def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit
     inverse = np.linalg.pinv(covariance, hermitian=True)
     freedom = max(noise.freedom_of([np.einsum("ab,kba->k", inverse, part) for part in parts]), FEWEST)
     statistic = float(beta @ inverse @ beta) / beta.size
-    residuals = means - covariates.removed(solved.tau) @ beta
+    residuals = means - covariates.smooth_matrix(solved.tau) @ beta
     raw, remaining = design.variances(means), design.variances(residuals)
     counts = clock.counts()[present]
     inside = clock.length.bit_length() - 1
     name = covariates.basis.terms[0].name
     at = covariates.means.get(name, clock.times / HOUR)
-    points = Points(at=_thinned(at[present]), before=_thinned(means[present]), after=_thinned(residuals[present]))
+    points = Points(
+        at=_thin(at[present]), before=_thin(means[present]), after=_thin(residuals[present])
+    )
     tau, tau_error = solved.tau, None
     if tau is not None:
         k = [column.name for column in covariates.basis.columns].index(WARM_UP)
@@ -173,7 +175,7 @@ class _Solved:
     tau: float | None
 
 
-def _solved(means: Vector, covariates: Covariates, present: np.ndarray, whole: np.ndarray) -> _Solved:
+def _iterate(means: Vector, covariates: Covariates, present: np.ndarray, whole: np.ndarray) -> _Solved:
     """Estimate noise, weights and coefficients in turn. The first estimate of the noise includes the effects."""
     warm = any(term.name == WARM_UP for term in covariates.basis.terms)
     times = covariates.clock.times[present]
@@ -203,9 +205,9 @@ def _solved(means: Vector, covariates: Covariates, present: np.ndarray, whole: n
                 advice="Use fewer of them.",
             )
         beta = weighted.estimate(means)
-        spread = weighted.spread(noise.average(noise.covariances(len(means))))
-        shares = np.clip(1 - weighted.removed(spread) / noise.curve, _LEAST_KEPT, 1.0)
-        variances = design.variances(means - covariates.removed(tau) @ beta)
+        spread = weighted.covariance_rows(noise.average(noise.covariances(len(means))))
+        shares = np.clip(1 - weighted.removed_variance(spread) / noise.curve, _LEAST_KEPT, 1.0)
+        variances = design.variances(means - covariates.smooth_matrix(tau) @ beta)
     return _Solved(weighted, noise, shares, tau)
 
 
@@ -256,7 +258,7 @@ def regressed_variance(
     return regression.corrected(signal_wavelet_variance(residuals, robust=robust, efficiency=efficiency))
 
 
-def restated(
+def restate(
     regression: Regression,
     signal: Signal,
     covariates: Covariates,
@@ -271,17 +273,17 @@ def restated(
     clock = covariates.clock
     present = clock.present()
     means = clock.means(signal.values, clipped=True)
-    residuals = means - covariates.having(regression.terms).removed(regression.tau) @ estimates
+    residuals = means - covariates.having(regression.terms).smooth_matrix(regression.tau) @ estimates
     statistic = float(estimates @ np.linalg.pinv(covariance, hermitian=True) @ estimates) / estimates.size
     return replace(
         regression, estimates=tuple(estimates.tolist()), covariance=covariance, freedoms=freedoms, freedom=freedom,
         statistic=statistic, pvalue=_f_tail(statistic, estimates.size, freedom),
         mean=float(np.average(residuals[present], weights=clock.counts()[present])),
-        points=replace(regression.points, after=_thinned(residuals[present])),
+        points=replace(regression.points, after=_thin(residuals[present])),
     )  # fmt: skip
 
 
-def _thinned(values: Vector) -> Vector:
+def _thin(values: Vector) -> Vector:
     """Return the means of up to `POINTS` consecutive parts of nearly equal length."""
     edges = np.linspace(0, values.size, min(POINTS, values.size) + 1).astype(np.int64)
     return np.asarray(np.add.reduceat(values, edges[:-1]) / np.diff(edges))

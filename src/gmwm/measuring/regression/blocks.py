@@ -137,22 +137,22 @@ class Clock:
             edge = head + count * self.length
             rows = part[head:edge].reshape(-1, self.length)
             begin = at + (head > 0)
-            sums[begin : begin + count] += np.sum(_clipped(rows, spread) if spread else rows, axis=1)
+            sums[begin : begin + count] += np.sum(_clip(rows, spread) if spread else rows, axis=1)
             for margin, k in ((part[:head], at), (part[edge:], begin + count)):
                 if margin.size:
-                    sums[k] += np.sum(_clipped(margin[None, :], spread) if spread else margin)
+                    sums[k] += np.sum(_clip(margin[None, :], spread) if spread else margin)
         return sums
 
-    def clipped(self, values: Vector) -> Vector:
+    def clip(self, values: Vector) -> Vector:
         """Return the values with samples clipped that are far from the median of their block; see `CLIPPED`."""
         spread, out = self._usual_spread(values), values.copy()
         for first, last, place in self.places():
             head = min((-place) % self.length, last - first)
             edge = last - (last - first - head) % self.length
-            out[first + head : edge] = _clipped(out[first + head : edge].reshape(-1, self.length), spread).ravel()
+            out[first + head : edge] = _clip(out[first + head : edge].reshape(-1, self.length), spread).ravel()
             for low, high in ((first, first + head), (edge, last)):
                 if low < high:
-                    out[low:high] = _clipped(out[None, low:high], spread)[0]
+                    out[low:high] = _clip(out[None, low:high], spread)[0]
         return out
 
     def _usual_spread(self, values: Vector) -> float:
@@ -165,7 +165,7 @@ class Clock:
         every = np.concatenate(spreads) if spreads else np.empty(0)
         return float(np.median(every)) if every.size else 0.0
 
-    def interpolated(self, means: Vector, first: int, last: int) -> Vector:
+    def interpolate(self, means: Vector, first: int, last: int) -> Vector:
         """Return block means interpolated linearly between the centres of non-empty blocks, at the samples first … last
         − 1."""
         at, curve = self._lines(means)
@@ -204,7 +204,7 @@ class Clock:
         return at, curve
 
 
-def _clipped(rows: Matrix, spread: float) -> Matrix:
+def _clip(rows: Matrix, spread: float) -> Matrix:
     """Clip samples that are far from the median of their block. Each row is a block."""
     far = np.flatnonzero(np.ptp(rows, axis=1) > CLIPPED * spread)
     if not far.size:

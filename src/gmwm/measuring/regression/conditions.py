@@ -99,7 +99,7 @@ class Conditions:
         """Regress the axes of a recording, which were sampled at the same times. With the automatic choice, axes that
         cannot be regressed are left out. Raises OptionError or DataError if a requested covariate is missing or cannot
         be used."""
-        if not signals or not _wanted(asked, temperature is not None):
+        if not signals or not _is_requested(asked, temperature is not None):
             return cls()
         clock = next(iter(signals.values()))
         units = {axis: signal.unit for axis, signal in signals.items()}
@@ -118,7 +118,7 @@ class Conditions:
         is read the first time. Raises OptionError also if an exact covariate needs the samples of such a recording."""
         if isinstance(recording, Imu):
             return cls.of(recording.signals, asked, recording.temperature, threads=threads)
-        if not _wanted(asked, recording.has_temperature):
+        if not _is_requested(asked, recording.has_temperature):
             return cls()
         exact = next((term for term in asked.terms if term.exact), None)
         if exact is not None:
@@ -164,14 +164,14 @@ class Conditions:
         regressions = in_threads(work, means(covariates.clock), threads=threads)
         return cls(covariates, {axis: regression for axis, regression in regressions.items() if regression is not None})
 
-    def applied(self, axis: str) -> Regression | None:
+    def applied_regression(self, axis: str) -> Regression | None:
         """Return the regression of an axis if it is applied, otherwise None."""
         regression = self.found.get(axis)
         return regression if regression is not None and regression.applied else None
 
     def without(self, axis: str, signal: Signal) -> Signal:
         """Return the signal of an axis minus the effect of the conditions."""
-        regression = self.applied(axis)
+        regression = self.applied_regression(axis)
         return signal if regression is None or self.covariates is None else without(signal, regression, self.covariates)
 
     def batch(self, batch: Batch) -> Batch:
@@ -180,26 +180,26 @@ class Conditions:
             return batch
         signals = {}
         for axis, signal in batch.signals.items():
-            regression = self.applied(axis)
+            regression = self.applied_regression(axis)
             signals[axis] = signal if regression is None else without(signal, regression, self.covariates, batch.first)
         return replace(batch, signals=signals)
 
     def curve(self, axis: str, signal: Signal, robust: bool = False, efficiency: float = EFFICIENCY) -> WaveletVariance:
         """Return the wavelet variance of an axis after the effect of the conditions is subtracted."""
-        regression = self.applied(axis)
+        regression = self.applied_regression(axis)
         wv = signal_wavelet_variance(self.without(axis, signal), robust=robust, efficiency=efficiency)
         return wv if regression is None else regression.corrected(wv)
 
     def effect(self, axis: str, indices: Sequence[int]) -> Vector:
         """Return the effect of the conditions on an axis at the samples with the given indices."""
-        regression = self.applied(axis)
+        regression = self.applied_regression(axis)
         if regression is None or self.covariates is None:
             return np.zeros(len(indices))
         at = [effect_of(regression, self.covariates, k, k + 1)[0] for k in indices]
         return np.array(at, dtype=np.float64)
 
 
-def _wanted(asked: Asked, temperature: bool) -> bool:
+def _is_requested(asked: Asked, temperature: bool) -> bool:
     """Return whether a regression is requested and, for the automatic choice, a temperature exists."""
     return bool(asked.terms) or (asked.automatic and temperature)
 

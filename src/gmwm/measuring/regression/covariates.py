@@ -73,8 +73,8 @@ class Covariates:
         clock = Clock.of(signal.rate, signal.segments, signal.starts, length=usual)
         block, lowest, values_by_name, smooth = clock.length, 1, dict(arrays), dict(arrays)
         for term in terms:
-            if term.measured:
-                values = _checked(term, values_by_name, signal)
+            if term.is_measured:
+                values = _require_usable(term, values_by_name, signal)
                 if not term.exact:
                     level, step = as_known(term.name, values, signal)
                     # The mean over a block has a smaller reading error, but not if the error is a rounding error.
@@ -84,7 +84,7 @@ class Covariates:
                     block = max(block, least)
                     smooth[term.name] = without_steps(values, step) if step else values
         coarse = replace(clock, length=block)
-        names = [term.name for term in terms if term.measured]
+        names = [term.name for term in terms if term.is_measured]
         means = {name: coarse.onto(coarse.means(values_by_name[name]), clock) for name in names}
         covariates = cls.on(clock, terms, means, values_by_name, lowest=lowest, block=block)
         return replace(covariates, smooth={name: coarse.onto(coarse.means(smooth[name]), clock) for name in names})
@@ -95,7 +95,7 @@ class Covariates:
         for `of`."""
         if not term.exact:
             return cls.of([term], {term.name: values}, signal)
-        _checked(term, {term.name: values}, signal)
+        _require_usable(term, {term.name: values}, signal)
         clock = Clock.of(signal.rate, signal.segments, signal.starts)
         # An empty block gets an interpolated value.
         means = {term.name: clock.onto(clock.means(values), clock)}
@@ -156,25 +156,25 @@ class Covariates:
         """Return the columns (n, p) of the regression at the blocks. A warm-up has the time constant `tau` (s)."""
         return self.basis.matrix(self.means, self.clock.times, tau)
 
-    def removed(self, tau: float | None = None) -> Matrix:
+    def smooth_matrix(self, tau: float | None = None) -> Matrix:
         """Return the columns (n, p) from smoothed covariates, from which the subtracted effect is computed."""
         return self.basis.matrix(self.smooth, self.clock.times, tau)
 
     def effect(self, coefficients: Vector, tau: float | None, first: int, last: int) -> Vector:
         """Return the effect X β of coefficients β with the columns X at the samples first … last − 1."""
         if not self.exact:
-            return self.clock.interpolated(self.removed(tau) @ coefficients, first, last)
+            return self.clock.interpolate(self.smooth_matrix(tau) @ coefficients, first, last)
         clock = self.clock
         starts = [place / clock.rate for place in clock.offsets]
         times = times_of(np.arange(first, last), clock.rate, clock.segments, starts)
         values = {
-            name: self.exact[name][first:last] if name in self.exact else clock.interpolated(covariate, first, last)
+            name: self.exact[name][first:last] if name in self.exact else clock.interpolate(covariate, first, last)
             for name, covariate in self.smooth.items()
         }
         return np.asarray(self.basis.matrix(values, times, tau) @ coefficients)
 
 
-def _checked(term: Term, arrays: Mapping[str, Vector], signal: Signal) -> Vector:
+def _require_usable(term: Term, arrays: Mapping[str, Vector], signal: Signal) -> Vector:
     values = arrays.get(term.name)
     if values is None:
         names = ", ".join([*arrays, TIME, WARM_UP])
@@ -208,7 +208,7 @@ def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
     The step is 0 if noise makes a quantized reading jump up and down, because its means are then accurate. Raises
     DataError if there is no such level, or if the recording has too few blocks of its scale."""
     step = lsb(values)
-    step = 0.0 if step is None or _dithered(values) else step
+    step = 0.0 if step is None or _is_dithered(values) else step
     level = known_level(values, signal, step)
     if level is None or len(signal) >> (level - 1) < FEWEST_KNOWN:
         raise DataError(
@@ -251,7 +251,7 @@ def without_steps(values: Vector, step: float) -> Vector:
     return np.clip(CubicSpline(at + 0.5, middle)(places), values - step / 2, values + step / 2)
 
 
-def _dithered(values: Vector) -> bool:
+def _is_dithered(values: Vector) -> bool:
     """Return whether a quantized reading jumps up and down in nearly all windows, so that its mean is not quantized."""
     changes = np.flatnonzero(values[1:] != values[:-1])
     rises = values[changes + 1] > values[changes]

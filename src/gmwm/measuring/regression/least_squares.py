@@ -38,28 +38,28 @@ class RegressionDesign:
         return longest.bit_length() - 1
 
     @cached_property
-    def used(self) -> list[np.ndarray]:
+    def masks(self) -> list[np.ndarray]:
         """For each level j, mask (n − 2^j + 1,) of the coefficients without missing values."""
         return [_complete(self.present, 1 << j) for j in range(1, self.levels + 1)]
 
     @cached_property
-    def counted(self) -> list[np.ndarray]:
+    def residual_masks(self) -> list[np.ndarray]:
         """For each level, mask of the coefficients that are used for the wavelet variance of the residuals."""
         return [_complete(self.whole, 1 << j) for j in range(1, self.levels + 1)]
 
     @cached_property
     def counts(self) -> Vector:
         """Number (J,) of coefficients without missing values at each level."""
-        return np.array([np.count_nonzero(used) for used in self.used], dtype=np.float64)
+        return np.array([np.count_nonzero(used) for used in self.masks], dtype=np.float64)
 
     @cached_property
     def coefficients(self) -> list[Matrix]:
         """Haar coefficients D_j of the columns at each level; 0 where a value is missing."""
-        return [haar(self.columns, j) * used[:, None] for j, used in enumerate(self.used, 1)]
+        return [haar(self.columns, j) * used[:, None] for j, used in enumerate(self.masks, 1)]
 
     def variances(self, values: Vector) -> Vector:
         """Compute the mean squares of the Haar coefficients of values (n,) at each level (J,)."""
-        squares = [float(np.sum(haar(values, j)[used] ** 2)) for j, used in enumerate(self.used, 1)]
+        squares = [float(np.sum(haar(values, j)[used] ** 2)) for j, used in enumerate(self.masks, 1)]
         return np.asarray(np.array(squares) / self.counts)
 
     @cached_property
@@ -91,7 +91,7 @@ class Weighted:
     weights: Sequence[Vector]
 
     @cached_property
-    def whitened(self) -> Matrix:
+    def whitened_columns(self) -> Matrix:
         """U (n, p): the columns after weighting each frequency of the cosine transform of each run."""
         from scipy import fft
 
@@ -104,7 +104,7 @@ class Weighted:
     @cached_property
     def information(self) -> Matrix:
         """Information matrix P (p, p)."""
-        product = self.design.columns.T @ self.whitened
+        product = self.design.columns.T @ self.whitened_columns
         return np.asarray((product + product.T) / 2)
 
     @property
@@ -124,13 +124,13 @@ class Weighted:
     @cached_property
     def rows(self) -> Matrix:
         """Bᵀ = U P⁻¹ (n, p), with B the matrix that computes the estimate from the values."""
-        return np.asarray(self.whitened @ self.inverse)
+        return np.asarray(self.whitened_columns @ self.inverse)
 
     def estimate(self, values: Vector) -> Vector:
         """Estimate β̂ (p,) from values (n,); values at missing times must be finite."""
         return np.asarray(self.rows.T @ np.where(self.design.present, values, 0.0))
 
-    def spread(self, lags: Vector) -> Matrix:
+    def covariance_rows(self, lags: Vector) -> Matrix:
         """Compute Σ Bᵀ (n, p), for noise with the generalised covariance `lags` at the lags 0 … n − 1. The columns of U
         sum to zero in every run, so each run may have its own offset, and a random walk is allowed."""
         from scipy import fft
@@ -160,14 +160,14 @@ class Weighted:
         """Compute Cov β̂ (K, p, p) for K processes with the generalised covariances `lags` (K, n)."""
         return np.asarray(np.tensordot(lags, self.lag_products, axes=1))
 
-    def removed(self, spread: Matrix) -> Vector:
+    def removed_variance(self, spread: Matrix) -> Vector:
         """Compute the part (J,) of the wavelet variance ν_j² of the noise that the regression removes. With W_j for the
         Haar coefficients of level j and D_j = W_j X, E ‖W_j (y − X β̂)‖² = M_j ν_j² − 2 tr(D_jᵀ W_j Σ Bᵀ) + tr(D_jᵀ D_j
         Cov β̂). The mean is over the coefficients for the wavelet variance, or over all if there are none."""
         covariance = self.rows.T @ spread
         shares = np.zeros(self.design.levels)
-        for j, (d, counted) in enumerate(zip(self.design.coefficients, self.design.counted, strict=True), 1):
-            mask = counted if np.any(counted) else self.design.used[j - 1]
+        for j, (d, counted) in enumerate(zip(self.design.coefficients, self.design.residual_masks, strict=True), 1):
+            mask = counted if np.any(counted) else self.design.masks[j - 1]
             haar_columns = d[mask]
             cross = float(np.sum(haar_columns * haar(spread, j)[mask]))
             shares[j - 1] = (2 * cross - float(np.sum((haar_columns.T @ haar_columns) * covariance))) / len(

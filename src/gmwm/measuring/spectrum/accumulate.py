@@ -176,7 +176,7 @@ class SpectrumAccumulator(OneAtATime):
             )
         self._fold()
         following._fold()
-        return self._joined(following)
+        return self._join(following)
 
     @one_at_a_time
     def beside(self, other: SpectrumAccumulator) -> SpectrumAccumulator:
@@ -186,7 +186,7 @@ class SpectrumAccumulator(OneAtATime):
         """
         self.gap()
         other.gap()
-        return self._joined(other)
+        return self._join(other)
 
     @one_at_a_time
     def result(self, confidence: float = 0.95) -> PowerSpectrum:
@@ -261,7 +261,7 @@ class SpectrumAccumulator(OneAtATime):
         enough = max((n for n, sums in self._sums.items() if sums.blocks >= ENOUGH), default=0)
         self._sums = {n: sums for n, sums in self._sums.items() if n >= enough}
 
-    def _joined(self, following: SpectrumAccumulator) -> SpectrumAccumulator:
+    def _join(self, following: SpectrumAccumulator) -> SpectrumAccumulator:
         """Return the accumulator of both parts. It shares their arrays, which never change."""
         joint = SpectrumAccumulator(
             self.rate, length=self.length, detrend=self.detrend, start=self.start, unit=self.unit,

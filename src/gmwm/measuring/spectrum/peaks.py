@@ -42,14 +42,14 @@ def find_peaks(spectrum: PowerSpectrum) -> tuple[tuple[Line, ...], tuple[Bump, .
     lines, sharp, free = narrow_lines(spectrum, freedom, testable, level=FALSE_ALARMS / 2)
     wandering, broad = wide_peaks(spectrum, freedom, free, narrow=(lines, sharp), level=FALSE_ALARMS / 2)
     bumps = sorted([*sharp, *broad], key=lambda bump: bump.frequency)
-    return grouped([*lines, *wandering], spectrum.resolution), tuple(bumps)
+    return group_harmonics([*lines, *wandering], spectrum.resolution), tuple(bumps)
 
 
 HIGHEST = 40
 """Highest harmonic that the search considers."""
 
 
-def grouped(lines: Iterable[Line], resolution: float) -> tuple[Line, ...]:
+def group_harmonics(lines: Iterable[Line], resolution: float) -> tuple[Line, ...]:
     """Return the lines sorted by frequency, with the harmonic k and the fundamental f₀ of the lines of a group. The
     frequency of such a line differs from k f₀ by at most the resolution (Hz) plus three standard errors. The
     fundamental with the most harmonics is chosen first."""

@@ -125,28 +125,28 @@ def short_memory(
     # At first the known part is fixed, because it could replace the shape of the filter. Then its factor is fitted too.
     tried = _grown(data, white, price, free=False)
     each, before = _best_of_each_order(tried), min(tried, key=lambda point: _score(point, price))
-    best = _freed(data, before)
+    best = _free(data, before)
     moved = _score(before, price) - _score(best, price) > price
     near = _score(before, price) - 2 * math.log(LIKELY)
     others = [p for p in each if p is not before and (moved or _score(p, price) <= near)]
-    tried = _supported(data, (best, *(_freed(data, point) for point in others)))
+    tried = _supportable(data, (best, *(_free(data, point) for point in others)))
     if moved:
         tried += _grown(data, min(tried, key=lambda point: _score(point, price), default=white), price, free=True)
     sure = [point for point in tried if _error_at_zero(point, data) <= SURE]
     if not sure:
         # The best orders do not determine the density at 0; smaller orders do.
-        tried = _supported(data, (_freed(data, point) for point in each))
+        tried = _supportable(data, (_free(data, point) for point in each))
         sure = [point for point in tried if _error_at_zero(point, data) <= SURE]
     chosen = min(sure, key=lambda point: _score(point, price), default=white)
-    return _reported(data, chosen, _alternatives(data, chosen, sure, price))
+    return _report(data, chosen, _alternatives(data, chosen, sure, price))
 
 
-def _supported(data: _Data, points: Iterable[_Point]) -> list[_Point]:
+def _supportable(data: _Data, points: Iterable[_Point]) -> list[_Point]:
     """Return the points whose density does not change much between the lowest frequency of the data and 0."""
     return [point for point in points if abs(_bend(data, point)) <= FLAT]
 
 
-def _freed(data: _Data, point: _Point) -> _Point:
+def _free(data: _Data, point: _Point) -> _Point:
     """Return the optimum from this point if the factor on the known part is also fitted."""
     return _descend(data, point.a, point.b, point.scale, free=True)
 
@@ -157,7 +157,7 @@ def _grown(data: _Data, best: _Point, price: float, *, free: bool) -> list[_Poin
     while True:
         orders = [m for m in STEPS if best.a.size + m[0] <= HIGHEST and best.b.size + m[1] <= HIGHEST]
         candidates = [_best_start(data, best, more, free=free) for more in orders]
-        candidates = _supported(data, candidates)
+        candidates = _supportable(data, candidates)
         tried += candidates
         next_best = min(candidates, key=lambda point: _score(point, price), default=best)
         if _score(next_best, price) >= _score(best, price):
@@ -210,7 +210,7 @@ class _Data:
         return cls(np.array([np.cos(phases), -np.sin(phases)]), angles, np.array([known, logs, weights]), floor)
 
     @property
-    def known(self) -> Vector:
+    def known_part(self) -> Vector:
         """The known part."""
         return np.asarray(self.rows[0])
 
@@ -257,11 +257,11 @@ class _Point:
         below, above = self.data.polynomial(self.a), self.data.polynomial(self.b)
         with np.errstate(all="ignore"):
             shape = np.exp(self.scale) * (above.real**2 + above.imag**2) / (below.real**2 + below.imag**2)
-            slow_part = np.exp(self.slow) * self.data.known
+            slow_part = np.exp(self.slow) * self.data.known_part
             return shape, slow_part, shape + slow_part + self.data.floor
 
     @cached_property
-    def left(self) -> Vector:
+    def residuals(self) -> Vector:
         """Logarithms of the measured density divided by the total."""
         with np.errstate(all="ignore"):
             return np.asarray(self.data.logs - np.log(self.parts[2]))
@@ -269,7 +269,7 @@ class _Point:
     @cached_property
     def loss(self) -> float:
         """Weighted sum of squares, with the prior of `slow`."""
-        loss = float(self.data.weights @ self.left**2) + (self.slow / KNOWN) ** 2
+        loss = float(self.data.weights @ self.residuals**2) + (self.slow / KNOWN) ** 2
         return loss if math.isfinite(loss) else math.inf
 
     @cached_property
@@ -351,22 +351,22 @@ def _inside(tail: Vector, most: float) -> tuple[Vector, float]:
 def _starts(data: _Data, best: _Point, more: tuple[int, int]) -> Iterator[tuple[Vector, Vector]]:
     """Yield starting points: the best process so far, with roots at the largest residuals, and at high and low
     frequencies."""
-    scaled = np.sqrt(data.weights) * best.left
+    scaled = np.sqrt(data.weights) * best.residuals
     smooth = np.convolve(scaled, np.ones(_SMOOTH) / _SMOOTH, mode="same")
     for residual in (smooth, scaled):
         worst = int(np.argmax(np.abs(residual)))
         for radii in ((0.97, 0.9), (0.8, 0.6)):
             above, below = radii if residual[worst] > 0 else radii[::-1]
             yield (
-                _widened(best.a, more[0], data.angles[worst], above),
-                _widened(best.b, more[1], data.angles[worst], below),
+                _add_roots(best.a, more[0], data.angles[worst], above),
+                _add_roots(best.b, more[1], data.angles[worst], below),
             )
-    yield _widened(best.a, more[0], math.pi, 0.6), _widened(best.b, more[1], math.pi, 0.6)
+    yield _add_roots(best.a, more[0], math.pi, 0.6), _add_roots(best.b, more[1], math.pi, 0.6)
     if sum(more) <= 2:
-        yield _widened(best.a, more[0], 0.5, 0.6), _widened(best.b, more[1], 0.5, 0.5)
+        yield _add_roots(best.a, more[0], 0.5, 0.6), _add_roots(best.b, more[1], 0.5, 0.5)
 
 
-def _widened(tail: Vector, count: int, angle: float, radius: float) -> Vector:
+def _add_roots(tail: Vector, count: int, angle: float, radius: float) -> Vector:
     """Return the coefficients of the polynomial with `count` additional roots at a radius and an angle."""
     polynomial = np.concatenate([[1.0], tail])
     for _ in range(count // 2):
@@ -391,7 +391,7 @@ def _alternatives(data: _Data, chosen: _Point, tried: Sequence[_Point], price: f
     )
 
 
-def _reported(data: _Data, point: _Point, alternatives: tuple[Alternative, ...]) -> SpectralShape:
+def _report(data: _Data, point: _Point, alternatives: tuple[Alternative, ...]) -> SpectralShape:
     sign = np.concatenate([-np.ones(point.a.size), np.ones(point.b.size)])
     return SpectralShape(
         phi=-point.a, theta=point.b.copy(), innovation=math.exp(point.scale),

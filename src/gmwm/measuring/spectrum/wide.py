@@ -108,7 +108,7 @@ def wide_peaks(
     for peak in reversed(wider):
         if not any(_overlap(peak, other, None) for other in peaks):
             peaks.append(peak)
-    peaks = [_fitted(peak, grids) for peak in peaks]
+    peaks = [_fit_shape(peak, grids) for peak in peaks]
     lines = [_line(spectrum, peak) for peak in peaks if peak.frequency >= LEAST_QUALITY * peak.width]
     bumps = [
         Bump(
@@ -151,7 +151,7 @@ def _peaks(grid: Grid, level: float) -> list[WidePeak]:
     return peaks
 
 
-def _fitted(peak: WidePeak, grids: Sequence[Grid]) -> WidePeak:
+def _fit_shape(peak: WidePeak, grids: Sequence[Grid]) -> WidePeak:
     """Return the peak with the frequency and the width of a fitted Lorentz shape; a peak with a low Q is unchanged."""
     if peak.frequency < SHARP * peak.width:
         return peak

@@ -108,7 +108,7 @@ class WaveletAccumulator(SegmentedAccumulator):
         joint = self._copy()
         joint.axis = self.axis or following.axis
         joint._append(following)
-        joint._thinned = joint._thinned.joined(following._thinned)
+        joint._thinned = joint._thinned.join(following._thinned)
         return joint
 
     @one_at_a_time
@@ -145,7 +145,7 @@ class WaveletAccumulator(SegmentedAccumulator):
             return replace(wv, rise=self.rise)
         if not robust:
             return self._curve(confidence)
-        return self._curve(confidence, robust_variances(self._sketched(), efficiency), efficiency)
+        return self._curve(confidence, robust_variances(self._sketches(), efficiency), efficiency)
 
     @one_at_a_time
     def second_pass(self, efficiency: float = EFFICIENCY, *, start: int | None = None) -> SecondPass:
@@ -178,18 +178,18 @@ class WaveletAccumulator(SegmentedAccumulator):
         biweight(efficiency)
         self._require_counts()
         record = self._copy()
-        sketched = record._sketched()
+        sketched = record._sketches()
         request = sum_request(sketched, robust_variances(sketched, efficiency), efficiency)
         winsorised = record._thinned.winsorised_rise(self.start, record.lengths)
         return SecondPass(
             record, request, winsorised=winsorised, start=self.start if start is None else start, efficiency=efficiency
         )
 
-    def _sketched(self) -> SketchCoefficients:
+    def _sketches(self) -> SketchCoefficients:
         """Return the sketches of the coefficients so far; raise DataError if there are fewer than 8 samples without a
         gap."""
         self._fold()
-        reach = self._measured()[1].size
+        reach = self._variances()[1].size
         sketches: Sketches = self._all_statistics()
         return SketchCoefficients.of(sketches, reach)
 
@@ -202,7 +202,7 @@ class WaveletAccumulator(SegmentedAccumulator):
     ) -> WaveletVariance:
         """Return the result for the samples so far, with classical variances or with the robust variances `found`."""
         self._fold()
-        variance, counts = self._measured()
+        variance, counts = self._variances()
         lengths = self.lengths
         if robust is not None:
             variance = robust.variance
@@ -255,8 +255,8 @@ class WaveletAccumulator(SegmentedAccumulator):
                 result._statistics = Sketches.from_arrays(values["bins"], values["resolutions"])
             thinned = np.array(values["some"], dtype=np.float64)
             result._thinned = ThinnedValues(as_count(values["every"], 1), as_count(values["some_first"]), thinned)
-            result._first = SegmentState.restored("first_", result.exact, result.levels, values)
-            result._last = SegmentState.restored("last_", result.exact, result.levels, values)
+            result._first = SegmentState.restore("first_", result.exact, result.levels, values)
+            result._last = SegmentState.restore("last_", result.exact, result.levels, values)
             result._count = as_count(sum(result._lengths) + sum(part.count for part in result._open()))
         except KeyError as error:
             raise ReadError(
@@ -298,7 +298,7 @@ class WaveletAccumulator(SegmentedAccumulator):
     def _grow(self, x: Vector) -> None:
         """Add samples to the open segment."""
         if self.robust:
-            self._thinned = self._thinned.joined(ThinnedValues.of(x, self.stop))
+            self._thinned = self._thinned.join(ThinnedValues.of(x, self.stop))
         super()._grow(x)
 
     def _require_counts(self) -> None:
@@ -312,7 +312,7 @@ class WaveletAccumulator(SegmentedAccumulator):
 
     def _signal(self) -> Signal:
         """Return all samples so far as a Signal; this requires that all of them are stored."""
-        values = self._held.joined()
+        values = self._held.segments()
         ends = np.cumsum([0, *map(len, values)]).tolist()
         x = values[0] if len(values) == 1 else np.concatenate(values)
         return Signal(x, self.rate, unit=self.unit, axis=self.axis, segments=list(pairwise(ends)), filled=self.filled)
@@ -327,7 +327,7 @@ class WaveletAccumulator(SegmentedAccumulator):
                 advice="Record longer, or read more samples before you call `result()`.",
             )
 
-    def _measured(self) -> tuple[Vector, Counts]:
+    def _variances(self) -> tuple[Vector, Counts]:
         """Return the variances and the numbers of coefficients of the levels that have coefficients."""
         self._require_samples()
         squares, counts = self._sums()

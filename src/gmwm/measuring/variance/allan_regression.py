@@ -289,7 +289,7 @@ def avlr(
             fit = _line(
                 term, tau, deviation, _fitted_range(np.log(tau), np.log(deviation), LAWS[term].slope, tolerance)
             )
-        if isinstance(fit, SlopeLine) and not (ranges and term in ranges) and _contradicted(fit, allan):
+        if isinstance(fit, SlopeLine) and not (ranges and term in ranges) and _exceeds_limits(fit, allan):
             fit = "chance"
         if isinstance(fit, SlopeLine):
             lines.append(fit)
@@ -298,7 +298,7 @@ def avlr(
     return AllanRegression(allan=allan, lines=tuple(lines), remarks=tuple(remarks))
 
 
-def _contradicted(line: SlopeLine, allan: ClusterVariance) -> bool:
+def _exceeds_limits(line: SlopeLine, allan: ClusterVariance) -> bool:
     """Return whether the line exceeds 1.5 times the upper confidence limit of the curve at some averaging time."""
     return bool(np.any(line.deviation(allan.tau) > 1.5 * allan.upper_deviation))
 

@@ -220,7 +220,7 @@ def signal_wavelet_variance(
         _slope(segments)  # raises an error if a value is not finite
         estimate = _robust(segments, wavelet, transform=transform, levels=levels, efficiency=efficiency)
         variance, diagnostics["robust"] = estimate.variance, estimate.diagnostics
-        slope = _slope([_clipped(segment) for segment in segments])
+        slope = _slope([_clip(segment) for segment in segments])
         eta = eta * efficiency
     else:
         variance, rises = _classical(segments, wavelet, transform, levels)
@@ -328,7 +328,7 @@ def _rise(values: Vector) -> float:
     return (second / (values.size - half) - first / half) / (values.size / 2)
 
 
-def _clipped(values: Vector) -> Vector:
+def _clip(values: Vector) -> Vector:
     """Clip values to 10 MAD from the median, so that outliers do not determine the slope."""
     sample = values[:: values.size // 4096 + 1]
     middle = float(np.median(sample))

@@ -213,7 +213,7 @@ class SegmentedAccumulator(OneAtATime):
 
     def _fold(self) -> None:
         """Process the samples that are stored, and store them no longer."""
-        parts = self._held.joined()
+        parts = self._held.segments()
         for values in parts:
             self._require_usable(values)
         if not self._panel.size:
@@ -224,7 +224,7 @@ class SegmentedAccumulator(OneAtATime):
             if k:
                 self._end_segment()
             self._grow(values)
-        if held.ended:
+        if held.ends_with_gap:
             self._end_segment()
 
     def _end_segment(self) -> None:

@@ -22,7 +22,7 @@ SLOWER = 1e-3
 at most 0.3 %."""
 
 
-def pooled(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
+def pool(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
     """Pool the wavelet variances of independent recordings of one unit: ν̂_j² = Σ_r M_rj ν̂_rj² / Σ_r M_rj.
 
     Recordings may have different means and lengths, and no coefficient extends from one recording into another. They
@@ -33,7 +33,7 @@ def pooled(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
     >>> from gmwm import WN, wavelet_variance
     >>> days = {day: wavelet_variance(WN(sigma2=1.0).simulate(4096, 100.0, rng=k), 100.0)
     ...         for k, day in enumerate(("monday", "tuesday"))}
-    >>> pooled(days)
+    >>> pool(days)
     WaveletVariance(unnamed, haar, 12 levels, 8192 samples in 2 recordings at 100 Hz)
     """
     names, items = list(curves), list(curves.values())
@@ -50,9 +50,9 @@ def pooled(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
     curve = replace(
         first,
         levels=levels.copy(),
-        variance=np.sum([_padded(share * _padded(wv.variance, levels.size), levels.size)
+        variance=np.sum([_pad(share * _pad(wv.variance, levels.size), levels.size)
                          for wv, share in zip(items, shares, strict=True)], axis=0),
-        counts=np.sum([_padded(wv.counts, levels.size) for wv in items], axis=0),
+        counts=np.sum([_pad(wv.counts, levels.size) for wv in items], axis=0),
         lower=np.zeros(levels.size),
         upper=np.zeros(levels.size),
         rate=rate,
@@ -74,7 +74,7 @@ def pooled(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
 
 def without(wv: WaveletVariance, name: str) -> WaveletVariance:
     """Return the pooled curve of all recordings except one, with at most as many levels as the pooled curve of all."""
-    others = pooled({other: curve for other, curve in wv.recordings.items() if other != name})
+    others = pool({other: curve for other, curve in wv.recordings.items() if other != name})
     return others.first(min(len(others), len(wv)))
 
 
@@ -123,7 +123,7 @@ def _counts(wv: WaveletVariance, levels: int) -> Vector:
     return np.asarray(counts, dtype=np.float64)
 
 
-def _padded(values: NDArray[Number], levels: int) -> NDArray[Number]:
+def _pad(values: NDArray[Number], levels: int) -> NDArray[Number]:
     """Return the values of the first levels, with zeros for levels that a recording does not have."""
     return np.concatenate([values, np.zeros(levels, dtype=values.dtype)])[:levels]
 

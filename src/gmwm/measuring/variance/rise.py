@@ -81,16 +81,16 @@ class ThinnedValues:
         """Return the thinned values of a part that begins with sample `start`."""
         every = 1 << max(0, (x.size // KEPT).bit_length() - 1)
         before = -start % every
-        return cls(every, start + before, x[before::every].copy())._thinned(every)
+        return cls(every, start + before, x[before::every].copy())._thin(every)
 
-    def joined(self, later: ThinnedValues) -> ThinnedValues:
+    def join(self, later: ThinnedValues) -> ThinnedValues:
         """Return the thinned values of this part and the part that directly follows it."""
         every = max(self.every, later.every)
-        a, b = self._thinned(every), later._thinned(every)
+        a, b = self._thin(every), later._thin(every)
         first = a.first if a.values.size else b.first
-        return ThinnedValues(every, first, np.concatenate([a.values, b.values]))._thinned(every)
+        return ThinnedValues(every, first, np.concatenate([a.values, b.values]))._thin(every)
 
-    def _thinned(self, every: int) -> ThinnedValues:
+    def _thin(self, every: int) -> ThinnedValues:
         """Keep every `every`-th sample, and fewer if more than `KEPT` values remain."""
         first, values, distance = self.first, self.values, self.every
         while distance < every or values.size > KEPT:

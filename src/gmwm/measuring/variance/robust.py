@@ -190,7 +190,7 @@ def _polish(source: CoefficientSource, levels: Sequence[_Level], tuning: Biweigh
             place = place + np.where(falls, step, 0.0)
             continue
         here = (place, value, slope)
-        step, error = (step, 10 * step**2) if before is None else _interpolated(before, here, step)
+        step, error = (step, 10 * step**2) if before is None else _interpolate(before, here, step)
         before, place = here, place + np.where(falls, step, 0.0)
         done = falls & (error < TOLERANCE)
         for k, level in enumerate(levels):
@@ -200,7 +200,7 @@ def _polish(source: CoefficientSource, levels: Sequence[_Level], tuning: Biweigh
         active = falls & ~done
 
 
-def _interpolated(
+def _interpolate(
     before: tuple[Vector, Vector, Vector], here: tuple[Vector, Vector, Vector], step: Vector
 ) -> tuple[Vector, Vector]:
     """Return the step to the root of the cubic through the last two points and slopes, and the predicted error. The

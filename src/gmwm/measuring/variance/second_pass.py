@@ -98,7 +98,7 @@ class SecondPass(SegmentedAccumulator):
                 f"{_extent(self)}",
                 advice="Pass the same chunks of the same recording to both passes.",
             )
-        sketched = self._seen._sketched()
+        sketched = self._seen._sketches()
         sums: SecondPassSums = self._all_statistics()
         levels = (*sums.levels, *(LevelSums() for _ in range(len(sums.levels), len(sketched.counts))))
         exact = robust_variances(Corrected(sketched, self._request, levels), self.efficiency)

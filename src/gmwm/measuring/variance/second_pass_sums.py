@@ -37,7 +37,7 @@ class MedianCells:
         if not other.cells.size:
             return self
         shift = max(self.shift, other.shift)
-        a, b = self._shifted(shift), other._shifted(shift)
+        a, b = self._coarsen(shift), other._coarsen(shift)
         places = np.searchsorted(a.cells, b.cells)
         shared = places < a.cells.size
         shared[shared] = a.cells[places[shared]] == b.cells[shared]
@@ -50,10 +50,10 @@ class MedianCells:
         """Widen the cells until there are at most `MOST`."""
         cells = self
         while cells.cells.size > MOST:
-            cells = cells._shifted(cells.shift + 1)
+            cells = cells._coarsen(cells.shift + 1)
         return cells
 
-    def _shifted(self, shift: int) -> MedianCells:
+    def _coarsen(self, shift: int) -> MedianCells:
         """Return the counts in cells that omit `shift` bits."""
         if shift == self.shift or not self.cells.size:
             return MedianCells(shift, self.cells, self.counts)

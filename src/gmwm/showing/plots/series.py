@@ -18,7 +18,7 @@ from gmwm.showing.plots.figure import Figure, Line, Mark, Panel, Stroke, Symbol
 from gmwm.showing.plots.labels import axis_title, model_text, sensor_and_letter, term_label
 from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit, time_unit
 from gmwm.showing.plots.style import BLUE, letter_stroke, term_strokes
-from gmwm.showing.plots.trace import Trace, isolated, removed, trace
+from gmwm.showing.plots.trace import Trace, isolated, removal_remark, trace
 from gmwm.showing.plots.view import UnitSystem, View, view_of
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def signal_panel(signal: Signal, *, units: UnitSystem = "si", width: float = PAG
     """Return the panel that `plot_signal` draws."""
     shown = view_of(signal.unit, "allan", units)
     one = trace(signal, shown.factor, round(DOTS * width))
-    mean = removed(one)
+    mean = removal_remark(one)
     title = _without_mean(axis_title(signal.axis), mean, shown.unit)
     return _panels([_Row(one.less(mean), _stroke(signal.axis), title)], shown, _name(signal.unit))[0]
 
@@ -82,7 +82,7 @@ def _sensor_panels(imu: Imu, axes: Sequence[str], units: UnitSystem, width: floa
         shown = view_of(unit, "allan", units)
         left = imu.time_base.left if imu.time_base else 0.0
         traces = [trace(imu[axis], shown.factor, round(DOTS * width), left, clip=True) for axis in members]
-        means = [removed(one) for one in traces]
+        means = [removal_remark(one) for one in traces]
         rows = [
             _Row(one.less(mean), _stroke(axis), _without_mean(axis_title(axis), mean, shown.unit) + _clipped(one))
             for axis, one, mean in zip(members, traces, means, strict=True)

@@ -194,7 +194,7 @@ def _runs(signal: Signal, columns: int) -> Iterator[tuple[int, int, int]]:
             first, opened = stop, signal.starts[k + 1]
 
 
-def removed(one: Trace) -> float:
+def removal_remark(one: Trace) -> float:
     """Return the constant to subtract from a trace: its rounded mean if all samples are far from zero, otherwise 0."""
     return 0.0 if one.low - one.span <= 0 <= one.high + one.span else in_digits(one.mean, one.span)
 

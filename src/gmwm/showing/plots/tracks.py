@@ -24,7 +24,7 @@ from gmwm.showing.plots.labels import axis_title, model_text, term_label
 from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit, time_unit
 from gmwm.showing.plots.series import DOTS, NAMES, PAGE
 from gmwm.showing.plots.style import BLACK, BLUE, PALE
-from gmwm.showing.plots.trace import envelope, even_trace, extremes_there, in_digits, isolated, removed
+from gmwm.showing.plots.trace import envelope, even_trace, extremes_there, in_digits, isolated, removal_remark
 from gmwm.showing.plots.view import UnitSystem, View, view_of
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ class _Drawn:
 def _record_panel(tracks: Tracks, shown: View) -> tuple[Panel, float]:
     """Return the panel with the record and its bias, and the constant that was subtracted from both."""
     one = even_trace(tracks.data, tracks.rate, shown.factor, COLUMNS)
-    mean = removed(one)
+    mean = removal_remark(one)
     one = one.less(mean)
     power = power_of(max(abs(one.low), abs(one.high)))
     x, size = _time_axis(tracks)
