@@ -17,9 +17,9 @@ from gmwm.fitting.estimation import fit
 from gmwm.measuring.covariance import Design, covariance
 from gmwm.measuring.covariance.mixture import mixture
 from gmwm.measuring.covariance.tails import excess_covariance
-from gmwm.measuring.regression.against import TIME, Against, Asked, Term
+from gmwm.measuring.regression.against import TIME, Against, Asked, CovariateTerm
 from gmwm.measuring.regression.api import regress, without
-from gmwm.measuring.regression.blocks import Clock
+from gmwm.measuring.regression.blocks import BlockClock
 from gmwm.measuring.regression.columns import HOUR
 from gmwm.measuring.regression.covariates import Covariates
 from gmwm.measuring.regression.least_squares import haar
@@ -199,7 +199,7 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
     term, covariates, values = _condition(signal, condition)
     rest = without(signal, regress(signal, covariates), covariates)
     length = max(covariates.clock.length, SHORTEST)
-    blocks = Clock.of(signal.rate, signal.segments, signal.starts, length=length)
+    blocks = BlockClock.of(signal.rate, signal.segments, signal.starts, length=length)
     rest = replace(rest, values=blocks.clip(rest.values))
     wv = signal_wavelet_variance(rest)
     design = Design.of(wv)
@@ -241,7 +241,7 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
     )  # fmt: skip
 
 
-def _condition(signal: Signal, condition: Against) -> tuple[Term, Covariates, Vector]:
+def _condition(signal: Signal, condition: Against) -> tuple[CovariateTerm, Covariates, Vector]:
     """Return the condition, the regression of the mean on it, and its value at each sample."""
     asked = Asked.of(condition)
     term = asked.terms[0] if len(asked.terms) == 1 else None

@@ -12,7 +12,7 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.measuring.inspection.knocks import level_length
 from gmwm.measuring.inspection.time_grid import Extent
-from gmwm.measuring.inspection.wander import Likelihood, Profile
+from gmwm.measuring.inspection.wander import CourseProfile, Likelihood
 
 Kind = Literal["exponential", "linear", "quadratic"]
 
@@ -142,7 +142,7 @@ class TrendTest:
         self.tau = float(finer[j])
         self._decay = courses[j]
         lines = likelihood.transform(np.vstack([at, at**2]))
-        self._exponential = Profile(decays.values[:, [j]], decays.squares[:, [j]])
+        self._exponential = CourseProfile(decays.values[:, [j]], decays.squares[:, [j]])
         self._line, self._lines = likelihood.with_one(lines[:1]), lines
         self._parabola = likelihood.with_two(lines[0], lines[1])
         base = np.min(self._none.values)
@@ -192,7 +192,7 @@ class TrendTest:
         visible = np.flatnonzero(weights @ rests**2 > _VISIBLE)
         return float(visible[-1] + 1) if visible.size else 0.0
 
-    def _profile(self) -> Profile:
+    def _profile(self) -> CourseProfile:
         return {"exponential": self._exponential, "linear": self._line}.get(self.kind or "", self._parabola)
 
     @property
@@ -212,7 +212,7 @@ class TrendTest:
         line, curve = np.linalg.lstsq((self._lines * root).T, likelihood.z * root, rcond=None)[0]
         return np.asarray(line * at / n + curve * (at / n) ** 2)
 
-    def _decays(self, times: Vector) -> tuple[Profile, Matrix]:
+    def _decays(self, times: Vector) -> tuple[CourseProfile, Matrix]:
         """Return the profile likelihoods with an exponential of each time constant, and the transformed
         exponentials."""
         at = np.arange(self._means.size) + 0.5
@@ -220,6 +220,6 @@ class TrendTest:
         return self._likelihood.with_one(courses), courses
 
 
-def _best(profile: Profile) -> int:
+def _best(profile: CourseProfile) -> int:
     """Return the index of the time constant with the largest likelihood."""
     return int(np.argmin(np.min(profile.values, axis=0)))

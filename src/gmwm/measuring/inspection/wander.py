@@ -31,7 +31,7 @@ because a Gauss-Markov process can replace a random walk (docs/validation/trends
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class NoiseGrid:
     """Noise models on a grid, relative to the white noise of a block mean. `transform` (n − 1, n − 1) is the sine
     transform of the differences. `weights` (G, n − 1) are 1/λ_k of each model for σ² = 1, `logs` Σ log λ_k, and `walks`
     γ²/σ². `rest` (G, n − 1) is λ_k without the walk, and `walk` λ_k of γ² = 1 alone."""
@@ -45,7 +45,7 @@ class Grid:
 
 
 @lru_cache(maxsize=4)
-def grid_of(blocks: int) -> Grid:
+def grid_of(blocks: int) -> NoiseGrid:
     """Return the grid for a number of block means."""
     k = np.arange(1, blocks)
     transform = np.sqrt(2 / blocks) * np.sin(np.pi * np.outer(k, k) / blocks)
@@ -63,7 +63,7 @@ def grid_of(blocks: int) -> Grid:
             rests.append(np.repeat((white + plateau / (2 * time) * markov)[None, :], walks[-1].size, axis=0))
     ratios, variances_without = np.concatenate(walks), np.vstack(rests)
     variances = variances_without + ratios[:, None] * walk
-    return Grid(
+    return NoiseGrid(
         transform=transform, weights=1 / variances, logs=np.sum(np.log(variances), axis=1), walks=ratios,
         rest=variances_without,
         walk=walk,
@@ -95,7 +95,7 @@ def _crossing(walks: Vector, excess: Vector) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Profile:
+class CourseProfile:
     """−2 log L, up to a constant, of block means for G noise models and C courses c with the best coefficient a of
     each. `squares` (G, C) are Σ (z − a c)²/λ for σ² = 1; divided by the number of differences they estimate σ²."""
 
@@ -115,17 +115,17 @@ class Likelihood:
         """Return the transformed differences of courses (C, n), with one course in each row."""
         return np.asarray(np.diff(courses, axis=1) @ self.grid.transform)
 
-    def without(self) -> Profile:
+    def without(self) -> CourseProfile:
         """Return the profile likelihood without a course."""
         return self._profile(self._flat[:, None])
 
-    def with_one(self, courses: Matrix) -> Profile:
+    def with_one(self, courses: Matrix) -> CourseProfile:
         """Return the profile likelihood with one course; the result has a column for each of C transformed courses."""
         cross = self.grid.weights @ (courses * self.z).T
         squares = self.grid.weights @ (courses**2).T
         return self._profile(self._flat[:, None] - cross**2 / squares)
 
-    def with_two(self, first: Vector, second: Vector) -> Profile:
+    def with_two(self, first: Vector, second: Vector) -> CourseProfile:
         """Return the profile likelihood with two transformed courses together."""
         weights, z = self.grid.weights, self.z
         a, b, c = weights @ first**2, weights @ (first * second), weights @ second**2
@@ -176,8 +176,8 @@ class Likelihood:
         weights = self.grid.weights[model]
         return float(weights @ (course * self.z) / (weights @ course**2))
 
-    def _profile(self, squares: Matrix) -> Profile:
-        return Profile(self._minus2(squares, self.grid.logs[:, None]), squares)
+    def _profile(self, squares: Matrix) -> CourseProfile:
+        return CourseProfile(self._minus2(squares, self.grid.logs[:, None]), squares)
 
     def _minus2(self, squares: Matrix, logs: Matrix) -> Matrix:
         # Differences that are all equal have no variance; log 0 would be −inf in every model.

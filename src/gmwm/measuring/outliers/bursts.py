@@ -179,7 +179,7 @@ def find_bursts(x: Signal | ArrayLike, rate: float | None = None) -> Bursts:
     return finder.result()
 
 
-class Coefficients(NamedTuple):
+class BurstCoefficients(NamedTuple):
     """The coefficients of a panel at one level, half a scale apart, and those of them that may be in a burst. `path` (n
     + 2,) are the sums of the samples up to each half scale; the coefficients are its second differences times `unit`.
     `at` and `w` (k,) are indices and values of the coefficients beyond `_SMALL` local standard deviations. `piece`
@@ -209,7 +209,7 @@ class Coefficients(NamedTuple):
         return np.asarray(size / self.limit(np.arange(first, first + size.size)))
 
 
-def coefficients(panel: Vector, rate: float, step: float) -> Iterator[Coefficients]:
+def coefficients(panel: Vector, rate: float, step: float) -> Iterator[BurstCoefficients]:
     """Yield the coefficients of a panel at each level at which bursts are searched. `step` is the quantization step, or
     0."""
     path = _core.running_sum(panel)
@@ -219,13 +219,13 @@ def coefficients(panel: Vector, rate: float, step: float) -> Iterator[Coefficien
         unit, piece = 0.5 ** (k + 1), max(_PIECES, round(NEIGHBOURHOOD * rate / 2**k))
         least = _ROUNDING * step * 2.0 ** (-0.5 * (k + 1))
         at, w, spread, energy = _core.large_coefficients(path, unit, piece, least=least, limit=_SMALL)
-        yield Coefficients(
+        yield BurstCoefficients(
             number=k + 1, path=path, unit=unit, at=at, w=w, piece=piece, spread=spread, energy=energy
         )  # fmt: skip
         path = np.ascontiguousarray(path[::2])
 
 
-def burst_ranges(levels: Iterable[Coefficients], *, small: bool = False) -> Ranges:
+def burst_ranges(levels: Iterable[BurstCoefficients], *, small: bool = False) -> Ranges:
     """Return index ranges (k, 2) of the samples in bursts of one panel, ordered and without overlap. A burst is left
     out if it overlaps a burst of a finer level, at which its position is known better. With `small`, bursts of
     coefficients below `LARGE` that are large for this noise are found too."""
@@ -245,7 +245,7 @@ def _levels(rate: float) -> int:
     return min(reach, int(np.log2(panel_length(rate) // _PIECES)))
 
 
-class _Found(NamedTuple):
+class _LevelBursts(NamedTuple):
     """Bursts at one level of a panel: first and last large coefficient of each, and the sum of their squares."""
 
     first: Indices
@@ -253,10 +253,10 @@ class _Found(NamedTuple):
     energy: Vector
 
 
-_NO_BURSTS = _Found(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0))
+_NO_BURSTS = _LevelBursts(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0))
 
 
-def _bursts(level: Coefficients, small: bool) -> _Found:
+def _bursts(level: BurstCoefficients, small: bool) -> _LevelBursts:
     """Return the bursts among the coefficients of one level of a panel."""
     if level.at.size < FEW:
         return _NO_BURSTS
@@ -279,10 +279,10 @@ def _bursts(level: Coefficients, small: bool) -> _Found:
         for k in np.flatnonzero(chosen).tolist():
             chosen[k] = _is_alone(level, int(at[begins[k]]), int(at[begins[k] + counts[k] - 1]) + 1)
     energy = np.add.reduceat(w**2, begins)
-    return _Found(at[begins[chosen]], at[(begins + counts - 1)[chosen]], energy[chosen])
+    return _LevelBursts(at[begins[chosen]], at[(begins + counts - 1)[chosen]], energy[chosen])
 
 
-def _is_alone(level: Coefficients, first: int, last: int) -> bool:
+def _is_alone(level: BurstCoefficients, first: int, last: int) -> bool:
     """Return whether the noise next to a burst is usual. If the variance of the noise varies, it is larger there."""
     margin = max(last - first, APART)
     length = max(margin, _BESIDE)

@@ -26,7 +26,7 @@ Against = str | ArrayLike | Signal | Mapping[str, ArrayLike | Signal] | None
 
 
 @dataclass(frozen=True)
-class Term:
+class CovariateTerm:
     """One covariate of a regression, with the form of its effect.
 
     Attributes
@@ -65,11 +65,11 @@ class Term:
         return self.name not in (TIME, WARM_UP)
 
     @classmethod
-    def parse(cls, text: str) -> Term:
+    def parse(cls, text: str) -> CovariateTerm:
         """Parse a term; raise OptionError if the text is not a name with known options.
 
-        >>> Term.parse("temperature:2,lag")
-        Term(name='temperature', degree=2, lag=True, knots=0, exact=False)
+        >>> CovariateTerm.parse("temperature:2,lag")
+        CovariateTerm(name='temperature', degree=2, lag=True, knots=0, exact=False)
         """
         name, _, options = text.strip().partition(":")
         if not re.fullmatch(r"[A-Za-z_]\w*", name) or name in (AUTO, NONE):
@@ -103,7 +103,7 @@ class Asked:
     """A requested regression: its terms, and the arrays of covariates that are not part of the recording. With
     `automatic`, the temperature of the recording is used only if a test finds that the axis depends on it."""
 
-    terms: tuple[Term, ...] = ()
+    terms: tuple[CovariateTerm, ...] = ()
     arrays: Mapping[str, Vector] | None = None
     automatic: bool = False
 
@@ -123,13 +123,13 @@ class Asked:
                 return cls(automatic=True)
             if text == NONE:
                 return cls()
-            return cls(_distinct(Term.parse(part) for part in text.split("+")))
+            return cls(_distinct(CovariateTerm.parse(part) for part in text.split("+")))
         arrays_by_text = against if isinstance(against, Mapping) else {"covariate": against}
         if not arrays_by_text:
             raise OptionError(argument="against", expected=_EXPECTED, got="an empty mapping")
         arrays, terms = {}, []
         for text, values in arrays_by_text.items():
-            term = Term.parse(str(text))
+            term = CovariateTerm.parse(str(text))
             if not term.is_measured:
                 raise OptionError(
                     f"against: {term.name} is computed from the clock, and needs no array",
@@ -142,7 +142,7 @@ class Asked:
         return cls(_distinct(terms), arrays)
 
 
-def _distinct(terms: Iterable[Term]) -> tuple[Term, ...]:
+def _distinct(terms: Iterable[CovariateTerm]) -> tuple[CovariateTerm, ...]:
     distinct = tuple(terms)
     names = [term.name for term in distinct]
     twice = next((name for name in names if names.count(name) > 1), None)

@@ -14,7 +14,7 @@ from gmwm.measuring.regression.against import WARM_UP, Asked
 from gmwm.measuring.regression.columns import HOUR
 from gmwm.measuring.regression.covariates import Covariates
 from gmwm.measuring.regression.least_squares import COLLINEAR, RegressionDesign, Weighted
-from gmwm.measuring.regression.noise import Noise
+from gmwm.measuring.regression.noise import NoiseMixtures
 from gmwm.measuring.regression.result import Points, Regression
 from gmwm.measuring.variance.api import signal_wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY
@@ -147,9 +147,7 @@ def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit
     inside = clock.length.bit_length() - 1
     name = covariates.basis.terms[0].name
     at = covariates.means.get(name, clock.times / HOUR)
-    points = Points(
-        at=_thin(at[present]), before=_thin(means[present]), after=_thin(residuals[present])
-    )
+    points = Points(at=_thin(at[present]), before=_thin(means[present]), after=_thin(residuals[present]))
     tau, tau_error = solved.tau, None
     if tau is not None:
         k = [column.name for column in covariates.basis.columns].index(WARM_UP)
@@ -165,17 +163,17 @@ def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit
 
 
 @dataclass(frozen=True, eq=False)
-class _Solved:
+class _Iteration:
     """Result of the iteration: the weighted regression, the noise, the share of it that is left, and tau of a warm-up
     (s)."""
 
     weighted: Weighted
-    noise: Noise
+    noise: NoiseMixtures
     kept: Vector
     tau: float | None
 
 
-def _iterate(means: Vector, covariates: Covariates, present: np.ndarray, whole: np.ndarray) -> _Solved:
+def _iterate(means: Vector, covariates: Covariates, present: np.ndarray, whole: np.ndarray) -> _Iteration:
     """Estimate noise, weights and coefficients in turn. The first estimate of the noise includes the effects."""
     warm = any(term.name == WARM_UP for term in covariates.basis.terms)
     times = covariates.clock.times[present]
@@ -190,7 +188,7 @@ def _iterate(means: Vector, covariates: Covariates, present: np.ndarray, whole: 
     for _ in range(_ROUNDS):
         if not np.all(variances > 0):
             raise DataError("the signal is constant at some scale, so that it cannot be regressed", argument="against")
-        noise = Noise.of(variances / shares, freedom * shares, len(means))
+        noise = NoiseMixtures.of(variances / shares, freedom * shares, len(means))
         weights = design.weights(noise.psd, highest)
         if warm:
             tau = _time_constant(means, covariates, design, weights)
@@ -208,7 +206,7 @@ def _iterate(means: Vector, covariates: Covariates, present: np.ndarray, whole: 
         spread = weighted.covariance_rows(noise.average(noise.covariances(len(means))))
         shares = np.clip(1 - weighted.removed_variance(spread) / noise.curve, _LEAST_KEPT, 1.0)
         variances = design.variances(means - covariates.smooth_matrix(tau) @ beta)
-    return _Solved(weighted, noise, shares, tau)
+    return _Iteration(weighted, noise, shares, tau)
 
 
 def _time_constant(means: Vector, covariates: Covariates, design: RegressionDesign, weights: Sequence[Vector]) -> float:

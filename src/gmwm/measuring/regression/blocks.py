@@ -29,7 +29,7 @@ def usual_length(samples: int, end: int) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class Clock:
+class BlockClock:
     """Times of the samples of a recording, divided into blocks of `length` samples, a power of two. `segments` are
     index ranges (first, last) without gaps, and `offsets` the time of the first sample of each, in sampling intervals
     since the first sample of the recording."""
@@ -42,7 +42,7 @@ class Clock:
     @classmethod
     def of(
         cls, rate: float, segments: tuple[tuple[int, int], ...], starts: tuple[float, ...], length: int | None = None
-    ) -> Clock:
+    ) -> BlockClock:
         """Divide a recording into at least `BLOCKS` blocks, or into blocks of a given length."""
         begins = begins_of(rate, segments, starts)
         offsets, end = [], 0
@@ -101,7 +101,7 @@ class Clock:
         """Return the mask of the blocks with all of their samples."""
         return np.asarray(self.counts() == self.length)
 
-    def part(self, first: int, last: int) -> Clock:
+    def part(self, first: int, last: int) -> BlockClock:
         """Return the clock of the samples first … last − 1, with the same blocks."""
         ranges = [
             (max(begin, first) - first, min(end, last) - first, offset + max(first - begin, 0))
@@ -174,7 +174,7 @@ class Clock:
         places = samples + (offsets - begins)[np.searchsorted(begins, samples, side="right") - 1]
         return np.asarray(np.interp(places, at, curve))
 
-    def onto(self, means: Vector, finer: Clock) -> Vector:
+    def onto(self, means: Vector, finer: BlockClock) -> Vector:
         """Return means over the blocks of a finer clock, interpolated so that the means over the present blocks are
         kept. The interpolating curve is the derivative of a cubic spline through the running sum. Linear interpolation
         between the centres would reduce the amplitude of a daily cycle with 16 blocks per day by 2 %."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.measuring.regression.against import TIME, WARM_UP, Term
+from gmwm.measuring.regression.against import TIME, WARM_UP, CovariateTerm
 
 HOUR = 3600.0
 _SIGNS = {2: "²", 3: "³", 4: "⁴", 5: "⁵"}
@@ -31,7 +31,7 @@ class Basis:
     covariates (time in hours) at which their effect is zero, and `knots` the knots of the splines, including the outer
     ones."""
 
-    terms: tuple[Term, ...]
+    terms: tuple[CovariateTerm, ...]
     references: Mapping[str, float]
     knots: Mapping[str, tuple[float, ...]]
 
@@ -58,7 +58,7 @@ class Basis:
                 parts.append(np.zeros((points.size, len(_columns(term)))))
         return np.hstack(parts)
 
-    def _of_term(self, term: Term, values: Vector, times: Vector, tau: float | None) -> Matrix:
+    def _of_term(self, term: CovariateTerm, values: Vector, times: Vector, tau: float | None) -> Matrix:
         if term.name == WARM_UP:
             assert tau is not None
             decay = np.exp(-times / tau)
@@ -75,7 +75,7 @@ class Basis:
         return np.column_stack(columns)
 
 
-def _columns(term: Term) -> list[Column]:
+def _columns(term: CovariateTerm) -> list[Column]:
     name, unit = term.name, term.unit
     if name == WARM_UP:
         return [Column(name, name), Column(f"{name} tau", name)]

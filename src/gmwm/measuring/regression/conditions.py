@@ -12,9 +12,9 @@ from gmwm.base.axis_names import axis_quantity
 from gmwm.base.errors import DataError, GmwmError, OptionError
 from gmwm.base.threads import in_threads
 from gmwm.base.units import SI_UNIT
-from gmwm.measuring.regression.against import TEMPERATURE, Asked, Term
+from gmwm.measuring.regression.against import TEMPERATURE, Asked, CovariateTerm
 from gmwm.measuring.regression.api import effect_of, regress_axis, without
-from gmwm.measuring.regression.blocks import Clock, usual_length
+from gmwm.measuring.regression.blocks import BlockClock, usual_length
 from gmwm.measuring.regression.covariates import Covariates
 from gmwm.measuring.regression.result import Regression
 from gmwm.measuring.streaming.passes import curves_of, measure, shown
@@ -50,7 +50,7 @@ class Seen:
             segments.update(batch)
             if batch.temperature is not None:
                 parts.append(batch.temperature)
-            clock = Clock.of(recording.rate, tuple(segments.ranges), tuple(segments.starts), length=length)
+            clock = BlockClock.of(recording.rate, tuple(segments.ranges), tuple(segments.starts), length=length)
             part = clock.part(batch.first, batch.stop)
             for axis, signal in batch.signals.items():
                 added = part.sums(signal.values, clipped=True)
@@ -65,7 +65,7 @@ class Seen:
         classical = in_threads(lambda _, stream: stream.classical(), measured, threads=threads)
         return cls(recording, like, temperature, length=length, sums=sums, curves=classical)
 
-    def means(self, clock: Clock) -> dict[str, Vector]:
+    def means(self, clock: BlockClock) -> dict[str, Vector]:
         """Return the block means of all axes. For blocks of another length, the recording is read again."""
         sums = self.sums if clock.length == self.length else Seen.of(self.recording, clock.length).sums
         return {axis: clock.mean_of(axis_sums) for axis, axis_sums in sums.items()}
@@ -104,7 +104,7 @@ class Conditions:
         clock = next(iter(signals.values()))
         units = {axis: signal.unit for axis, signal in signals.items()}
 
-        def means(clock: Clock) -> dict[str, Vector]:
+        def means(clock: BlockClock) -> dict[str, Vector]:
             return in_threads(lambda _, one: clock.means(one.values, clipped=True), signals, threads=threads)
 
         return cls._of(clock, asked, temperature, means=means, units=units, threads=threads)
@@ -134,8 +134,8 @@ class Conditions:
 
     @classmethod
     def _of(
-        cls, clock: Signal, asked: Asked, temperature: Vector | None, *, means: Callable[[Clock], Mapping[str, Vector]],
-        units: Mapping[str, str], threads: int | None,
+        cls, clock: Signal, asked: Asked, temperature: Vector | None, *,
+        means: Callable[[BlockClock], Mapping[str, Vector]], units: Mapping[str, str], threads: int | None,
     ) -> Conditions:  # fmt: skip
         """Regress the block means of the axes. The function `means` returns the block means for a clock."""
         if asked.automatic and temperature is not None and np.ptp(temperature) == 0:
@@ -143,7 +143,7 @@ class Conditions:
         arrays = dict(asked.arrays or {})
         if temperature is not None:
             arrays.setdefault(TEMPERATURE, temperature)
-        terms = (Term(TEMPERATURE),) if asked.automatic else asked.terms
+        terms = (CovariateTerm(TEMPERATURE),) if asked.automatic else asked.terms
         try:
             covariates = Covariates.of(terms, arrays, clock)
         except DataError as error:

@@ -10,8 +10,8 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.time_base import times_of
-from gmwm.measuring.regression.against import TEMPERATURE, TIME, WARM_UP, Term
-from gmwm.measuring.regression.blocks import Clock
+from gmwm.measuring.regression.against import TEMPERATURE, TIME, WARM_UP, CovariateTerm
+from gmwm.measuring.regression.blocks import BlockClock
 from gmwm.measuring.regression.columns import HOUR, Basis
 from gmwm.measuring.variance.api import signal_wavelet_variance
 from gmwm.recording.resolution import lsb
@@ -41,7 +41,7 @@ class Covariates:
 
     Attributes
     ----------
-    basis, clock : Basis, Clock
+    basis, clock : Basis, BlockClock
         The terms with the constants of their columns, and the blocks.
     means, smooth : mappings of name to (n,) array
         Block means of the measured covariates, interpolated where a block is empty. The subtracted effect is computed
@@ -56,7 +56,7 @@ class Covariates:
     """
 
     basis: Basis
-    clock: Clock
+    clock: BlockClock
     means: Mapping[str, Vector]
     smooth: Mapping[str, Vector]
     exact: Mapping[str, Vector]
@@ -65,12 +65,12 @@ class Covariates:
     block: int
 
     @classmethod
-    def of(cls, terms: Sequence[Term], arrays: Mapping[str, Vector], signal: Signal) -> Covariates:
+    def of(cls, terms: Sequence[CovariateTerm], arrays: Mapping[str, Vector], signal: Signal) -> Covariates:
         """Prepare the covariates of a recording. `signal` is one of its signals and states the times of the samples.
         Raises DataError if a covariate is missing, is constant, has another length, or has too large errors at all
         scales."""
         usual = 1 if any(term.exact for term in terms) else None
-        clock = Clock.of(signal.rate, signal.segments, signal.starts, length=usual)
+        clock = BlockClock.of(signal.rate, signal.segments, signal.starts, length=usual)
         block, lowest, values_by_name, smooth = clock.length, 1, dict(arrays), dict(arrays)
         for term in terms:
             if term.is_measured:
@@ -90,13 +90,13 @@ class Covariates:
         return replace(covariates, smooth={name: coarse.onto(coarse.means(smooth[name]), clock) for name in names})
 
     @classmethod
-    def slow(cls, term: Term, values: Vector, signal: Signal) -> Covariates:
+    def slow(cls, term: CovariateTerm, values: Vector, signal: Signal) -> Covariates:
         """Prepare one covariate that changes slowly. Only its block means are used, even if it is exact. Errors are as
         for `of`."""
         if not term.exact:
             return cls.of([term], {term.name: values}, signal)
         _require_usable(term, {term.name: values}, signal)
-        clock = Clock.of(signal.rate, signal.segments, signal.starts)
+        clock = BlockClock.of(signal.rate, signal.segments, signal.starts)
         # An empty block gets an interpolated value.
         means = {term.name: clock.onto(clock.means(values), clock)}
         return cls.on(clock, [replace(term, exact=False)], means, {}, lowest=1, block=clock.length)
@@ -104,8 +104,8 @@ class Covariates:
     @classmethod
     def on(
         cls,
-        clock: Clock,
-        terms: Sequence[Term],
+        clock: BlockClock,
+        terms: Sequence[CovariateTerm],
         means: Mapping[str, Vector],
         arrays: Mapping[str, Vector],
         *,
@@ -143,7 +143,7 @@ class Covariates:
         """Number of finest levels of the block means that are not used because of reading errors of the covariates."""
         return max(self.lowest - self.clock.length.bit_length(), 0)
 
-    def having(self, terms: tuple[Term, ...]) -> Covariates:
+    def having(self, terms: tuple[CovariateTerm, ...]) -> Covariates:
         """Return the same covariates with other terms (forms of their effects)."""
         knots = {
             term.name: tuple(np.linspace(*self.ranges[term.name], term.knots + 2).tolist())
@@ -174,7 +174,7 @@ class Covariates:
         return np.asarray(self.basis.matrix(values, times, tau) @ coefficients)
 
 
-def _require_usable(term: Term, arrays: Mapping[str, Vector], signal: Signal) -> Vector:
+def _require_usable(term: CovariateTerm, arrays: Mapping[str, Vector], signal: Signal) -> Vector:
     values = arrays.get(term.name)
     if values is None:
         names = ", ".join([*arrays, TIME, WARM_UP])

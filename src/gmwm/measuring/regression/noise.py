@@ -35,7 +35,7 @@ class Mixture:
 
 
 @dataclass(frozen=True, eq=False)
-class Noise:
+class NoiseMixtures:
     """Weighted average of mixtures of processes that describe a wavelet variance. `curve` (J,) is the wavelet variance
     of the average, and `freedom` (J,) the degrees of freedom of the measured one."""
 
@@ -44,7 +44,7 @@ class Noise:
     freedom: Vector
 
     @classmethod
-    def of(cls, variance: Vector, freedom: Vector, samples: int) -> Noise:
+    def of(cls, variance: Vector, freedom: Vector, samples: int) -> NoiseMixtures:
         """Estimate the noise of `samples` values with a wavelet variance (J,) that has `freedom` (J,) degrees of
         freedom."""
         design = Design(np.arange(1, variance.size + 1), samples=samples, rate=1.0)

@@ -14,7 +14,7 @@ from gmwm.base.errors import DataError, OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised, duration_text
 from gmwm.measuring.confidence_limits import chi_square_limits
-from gmwm.measuring.regression.against import TEMPERATURE, WARM_UP, Term
+from gmwm.measuring.regression.against import TEMPERATURE, WARM_UP, CovariateTerm
 from gmwm.measuring.regression.columns import Basis, Column
 from gmwm.measuring.variance.result import WaveletVariance
 
@@ -163,7 +163,7 @@ class Regression(Summarised, Plotted, Mapping[str, Coefficient]):
         return self.basis.columns
 
     @property
-    def terms(self) -> tuple[Term, ...]:
+    def terms(self) -> tuple[CovariateTerm, ...]:
         """The covariates, with the forms of their effects."""
         return self.basis.terms
 
@@ -299,7 +299,9 @@ class Regression(Summarised, Plotted, Mapping[str, Coefficient]):
         for name, lag in self.lag.items():
             lines.append(f"  lag behind {name}: {'-' * (lag < 0)}{duration_text(abs(lag))}")
         at = ", ".join(
-            f"{name} {value:g} {Term(name).unit}".rstrip() for name, value in self.references.items() if name != WARM_UP
+            f"{name} {value:g} {CovariateTerm(name).unit}".rstrip()
+            for name, value in self.references.items()
+            if name != WARM_UP
         )
         lines.append(f"  F({len(self)}, {self.freedom:.0f}) = {self.statistic:.4g}, p = {self.pvalue:.2g}")
         if at:
@@ -332,7 +334,7 @@ class Regression(Summarised, Plotted, Mapping[str, Coefficient]):
     def from_dict(cls, content: Mapping[str, Any]) -> Regression:
         """Create a regression from `content`, the result of `to_dict`."""
         knots = {name: tuple(map(float, values)) for name, values in content["knots"].items()}
-        terms = tuple(map(Term.parse, content["against"].split("+")))
+        terms = tuple(map(CovariateTerm.parse, content["against"].split("+")))
         coefficients = list(content["coefficients"].values())
         coarse = content["coarse"]
         return cls(

@@ -141,17 +141,17 @@ def short_memory(
     return _report(data, chosen, _alternatives(data, chosen, sure, price))
 
 
-def _supportable(data: _Data, points: Iterable[_Point]) -> list[_Point]:
+def _supportable(data: _Data, points: Iterable[_ArmaPoint]) -> list[_ArmaPoint]:
     """Return the points whose density does not change much between the lowest frequency of the data and 0."""
     return [point for point in points if abs(_bend(data, point)) <= FLAT]
 
 
-def _free(data: _Data, point: _Point) -> _Point:
+def _free(data: _Data, point: _ArmaPoint) -> _ArmaPoint:
     """Return the optimum from this point if the factor on the known part is also fitted."""
     return _descend(data, point.a, point.b, point.scale, free=True)
 
 
-def _grown(data: _Data, best: _Point, price: float, *, free: bool) -> list[_Point]:
+def _grown(data: _Data, best: _ArmaPoint, price: float, *, free: bool) -> list[_ArmaPoint]:
     """Add roots to the best process repeatedly; return all processes that were tried."""
     tried = [best]
     while True:
@@ -165,7 +165,7 @@ def _grown(data: _Data, best: _Point, price: float, *, free: bool) -> list[_Poin
         best = next_best
 
 
-def _best_start(data: _Data, best: _Point, more: tuple[int, int], *, free: bool) -> _Point:
+def _best_start(data: _Data, best: _ArmaPoint, more: tuple[int, int], *, free: bool) -> _ArmaPoint:
     """Return the optimum with more roots: a few steps from all starting points, then all steps from the best of
     them."""
     # Starting points can be equal, because a real root does not depend on the angle, and both residuals can be largest
@@ -176,8 +176,8 @@ def _best_start(data: _Data, best: _Point, more: tuple[int, int], *, free: bool)
     return min((_descend(data, p.a, p.b, p.scale, slow=p.slow, free=free) for p in first), key=lambda point: point.loss)
 
 
-def _best_of_each_order(tried: Sequence[_Point]) -> list[_Point]:
-    best: dict[tuple[int, int], _Point] = {}
+def _best_of_each_order(tried: Sequence[_ArmaPoint]) -> list[_ArmaPoint]:
+    best: dict[tuple[int, int], _ArmaPoint] = {}
     for point in tried:
         orders = (point.a.size, point.b.size)
         if orders not in best or point.loss < best[orders].loss:
@@ -231,7 +231,7 @@ class _Data:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Point:
+class _ArmaPoint:
     """Process with the density e^scale |b|²/|a|²; `slow` is the logarithm of the factor on the known part. `a` and `b`
     are the coefficients of the two polynomials without the leading 1."""
 
@@ -286,7 +286,7 @@ class _Point:
 
 def _descend(
     data: _Data, a: Vector, b: Vector, scale: float, *, slow: float = 0.0, free: bool = False, steps: int = _ITERATIONS
-) -> _Point:
+) -> _ArmaPoint:
     """Find the local optimum by the Levenberg-Marquardt method, with all roots inside the unit circle. If `free`, the
     factor on the known part is fitted too."""
     parameters = np.concatenate([[scale], a, b, [slow]])
@@ -299,14 +299,14 @@ def _descend(
         _inside(parameters[1 + a.size : -1], ZERO),
     )
     scale, slow = float(parameters[0]) - gain_a + gain_b, float(parameters[-1])
-    return _Point(data=data, a=inner_a, b=inner_b, scale=scale, slow=slow)
+    return _ArmaPoint(data=data, a=inner_a, b=inner_b, scale=scale, slow=slow)
 
 
-def _score(point: _Point, price: float, spread: float = 1.0) -> float:
+def _score(point: _ArmaPoint, price: float, spread: float = 1.0) -> float:
     return point.loss / spread + price * point.order
 
 
-def _error_at_zero(point: _Point, data: _Data) -> float:
+def _error_at_zero(point: _ArmaPoint, data: _Data) -> float:
     """Return the standard error of the logarithm of the density at frequency 0."""
     slopes = np.concatenate([
         [1.0], -2 / (1 + point.a.sum()) * np.ones(point.a.size), 2 / (1 + point.b.sum()) * np.ones(point.b.size), [0.0]
@@ -314,7 +314,7 @@ def _error_at_zero(point: _Point, data: _Data) -> float:
     return math.sqrt(max(float(slopes @ _scatter(point, data) @ slopes), 0.0))
 
 
-def _scatter(point: _Point, data: _Data) -> Matrix:
+def _scatter(point: _ArmaPoint, data: _Data) -> Matrix:
     """Return the covariance (2 + p + q, 2 + p + q) of the errors of `scale`, `a`, `b` and `slow`."""
     root = np.sqrt(data.weights)[:, None] * point.jacobian
     root = np.vstack([root, np.append(np.zeros(root.shape[1] - 1), 1 / KNOWN)])
@@ -327,7 +327,7 @@ def _scatter(point: _Point, data: _Data) -> Matrix:
     return np.asarray(max(point.loss / max(data.logs.size - length.size, 1), 1.0) * inverse)
 
 
-def _bend(data: _Data, point: _Point) -> float:
+def _bend(data: _Data, point: _ArmaPoint) -> float:
     """Return the logarithm of the ratio of the density at the frequency 0 to that at the lowest frequency of the
     data."""
     below, above = (abs(data.polynomial(tail)[0]) / max(abs(1 + tail.sum()), 1e-12) for tail in (point.a, point.b))
@@ -348,7 +348,7 @@ def _inside(tail: Vector, most: float) -> tuple[Vector, float]:
     return np.real(np.poly(roots))[1:], gain
 
 
-def _starts(data: _Data, best: _Point, more: tuple[int, int]) -> Iterator[tuple[Vector, Vector]]:
+def _starts(data: _Data, best: _ArmaPoint, more: tuple[int, int]) -> Iterator[tuple[Vector, Vector]]:
     """Yield starting points: the best process so far, with roots at the largest residuals, and at high and low
     frequencies."""
     scaled = np.sqrt(data.weights) * best.residuals
@@ -376,7 +376,9 @@ def _add_roots(tail: Vector, count: int, angle: float, radius: float) -> Vector:
     return polynomial[1:]
 
 
-def _alternatives(data: _Data, chosen: _Point, tried: Sequence[_Point], price: float) -> tuple[Alternative, ...]:
+def _alternatives(
+    data: _Data, chosen: _ArmaPoint, tried: Sequence[_ArmaPoint], price: float
+) -> tuple[Alternative, ...]:
     """Return the best process of each other order with a weight of at least `LIKELY`. The weight is proportional to
     exp(−d/2), with d the information criterion minus that of the chosen process."""
     best = {(point.a.size, point.b.size): point for point in (*_best_of_each_order(tried), chosen)}
@@ -391,7 +393,7 @@ def _alternatives(data: _Data, chosen: _Point, tried: Sequence[_Point], price: f
     )
 
 
-def _report(data: _Data, point: _Point, alternatives: tuple[Alternative, ...]) -> SpectralShape:
+def _report(data: _Data, point: _ArmaPoint, alternatives: tuple[Alternative, ...]) -> SpectralShape:
     sign = np.concatenate([-np.ones(point.a.size), np.ones(point.b.size)])
     return SpectralShape(
         phi=-point.a, theta=point.b.copy(), innovation=math.exp(point.scale),

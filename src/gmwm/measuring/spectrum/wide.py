@@ -38,7 +38,7 @@ LEAST_HEIGHT = 1.25
 """
 
 
-class Grid(NamedTuple):
+class DensityGrid(NamedTuple):
     """Means of the density over bins of a constant relative width; NaN in bins that contain only lines."""
 
     frequencies: Vector
@@ -64,7 +64,7 @@ class WidePeak(NamedTuple):
         return self.density / self.level
 
 
-def grid_of(spectrum: PowerSpectrum, freedom: Vector, free: NDArray[np.bool_], per_octave: int) -> Grid:
+def grid_of(spectrum: PowerSpectrum, freedom: Vector, free: NDArray[np.bool_], per_octave: int) -> DensityGrid:
     """Return the means of the density over bins of 1 / per_octave octaves, each with at least two frequencies."""
     size = spectrum.density.size - 1
     lowest = max(FIRST_BIN, math.ceil(LEAST_BINS * per_octave / math.log(2)))
@@ -73,7 +73,7 @@ def grid_of(spectrum: PowerSpectrum, freedom: Vector, free: NDArray[np.bool_], p
     edges = edges[(np.diff(edges, prepend=0) > 0) & (edges <= size)]
     if edges.size < 2:
         empty = np.empty(0)
-        return Grid(empty, empty, empty, per_octave)
+        return DensityGrid(empty, empty, empty, per_octave)
     sums = [
         np.add.reduceat(np.where(free, values, 0.0)[: edges[-1]], edges[:-1])
         for values in (spectrum.density, spectrum.frequencies, freedom, np.ones(free.size))
@@ -81,7 +81,7 @@ def grid_of(spectrum: PowerSpectrum, freedom: Vector, free: NDArray[np.bool_], p
     with np.errstate(invalid="ignore", divide="ignore"):
         density, frequencies, mean_freedom = (total / sums[3] for total in sums[:3])
         freedom = pooled_freedom(mean_freedom, sums[3])
-    return Grid(frequencies, density, freedom, per_octave)
+    return DensityGrid(frequencies, density, freedom, per_octave)
 
 
 def wide_peaks(
@@ -120,7 +120,7 @@ def wide_peaks(
     return lines, bumps
 
 
-def _peaks(grid: Grid, level: float) -> list[WidePeak]:
+def _peaks(grid: DensityGrid, level: float) -> list[WidePeak]:
     """Return the significant peaks of one grid, the most significant first."""
     if grid.density.size < 2 * NEAR:
         return []
@@ -151,7 +151,7 @@ def _peaks(grid: Grid, level: float) -> list[WidePeak]:
     return peaks
 
 
-def _fit_shape(peak: WidePeak, grids: Sequence[Grid]) -> WidePeak:
+def _fit_shape(peak: WidePeak, grids: Sequence[DensityGrid]) -> WidePeak:
     """Return the peak with the frequency and the width of a fitted Lorentz shape; a peak with a low Q is unchanged."""
     if peak.frequency < SHARP * peak.width:
         return peak
@@ -169,7 +169,7 @@ def _fit_shape(peak: WidePeak, grids: Sequence[Grid]) -> WidePeak:
     return peak if fit is None else peak._replace(frequency=fit[0], width=fit[1])
 
 
-def _width(grid: Grid, k: int, half: float) -> float | None:
+def _width(grid: DensityGrid, k: int, half: float) -> float | None:
     """Return the width (Hz) of the peak at bin k where its density falls to `half`; None if it does not on one side.
     The width of the bins is subtracted in quadrature."""
     ends = []
@@ -186,7 +186,7 @@ def _width(grid: Grid, k: int, half: float) -> float | None:
     return float(math.sqrt(max(width**2 - bin_width**2, bin_width**2 / 4)))
 
 
-def _summit(grid: Grid, k: int) -> float:
+def _summit(grid: DensityGrid, k: int) -> float:
     """Return the frequency (Hz) of the peak at bin k, by a parabola through the logarithms of three bins."""
     with np.errstate(divide="ignore"):
         before, top, after = np.log(grid.density[k - 1 : k + 2])
@@ -195,7 +195,7 @@ def _summit(grid: Grid, k: int) -> float:
     return float(grid.frequencies[k] * 2 ** (np.clip(shift, -0.5, 0.5) / grid.per_octave))
 
 
-def _is_compact(grid: Grid, k: int, level: float) -> bool:
+def _is_compact(grid: DensityGrid, k: int, level: float) -> bool:
     """Return whether most of the excess of the peak at bin k over `level` is within one bin."""
     first = max(k - OUTER, 0)
     excess = np.nan_to_num(grid.density[first : k + OUTER + 1] - level)
@@ -203,7 +203,7 @@ def _is_compact(grid: Grid, k: int, level: float) -> bool:
     return float(excess[~near].sum()) <= float(excess[near].sum()) / 2
 
 
-def _overlap(peak: WidePeak, other: WidePeak, grid: Grid | None) -> bool:
+def _overlap(peak: WidePeak, other: WidePeak, grid: DensityGrid | None) -> bool:
     """Return whether two peaks are closer than the width of the wider one, or than two bins of `grid`, and so the
     same."""
     bin_width = 0.0 if grid is None else 2 * other.frequency * math.log(2) / grid.per_octave

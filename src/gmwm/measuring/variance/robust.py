@@ -36,7 +36,7 @@ Outcome: TypeAlias = Literal["root", "mad", "mean", "zero"]
 
 
 @dataclass
-class _Level:
+class _RootSearch:
     """State of the search at one level. `place` is log σ² minus log `start`."""
 
     start: float = 0.0
@@ -97,12 +97,12 @@ def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6, *, resolut
     return float(robust_variances(plain, efficiency).variance[0])
 
 
-def _first(source: CoefficientSource, k: int, tuning: Biweight) -> _Level:
+def _first(source: CoefficientSource, k: int, tuning: Biweight) -> _RootSearch:
     """Search the root of a level on a sample of its coefficients. The result is final if the sample has all of them."""
     sample = source.sample(k, SAMPLE)
     count, resolution = int(source.counts[k]), source.resolution(k)
     complete = sample.size == count
-    level = _Level(zeros=float(np.count_nonzero(sample <= resolution)) / sample.size)
+    level = _RootSearch(zeros=float(np.count_nonzero(sample <= resolution)) / sample.size)
     if not complete and level.zeros > 0.4:
         # Near one half, or if the sample may have missed the few nonzero coefficients, count all of them.
         level.zeros = source.between(k, resolution, resolution)[0] / count
@@ -115,7 +115,7 @@ def _first(source: CoefficientSource, k: int, tuning: Biweight) -> _Level:
     return level
 
 
-def _search(level: _Level, sample: Vector, resolution: float, complete: bool, tuning: Biweight) -> None:
+def _search(level: _RootSearch, sample: Vector, resolution: float, complete: bool, tuning: Biweight) -> None:
     """Find a root on the sample by Newton's method, started at the MAD. If this fails, scan the range around it."""
     middle = float(np.median(sample))
     # More than half of the sample can be zero although less than half of all coefficients are.
@@ -146,11 +146,11 @@ def _search(level: _Level, sample: Vector, resolution: float, complete: bool, tu
         level.outcome = "root" if complete else None
 
 
-def _mad_is_zero(level: _Level) -> bool:
+def _mad_is_zero(level: _RootSearch) -> bool:
     return level.zeros > 0.5
 
 
-def _on_sample(level: _Level, sample: Vector, tuning: Biweight) -> Criterion:
+def _on_sample(level: _RootSearch, sample: Vector, tuning: Biweight) -> Criterion:
     def criterion(place: float) -> tuple[float, float]:
         cubed, fourth = _core.biweight_sums(sample, tuning.c**2 * level.start * math.exp(place))
         return tuning.criterion(cubed, fourth, float(sample.size))
@@ -158,7 +158,7 @@ def _on_sample(level: _Level, sample: Vector, tuning: Biweight) -> Criterion:
     return criterion
 
 
-def _on_all(source: CoefficientSource, k: int, level: _Level, tuning: Biweight) -> Criterion:
+def _on_all(source: CoefficientSource, k: int, level: _RootSearch, tuning: Biweight) -> Criterion:
     limits = np.zeros(len(source.counts))
 
     def criterion(place: float) -> tuple[float, float]:
@@ -169,7 +169,7 @@ def _on_all(source: CoefficientSource, k: int, level: _Level, tuning: Biweight) 
     return criterion
 
 
-def _polish(source: CoefficientSource, levels: Sequence[_Level], tuning: Biweight) -> None:
+def _polish(source: CoefficientSource, levels: Sequence[_RootSearch], tuning: Biweight) -> None:
     """Refine the sample roots of all levels by Newton's method on all coefficients, pass by pass."""
     active = np.array([level.rooted and level.outcome is None for level in levels])
     start = np.array([level.start for level in levels])
@@ -220,7 +220,7 @@ def _interpolate(
     return moved, error
 
 
-def _settle(source: CoefficientSource, k: int, level: _Level, tuning: Biweight) -> None:
+def _settle(source: CoefficientSource, k: int, level: _RootSearch, tuning: Biweight) -> None:
     """Solve a level without a root on its sample, or that has not converged, by a scan of all coefficients. Without a
     root, the variance follows from the MAD, or is 0 if the MAD is 0."""
     criterion = _on_all(source, k, level, tuning)
