@@ -8,9 +8,6 @@ from gmwm.base.arrays import Vector, row_medians
 from gmwm.measuring.inspection.knocks import BLOCK, FEWEST, Indices, Outliers, level_length, outliers_of
 from gmwm.measuring.inspection.time_grid import Extent
 
-_RUN = 256
-"""Number of consecutive samples in which the mean hardly changes, for the noise before rounding
-(tests/test_rounding.py)."""
 _SLAB = 256 * BLOCK  # samples that are processed together; it affects memory and speed only
 
 
@@ -129,7 +126,8 @@ class AxisStatistics:
             inside = outliers[(outliers >= low) & (outliers < high)] - low
             calm = np.delete(part, inside) if inside.size else part
             self.calm.add(k, calm)
-            if (missing := _RUN - sum(run.size for run in self._runs[k])) > 0:
+            # The mean hardly changes over 256 samples. The noise before rounding is estimated from them.
+            if (missing := 256 - sum(run.size for run in self._runs[k])) > 0:
                 self._runs[k].append(calm[:missing].copy())
             # The difference that ends at the first sample of a window belongs to no window.
             second = max(low, a - begin + 1)

@@ -41,10 +41,6 @@ _LATE = 0.5
 (docs/howto/record.md)."""
 OF_STAMPS = ("stamps-backward", "stamps-repeated", "stamps-jitter")
 """Remarks of a reader on the time stamps. `of_time` makes them again."""
-AFFECTED = ("B", "K", "R")
-"""Symbols of the numbers that are estimated at long scales, where a trend looks like noise."""
-ALL = ("N", "B", "K", "Q", "q_c")
-"""Symbols of the numbers that rounding affects: all noise densities."""
 _COARSE = 2.0
 """Largest quantization step (standard deviations of the noise) at which the rounding error is white noise of variance
 step²/12. N is then known to 2 %, and slow changes of the mean to 3 % (docs/validation/rounding.md)."""
@@ -119,7 +115,8 @@ def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Exten
             "size": in_datasheet_units(abs(trend.size), 0.0, unit),
             "walk": in_datasheet_units(trend.walk_with_trend, -0.5, unit),
             "limit": in_datasheet_units(trend.walk_limit, -0.5, unit),
-            "numbers": AFFECTED,
+            # The numbers that are estimated at long scales, where a trend looks like noise.
+            "numbers": ("B", "K", "R"),
         }
         if trend.tau is not None and trend.until is not None:
             tau, until = Quantity(trend.tau, "s"), Quantity(longest, "s")
@@ -226,7 +223,7 @@ def of_rounding(axes: Mapping[str, AxisInspection], rate: float) -> Iterator[Rem
         ratio = axis.lsb / axis.before_rounding if axis.before_rounding else math.inf
         step = _as_printed(axis.lsb, axis.unit)
         if ratio > _COARSE:
-            yield Remark.of("coarse-output", name, step=step, ratio=ratio, numbers=ALL)
+            yield Remark.of("coarse-output", name, step=step, ratio=ratio, numbers=("N", "B", "K", "Q", "q_c"))
         elif ratio > _ROUNDED:
             density = in_datasheet_units(axis.lsb / math.sqrt(12 * rate), 0.5, axis.unit)
             yield Remark.of("output-rounded", name, step=step, ratio=ratio, density=density)

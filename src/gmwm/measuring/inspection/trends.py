@@ -18,10 +18,6 @@ Kind = Literal["exponential", "linear", "quadratic"]
 
 _FEWEST = 48
 """Smallest number of blocks for the test; tests/test_inspection_trends.py counts false alarms at 70 and 256 blocks."""
-_TIMES = 18
-"""Number of time constants on the first grid; a second grid refines the best one."""
-_FIRST_STEP = 3
-"""First block in which a jump is distinguished from a warm-up. An earlier jump is treated as a warm-up."""
 _SIZE = 0.01
 """Significance level of the test (docs/validation/trends.md)."""
 _TAIL = (8.5, 0.4)
@@ -29,8 +25,6 @@ _TAIL = (8.5, 0.4)
 is most often mistaken for a trend (docs/validation/trends.md)."""
 _EXTRA = 2.0
 """Improvement of −2 log L that is subtracted for a second parameter, as in Akaike's criterion."""
-_VISIBLE = 1.0
-"""Largest size of a remaining trend that does not matter, as the square of a number of standard errors of the noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,7 +125,7 @@ class TrendTest:
         self._likelihood = likelihood = Likelihood(means)
         self._none = likelihood.without()
         at = (np.arange(n) + 0.5) / n
-        times = np.geomspace(1.0, 1.5 * n, _TIMES)
+        times = np.geomspace(1.0, 1.5 * n, 18)
         decays, courses = self._decays(times)
         j = _best(decays)
         # A second grid around the best time constant.
@@ -157,7 +151,8 @@ class TrendTest:
         near = [kind for kind, gain in gains.items() if gain >= self.statistic - _EXTRA]
         self.kind: Kind | None = "linear" if "linear" in near else near[0]
         models = np.array([int(np.argmin(p.values)) for p in (self._none, self._profile())])
-        if base - likelihood.with_step(models, _FIRST_STEP) - _EXTRA > self.statistic:
+        # A jump in the first three blocks is treated as a warm-up.
+        if base - likelihood.with_step(models, 3) - _EXTRA > self.statistic:
             self.kind = None
         self.pvalue = min(1.0, 0.1 * math.exp(-_TAIL[1] * (self.statistic - _TAIL[0])))
 
@@ -189,7 +184,7 @@ class TrendTest:
         # The transform of the rest of the trend after block s is a sum over its differences from s on.
         parts = self._likelihood.grid.transform * np.diff(self._course())
         rests = np.cumsum(parts[:, ::-1], axis=1)[:, ::-1]
-        visible = np.flatnonzero(weights @ rests**2 > _VISIBLE)
+        visible = np.flatnonzero(weights @ rests**2 > 1.0)
         return float(visible[-1] + 1) if visible.size else 0.0
 
     def _profile(self) -> CourseProfile:

@@ -22,8 +22,6 @@ _TIMES = (1.5, 5.0, 16.0)
 walk."""
 _PLATEAUS = np.geomspace(1e-2, 1e4, 13)
 """Spectral density of the Gauss-Markov process at low frequency, relative to the density of the white noise."""
-_FINER = np.geomspace(0.67, 1.5, 17)
-"""Factors for a finer search of the random walk, between two neighbours of `_WALKS`, whose ratio is 1.48."""
 _LIMIT = 3.841
 """Rise of −2 log L at the upper limit of a random walk: the 95 % quantile of χ² with one degree of freedom. The 90 %
 quantile, which is usual for a one-sided limit of 95 %, gives limits that are too low in 10 to 20 % of recordings,
@@ -153,7 +151,8 @@ class Likelihood:
         limit = _crossing(grid.walks[:used] * scales, values - values[best] - _LIMIT)
         if not grid.walks[best]:
             return 0.0, limit
-        ratios = grid.walks[best] * _FINER
+        # Between two neighbours of `_WALKS`, whose ratio is 1.48.
+        ratios = grid.walks[best] * np.geomspace(0.67, 1.5, 17)
         variances = grid.rest[best] + ratios[:, None] * grid.walk
         values, scales = self._restricted_likelihood(1 / variances, np.sum(np.log(variances), axis=1), courses)
         finer = int(np.argmin(values))

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base import _core
 from gmwm.base.arrays import Vector, as_rate, as_vector, freeze
+from gmwm.measuring.variance.biweight import NORMAL_QUARTILE
 from gmwm.measuring.variance.panels import Panels, panel_length
 from gmwm.recording.resolution import Sample, step_of
 from gmwm.recording.signals import Signal
@@ -46,9 +47,6 @@ _PIECES = 64
 """Smallest number of coefficients for a local standard deviation; its relative error is about 15 %."""
 Indices = NDArray[np.int64]
 Ranges = NDArray[np.int64]
-_QUARTILE = 0.6744897501960817
-_ROUNDING = 12**-0.5
-"""Standard deviation of the rounding error, in quantization steps."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -217,7 +215,8 @@ def coefficients(panel: Vector, rate: float, step: float) -> Iterator[BurstCoeff
         if path.size - 2 < _PIECES // 2:
             return
         unit, piece = 0.5 ** (k + 1), max(_PIECES, round(NEIGHBOURHOOD * rate / 2**k))
-        least = _ROUNDING * step * 2.0 ** (-0.5 * (k + 1))
+        # The standard deviation of the rounding error is step / √12.
+        least = 12**-0.5 * step * 2.0 ** (-0.5 * (k + 1))
         at, w, spread, energy = _core.large_coefficients(path, unit, piece, least=least, limit=_SMALL)
         yield BurstCoefficients(
             number=k + 1, path=path, unit=unit, at=at, w=w, piece=piece, spread=spread, energy=energy
@@ -288,4 +287,4 @@ def _is_alone(level: BurstCoefficients, first: int, last: int) -> bool:
     length = max(margin, _BESIDE)
     surroundings = [(first - margin - length, first - margin), (last + margin, last + margin + length)]
     relative = [level.relative(max(a, 0), max(b, 0)) for a, b in surroundings]
-    return all(float(np.median(part)) < _ALONE * _QUARTILE for part in relative if part.size >= APART)
+    return all(float(np.median(part)) < _ALONE * NORMAL_QUARTILE for part in relative if part.size >= APART)

@@ -24,8 +24,6 @@ LONGEST = 30.0
 """Longest time (s) that is replaced, including the margins of the knock."""
 MOST = 0.1
 """Largest share of the samples that is replaced. A longer change is a state of the sensor, not a disturbance."""
-_PASSES = 6
-"""Number of searches. Each follows the replacement of the knocks found so far, because weak ends are found last."""
 _BESIDE = 32
 """Smallest number of samples on each side of a knock from which its samples are replaced during the search."""
 
@@ -88,7 +86,8 @@ def _of_panel(values: Vector, rate: float, step: float) -> Ranges:
     """Return the index ranges of the knocks in consecutive samples that form one panel."""
     levels, ranges = list(coefficients(values, rate, step)), np.empty((0, 2), dtype=np.int64)
     for small in [False, True]:
-        for _ in range(_PASSES):
+        # Each search follows the replacement of the knocks found so far, because weak ends are found last.
+        for _ in range(6):
             bursts = burst_ranges(levels, small=small)
             wider = _union(np.concatenate([ranges, _widen(bursts, values.size)]))
             if np.array_equal(wider, ranges):

@@ -24,8 +24,6 @@ from gmwm.recording.options import as_size
 from gmwm.recording.signals import Signal
 from gmwm.theory.processes.model import ModelLike
 
-HUGE = 10.0
-"""Excess (ratio minus 1) from which messages state a factor instead of a percentage."""
 LEAST_FREEDOM = 30.0
 """Number of degrees of freedom M_j / 2^j up to which a level is not tested, because the tail of the distribution of the
 ratio is not known well enough (docs/validation/contamination-test.md)."""
@@ -411,7 +409,7 @@ def excess_text(excess: float) -> str:
         f"by {100 * excess:.2g} %"
         if excess < 1
         else f"by {100 * excess:.0f} %"
-        if excess < HUGE
+        if excess < 10
         else (f"by a factor of {rounded(1 + excess)}")
     )
 

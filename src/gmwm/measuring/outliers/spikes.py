@@ -16,6 +16,7 @@ from gmwm.base import _core
 from gmwm.base.arrays import Vector, freeze, row_medians
 from gmwm.base.errors import DataError, OptionError
 from gmwm.measuring.outliers.bursts import NEIGHBOURHOOD
+from gmwm.measuring.variance.biweight import NORMAL_QUARTILE
 from gmwm.recording.gaps import drawn
 from gmwm.recording.resolution import lsb
 from gmwm.recording.signals import Signal
@@ -45,18 +46,13 @@ _REACHES = (3, 12)
 """Numbers of neighbours on each side: the nearest predict best behind a low-pass filter, many in white noise."""
 _FEW = 12
 """Number of spikes below which no residual may be between θ / 2 and θ."""
-_TAIL = APART**-3.0
-"""Share of the residuals beyond θ / 1.5 that are beyond θ, if their tail decays as θ⁻³ (infinite third moment)."""
 _BULK = 50_000
 """Number of residuals from which the spread and the tails of the bulk are estimated."""
 _PRECISE = 500_000
 """The same number for a recording with spikes: 0.3 % of samples at 6 standard deviations add 10 % to the variance."""
-_LOWEST = 3.0
-"""Smallest residual that can be replaced."""
 _BIN, _NONE = 0.25, 0.005
 _PASSES, _SETTLED = 5, 0.01
 """Largest number of repetitions of the search, and relative change of the number of spikes at which they end."""
-_QUARTILE = 0.6744897501960817
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -214,7 +210,7 @@ def _bulk(
     residual = np.abs(_core.neighbour_residuals(values, values, places, reach))
     piece = min(max(round(NEIGHBOURHOOD * rate / stride), 128), residual.size)
     count = residual.size // piece
-    local = row_medians(residual[: count * piece].reshape(count, piece)) / _QUARTILE
+    local = row_medians(residual[: count * piece].reshape(count, piece)) / NORMAL_QUARTILE
     local = np.maximum(local, np.maximum(np.median(local), step * 12**-0.5))
     if not local.min() > 0:
         return local, values.size, np.inf, np.inf
@@ -260,7 +256,7 @@ def _threshold(deviation: Vector, samples: int, freedom: float, false: float = 1
     # Residuals that Gaussian noise explains are not counted, because small spikes are among its tails.
     gaussian = np.minimum(samples * 2 * ndtr(-theta / APART), beyond - ks)
     good = (pdtrc(ks - 1, expected) <= CERTAIN) & (expected <= false * ks) & (beyond - gaussian <= MORE * ks)
-    good &= np.where(ks < _FEW, double == ks, bdtrc(ks - 1, beyond - gaussian.astype(np.int64), _TAIL) <= CERTAIN)
+    good &= np.where(ks < _FEW, double == ks, bdtrc(ks - 1, beyond - gaussian.astype(np.int64), APART**-3.0) <= CERTAIN)
     return float(theta[good][-1]) if np.any(good) else np.inf
 
 
@@ -268,7 +264,7 @@ def _beyond(deviation: Vector, freedom: float) -> Vector:
     """Return the probability that a residual of the bulk exceeds each of the deviations."""
     from scipy.special import stdtr, stdtrit
 
-    return np.asarray(2 * stdtr(freedom, -deviation * (stdtrit(freedom, 0.75) / _QUARTILE)))
+    return np.asarray(2 * stdtr(freedom, -deviation * (stdtrit(freedom, 0.75) / NORMAL_QUARTILE)))
 
 
 def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) -> NDArray[np.bool_]:
@@ -283,7 +279,8 @@ def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) 
     low = threshold
     while samples * _beyond(np.array([low]), freedom)[0] > _NONE:
         low += _BIN
-    while low >= _LOWEST:
+    # the smallest residual that can be replaced
+    while low >= 3.0:
         here = np.flatnonzero((deviation >= low) & (deviation < high))
         expected = samples * float(np.subtract(*_beyond(np.array([low, high]), freedom)))
         surplus = here.size - expected

@@ -37,10 +37,6 @@ data can neither show nor exclude a slow process; an effect of five standard err
 _ROUNDS = 4
 """Number of rounds that estimate noise, weights and coefficients in turn. The third one changes a standard error by
 less than 1 % (tests/regression)."""
-POINTS = 256
-"""Number of parts of the recording whose means are kept for a plot."""
-_TIMES = 24
-_LEAST_KEPT = 0.1
 
 
 def regress(signal: Signal, covariates: Covariates, *, automatic: bool = False) -> Regression:
@@ -204,7 +200,7 @@ def _iterate(means: Vector, covariates: Covariates, present: np.ndarray, whole: 
             )
         beta = weighted.estimate(means)
         spread = weighted.covariance_rows(noise.average(noise.covariances(len(means))))
-        shares = np.clip(1 - weighted.removed_variance(spread) / noise.curve, _LEAST_KEPT, 1.0)
+        shares = np.clip(1 - weighted.removed_variance(spread) / noise.curve, 0.1, 1.0)
         variances = design.variances(means - covariates.smooth_matrix(tau) @ beta)
     return _Iteration(weighted, noise, shares, tau)
 
@@ -222,7 +218,7 @@ def _time_constant(means: Vector, covariates: Covariates, design: RegressionDesi
         beta = under.estimate(means)
         return float(beta @ under.information @ beta)
 
-    grid = np.geomspace(4 * step, 1.5 * span, _TIMES)
+    grid = np.geomspace(4 * step, 1.5 * span, 24)
     best = int(np.argmax([gain(tau) for tau in grid]))
     ratio = grid[1] / grid[0]
     finer = grid[best] * np.geomspace(1 / ratio, ratio, 13)
@@ -283,7 +279,7 @@ def restate(
 
 def _thin(values: Vector) -> Vector:
     """Return the means of up to `POINTS` consecutive parts of nearly equal length."""
-    edges = np.linspace(0, values.size, min(POINTS, values.size) + 1).astype(np.int64)
+    edges = np.linspace(0, values.size, min(256, values.size) + 1).astype(np.int64)
     return np.asarray(np.add.reduceat(values, edges[:-1]) / np.diff(edges))
 
 

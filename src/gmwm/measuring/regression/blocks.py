@@ -20,7 +20,6 @@ MOST = 1 << 17
 CLIPPED = 8.0
 """Distance from the median of the block, in standard deviations, at which samples are clipped, so that a shock changes
 a block mean only slightly. Gaussian noise reaches it once in 10¹⁵ samples."""
-_SLAB = 1 << 20
 
 
 def usual_length(samples: int, end: int) -> int:
@@ -70,7 +69,7 @@ class BlockClock:
             begin = first
             while begin < last:
                 # Each piece ends at the end of a block.
-                stop = min(begin + _SLAB - (offset + begin - first) % self.length, last)
+                stop = min(begin + (1 << 20) - (offset + begin - first) % self.length, last)
                 pieces.append((begin, stop, offset + begin - first))
                 begin = stop
         return pieces

@@ -20,13 +20,9 @@ from gmwm.recording.signals import Signal
 KNOWN = 10.0
 """A scale is used if the wavelet variance of the covariate is at least this number times that of its reading error. The
 error makes a coefficient from all used scales too small by less than 1 % (docs/validation/regression.md)."""
-STEPS = 1 / 12
-"""Variance of the rounding error of a covariate with quantization step q, in units of q²."""
 LARGE_STEPS = 2.5
 """A covariate with quantization step q must have a wavelet variance of at least this number times q² at some scale. If
 it changes by four steps in all, a coefficient is too small by 4 % (docs/validation/regression.md)."""
-RETURNS = 0.3
-"""A quantized series is smoothed if at most this share of its changes go back to the previous value."""
 WINDOWS = 256
 """Number of windows; a quantized covariate that moves up and down in nearly all of them is dithered."""
 FEWEST_BLOCKS = 32
@@ -233,7 +229,7 @@ def known_level(values: Vector, signal: Signal, step: float) -> int | None:
     if np.max(curve) < LARGE_STEPS * step**2:
         return None
     at = np.arange(curve.size)
-    error = np.maximum(STEPS * step**2, curve[valley] * 2.0 ** (valley - at))
+    error = np.maximum(1 / 12 * step**2, curve[valley] * 2.0 ** (valley - at))
     passed = (curve >= KNOWN * error) & (at > valley)
     return int(np.argmax(passed)) + 1 if np.any(passed) else None
 
@@ -245,7 +241,7 @@ def without_steps(values: Vector, step: float) -> Vector:
 
     at = np.flatnonzero(values[1:] != values[:-1])
     middle = (values[at] + values[at + 1]) / 2
-    if at.size < 4 or np.count_nonzero(middle[1:] == middle[:-1]) > RETURNS * at.size:
+    if at.size < 4 or np.count_nonzero(middle[1:] == middle[:-1]) > 0.3 * at.size:
         return values
     places = np.clip(np.arange(values.size, dtype=np.float64), at[0] + 0.5, at[-1] + 0.5)
     return np.clip(CubicSpline(at + 0.5, middle)(places), values - step / 2, values + step / 2)

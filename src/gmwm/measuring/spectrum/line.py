@@ -108,8 +108,6 @@ WINDOW_MOMENT = 1 / 3
 """
 TRUNCATION = 3e-4
 """Largest error (bins) of the mean frequency over seven bins, from the side lobes outside these bins."""
-GAUSSIAN_WIDTH = 2 * math.sqrt(2 * math.log(2))
-"""Width of a Gaussian shape at half its height, in units of its standard deviation."""
 
 
 def measured_line(
@@ -142,7 +140,8 @@ def measured_line(
     return Line(
         frequency=middle * spacing, frequency_error=spacing * math.hypot(scatter["frequency"], TRUNCATION),
         amplitude=amplitude, amplitude_error=scatter["power"] * spacing / amplitude,
-        width=GAUSSIAN_WIDTH * math.sqrt(spread) * spacing if wandering else 0.0, height=height, p_value=p_value,
+        width=2 * math.sqrt(2 * math.log(2)) * math.sqrt(spread) * spacing if wandering else 0.0, height=height,
+        p_value=p_value,
     )  # fmt: skip
 
 
@@ -168,8 +167,6 @@ def _variance(
     return max(2 / freedom * total, 0.0)
 
 
-LEAST_POINTS = 8
-"""Smallest number of densities to which the five parameters of the shape are fitted."""
 WITHIN = 3.0
 """Largest factor by which a fit may change the width; beyond, it describes another feature of the spectrum."""
 
@@ -184,7 +181,8 @@ def lorentz_fit(
 
     positive = density > 0
     frequencies, density, freedom = frequencies[positive], density[positive], freedom[positive]
-    if density.size < LEAST_POINTS:
+    # The shape has five parameters.
+    if density.size < 8:
         return None
     level, top = float(np.median(density[np.argsort(density)[: density.size // 2]])), float(density.max())
     start = np.array([math.log(level), 0.0, math.log(max(top - level, level / 10)), 0.0, math.log(width)])

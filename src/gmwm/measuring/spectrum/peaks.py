@@ -45,10 +45,6 @@ def find_peaks(spectrum: PowerSpectrum) -> tuple[tuple[Line, ...], tuple[Bump, .
     return group_harmonics([*lines, *wandering], spectrum.resolution), tuple(bumps)
 
 
-HIGHEST = 40
-"""Highest harmonic that the search considers."""
-
-
 def group_harmonics(lines: Iterable[Line], resolution: float) -> tuple[Line, ...]:
     """Return the lines sorted by frequency, with the harmonic k and the fundamental f₀ of the lines of a group. The
     frequency of such a line differs from k f₀ by at most the resolution (Hz) plus three standard errors. The
@@ -74,7 +70,7 @@ def _multiples(first: Line, lines: Iterable[Line], resolution: float) -> list[tu
         k = round(line.frequency / first.frequency)
         tolerance = resolution + 3 * (line.frequency_error + k * first.frequency_error)
         # A tolerance above a quarter of f₀ would find a multiple for any line.
-        if 1 <= k <= HIGHEST and abs(line.frequency - k * first.frequency) <= tolerance < first.frequency / 4:
+        if 1 <= k <= 40 and abs(line.frequency - k * first.frequency) <= tolerance < first.frequency / 4:
             multiples.append((line, k))
     return multiples
 

@@ -39,8 +39,6 @@ LEAST_KNOWN = 1e-3
 LIKELY = 0.01
 """Smallest weight for which a process of another order is reported in addition to the best process."""
 _ITERATIONS, _FIRST, _KEPT = 40, 6, 2
-_NEAR = 1e-4
-_SMOOTH = 5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -291,7 +289,7 @@ def _descend(
     factor on the known part is fitted too."""
     parameters = np.concatenate([[scale], a, b, [slow]])
     _core.spectral_descent(
-        data.waves, data.rows, floor=data.floor, prior=KNOWN, p=a.size, free=free, steps=steps, near=_NEAR,
+        data.waves, data.rows, floor=data.floor, prior=KNOWN, p=a.size, free=free, steps=steps, near=1e-4,
         parameters=parameters,
     )  # fmt: skip
     (inner_a, gain_a), (inner_b, gain_b) = (
@@ -352,7 +350,7 @@ def _starts(data: _Data, best: _ArmaPoint, more: tuple[int, int]) -> Iterator[tu
     """Yield starting points: the best process so far, with roots at the largest residuals, and at high and low
     frequencies."""
     scaled = np.sqrt(data.weights) * best.residuals
-    smooth = np.convolve(scaled, np.ones(_SMOOTH) / _SMOOTH, mode="same")
+    smooth = np.convolve(scaled, np.ones(5) / 5, mode="same")
     for residual in (smooth, scaled):
         worst = int(np.argmax(np.abs(residual)))
         for radii in ((0.97, 0.9), (0.8, 0.6)):

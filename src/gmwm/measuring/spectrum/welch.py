@@ -14,19 +14,12 @@ from gmwm.base.arrays import Vector, freeze
 
 Detrend = Literal["constant", "linear"]
 """Trend that is subtracted from each block: the mean, or the least-squares line."""
-OVERLAP_CORRELATION = (1 / 6) ** 2
-"""Correlation of the periodograms of two half-overlapping Hann blocks, (Σ w_t w_{t+L/2} / Σ w_t²)² (Percival and Walden
-1993, chapter 6.17)."""
 ENERGY_WIDTH = 1.5
 """Equivalent noise bandwidth of the Hann window, L Σ w² / (Σ w)², in bins (Harris 1978, table 1)."""
 HALF_POWER_WIDTH = 1.44
 """Width of a line at half its power with a Hann window, in bins (Harris 1978, table 1)."""
 BATCH = 1 << 17
 """Number of samples that are transformed at once: 1 MB, which stays in the cache of the processor."""
-ROUNDING = 8 * float(np.finfo(np.float64).eps)
-"""Largest relative rounding error of the mean of a constant block, with a safety factor of eight."""
-TINY = 1e-300
-"""Smallest value of the periodogram whose logarithm is used. The periodogram of a constant signal is 0."""
 
 
 @lru_cache(maxsize=16)
@@ -86,7 +79,7 @@ def periodograms(values: Vector, length: int, detrend: Detrend) -> Periodograms:
         mean = batch.mean(axis=1, keepdims=True)
         batch = batch - mean
         # For a constant block, only the rounding error of the mean remains. It is set to zero.
-        batch[np.abs(batch).max(axis=1) <= ROUNDING * np.abs(mean[:, 0])] = 0.0
+        batch[np.abs(batch).max(axis=1) <= 8 * float(np.finfo(np.float64).eps) * np.abs(mean[:, 0])] = 0.0
         if detrend == "linear":
             line = _centred_time(length)
             batch -= (batch @ line)[:, None] * line
@@ -95,7 +88,7 @@ def periodograms(values: Vector, length: int, detrend: Detrend) -> Periodograms:
         np.multiply(parts, parts, out=parts)
         power = parts[:, ::2] + parts[:, 1::2]
         total += power.sum(axis=0)
-        logs = np.log(np.maximum(power, TINY, out=power), out=power)
+        logs = np.log(np.maximum(power, 1e-300, out=power), out=power)
         means = np.exp(np.add.reduceat(logs, edges, axis=1) / sizes)
         levels += means.sum(axis=0)
         squares += (means**2).sum(axis=0)
@@ -119,7 +112,7 @@ def one_sided_density(sums: Periodograms, length: int, rate: float) -> Vector:
 def nominal_freedom(blocks: int, pairs: int) -> float:
     """Return the edf 2 K² / (K + 2 P r) of the mean of K periodograms of stationary noise (Welch 1967). P is the number
     of pairs of overlapping blocks, and r the correlation of the periodograms of a pair."""
-    return 2 * blocks**2 / (blocks + 2 * pairs * OVERLAP_CORRELATION)
+    return 2 * blocks**2 / (blocks + 2 * pairs * (1 / 6) ** 2)
 
 
 def degrees_of_freedom(sums: Periodograms, pairs: int, length: int) -> Vector:

@@ -20,17 +20,11 @@ if TYPE_CHECKING:
 
 RESOLUTIONS = tuple(6 * 2**k for k in range(9, -1, -1))
 """Number of bins per octave of each grid, the finest first, for widths from 0.02 % to 50 % of the frequency."""
-LEAST_BINS = 2
-"""Smallest number of frequencies of the spectrum in a bin of a grid."""
 NEAR, FAR = 4, 11
 """Distances, in bins of the grid, at which the flanks begin and end. A flank has 8 bins."""
-LEAST_FLANK = 3
-"""Smallest number of bins of a flank at the ends of the grid."""
 INNER, OUTER = 1, 5
 """Distances (bins of the grid) for the test whether a grid is coarse enough: the excess at 2 to 5 bins must be less
 than half of that within one bin, so that the flanks are outside the peak."""
-SHARP = 3.0
-"""Smallest Q factor of a resonance whose frequency and width are fitted with a Lorentz shape."""
 AROUND, PER_WIDTH = 3.0, 6.0
 """The fit uses the frequencies within three widths on each side, and bins of at most a sixth of the width."""
 LEAST_HEIGHT = 1.25
@@ -67,7 +61,7 @@ class WidePeak(NamedTuple):
 def grid_of(spectrum: PowerSpectrum, freedom: Vector, free: NDArray[np.bool_], per_octave: int) -> DensityGrid:
     """Return the means of the density over bins of 1 / per_octave octaves, each with at least two frequencies."""
     size = spectrum.density.size - 1
-    lowest = max(FIRST_BIN, math.ceil(LEAST_BINS * per_octave / math.log(2)))
+    lowest = max(FIRST_BIN, math.ceil(2 * per_octave / math.log(2)))
     count = int(per_octave * math.log2(size / lowest)) + 1 if lowest < size else 0
     edges = np.round(lowest * 2.0 ** (np.arange(count + 1) / per_octave)).astype(np.int64)
     edges = edges[(np.diff(edges, prepend=0) > 0) & (edges <= size)]
@@ -125,7 +119,7 @@ def _peaks(grid: DensityGrid, level: float) -> list[WidePeak]:
     if grid.density.size < 2 * NEAR:
         return []
     with np.errstate(invalid="ignore", divide="ignore"):
-        surroundings = flanks(grid.density, grid.freedom, NEAR, FAR, least=LEAST_FLANK)
+        surroundings = flanks(grid.density, grid.freedom, NEAR, FAR, least=3)
         ratio = grid.density / surroundings.level
         p = p_values(ratio, grid.freedom, level)
     top = np.ones(ratio.size, dtype=bool)
@@ -153,7 +147,7 @@ def _peaks(grid: DensityGrid, level: float) -> list[WidePeak]:
 
 def _fit_shape(peak: WidePeak, grids: Sequence[DensityGrid]) -> WidePeak:
     """Return the peak with the frequency and the width of a fitted Lorentz shape; a peak with a low Q is unchanged."""
-    if peak.frequency < SHARP * peak.width:
+    if peak.frequency < 3.0 * peak.width:
         return peak
     fine = [grid for grid in grids if peak.frequency * math.log(2) / grid.per_octave <= peak.width / PER_WIDTH]
     # The coarsest of the fine grids that reach down to the peak is used, or else the finest grid that reaches it.

@@ -115,8 +115,6 @@ class SlopeLine:
 
 _Reason = Literal["slope", "chance", "few", "rising"]
 """Reason why a term is not found."""
-OCTAVE = 1.9
-"""Smallest ratio of neighbouring averaging times for which a slope is computed."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -307,7 +305,7 @@ def _octaves(tau: Vector, usable: NDArray[np.bool_]) -> list[int]:
     """Return indices of usable values that are about an octave apart; slopes between closer values are too noisy."""
     indices: list[int] = []
     for k in np.flatnonzero(usable).tolist():
-        if not indices or tau[k] >= OCTAVE * tau[indices[-1]]:
+        if not indices or tau[k] >= 1.9 * tau[indices[-1]]:
             indices.append(k)
     return indices
 

@@ -14,8 +14,6 @@ MOST_TERMS = 240
 LARGEST_FINITE = 100
 """Largest product of the cluster size and d + 1 for which the covariance of the sampled process is used; for larger
 products, that of the process in continuous time."""
-CHUNK = 2048
-"""Number of cluster sizes processed together, to bound the memory."""
 
 
 def degrees_of_freedom(
@@ -61,8 +59,9 @@ def degrees_of_freedom(
     kinds = {*zip(exponents.tolist(), averaged.tolist(), endless.tolist(), strict=True)}
     for alpha, mean, without_end in kinds:
         where = np.flatnonzero((exponents == alpha) & (averaged == mean) & (endless == without_end))
-        for start in range(0, where.size, CHUNK):
-            part = where[start : start + CHUNK]
+        # Cluster sizes are processed in parts, to bound the memory.
+        for start in range(0, where.size, 2048):
+            part = where[start : start + 2048]
             result[part] = _of_one_noise(
                 alpha, clusters[part], points=points, d=order, overlapping=overlapping, modified=mean
             )

@@ -24,15 +24,11 @@ LEAST_EXACT = 6
 """Smallest number of exact levels. Up to τ = 64 samples, every τ/64-th coefficient means every coefficient."""
 MOST_EXACT = 24
 """Largest number of exact levels."""
-SAMPLE_BYTES = 40
-"""Memory (bytes) of an accumulator for each of 2^exact samples: the ends of a segment, and the results of a panel."""
 DEEPEST = 44
 """Largest number of levels: 2^44 samples are 500 years at 1 kHz."""
 MEMORY = 1 << 29
 """Default limit (bytes) of the memory of all accumulators of a recording. Six axes then store 8.4 million samples, 23 h
 at 100 Hz; for more samples, 21 levels are exact."""
-HELD_BYTES = 8
-"""Memory (bytes) of an accumulator for each sample that is stored."""
 PANEL = 1 << 20
 """Largest number of samples that are processed together."""
 LARGE = 1 << 18
@@ -260,7 +256,7 @@ class SegmentedAccumulator(OneAtATime):
         self._rises += float(segment.count) ** 2 * segment.rise
 
 
-def exact_levels(axes: int, memory: int = MEMORY, sample_bytes: int = SAMPLE_BYTES) -> int:
+def exact_levels(axes: int, memory: int = MEMORY, sample_bytes: int = 40) -> int:
     """Return the largest number of exact levels for which the accumulators of all axes need at most `memory` bytes.
 
     >>> exact_levels(6), exact_levels(1)
@@ -275,7 +271,7 @@ def held_samples(axes: int) -> int:
     >>> held_samples(6)
     8388608
     """
-    return 1 << ((MEMORY // (HELD_BYTES * axes)).bit_length() - 1)
+    return 1 << ((MEMORY // (8 * axes)).bit_length() - 1)
 
 
 def whole(value: int, name: str, least: int, most: int) -> int:

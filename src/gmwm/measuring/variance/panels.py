@@ -8,8 +8,6 @@ import numpy as np
 
 from gmwm.base.arrays import Vector
 
-SECONDS = 128.0
-"""Shortest duration of a panel (s)."""
 LEAST = 1 << 17
 """Smallest number of samples of a panel."""
 
@@ -20,7 +18,7 @@ def panel_length(rate: float) -> int:
     >>> panel_length(100.0), panel_length(4000.0)
     (131072, 524288)
     """
-    return max(LEAST, 1 << int(np.ceil(np.log2(SECONDS * rate))))
+    return max(LEAST, 1 << int(np.ceil(np.log2(128.0 * rate))))
 
 
 class Panels:

@@ -61,8 +61,6 @@ def _of_segment(values: Vector, time: float) -> RiseSums:
 
 KEPT = 8192
 """Largest number of stored values. If there are more, every second value is dropped."""
-FAR = 10.0
-"""Clipping limit, as a distance from the median in median absolute deviations."""
 ROW = 256
 _ROW_SUMS = np.column_stack([np.arange(ROW, dtype=np.float64), np.ones(ROW)])
 
@@ -108,7 +106,8 @@ class ThinnedValues:
         # Least squares in each segment, weighted by the squares of the segment lengths.
         with np.errstate(divide="ignore", invalid="ignore"):
             weights = np.where(sizes > 1, 12.0 * sizes / (sizes**2 - 1.0), 0.0) / np.sum(sizes[sizes > 1] ** 2)
-        return WinsorisedRise(middle, FAR * spread if spread > 0 else np.inf, edges, weights)
+        # Values are clipped at 10 median absolute deviations from the median.
+        return WinsorisedRise(middle, 10.0 * spread if spread > 0 else np.inf, edges, weights)
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,8 +23,6 @@ from gmwm.measuring.variance.coefficients import SAMPLE, CoefficientSource, Plai
 PART = 8
 """Before the passes over all coefficients, one Newton step uses one eighth of the recording, if this part has more
 independent coefficients than the sample of the level."""
-PASSES = 8
-"""Largest number of passes; two or three are typical. `_settle` solves a level that has not converged after them."""
 TOLERANCE = 1e-11
 """Predicted error of log σ² below which a level has converged."""
 FEW = 2
@@ -177,7 +175,8 @@ def _polish(source: CoefficientSource, levels: Sequence[_RootSearch], tuning: Bi
     before: tuple[Vector, Vector, Vector] | None = None
     # Coefficients less than 2^j apart are strongly correlated, so N coefficients count as N / 2^j independent ones.
     fine = active & (source.counts / PART >= SAMPLE * 2.0 ** np.arange(1, len(levels) + 1))
-    for number in range(-int(fine.any()), PASSES):
+    # Two or three passes are typical. `_settle` solves a level that has not converged.
+    for number in range(-int(fine.any()), 8):
         if not active.any():
             return
         limits = np.where(fine if number < 0 else active, tuning.c**2 * start * np.exp(place), 0.0)

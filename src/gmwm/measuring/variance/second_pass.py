@@ -29,9 +29,6 @@ from gmwm.measuring.variance.sketch import SketchCoefficients
 if TYPE_CHECKING:
     from gmwm.measuring.variance.accumulate import WaveletAccumulator
 
-OTHERS = 0.05
-"""Relative change of a variance in the second pass above which the samples must differ from those of the first pass.
-For equal samples, it is typically 1e-4."""
 NEAR = 0.02
 """Largest distance in log σ² from the exact sums at which the linear correction is used."""
 DOUBT = 0.01
@@ -106,7 +103,7 @@ class SecondPass(SegmentedAccumulator):
         moved = [abs(v / b - 1.0) if b > 0 else 0.0 for v, b in zip(exact.variance, before, strict=True)]
         rooted = (outcome == "root" for outcome in exact.diagnostics["outcome"])
         # The first pass is accurate to about 1e-4, so a larger change means that the samples differ.
-        if others := [k for k, (share, at) in enumerate(zip(moved, rooted, strict=True)) if at and share > OTHERS]:
+        if others := [k for k, (share, at) in enumerate(zip(moved, rooted, strict=True)) if at and share > 0.05]:
             raise DataError(
                 f"the second pass read other samples than the first pass: at level {others[0] + 1} the variance "
                 f"differs by {100 * moved[others[0]]:.2g} %",

@@ -216,8 +216,6 @@ class SketchCollector:
 SKETCH_COLLECTOR = SketchCollector()
 
 
-ALONE = 8
-"""Ratio of the count of a bin to the counts of both neighbouring bins above which its values are treated as equal."""
 _BELOW_BIN = 52 - OCTAVE.bit_length() + 1
 """Number of low-order bits of the mantissa that do not determine the bin."""
 
@@ -303,7 +301,7 @@ class _Bins:
         width = np.ldexp(1.0 / OCTAVE, np.maximum(bins // OCTAVE, 1) - 1023)
         mean = (bins << _BELOW_BIN).view(np.float64) + width * place
         padded = np.concatenate([[0], sketch.counts, [0]])
-        alone = counts > ALONE * (padded[used] + padded[used + 2])
+        alone = counts > 8 * (padded[used] + padded[used + 2])
         half = np.where(alone, 0.0, width * np.minimum(place, 1.0 - place))
         # A third of the largest variance that is possible for this mean. It is exact for a uniform distribution over
         # the bin.

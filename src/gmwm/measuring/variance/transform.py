@@ -293,8 +293,6 @@ def _at_parity(values: Vector, l: int) -> Vector:  # noqa: E741
 
 # --- coefficients of which a wavelet variance is the mean square --------------------------------------
 
-LOSS = 2.5
-"""Relative increase of the covariance of wavelet variances per share of filled samples (tests/filling)."""
 Transform = Literal["modwt", "dwt"]
 """Kind of transform: maximal-overlap ("modwt") or decimated ("dwt")."""
 
@@ -349,7 +347,7 @@ def degrees_of_freedom(
 def loss_factor(filled: int, samples: int) -> float:
     """Return the factor by which filled samples increase the covariance of wavelet variances. It is 1 + 2.5 p for a
     share p of filled samples, which add scatter but no information."""
-    return 1.0 + LOSS * filled / samples
+    return 1.0 + 2.5 * filled / samples
 
 
 def variances(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> Vector:
