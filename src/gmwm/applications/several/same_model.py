@@ -13,7 +13,7 @@ from gmwm.fitting.estimation.estimator import fit
 from gmwm.fitting.estimation.recordings import LONGEST, deviations
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.inference.intervals import parameters_by_name
-from gmwm.measuring.variance.pooling import pooled
+from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.model import ModelLike
 
@@ -82,7 +82,7 @@ def same_parameters(
     model: ModelLike, curves: Mapping[str, WaveletVariance], axis: str, confidence: float
 ) -> SameParameters:
     """Test the recordings of one axis, with the p-value of this test alone."""
-    together = fit(model, pooled(curves), certify=False)
+    together = fit(model, pool(curves), certify=False)
     apart = deviations(together)
     return SameParameters(
         axis=axis, model=str(together.model), statistic=apart.statistic, df=apart.df, pvalue=apart.pvalue,

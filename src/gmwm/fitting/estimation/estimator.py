@@ -25,7 +25,7 @@ from gmwm.measuring.regression.against import Against, Asked
 from gmwm.measuring.regression.api import regressed_variance
 from gmwm.measuring.variance.api import signal_wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY, require_robust
-from gmwm.measuring.variance.pooling import pooled
+from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
 from gmwm.theory.filters import find_filter
@@ -303,14 +303,14 @@ def measured(
         return _measured(cast("Curve", data), rate, robust, efficiency, asked=asked)
     if not several:
         raise DataError(argument="data", expected="at least one recording", got=data)
-    if any(term.measured for term in asked.terms):
+    if any(term.is_measured for term in asked.terms):
         raise OptionError(
             "against has an array, which belongs to one recording, but there are several",
             argument="against",
             advice="Remove its effect from each recording by `wavelet_variance(x, against=…)`, and pass the curves.",
         )
     curves = [_measured(one, rate, robust, efficiency, asked=asked) for one in several]
-    return pooled({str(k): wv for k, wv in enumerate(curves, start=1)})
+    return pool({str(k): wv for k, wv in enumerate(curves, start=1)})
 
 
 def _several(data: object) -> list[Curve] | None:
