@@ -9,7 +9,8 @@ import pytest
 
 import gmwm
 from gmwm.applications.several.cross import _freedom, _Noise, cross
-from gmwm.applications.several.pairs import Pairs
+from gmwm.applications.several import plots
+from gmwm.applications.several.matrices import AxisPairs
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.multiple_tests import holm
 from gmwm.measuring.covariance.design import Design
@@ -137,7 +138,7 @@ def test_what_a_user_sees(tmp_path):
     assert pickle.loads(pickle.dumps(found)).summary() == found.summary()
     found.plot(path=tmp_path / "cross.png")
     assert (tmp_path / "cross.png").stat().st_size > 10_000
-    panels = gmwm.plots.cross.cross_figure(found).panels
+    panels = plots.cross_figure(found).panels
     assert [panel.title for panel in panels][:2] == ["gyro_x, gyro_y", "gyro_x, gyro_z"]
     assert repr(found).startswith("CrossCovariance(gyro_x, ")
 
@@ -166,7 +167,7 @@ def test_options_are_checked():
 
 
 def test_pairs_do_not_depend_on_the_order():
-    pairs = Pairs({("a", "b"): 1, ("a", "c"): 2})
+    pairs = AxisPairs({("a", "b"): 1, ("a", "c"): 2})
     assert pairs["b", "a"] == pairs["a", "b"] == 1
     assert ("c", "a") in pairs
     assert pairs.get(("b", "c")) is None

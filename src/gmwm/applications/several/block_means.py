@@ -9,8 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from gmwm.applications.several.cross import tested
-from gmwm.applications.several.matrices import measured, product_moment, units_of
-from gmwm.applications.several.pairs import pairs_of
+from gmwm.applications.several.matrices import measured, pairs_of, product_moment, units_of
 from gmwm.applications.several.result import SharedNoise
 from gmwm.applications.several.streamed import Curves
 from gmwm.applications.several.synchronous import synchronous_signals

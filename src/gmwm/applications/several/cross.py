@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.applications.several.delays import delays_of
-from gmwm.applications.several.matrices import measured, product_moment, units_of
-from gmwm.applications.several.pairs import Pairs, pairs_of
+from gmwm.applications.several.matrices import AxisPairs, measured, pairs_of, product_moment, units_of
 from gmwm.applications.several.result import CrossCovariance
 from gmwm.applications.several.streamed import Curves, streamed_curves
 from gmwm.applications.several.synchronous import chosen_names, synchronous_signals
@@ -146,13 +145,13 @@ def tested(found: Curves, *, robust: bool, efficiency: float, size: float, confi
         rate=first.rate,
         samples=first.samples,
         variance={name: wv.variance for name, wv in own.items()},
-        covariance=Pairs(moments),
-        correlation=Pairs(correlation),
-        lower=Pairs({pair: low for pair, (low, _) in limits.items()}),
-        upper=Pairs({pair: high for pair, (_, high) in limits.items()}),
-        degrees_of_freedom=Pairs(freedom),
-        pvalues=Pairs(pvalues),
-        delays=Pairs({}),
+        covariance=AxisPairs(moments),
+        correlation=AxisPairs(correlation),
+        lower=AxisPairs({pair: low for pair, (low, _) in limits.items()}),
+        upper=AxisPairs({pair: high for pair, (_, high) in limits.items()}),
+        degrees_of_freedom=AxisPairs(freedom),
+        pvalues=AxisPairs(pvalues),
+        delays=AxisPairs({}),
         size=size,
         confidence=confidence,
         efficiency=efficiency if robust else None,

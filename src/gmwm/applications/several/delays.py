@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gmwm.applications.several.pairs import Pairs, pairs_of
+from gmwm.applications.several.matrices import AxisPairs, pairs_of
 from gmwm.base.arrays import Vector
 from gmwm.measuring.regression.least_squares import haar
 from gmwm.recording.signals import Signal
@@ -28,7 +28,7 @@ SMALL = 0.4
 a share of the correlation at the delay."""
 
 
-def delays_of(signals: Mapping[str, Signal]) -> Pairs[int]:
+def delays_of(signals: Mapping[str, Signal]) -> AxisPairs[int]:
     """Return the delay d (samples) of each pair (a, b) in which b lags behind a; pairs without a delay are left out.
 
     If one of two signals with shared noise is delayed, their correlation at fine scales is small or negative, and the
@@ -48,7 +48,7 @@ def delays_of(signals: Mapping[str, Signal]) -> Pairs[int]:
             )
             if delay:
                 found.setdefault(pair, delay)
-    return Pairs(found)
+    return AxisPairs(found)
 
 
 def _delay(correlation: Vector, count: int) -> int:

@@ -88,8 +88,9 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> Settled:
         products = lag_products(problem.processes(weights.u), design)
         wavelet = measured.design.loss_factor * moment_covariance(weights.sigmas, products)
         problem = replace(problem, root=_root(wavelet * _scale(problem, weights.implied)))
-        # The first weights are rough, so the search is repeated once with better weights.
-        accuracy = EXACT if k == 1 else _accuracy(weights.change)
+        # The first weights are rough, so the search is repeated once with better weights. The accuracy of the other
+        # rounds keeps the error of the fitted variances at a tenth of their change in the last round.
+        accuracy = EXACT if k == 1 else float(np.clip(0.01 * weights.change**2, EXACT, ROUGH))
         found = search(problem) if k == 1 else resume(problem, found, accuracy=accuracy)
         weights = weights.after(problem, found, restart=k <= 1)
         if k > 1 and weights.change < SETTLED:
@@ -102,11 +103,6 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> Settled:
         found = resume(problem, found)
     products = lag_products(problem.processes(found.u), design)
     return Settled(problem, found, unit=unit, products=products, measured=measured, converged=converged)
-
-
-def _accuracy(change: float) -> float:
-    """Return the accuracy of the objective with which a round changes its variances by a tenth of the last change."""
-    return float(np.clip(0.01 * change**2, EXACT, ROUGH))
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,11 +138,8 @@ class _Mixed:
             u = np.clip(u - share * (u - before), *problem.limits)
             values, vectors = np.linalg.eigh(sigmas - share * (sigmas - matrices))
             sigmas = (vectors * np.maximum(values, 0.0)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
-        return replace(
-            _Mixed.of(problem, u, sigmas),
-            change=float(np.max(np.abs(np.expm1(miss)))),
-            last=(found.u, found.sigmas, miss),
-        )
+        change = float(np.max(np.abs(np.expm1(miss))))
+        return replace(_Mixed.of(problem, u, sigmas), change=change, last=(found.u, found.sigmas, miss))
 
 
 def _implied(problem: JointProblem, u: Vector, sigmas: Matrix) -> Matrix:
@@ -167,15 +160,11 @@ def _first_root(gamma: Matrix, design: Design) -> Matrix:
 def _scale(problem: JointProblem, implied: Matrix) -> Matrix:
     """Return the factors (n, n) that scale V to averages of fitted and measured variances, like `implied_weights`."""
     freedom = problem.design.degrees_of_freedom[:, None]
-    observed = np.einsum("jaa->ja", _matrices(problem))
+    gamma = symmetric(problem.moments.reshape(-1, problem.design.levels.size).T, problem.d)
+    observed = np.einsum("jaa->ja", gamma)
     ratio = np.sqrt((freedom * observed / implied + PRIOR) / (freedom + PRIOR))
     scale = stacked(ratio[:, :, None] * ratio[:, None, :])
     return np.outer(scale, scale)
-
-
-def _matrices(problem: JointProblem) -> Matrix:
-    """Return the stacked moments of a problem as covariance matrices (J, d, d)."""
-    return symmetric(problem.moments.reshape(-1, problem.design.levels.size).T, problem.d)
 
 
 def _root(wavelet: Matrix) -> Matrix:
@@ -198,15 +187,14 @@ def _root(wavelet: Matrix) -> Matrix:
 
 
 def chosen_levels(design: Design, levels: int | Sequence[int] | None, least: float = LEAST) -> NDArray[np.bool_]:
-    """Return the mask of the levels: those listed, a number of finest ones, or those with `least` coefficients per scale."""
+    """Return the mask of the levels: those listed, a number of finest ones, or those with `least` freedom."""
     if levels is None:
         return np.asarray(design.degrees_of_freedom >= least)
     wanted = list(range(1, levels + 1)) if isinstance(levels, int) else list(levels)
     unknown = [level for level in wanted if level not in design.levels]
     if unknown or not wanted:
-        raise OptionError(
-            argument="levels", expected=f"levels from 1 to {design.levels[-1]} of this recording", got=levels
-        )
+        expected = f"levels from 1 to {design.levels[-1]} of this recording"
+        raise OptionError(argument="levels", expected=expected, got=levels)
     return np.isin(design.levels, wanted)
 
 

@@ -14,6 +14,7 @@ from gmwm.applications.several.difference_filter import DifferenceFilter
 from gmwm.applications.several.sensor_array import like_axes
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import DataError
+from gmwm.base.plain import plain_fields
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
 from gmwm.base.tables import headed
 from gmwm.base.text import Summarised, duration_text
@@ -128,18 +129,11 @@ class VirtualAxis:
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers, lists and strings."""
         return {
-            "axis": self.axis,
-            "unit": self.unit,
-            "rate": self.rate,
+            **plain_fields(self, "axis unit rate"),
             "weights": dict(zip(self.members, self.weights.tolist(), strict=True)),
-            "model": self.model,
-            "pvalue": self.pvalue,
-            "filter": None if self.filter is None else self.filter.to_dict(),
-            "tau": self.tau.tolist(),
-            "deviation": self.deviation.tolist(),
+            **plain_fields(self, "model pvalue filter tau deviation"),
             "average": np.sqrt(self.average).tolist(),
-            "gain": self.gain.tolist(),
-            "gain_over_best": self.gain_over_best.tolist(),
+            **plain_fields(self, "gain gain_over_best"),
             "measured": np.sqrt(self.measured).tolist(),
             "optimism": self.optimism.tolist(),
         }
@@ -196,9 +190,8 @@ class VirtualSensor(Summarised):
                 raise DataError(argument="x", expected=expected, got=list(groups.get(axis, ())))
             first = next(iter(groups[axis].values()))
             if first.rate != one.rate:
-                raise DataError(
-                    f"the weights are for {one.rate:g} Hz, but the signals have {first.rate:g} Hz", argument="x"
-                )
+                reason = f"the weights are for {one.rate:g} Hz, but the signals have {first.rate:g} Hz"
+                raise DataError(reason, argument="x")
             fused[axis] = one.apply(groups[axis])
         return Imu(fused)
 
@@ -209,80 +202,52 @@ class VirtualSensor(Summarised):
         for axis, one in self.axes.items():
             place = int(np.argmin(one.weights))
             if one.weights[place] < 0:
-                found.append(
-                    Remark.of(
-                        "weights-negative", axis, member=one.members[place], weight=float(one.weights[place]),
-                        factor=float(np.sqrt(one.weights @ one.weights * one.weights.size)),
-                    )
-                )  # fmt: skip
+                factor = float(np.sqrt(one.weights @ one.weights * one.weights.size))
+                member, weight = one.members[place], float(one.weights[place])
+                found.append(Remark.of("weights-negative", axis, member=member, weight=weight, factor=factor))
             if one.pvalue is not None and one.pvalue < REJECTED:
                 ratio = one.measured / one.variance
                 at = int(np.argmax(np.abs(np.log(ratio)) * (one.seen > ENOUGH)))
-                found.append(
-                    Remark.of(
-                        "array-model-rejected", axis, model=one.model, ratio=float(np.sqrt(ratio[at])),
-                        tau=Quantity(float(one.tau[at]), "s"),
-                    )
-                )  # fmt: skip
+                size, tau = float(np.sqrt(ratio[at])), Quantity(float(one.tau[at]), "s")
+                found.append(Remark.of("array-model-rejected", axis, model=one.model, ratio=size, tau=tau))
         return tuple(found)
 
     def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the wavelet deviations of each signal, of their average and of the virtual sensor as functions of the
-        scale.
+        """Draw the wavelet deviations of each signal, of their average and of the virtual sensor by scale.
 
-        Parameters
-        ----------
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
+        With `path`, the picture is written to a file that ends in .png, .pdf or .svg.
         """
-        from gmwm.applications.several.fusion_plot import plot_fusion
+        from gmwm.applications.several.plots import fusion_figure
+        from gmwm.showing.plots.matplotlib import draw
 
-        return plot_fusion(self, path=path)
+        return draw(fusion_figure(self), path=path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers, lists and strings."""
-        return {
-            "horizon": self.horizon,
-            "axes": {axis: one.to_dict() for axis, one in self.axes.items()},
-            "remarks": [remark.to_dict() for remark in self.remarks],
-        }
+        return plain_fields(self, "horizon axes remarks")
 
     def to_frame(self) -> DataFrame:
         """Return the predicted deviations as a Polars data frame with one row for each axis and level."""
         from polars import DataFrame, concat
 
         return concat(
-            DataFrame(
-                {
-                    "axis": [axis] * one.levels.size,
-                    "level": one.levels,
-                    "tau": one.tau,
-                    "deviation": one.deviation,
-                    "average": np.sqrt(one.average),
-                    "gain": one.gain,
-                    "gain_over_best": one.gain_over_best,
-                }
-            )
+            DataFrame({
+                "axis": [axis] * one.levels.size, "level": one.levels, "tau": one.tau, "deviation": one.deviation,
+                "average": np.sqrt(one.average), "gain": one.gain, "gain_over_best": one.gain_over_best,
+            })
             for axis, one in self.axes.items()
-        )
+        )  # fmt: skip
 
     def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
-        """Format the weights, the gain at a few scales, and the remarks.
-
-        Parameters
-        ----------
-        dialect : Dialect
-            Whether options are written as in Python or as in the shell.
-        """
+        """Format the weights, the gain at a few scales, and the remarks, in the `dialect` of Python or the shell."""
         lines = []
         for axis, one in self.axes.items():
             weights = [["weight", *(name.removeprefix(axis) for name in one.members)]]
             weights.append(["", *(f"{weight:.3f}" for weight in one.weights)])
-            shown = self._shown(one)
+            places = set(range(0, one.tau.size, max(one.tau.size // 6, 1)))
+            if self.horizon is not None:
+                places.add(int(np.argmin(np.abs(np.log(one.tau / self.horizon)))))
+            shown = sorted(places)
             gains = [["at τ", *(duration_text(one.tau[k]) for k in shown)]]
             gains.append(["gain over the average", *(f"{one.gain[k]:.2f}" for k in shown)])
             gains.append(["gain over the best one", *(f"{one.gain_over_best[k]:.2f}" for k in shown)])
@@ -290,13 +255,6 @@ class VirtualSensor(Summarised):
             lines += [f"Model {one.model}, p = {one.pvalue:.2g}"] if one.pvalue is not None else []
             lines += ["", *headed(weights), "", *headed(gains), ""]
         return "\n".join([*lines, *texts(self.remarks, dialect)]).rstrip()
-
-    def _shown(self, one: VirtualAxis) -> list[int]:
-        """Return the levels that the table shows: about six, and the one nearest to the horizon."""
-        shown = set(range(0, one.tau.size, max(one.tau.size // 6, 1)))
-        if self.horizon is not None:
-            shown.add(int(np.argmin(np.abs(np.log(one.tau / self.horizon)))))
-        return sorted(shown)
 
     @property
     def _method(self) -> str:

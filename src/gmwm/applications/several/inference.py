@@ -10,6 +10,7 @@ from gmwm.applications.several.conic import Cone
 from gmwm.applications.several.fitting import Settled
 from gmwm.applications.several.moments import entries, symmetric
 from gmwm.base.arrays import Matrix, Vector
+from gmwm.fitting.inference.goodness import GoodnessOfFit
 
 SINGULAR = 1e-6
 """An eigenvalue of a covariance matrix counts as zero if it is below this share of the trace. The barrier method leaves
@@ -96,71 +97,52 @@ def _tangent(cone: Cone, place: int, sigma: Matrix, single: bool) -> Matrix:
     return left[:, size > 1e-9 * size[0]]
 
 
-@dataclass(frozen=True)
-class Misfit:
-    """The goodness-of-fit test of a model."""
-
-    statistic: float  # weighted sum of squared residuals of a fit that does not require positive semidefinite matrices
-    df: int  # its degrees of freedom
-    inflation: float  # its variance for a correct model, divided by 2·df, the variance of a chi-square variable
-
-    @property
-    def pvalue(self) -> float:
-        """p-value by the multiple of a chi-square variable that has the same mean and variance."""
-        from scipy.special import gammaincc
-
-        return float(gammaincc(self.df / self.inflation / 2, self.statistic / self.inflation / 2))
-
-
-def misfit(settled: Settled) -> Misfit:
+def misfit(settled: Settled) -> GoodnessOfFit:
     """Compute the goodness-of-fit test of the model.
 
     The moments of coarse levels are skewed, so the variance of the statistic is larger than that of a chi-square
     variable. For η independent coefficients of d signals, S = W/η has a Wishart distribution, and the part (η/2) tr(S −
     I)² of a level has the mean d(d + 1)/2 and the variance d(d + 1) + d(2d² + 5d + 5)/η. The estimated parameters
     reduce this part by the mean leverage h_j of the level."""
-    problem, found = settled.problem, settled.found
-    factor = np.linalg.cholesky(_unit(settled.wavelet()))
-    size = np.sqrt(np.diag(settled.wavelet()))
-    shapes = problem.shapes(found.u)
-    rows, columns = entries(problem.d)
+    from scipy.special import gammaincc
+
+    problem = settled.problem
+    rows, _ = entries(problem.d)
     # Two terms with the same shape count once. A common term counts with all entries of its matrix.
-    parts = problem_columns(problem.cone, shapes)
-    slopes = problem.slopes(found.u)
-    for place, slope in zip(problem.searched, slopes, strict=True):
-        parts = np.column_stack([parts, np.outer(found.sigmas[place][rows, columns], slope).ravel()])
-    whitened = np.linalg.solve(factor, np.column_stack([parts, problem.moments]) / size[:, None])
-    basis, rest = _regressed(whitened[:, :-1], whitened[:, -1])
+    whitened = _whitened(settled)
+    basis, rest = _regression(whitened[:, :-1], whitened[:, -1])
     taken = np.mean(np.sum(basis**2, axis=1).reshape(rows.size, -1), axis=0)
     d, df = problem.d, rest.size - basis.shape[1]
     freedom = FOURTH * settled.measured.design.degrees_of_freedom
     excess = d * (2 * d**2 + 5 * d + 5) * float(np.sum((1 - taken) ** 2 / freedom))
-    return Misfit(float(rest @ rest), df, 1 + excess / (2 * df) if df else 1.0)
+    # The p-value is that of a multiple of a chi-square variable with the same mean and variance.
+    inflation = 1 + excess / (2 * df) if df else 1.0
+    statistic = float(rest @ rest)
+    return GoodnessOfFit(
+        statistic=statistic, df=df, pvalue=float(gammaincc(df / inflation / 2, statistic / inflation / 2)),
+        levels=problem.design.levels.copy(), left_out=(), method="asymptotic",
+    )  # fmt: skip
 
 
-def _unit(wavelet: Matrix) -> Matrix:
+def _whitened(settled: Settled, *more: Matrix) -> Matrix:
+    """Return the columns for all free entries and searched shapes, `more` columns and the moments, whitened by V."""
+    problem, found, wavelet = settled.problem, settled.found, settled.wavelet()
+    rows, columns = entries(problem.d)
+    shapes = problem.shapes(found.u)
+    each = np.einsum("pj,im->pijm", shapes, np.eye(rows.size)).transpose(0, 1, 3, 2)
+    parts = [each.reshape(len(shapes) * rows.size, -1)[problem.cone.free].T]
+    for place, slope in zip(problem.searched, problem.slopes(found.u), strict=True):
+        parts.append(np.outer(found.sigmas[place][rows, columns], slope).ravel()[:, None])
     size = np.sqrt(np.diag(wavelet))
-    return np.asarray(wavelet / np.outer(size, size) + 1e-13 * np.eye(size.size))
+    factor = np.linalg.cholesky(wavelet / np.outer(size, size) + 1e-13 * np.eye(size.size))
+    return np.asarray(np.linalg.solve(factor, np.column_stack([*parts, *more, problem.moments]) / size[:, None]))
 
 
-def problem_columns(cone: Cone, shapes: Matrix) -> Matrix:
-    """Return the columns (n, k) of the unweighted design matrix, one for each free entry."""
-    rows, _ = entries(cone.d)
-    whole = np.einsum("pj,im->pijm", shapes, np.eye(rows.size)).transpose(0, 1, 3, 2)
-    return np.asarray(whole.reshape(shapes.shape[0] * rows.size, -1)[cone.free].T)
-
-
-def _regressed(columns: Matrix, target: Vector) -> tuple[Matrix, Vector]:
+def _regression(columns: Matrix, target: Vector) -> tuple[Matrix, Vector]:
     """Return an orthonormal basis (n, k) of the space that the columns span, and the residuals of a target (n,)."""
     left, size, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
     basis = left[:, size > 1e-9 * size[0]]
     return basis, target - basis @ (basis.T @ target)
-
-
-def _residual(columns: Matrix, target: Vector) -> tuple[float, int]:
-    """Return the residual sum of squares of the regression of a target on columns, and its degrees of freedom."""
-    basis, rest = _regressed(columns, target)
-    return float(rest @ rest), target.size - basis.shape[1]
 
 
 def sharing(null: Settled, place: int) -> tuple[float, int]:
@@ -168,21 +150,13 @@ def sharing(null: Settled, place: int) -> tuple[float, int]:
 
     It is the decrease of the weighted residuals of `null`, where the term is independent, when its other entries are
     added."""
-    problem, found = null.problem, null.found
-    wavelet = null.wavelet()
-    size = np.sqrt(np.diag(wavelet))
-    factor = np.linalg.cholesky(_unit(wavelet))
-    shapes = problem.shapes(found.u)
-    rows, columns = entries(problem.d)
-    parts = [problem_columns(problem.cone, shapes)]
-    for at, slope in zip(problem.searched, problem.slopes(found.u), strict=True):
-        parts.append(np.outer(found.sigmas[at][rows, columns], slope).ravel()[:, None])
+    rows, columns = entries(null.problem.d)
     off = np.eye(rows.size)[rows != columns]
-    added = np.einsum("im,j->mji", off, shapes[place]).reshape(-1, len(off))
-    whitened = np.linalg.solve(factor, np.column_stack([*parts, added, problem.moments]) / size[:, None])
-    less = _residual(whitened[:, : -len(off) - 1], whitened[:, -1])
-    more = _residual(whitened[:, :-1], whitened[:, -1])
-    return less[0] - more[0], less[1] - more[1]
+    shape = null.problem.shapes(null.found.u)[place]
+    whitened = _whitened(null, np.einsum("im,j->mji", off, shape).reshape(-1, len(off)))
+    less, few = _regression(whitened[:, : -len(off) - 1], whitened[:, -1])
+    more, rest = _regression(whitened[:, :-1], whitened[:, -1])
+    return float(few @ few) - float(rest @ rest), more.shape[1] - less.shape[1]
 
 
 def unconstrained(settled: Settled, place: int) -> Matrix:

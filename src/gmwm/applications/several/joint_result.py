@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -28,6 +29,7 @@ from gmwm.applications.several.state_space import JointContinuousStateSpace, Joi
 from gmwm.applications.several.terms import summed, with_kind
 from gmwm.base.arrays import Matrix
 from gmwm.base.errors import MissingTheoryError, OptionError
+from gmwm.base.plain import plain, plain_fields
 from gmwm.base.remarks import Remark, texts
 from gmwm.base.tables import headed
 from gmwm.base.text import Named, Summarised, p_relation
@@ -130,17 +132,7 @@ class JointFit(Summarised):
 
     @classmethod
     def of(cls, settled: Settled, units: Mapping[str, str], bounds: tuple[float, float] | None) -> JointFit:
-        """Create the result from a solved problem.
-
-        Parameters
-        ----------
-        settled : Settled
-            The solved problem.
-        units : mapping of str to str
-            Unit of each signal.
-        bounds : (float, float) or None
-            The values of `lower_bound` and `relaxed_bound`.
-        """
+        """Create the result from a solved problem, the units of its signals, and its two lower bounds."""
         problem, found, measured = settled.problem, settled.found, settled.measured
         labels = [term.label for term in problem.terms]
         processes = problem.processes(found.u)
@@ -186,8 +178,6 @@ class JointFit(Summarised):
         False without a bound.
         """
         return self.lower_bound is not None and self.lower_bound >= (1 - 2 * GAP) * self.objective
-
-    # --- estimates ------------------------------------------------------------------------------------
 
     def _place(self, term: str) -> int:
         if term not in self.terms:
@@ -275,23 +265,14 @@ class JointFit(Summarised):
             np.fill_diagonal(limits, 1.0)
         return low, high
 
-    # --- tests ----------------------------------------------------------------------------------------
-
     def goodness_of_fit(self) -> GoodnessOfFit:
         """Test whether the model describes the data.
 
         The statistic is the weighted sum of squared residuals of a fit that does not require positive semidefinite
-        matrices.
-
-        The p-value is slightly larger than that of a chi-square variable, because the moments of coarse levels are
-        skewed.
+        matrices. Its p-value is slightly larger than that of a chi-square variable, because the moments of coarse
+        levels are skewed.
         """
-        found = misfit(self.settled)
-        whole = self.settled.measured.design
-        return GoodnessOfFit(
-            statistic=found.statistic, df=found.df, pvalue=found.pvalue, levels=whole.levels.copy(), left_out=(),
-            method="asymptotic",
-        )  # fmt: skip
+        return misfit(self.settled)
 
     def shared(self, term: str) -> SharedTerm:
         """Test the null hypothesis that a term is independent between the signals, so that its correlations are zero.
@@ -301,25 +282,20 @@ class JointFit(Summarised):
         OptionError
             If there is no such term.
         """
+        from scipy.special import gammaincc
+
         place = self._place(term)
         if term not in self._shared_tests:
-            self._shared_tests[term] = self._shared_test(term, place)
+            null = settle(with_kind(self.settled.problem.terms, place, "own"), self.settled.measured)
+            statistic, df = sharing(null, place)
+            pvalue = float(gammaincc(df / 2, max(statistic, 0.0) / 2)) if df else 1.0
+            self._shared_tests[term] = SharedTerm(term=term, statistic=statistic, df=df, pvalue=pvalue)
         return self._shared_tests[term]
 
     @cached_property
     def _shared_tests(self) -> dict[str, SharedTerm]:
         """Results of `shared`, which fits the model of the null hypothesis, by term."""
         return {}
-
-    def _shared_test(self, term: str, place: int) -> SharedTerm:
-        from scipy.special import gammaincc
-
-        null = settle(with_kind(self.settled.problem.terms, place, "own"), self.settled.measured)
-        statistic, df = sharing(null, place)
-        pvalue = float(gammaincc(df / 2, max(statistic, 0.0) / 2)) if df else 1.0
-        return SharedTerm(term=term, statistic=statistic, df=df, pvalue=pvalue)
-
-    # --- for filters ----------------------------------------------------------------------------------
 
     @property
     def models(self) -> Mapping[str, Model]:
@@ -391,64 +367,43 @@ class JointFit(Summarised):
 
         return smooth_joint(self, x, rate)
 
-    # --- output ---------------------------------------------------------------------------------------
-
     def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the wavelet deviation of each signal and the correlation of each pair of signals, for the data and the
-        model.
+        """Draw the wavelet deviation of each signal and the correlation of each pair, for the data and the model.
 
-        Parameters
-        ----------
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
+        With `path`, the picture is written to a file that ends in .png, .pdf or .svg.
         """
-        from gmwm.applications.several.joint_plot import plot_joint
+        from gmwm.applications.several.plots import joint_figure
+        from gmwm.showing.plots.matplotlib import draw
 
-        return plot_joint(self, path=path)
+        return draw(joint_figure(self), path=path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the estimates, standard errors, tests and state spaces as plain numbers, lists and strings."""
-        states: dict[str, Any] | None
-        smooth: dict[str, Any] | None
-        try:
-            states, smooth = self.state_space().to_dict(), self.continuous().to_dict()
-        except MissingTheoryError:
-            states = smooth = None
+        spaces: tuple[dict[str, Any] | None, ...] = (None, None)
+        with suppress(MissingTheoryError):
+            spaces = self.state_space().to_dict(), self.continuous().to_dict()
         return {
-            "axes": list(self.axes),
-            "units": dict(self.units),
-            "model": self.model,
-            "rate": self.rate,
-            "samples": self.samples,
-            "levels": self.levels.tolist(),
-            "objective": self.objective,
-            "lower_bound": self.lower_bound,
-            "proved": self.proved,
-            "relaxed_bound": self.relaxed_bound,
-            "converged": self.converged,
-            "remarks": [remark.to_dict() for remark in self.remarks],
-            "parameters": dict(self.parameters),
-            "parameter_errors": {name: _number(value) for name, value in self.parameter_errors.items()},
+            **plain_fields(
+                self,
+                "axes units model rate samples levels objective lower_bound proved relaxed_bound converged remarks "
+                "parameters parameter_errors",
+            ),
             "terms": {
                 term: {
-                    "covariance": self.covariances[term].tolist(),
-                    "standard_errors": self.standard_errors[term].tolist(),
-                    "correlation": [[_number(r) for r in row] for row in self.correlation[term]],
+                    "covariance": plain(self.covariances[term]),
+                    "standard_errors": plain(self.standard_errors[term]),
+                    "correlation": plain(self.correlation[term]),
                 }
                 for term in self.terms
             },
             "goodness_of_fit": self.goodness_of_fit().to_dict(),
-            "shared": {term: asdict(self.shared(term)) for term in self._testable},
-            "state_space": states,
-            "continuous_state_space": smooth,
+            "shared": {term: asdict(self.shared(term)) for term in self._shareable},
+            "state_space": spaces[0],
+            "continuous_state_space": spaces[1],
         }
 
     @property
-    def _testable(self) -> tuple[str, ...]:
+    def _shareable(self) -> tuple[str, ...]:
         return tuple(term.label for term in self.settled.problem.terms if term.kind == "shared")
 
     def summary(self) -> str:
@@ -463,7 +418,7 @@ class JointFit(Summarised):
             lines.append("")
         for name, value in self.parameters.items():
             lines.append(f"{name} = {value:.4g} ± {self.parameter_errors.get(name, float('nan')):.2g}")
-        for term in self._testable:
+        for term in self._shareable:
             low, high = self.correlation_interval(term)
             pairs = [["correlation of " + term, "r", "95 %"]]
             for a, b in zip(*(where.tolist() for where in entries(len(self.axes))), strict=True):
@@ -474,7 +429,7 @@ class JointFit(Summarised):
         if self.remarks:
             lines += ["", *texts(self.remarks)]
         tests = [f"Test of the model: {self.goodness_of_fit().summary()}"]
-        tests += [self.shared(term).summary() for term in self._testable]
+        tests += [self.shared(term).summary() for term in self._shareable]
         if self.lower_bound is not None:
             share = max(1 - self.lower_bound / self.objective, 0.0)
             tests.append(f"No other parameters of this model lower the objective by more than {100 * share:.2g} %.")
@@ -484,7 +439,3 @@ class JointFit(Summarised):
 
     def __repr__(self) -> str:
         return f"JointFit({', '.join(self.axes)}: {self.model})"
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

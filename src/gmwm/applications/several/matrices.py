@@ -5,16 +5,46 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Any, TypeVar
 
 import numpy as np
 
-from gmwm.applications.several.pairs import pairs_of
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import DataError
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.variance.api import signal_wavelet_variance
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
+
+T = TypeVar("T")
+
+
+class AxisPairs(dict[tuple[str, str], T]):
+    """Values of pairs of axes. The order of the two names of a pair does not matter.
+
+    >>> pairs = AxisPairs({("gyro_x", "gyro_y"): 0.1})
+    >>> pairs["gyro_y", "gyro_x"]
+    0.1
+    """
+
+    def __missing__(self, pair: Any) -> T:
+        if pair in self:
+            return self[pair[::-1]]
+        axes = sorted({axis for key in self for axis in key})
+        raise DataError(argument="pair", expected=f"two different names of {', '.join(axes)}", got=pair)
+
+    def get(self, pair: tuple[str, str], default: Any = None) -> Any:
+        """Return the value of a pair, or `default` if there is none."""
+        return super().get(pair, super().get(pair[::-1], default))
+
+    def __contains__(self, pair: object) -> bool:
+        return super().__contains__(pair) or (isinstance(pair, tuple) and super().__contains__(pair[::-1]))
+
+
+def pairs_of(axes: Sequence[str]) -> list[tuple[str, str]]:
+    """Return all pairs of different axes, in the order of the axes."""
+    return list(combinations(axes, 2))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

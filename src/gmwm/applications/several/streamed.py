@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmwm.applications.several.matrices import moment_of, units_of
-from gmwm.applications.several.pairs import pairs_of
+from gmwm.applications.several.matrices import moment_of, pairs_of, units_of
 from gmwm.base.arrays import Vector
 from gmwm.base.threads import in_threads
 from gmwm.files.readers.streams import Stream
