@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.applications.several.cross import _freedom, _Noise, cross
 from gmwm.applications.several import plots
+from gmwm.applications.several.cross import _freedom, _UnitNoise, cross
 from gmwm.applications.several.matrices import AxisPairs
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.multiple_tests import holm
@@ -69,7 +69,7 @@ def test_the_variance_of_independent_signals_is_exact(text):
     n, levels = 200, 6
     models = [Model.parse(one) for one in text]
     design = Design(np.arange(1, levels + 1), n, RATE)
-    found = _freedom(*(_Noise.of(model, design) for model in models), design)
+    found = _freedom(*(_UnitNoise.of(model, design) for model in models), design)
     lags = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     for level in range(1, levels + 1):
         half = 1 << (level - 1)

@@ -26,7 +26,7 @@ from gmwm.applications.fleets.storage import (
     write_unit,
 )
 from gmwm.applications.fleets.table import RUN_AGAIN, as_table, write_table
-from gmwm.applications.fleets.unit_job import Job, Outcome, UnitOptions
+from gmwm.applications.fleets.unit_job import UnitJob, UnitOptions, UnitOutcome
 from gmwm.applications.fleets.workers import allowing_lost_workers, in_process, on_cluster
 from gmwm.base.axis_names import AXES
 from gmwm.base.errors import GmwmWarning, OptionError
@@ -206,21 +206,21 @@ class _Run:
         self.rows: dict[str, list[Row]] = {}
         self.kept = self.done = 0
 
-    def jobs(self, options: UnitOptions) -> list[Job]:
+    def jobs(self, options: UnitOptions) -> list[UnitJob]:
         """Return a job for each unit that is not finished, and keep the rows of finished units."""
         jobs = []
         for unit, path in self.paths.items():
             own = options.with_topic(self.topics.get(unit))
             rows = finished_rows(self.folder, unit, path, own)
             if rows is None:
-                jobs.append(Job(unit, str(path), own))
+                jobs.append(UnitJob(unit, str(path), own))
             else:
                 self.rows[unit] = rows
                 self.kept += 1
                 self._tell(f"{unit}: kept")
         return jobs
 
-    def take(self, outcome: Outcome) -> None:
+    def take(self, outcome: UnitOutcome) -> None:
         """Store the outcome of a unit in the output folder and in the table."""
         unit = outcome.unit
         if outcome.document is None:
@@ -256,8 +256,13 @@ class _Run:
 
 @contextmanager
 def _outcomes(
-    jobs: Sequence[Job], scheduler: str | Client | None, workers: int | None, retries: int, *, helpers: Helpers | None
-) -> Iterator[Iterable[Outcome]]:
+    jobs: Sequence[UnitJob],
+    scheduler: str | Client | None,
+    workers: int | None,
+    retries: int,
+    *,
+    helpers: Helpers | None,
+) -> Iterator[Iterable[UnitOutcome]]:
     """Provide an iterator over the outcomes of the jobs, which run in this process, in others, or on a cluster."""
     count = min(processors() if workers is None else workers, len(jobs))
     here = count == 0 or (count == 1 and workers is None)

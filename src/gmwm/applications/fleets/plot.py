@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.applications.fleets.samples import Reading, Sample
+from gmwm.applications.fleets.samples import FleetSamples, ParameterSample
 from gmwm.applications.fleets.summary_text import shown_unit
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
@@ -82,8 +82,8 @@ def fleet_figure(fleet: FleetLike) -> Figure:
             argument="fleet",
             advice="Read the reasons in the column `reason` of the table.",
         )
-    reading = Reading(fleet.table, found.confidence)
-    groups: dict[str, dict[str, list[Sample]]] = {}
+    reading = FleetSamples(fleet.table, found.confidence)
+    groups: dict[str, dict[str, list[ParameterSample]]] = {}
     for sample in reading.samples():
         sensor = sensor_and_letter(sample.axis)[0] or sample.axis
         groups.setdefault(sensor, {}).setdefault(sample.symbol, []).append(sample)
@@ -108,7 +108,7 @@ def plot_fleet(fleet: FleetLike, *, path: str | os.PathLike[str] | None = None) 
 # --- one panel --------------------------------------------------------------------------------------
 
 
-def _panel(sensor: str, samples: Sequence[Sample], found: FleetStatistics, units: Sequence[str]) -> Panel:
+def _panel(sensor: str, samples: Sequence[ParameterSample], found: FleetStatistics, units: Sequence[str]) -> Panel:
     first = samples[0]
     signed = found[f"{first.axis}.{first.symbol}"].signed
     unit, factor = shown_unit(first.unit)
@@ -125,7 +125,7 @@ def _panel(sensor: str, samples: Sequence[Sample], found: FleetStatistics, units
     return Panel(x, y, marks=marks, title=f"{sensor_title(sensor)} {first.symbol}", texts=_names(stars, x, y))
 
 
-def _ticks(samples: Sequence[Sample]) -> tuple[Tick, ...]:
+def _ticks(samples: Sequence[ParameterSample]) -> tuple[Tick, ...]:
     return tuple(Tick(k, sensor_and_letter(sample.axis)[1].upper()) for k, sample in enumerate(samples, start=1))
 
 
@@ -138,13 +138,15 @@ class _Strip:
     stars: list[tuple[float, float, str]]  # positions and names of outliers
 
 
-def _strips(samples: Sequence[Sample], found: FleetStatistics, factor: float, units: Sequence[str]) -> list[_Strip]:
+def _strips(
+    samples: Sequence[ParameterSample], found: FleetStatistics, factor: float, units: Sequence[str]
+) -> list[_Strip]:
     return [
         _strip(place, sample, found=found, factor=factor, units=units) for place, sample in enumerate(samples, start=1)
     ]
 
 
-def _strip(place: int, sample: Sample, found: FleetStatistics, factor: float, units: Sequence[str]) -> _Strip:
+def _strip(place: int, sample: ParameterSample, found: FleetStatistics, factor: float, units: Sequence[str]) -> _Strip:
     row = found[f"{sample.axis}.{sample.symbol}"]
     there = np.isfinite(sample.x)
     order = np.flatnonzero(there)[np.argsort(sample.x[there], kind="stable")]
@@ -231,7 +233,7 @@ def _further(
     return [band, line], np.array([low, high])
 
 
-def _limited(place: int, sample: Sample, row: FleetNumber, factor: float) -> tuple[list[Mark], Vector]:
+def _limited(place: int, sample: ParameterSample, row: FleetNumber, factor: float) -> tuple[list[Mark], Vector]:
     """Return the marks of upper limits and their heights: triangles, or a line over the quantiles of many limits."""
     if row.signed or not np.any(sample.limited):
         return [], np.array([])

@@ -7,7 +7,7 @@ from collections import Counter, deque
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from types import TracebackType
 
-from gmwm.applications.fleets.unit_job import Job, Outcome, calibrate_unit, lost
+from gmwm.applications.fleets.unit_job import UnitJob, UnitOutcome, calibrate_unit, lost
 from gmwm.base.errors import GmwmError
 from gmwm.base.helpers import Helper, new_helper
 from gmwm.base.threads import INTERRUPT_CHECK
@@ -22,7 +22,7 @@ class Processes:
     def __init__(self, count: int, helpers: Sequence[Helper] = ()) -> None:
         self._idle = list(helpers)
         # The process, and its job; None while it starts.
-        self._busy: dict[Helper, Job | None] = {}
+        self._busy: dict[Helper, UnitJob | None] = {}
         for _ in range(count - len(self._idle)):
             self._start()
 
@@ -41,11 +41,11 @@ class Processes:
     ) -> None:
         self._end()
 
-    def outcomes(self, jobs: Iterable[Job], retries: int) -> Generator[Outcome, None, None]:
+    def outcomes(self, jobs: Iterable[UnitJob], retries: int) -> Generator[UnitOutcome, None, None]:
         """Run jobs, and yield their outcomes in the order of completion.
 
         The job of a process that ends, for example because memory is short, is repeated alone after all others."""
-        waiting, alone = deque(jobs), deque[Job]()
+        waiting, alone = deque(jobs), deque[UnitJob]()
         tries, deaths = Counter[str](), Counter[str]()
         while waiting or alone or any(self._busy.values()):
             while waiting and self._idle:
@@ -73,12 +73,12 @@ class Processes:
         helper.begin(os.getpid)  # the answer shows that the process has started
         self._busy[helper] = None
 
-    def _begin(self, job: Job) -> None:
+    def _begin(self, job: UnitJob) -> None:
         helper = self._idle.pop()
         helper.begin(calibrate_unit, job)
         self._busy[helper] = job
 
-    def _ended(self) -> Iterator[tuple[Job, Outcome | None]]:
+    def _ended(self) -> Iterator[tuple[UnitJob, UnitOutcome | None]]:
         """Wait for answers, and yield the jobs that have ended with their outcomes; None if the process has ended."""
         from multiprocessing.connection import wait
 
@@ -99,4 +99,4 @@ class Processes:
                 continue
             self._idle.append(helper)
             if job is not None:
-                yield job, found if done else Outcome(job.unit, reason=f"{type(found).__name__}: {found}")
+                yield job, found if done else UnitOutcome(job.unit, reason=f"{type(found).__name__}: {found}")

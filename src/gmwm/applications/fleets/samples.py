@@ -23,7 +23,7 @@ _NEEDED = ("unit", "axis", "status", "model")
 
 
 @dataclass(frozen=True, eq=False)
-class Sample:
+class ParameterSample:
     """One parameter of one axis over all n units."""
 
     axis: str
@@ -46,7 +46,7 @@ class Sample:
         return (x if self.symbol == SIGNED else float(np.exp(x))) if np.isfinite(x) else None
 
 
-class Reading:
+class FleetSamples:
     """The table of a fleet as arrays with a row for each axis and a column for each unit."""
 
     def __init__(self, table: polars.DataFrame, confidence: float) -> None:
@@ -84,9 +84,9 @@ class Reading:
         found[self._place] = self.done[name].to_list()
         return found
 
-    def samples(self) -> list[Sample]:
+    def samples(self) -> list[ParameterSample]:
         """Return a sample for each parameter of each axis that at least one unit has."""
-        by_axis: dict[str, list[Sample]] = {axis: [] for axis in self.axes}
+        by_axis: dict[str, list[ParameterSample]] = {axis: [] for axis in self.axes}
         for symbol in self.symbols:
             value, low, high = (self._numbers(symbol + end) for end in ("", "_low", "_high"))
             unit = self._texts(f"{symbol}_unit")
@@ -108,7 +108,7 @@ class Reading:
         value: Vector,
         low: Vector,
         high: Vector,
-    ) -> Sample:
+    ) -> ParameterSample:
         given = np.array([name is not None for name in units])
         unit = _commonest(units[given])
         alike = given & (units == unit)
@@ -126,7 +126,7 @@ class Reading:
             x[usable] = np.log(value[usable])
             s[usable] = np.log(high[usable] / low[usable]) / (2 * self.z)
         left_out = int(np.sum(given & ~usable & ~limited))
-        return Sample(
+        return ParameterSample(
             axis=axis,
             symbol=symbol,
             unit=unit,

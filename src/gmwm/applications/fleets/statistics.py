@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gmwm.applications.fleets.axes import differences
 from gmwm.applications.fleets.findings import LEAST
 from gmwm.applications.fleets.outlier_units import FEWEST, deviants, looked_for
-from gmwm.applications.fleets.samples import Reading, Sample
+from gmwm.applications.fleets.samples import FleetSamples, ParameterSample
 from gmwm.applications.fleets.statistics_result import SIGNED, FleetNumber, FleetStatistics, OutlierUnit
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.axis_names import sensor_of
@@ -92,7 +92,7 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
     """
     confidence = as_confidence(confidence)
     size = as_size(size)
-    read = Reading(table, confidence)
+    read = FleetSamples(table, confidence)
     samples = read.samples()
     units = len(read.units)
     if not samples:
@@ -128,7 +128,7 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
 
 
 def _outliers(
-    read: Reading, samples: Sequence[Sample], x: Matrix, s2: Matrix, kept: Matrix, size: float
+    read: FleetSamples, samples: Sequence[ParameterSample], x: Matrix, s2: Matrix, kept: Matrix, size: float
 ) -> tuple[tuple[OutlierUnit, ...], NDArray[np.bool_]]:
     """Return the outliers, set to NaN in `kept`, and the mask of the samples in which outliers were searched."""
     searched = looked_for(np.isfinite(x).sum(axis=1)) > 0
@@ -173,7 +173,12 @@ def _outliers(
 
 
 def _rows(
-    read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix, searched: NDArray[np.bool_]
+    read: FleetSamples,
+    samples: Sequence[ParameterSample],
+    x: Matrix,
+    kept: Matrix,
+    s2: Matrix,
+    searched: NDArray[np.bool_],
 ) -> list[FleetNumber]:
     """Return the statistics of each parameter of each axis."""
     rows = _described(read, samples, x=x, kept=kept, s2=s2)
@@ -190,7 +195,9 @@ def _rows(
     return made
 
 
-def _together(read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix) -> list[FleetNumber]:
+def _together(
+    read: FleetSamples, samples: Sequence[ParameterSample], x: Matrix, kept: Matrix, s2: Matrix
+) -> list[FleetNumber]:
     """Return the statistics of each parameter over all axes of a sensor that have the same unit and noise model."""
     groups: dict[tuple[str, str], list[int]] = {}
     for k, sample in enumerate(samples):
@@ -212,7 +219,7 @@ def _together(read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix,
 
 
 def _described(
-    read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix, *, axes: int = 1
+    read: FleetSamples, samples: Sequence[ParameterSample], x: Matrix, kept: Matrix, s2: Matrix, *, axes: int = 1
 ) -> list[FleetNumber]:
     """Compute typical value, spread and prediction for samples (m, n), each of one or more (dependent) axes."""
     from scipy.special import stdtrit

@@ -50,7 +50,7 @@ class UnitOptions:
 
 
 @dataclass(frozen=True)
-class Job:
+class UnitJob:
     """One unit to calibrate, with its recording, its options and the number of threads for its axes."""
 
     unit: str
@@ -60,7 +60,7 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class UnitOutcome:
     """Document and table rows of a unit, or the reason of its failure, which may be `passing`: a retry may succeed."""
 
     unit: str
@@ -70,31 +70,31 @@ class Outcome:
     passing: bool = False
 
 
-def calibrate_unit(job: Job) -> Outcome:
+def calibrate_unit(job: UnitJob) -> UnitOutcome:
     """Calibrate a unit. Every error except Ctrl-C is returned as an outcome."""
     try:
         found, made = _calibrated(job)
         rows = rows_of(job.unit, job.path, found)
         content = {**found.to_dict(), PART: {**made, "rows": [plain(row) for row in rows]}}
-        return Outcome(job.unit, as_text(content), tuple(rows))
+        return UnitOutcome(job.unit, as_text(content), tuple(rows))
     except GmwmError as error:
-        return Outcome(job.unit, reason=error.reason, passing=_is_passing(error))
+        return UnitOutcome(job.unit, reason=error.reason, passing=_is_passing(error))
     except OSError as error:
-        return Outcome(job.unit, reason=error.strerror or str(error), passing=_is_passing(error))
+        return UnitOutcome(job.unit, reason=error.strerror or str(error), passing=_is_passing(error))
     except Exception as error:  # an unexpected error of one unit must not stop the others
-        return Outcome(job.unit, reason=f"{type(error).__name__}: {error}")
+        return UnitOutcome(job.unit, reason=f"{type(error).__name__}: {error}")
 
 
-def lost(job: Job, deaths: int) -> Outcome:
+def lost(job: UnitJob, deaths: int) -> UnitOutcome:
     """Return the outcome of a job whose process ended each time, although no other job was running."""
-    return Outcome(
+    return UnitOutcome(
         job.unit,
         reason=f"its worker process died {counted(deaths, 'time')} without another job; it may "
         "need more memory, or the file may be damaged",
     )
 
 
-def _calibrated(job: Job) -> tuple[Calibration, dict[str, Any]]:
+def _calibrated(job: UnitJob) -> tuple[Calibration, dict[str, Any]]:
     """Return the calibration of a unit, and the options, size and time of the recording that it was made from."""
     path, options = Path(job.path), job.options
     stamp = stamp_of(path)  # taken before the file is read, so that the next run notices a later change

@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 from numpy.typing import ArrayLike
 
-from gmwm.applications.monitor.axis import Axis
+from gmwm.applications.monitor.axis import MonitoredAxis
 from gmwm.applications.monitor.baseline import Baseline
 from gmwm.applications.monitor.charts import LONGEST_REST, Alarm, ChartSettings
-from gmwm.applications.monitor.clock import Clock
+from gmwm.applications.monitor.clock import SampleClock
 from gmwm.applications.monitor.events import Event
 from gmwm.applications.monitor.finite_state import Finite
 from gmwm.applications.monitor.naming import NAMING, naming_time
 from gmwm.applications.monitor.setup import (
     as_every,
-    as_lists,
     baselines_of,
     check_rate,
     checked_samples,
@@ -31,6 +30,7 @@ from gmwm.applications.monitor.whitening import Gain
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import ReadError
 from gmwm.base.locks import OneAtATime, one_at_a_time
+from gmwm.base.plain import plain, plain_fields
 from gmwm.recording.chunks import Chunk
 from gmwm.recording.options import as_whole_number
 
@@ -133,27 +133,25 @@ class Monitor(OneAtATime):
         self.models = models
         gains = {axis: Gain.of(Finite.of(model, self.rate)) for axis, model in models.items()}
         self.remarks = tuple(remarks_of(gains, self.baselines, wanted=baseline is not None))
-        known = self.baselines
-        settings = {
-            axis: known[axis].settings() if axis in known else ChartSettings.of_model(self.rate) for axis in models
-        }
+        usual = ChartSettings.of_model(self.rate)
+        settings = {axis: self.baselines[axis].settings() if axis in self.baselines else usual for axis in models}
         charts = sum(one.charts for one in settings.values())
         self.run_length = TOGETHER * self.every * self.rate * charts
         self._naming = max(round(NAMING * self.rate), 1)
         longest = max(round(LONGEST_REST * self.rate), self._naming)
         self._axes = {
-            axis: Axis(gains[axis], settings[axis], run_length=self.run_length, rest=self._naming, longest_rest=longest)
+            axis: MonitoredAxis(
+                gains[axis], settings[axis], run_length=self.run_length, rest=self._naming, longest_rest=longest
+            )
             for axis in models
         }
-        self._clock = Clock(self.rate, ((0, float(start)),))
+        self._clock = SampleClock(self.rate, ((0, float(start)),))
         self._count = 0
         self._pool: tuple[tuple[str, Alarm], ...] = ()
         self._deadline: int | None = None
         self._moved: Stillness | None = None
         self._lost_until = -1
         self._segment: int | None = None
-
-    # --- samples --------------------------------------------------------------------------------------
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -280,7 +278,7 @@ class Monitor(OneAtATime):
         samples = as_whole_number(samples, "samples", 0)
         self._pool, self._deadline, self._moved = (), None, None
         for axis in self._axes.values():
-            axis.skip(samples)
+            axis.charts.skip(samples)
             axis.begin_again()
         self._count += samples
 
@@ -297,7 +295,7 @@ class Monitor(OneAtATime):
         segment, self._segment = self._segment, chunk.segment
         if segment is None:
             if self._count == 0:
-                self._clock = Clock(self.rate, ((0, chunk.start),))
+                self._clock = SampleClock(self.rate, ((0, chunk.start),))
             return []
         if segment == chunk.segment:
             return []
@@ -319,8 +317,8 @@ class Monitor(OneAtATime):
         self._clock = self._clock.after_gap(self._count, time)
         if told:
             return []
-        known, self._lost_until = self._lost_until, self._count + round(HOLD * self.rate)
-        if self._count <= known:
+        earlier, self._lost_until = self._lost_until, self._count + round(HOLD * self.rate)
+        if self._count <= earlier:
             return []
         size = None if samples is None else float(samples)
         return [Event(kind="lost", time=before, began=before, size=size, unit="samples")]
@@ -354,7 +352,7 @@ class Monitor(OneAtATime):
         assert self._moved is not None
         used, self._moved, still = self._moved.update(parts, self._axes, self._naming)
         for axis in self._axes.values():
-            axis.skip(used)
+            axis.charts.skip(used)
         self._count += used
         if still:
             self._moved = None
@@ -363,8 +361,6 @@ class Monitor(OneAtATime):
             time = self._now
             events.append(Event(kind="still", time=time, began=time))
         return used
-
-    # --- decisions ------------------------------------------------------------------------------------
 
     def _decide(self, events: list[Event]) -> None:
         """Determine the faults of all pending alarms, and append their events."""
@@ -393,43 +389,25 @@ class Monitor(OneAtATime):
             if new:
                 events.append(self._clock.event(axis, fault, by_axis[axis][0]))
 
-    # --- state ----------------------------------------------------------------------------------------
-
     @one_at_a_time
     def to_dict(self) -> dict[str, Any]:
         """Return the settings and the state of the monitor as dicts, lists, numbers and strings for JSON."""
+        state = {
+            "axes": {axis: one.save() for axis, one in self._axes.items()}, "runs": self._clock.runs,
+            "count": self._count, "pool": self._pool, "deadline": self._deadline, "moved": self._moved,
+            "lost_until": self._lost_until, "segment": self._segment,
+        }  # fmt: skip
+        models = {axis: str(model) for axis, model in self.models.items()}
         return {
-            "format": FORMAT,
-            "version": 1,
-            "every": self.every,
-            "rate": self.rate,
-            "models": {axis: str(model) for axis, model in self.models.items()},
-            "baselines": {axis: one.to_dict() for axis, one in self.baselines.items()},
-            "state": {
-                "axes": {axis: as_lists(one.save()) for axis, one in self._axes.items()},
-                "runs": [list(run) for run in self._clock.runs],
-                "count": self._count,
-                "pool": [[axis, list(alarm)] for axis, alarm in self._pool],
-                "deadline": self._deadline,
-                "moved": None if self._moved is None else self._moved.to_dict(),
-                "lost_until": self._lost_until,
-                "segment": self._segment,
-            },
-        }
+            "format": FORMAT, "version": 1, **plain_fields(self, "every rate"), "models": models,
+            "baselines": plain(self.baselines), "state": plain(state),
+        }  # fmt: skip
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """Create a monitor that continues from a state that `to_dict` returned.
+        """Create a monitor that continues from the `content` that `to_dict` returned, also after a trip through JSON.
 
-        Parameters
-        ----------
-        content : mapping
-            The result of `to_dict`, also after a round trip through JSON.
-
-        Raises
-        ------
-        ReadError
-            If `content` is not the state of a monitor, or a part is missing.
+        Other content raises a ReadError.
         """
         if not isinstance(content, Mapping) or content.get("format") != FORMAT:
             raise ReadError(f'not a monitor: it has no "format": "{FORMAT}"')
@@ -448,7 +426,7 @@ class Monitor(OneAtATime):
     def _restore(self, state: Mapping[str, Any]) -> None:
         for axis, one in self._axes.items():
             one.load(state["axes"][axis])
-        self._clock = Clock(self.rate, tuple((whole(sample), number(time)) for sample, time in state["runs"]))
+        self._clock = SampleClock(self.rate, tuple((whole(sample), number(time)) for sample, time in state["runs"]))
         if not self._clock.runs:
             raise ValueError("runs must not be empty")
         self._count = whole(state["count"])

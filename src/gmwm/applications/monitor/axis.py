@@ -10,7 +10,7 @@ import numpy as np
 
 from gmwm.applications.monitor.charts import HISTORY_LEVEL, Alarm, Charts, ChartSettings
 from gmwm.applications.monitor.events import Kind
-from gmwm.applications.monitor.naming import History, Named, named
+from gmwm.applications.monitor.naming import Fault, History, named
 from gmwm.applications.monitor.stored import number, numbers, whole
 from gmwm.applications.monitor.whitening import Gain, Whitener
 from gmwm.base.arrays import Vector
@@ -59,7 +59,7 @@ class Open:
     hold: int  # number of samples after the last alarm for which further alarms are attributed to it
 
 
-class Axis:
+class MonitoredAxis:
     """Filter, charts and faults of one axis of a monitor; see `Charts` for the run length and the pauses."""
 
     def __init__(self, gain: Gain, settings: ChartSettings, *, run_length: float, rest: int, longest_rest: int) -> None:
@@ -71,8 +71,6 @@ class Axis:
         self.run = 0  # number of equal samples at the end of the data so far
         self.open: Open | None = None
         self.known: dict[str, tuple[int, float]] = {}  # last alarm and magnitude of each reported kind
-
-    # --- samples --------------------------------------------------------------------------------------
 
     def update(self, x: Vector) -> list[Alarm]:
         """Add samples (n,), and return the alarms that no reported fault explains, in order of time."""
@@ -118,21 +116,18 @@ class Axis:
             self.known = {**self.known, name: (alarm.sample, magnitude)}
         return True
 
-    # --- faults ---------------------------------------------------------------------------------------
-
-    def name(self, alarms: Sequence[Alarm]) -> Named:
+    def name(self, alarms: Sequence[Alarm]) -> Fault:
         """Determine the fault that caused alarms."""
         stuck = next((alarm for alarm in alarms if alarm.family == "constant"), None)
         if stuck is not None:
-            return Named(kind="saturated" if self._is_outside() else "frozen", onset=stuck.onset + 1)
+            return Fault(kind="saturated" if self._is_outside() else "frozen", onset=stuck.onset + 1)
         done = self.charts.done[HISTORY_LEVEL] if self.charts.depth >= HISTORY_LEVEL else 0
         stop = self.charts.base + (done << HISTORY_LEVEL)
         return named(alarms, History(self.charts.count, self.fast, self.slow, stop), self.gain, self.settings)
 
     def _is_outside(self) -> bool:
         """Return whether the present sample differs from the first one by more than the limit of a spike."""
-        far = self.charts.spike * float(np.sqrt(self.gain.S))
-        origin = self.whitener.origin
+        far, origin = self.charts.spike * float(np.sqrt(self.gain.S)), self.whitener.origin
         return self.value is not None and origin is not None and abs(self.value - origin) > far
 
     def is_loud(self, samples: int) -> bool:
@@ -170,25 +165,11 @@ class Axis:
         self.fast = self.slow = np.zeros(0)
         self.value, self.run = None, 0
 
-    def skip(self, samples: int) -> None:
-        """Advance the sample number over samples that are not monitored."""
-        self.charts.skip(samples)
-
-    # --- state ----------------------------------------------------------------------------------------
-
     def save(self) -> dict[str, Any]:
         """Return the state. Its arrays are never modified in place."""
-        known = self.open
-        return {
-            "whitener": self.whitener.save(),
-            "charts": self.charts.save(),
-            "fast": self.fast,
-            "slow": self.slow,
-            "value": self.value,
-            "run": self.run,
-            "open": None if known is None else [known.kind, known.until, known.hold],
-            "known": self.known,
-        }
+        state = {name: getattr(self, name) for name in ("fast", "slow", "value", "run", "known")}
+        fault = None if self.open is None else [self.open.kind, self.open.until, self.open.hold]
+        return {"whitener": self.whitener.save(), "charts": self.charts.save(), **state, "open": fault}
 
     def load(self, state: Mapping[str, Any]) -> None:
         """Restore a state from `save`."""
@@ -197,8 +178,6 @@ class Axis:
         self.fast, self.slow = numbers(state["fast"]), numbers(state["slow"])
         self.value = None if state["value"] is None else number(state["value"])
         self.run = whole(state["run"])
-        self.open = None
-        if state["open"] is not None:
-            kind, until, hold = state["open"]
-            self.open = Open(kind, whole(until), whole(hold))
+        fault = state["open"]
+        self.open = None if fault is None else Open(fault[0], whole(fault[1]), whole(fault[2]))
         self.known = {kind: (whole(last), number(magnitude)) for kind, (last, magnitude) in state["known"].items()}

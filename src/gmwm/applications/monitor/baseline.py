@@ -15,6 +15,7 @@ from gmwm.applications.monitor.thresholds import spike_limit
 from gmwm.applications.monitor.whitening import Gain, Whitener
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import DataError, ReadError
+from gmwm.base.plain import plain_fields
 from gmwm.theory.processes.model import Model
 
 LEAST_BLOCKS = 80
@@ -101,67 +102,36 @@ class Baseline:
             whitener.restart()
             errors.append(whitener.update(values))
         largest = max((float(np.max(np.abs(e))) for e in errors if e.size), default=0.0)
-        sums = _Sums(errors)
+        sums = _BlockSums(errors)
         ratios, shapes = _mean_squares(sums)
         scatter = _block_means(sums)
+        total = sum(e.size for e in errors)
         if not ratios.size or not scatter:
-            total = sum(e.size for e in errors)
             raise DataError(
                 f"the reference has {total} samples, and a baseline needs {LEAST_BLOCKS * 2 * BLOCKS} without a gap",
-                argument="reference",
-                got=total,
-                advice="Record for at least some minutes with a sensor that is good.",
-            )
+                argument="reference", got=total, advice="Record for at least some minutes with a sensor that is good.",
+            )  # fmt: skip
         return cls(
-            samples=sum(e.size for e in errors),
-            ratios=ratios,
-            shapes=shapes,
-            scatter=scatter,
-            largest=largest,
+            samples=total, ratios=ratios, shapes=shapes, scatter=scatter, largest=largest,
             equal=max(longest_run(values) for values in segments),
             lowest=min(float(values.min()) for values in segments),
             highest=max(float(values.max()) for values in segments),
-        )
+        )  # fmt: skip
 
     def settings(self) -> ChartSettings:
         """Return the settings of the charts for this baseline."""
-        usual = spike_limit(self.samples)
         return ChartSettings(
-            self.ratios,
-            self.shapes,
-            scatter=np.array(self.scatter),
-            band=BAND,
-            tail=max(1.0, self.largest / usual),
-            equal=max(2 * self.equal, LEAST_EQUAL),
-        )
+            self.ratios, self.shapes, scatter=np.array(self.scatter), band=BAND,
+            tail=max(1.0, self.largest / spike_limit(self.samples)), equal=max(2 * self.equal, LEAST_EQUAL),
+        )  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
         """Return the baseline as numbers and lists for JSON."""
-        return {
-            "samples": self.samples,
-            "ratios": self.ratios.tolist(),
-            "shapes": self.shapes.tolist(),
-            "scatter": list(self.scatter),
-            "largest": self.largest,
-            "equal": self.equal,
-            "lowest": self.lowest,
-            "highest": self.highest,
-        }
+        return plain_fields(self, "samples ratios shapes scatter largest equal lowest highest")
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Baseline:
-        """Create a baseline from the result of `to_dict`.
-
-        Parameters
-        ----------
-        content : mapping
-            The result of `to_dict`.
-
-        Raises
-        ------
-        ReadError
-            If a value is missing or not valid.
-        """
+        """Create a baseline from the `content` that `to_dict` returned. Other content raises a ReadError."""
         arrays = {}
         try:
             for name in ("ratios", "shapes", "scatter"):
@@ -173,10 +143,8 @@ class Baseline:
         good = all(a.ndim == 1 and a.size and bool(np.all((a > 1 / MOST) & (a < MOST))) for a in arrays.values())
         good = good and all(abs(one) < MOST for one in numbers.values())
         if not good or arrays["ratios"].size != arrays["shapes"].size or counts["samples"] < 1:
-            raise ReadError(
-                f"not a baseline: ratios, shapes and scatter must be lists of numbers from {1 / MOST:g} to {MOST:g}",
-                advice="Measure the baseline again.",
-            )
+            reason = f"ratios, shapes and scatter must be lists of numbers from {1 / MOST:g} to {MOST:g}"
+            raise ReadError(f"not a baseline: {reason}", advice="Measure the baseline again.")
         scatter = tuple(arrays.pop("scatter").tolist())
         return cls(**arrays, scatter=scatter, **numbers, **counts)  # type: ignore[arg-type]
 
@@ -189,7 +157,7 @@ def longest_run(values: Vector) -> int:
     return int(np.max(np.diff(np.concatenate([[-1], places, [values.size - 1]]))))
 
 
-class _Sums:
+class _BlockSums:
     """Sums of innovations over blocks of 2^level samples of each segment. Each level follows from the one before."""
 
     def __init__(self, errors: Sequence[Vector]) -> None:
@@ -202,7 +170,7 @@ class _Sums:
         return self._levels[level]
 
 
-def _mean_squares(sums: _Sums) -> tuple[Vector, Vector]:
+def _mean_squares(sums: _BlockSums) -> tuple[Vector, Vector]:
     """Return the mean of the mean squares of blocks at each level, and the shapes of their Gamma distributions."""
     ratios: list[float] = []
     shapes: list[float] = []
@@ -237,7 +205,7 @@ def _blocks(sums: Vector, m: int, level: int) -> Vector:
     return np.asarray(w[: count * BLOCKS * m].reshape(count, BLOCKS * m).mean(axis=1))
 
 
-def _block_means(sums: _Sums) -> tuple[float, ...]:
+def _block_means(sums: _BlockSums) -> tuple[float, ...]:
     scatter: list[float] = []
     while True:
         level = len(scatter)

@@ -53,7 +53,7 @@ class History:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Named:
+class Fault:
     """A fault whose kind was determined."""
 
     kind: Kind
@@ -78,7 +78,7 @@ class Named:
 
 
 @dataclass(frozen=True)
-class _Shape:
+class _LevelChange:
     """A jump or a ramp fitted to innovations: kind, gain of log-likelihood, size, and index of its beginning."""
 
     kind: Kind
@@ -96,20 +96,20 @@ def naming_time(alarm: Alarm, rate: float) -> int:
     return max(usual, min(slow, round(LONGEST_NAMING * rate)))
 
 
-def named(alarms: Sequence[Alarm], history: History, gain: Gain, settings: ChartSettings) -> Named:
+def named(alarms: Sequence[Alarm], history: History, gain: Gain, settings: ChartSettings) -> Fault:
     """Determine the fault that caused the alarms of one axis, in order of time and without the family "constant"."""
     families = {alarm.family for alarm in alarms}
     first = alarms[0]
     if families == {"spike"}:
         place = history.fast.size - (history.now - first.sample)
         error = float(history.fast[place]) if place >= 0 else math.sqrt(2.0 * first.score) * first.sign
-        return Named(kind="spike", onset=first.sample, size=error * math.sqrt(gain.S))
+        return Fault(kind="spike", onset=first.sample, size=error * math.sqrt(gain.S))
     noise = _strongest(alarms, "noise up")
     level = _strongest(alarms, "level")
     down = _strongest(alarms, "noise down")
     if down is not None and noise is None and (level is None or down.score > level.score):
         ratio = _spread(history, down)
-        return Named(kind="noise-down", onset=down.onset + 1, level=down.level, ratio=ratio)
+        return Fault(kind="noise-down", onset=down.onset + 1, level=down.level, ratio=ratio)
     earliest = next((alarm for alarm in alarms if alarm.family == "level"), first)
     shape = _course(history, earliest.onset + 1, gain)
     if noise is None:
@@ -121,17 +121,17 @@ def named(alarms: Sequence[Alarm], history: History, gain: Gain, settings: Chart
     prior = SLOW_PRIOR if level is not None and earliest.level >= SLOW_LEVEL and shape.kind == "jump" else 0.0
     if slow + prior > max(shape.gain, white) and slow_level > 3:
         ratio = _spread(history, earliest._replace(level=slow_level))
-        return Named(kind="noise-up", onset=earliest.onset + 1, level=slow_level, ratio=ratio)
+        return Fault(kind="noise-up", onset=earliest.onset + 1, level=slow_level, ratio=ratio)
     if level is not None and shape.gain > white:
-        return Named(kind=shape.kind, onset=shape.begin, level=level.level, size=shape.size)
+        return Fault(kind=shape.kind, onset=shape.begin, level=level.level, size=shape.size)
     chosen = noise or first
     line = _line(history, chosen.onset + 1, gain)
     if line is not None:
         cycles, size = line
-        return Named(kind="hum", onset=chosen.onset + 1, level=chosen.level, size=size, cycles=cycles)
+        return Fault(kind="hum", onset=chosen.onset + 1, level=chosen.level, size=size, cycles=cycles)
     if noise is None and level is not None and "spike" not in families:
-        return Named(kind=shape.kind, onset=shape.begin, level=level.level, size=shape.size)
-    return Named(
+        return Fault(kind=shape.kind, onset=shape.begin, level=level.level, size=shape.size)
+    return Fault(
         kind="noise-up", onset=chosen.onset + 1, level=noise.level if noise else None, ratio=_spread(history, chosen)
     )
 
@@ -161,7 +161,7 @@ def _spread(history: History, alarm: Alarm) -> float:
     return math.sqrt(float(np.mean(np.square(w))) / (2.0 * half))
 
 
-def _course(history: History, onset: int, gain: Gain) -> _Shape:
+def _course(history: History, onset: int, gain: Gain) -> _LevelChange:
     """Return the jump or ramp of the level that explains the innovations best."""
     duration = max(history.now - onset, 1)
     values, width, first = history.since(onset - 3 * duration)
@@ -176,7 +176,7 @@ def _course(history: History, onset: int, gain: Gain) -> _Shape:
     # The best of many possible beginnings fits well by chance, so the logarithm of their number is subtracted.
     price = {"jump": math.log(max(len(jumps), 1)), "ramp": math.log(len(ramps))}
     best = max(candidates, key=lambda one: one.gain - price[one.kind])
-    return _Shape(best.kind, best.gain, best.size, first + best.begin * width)
+    return _LevelChange(best.kind, best.gain, best.size, first + best.begin * width)
 
 
 def _slow_excess(history: History, onset: int) -> tuple[float, int]:
@@ -198,13 +198,13 @@ def _thinned(values: Vector, width: int) -> Vector:
     return values if width == 1 else np.asarray(values.reshape(-1, width).sum(axis=1) / math.sqrt(width))
 
 
-def _fitted(kind: Kind, values: Vector, response: Vector, begin: int) -> _Shape:
+def _fitted(kind: Kind, values: Vector, response: Vector, begin: int) -> _LevelChange:
     here, g = values[begin:], response[: values.size - begin]
     power = float(g @ g)
     if power == 0:
-        return _Shape(kind, 0.0, 0.0, begin)
+        return _LevelChange(kind, 0.0, 0.0, begin)
     size = float(g @ here) / power
-    return _Shape(kind, 0.5 * size * size * power, size, begin)
+    return _LevelChange(kind, 0.5 * size * size * power, size, begin)
 
 
 def _line(history: History, onset: int, gain: Gain) -> tuple[float, float] | None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,9 +19,6 @@ from gmwm.showing.plots.series import PAGE
 from gmwm.showing.plots.style import BLUE, DASHED, GREEN, ORANGE, PURPLE, VERMILLION
 from gmwm.showing.plots.view import view_of
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
 _CHARTS = {"noise up": ("Noise up", ORANGE), "noise down": ("Noise down", GREEN), "level": ("Level", PURPLE)}
 TOP = 1.1
 """Largest value of a chart statistic that is drawn. Larger values are drawn at this value; the threshold is 1."""
@@ -32,7 +27,7 @@ HEIGHT = 30.0
 
 
 def trace_figure(trace: Trace) -> Figure:
-    """Return the figure that `plot_trace` draws, with a row for each axis that shows its signal and its charts."""
+    """Return the figure of `Trace.plot`, with a row for each axis that shows its signal and its charts."""
     axes = trace.monitor.axes
     times = [trace.signal(axis)[0] for axis in axes]
     if not times[0].size:
@@ -84,10 +79,3 @@ def _uprights(places: Vector, limits: tuple[float, float]) -> tuple[Vector, Vect
     x = np.repeat(places, 3)
     y = np.tile(np.array([limits[0], limits[1], np.nan]), places.size)
     return x, y
-
-
-def plot_trace(trace: Trace, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw the signals with the events, and the control charts. `Trace.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
-
-    return draw(trace_figure(trace), path=path)

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from gmwm.applications.monitor.axis import Axis
+from gmwm.applications.monitor.axis import MonitoredAxis
 from gmwm.applications.monitor.stored import numbers, whole
 from gmwm.applications.monitor.whitening import Whitener
 from gmwm.base.arrays import Vector
+from gmwm.base.plain import plain_fields
 
 CALM = 3
 """A unit is at rest again after this number of consecutive blocks without motion."""
@@ -31,7 +32,9 @@ class Stillness:
     samples: int = 0  # number of samples since the motion was detected
     held: Mapping[str, Vector] = field(default_factory=dict)  # samples of the present block
 
-    def update(self, parts: Mapping[str, Vector], axes: Mapping[str, Axis], naming: int) -> tuple[int, Stillness, bool]:
+    def update(
+        self, parts: Mapping[str, Vector], axes: Mapping[str, MonitoredAxis], naming: int
+    ) -> tuple[int, Stillness, bool]:
         """Add samples of all axes. Return the number of used samples, the new state, and whether the unit rests."""
         block = max(naming, SHORTEST)
         filled = next(iter(self.held.values())).size if self.held else 0
@@ -50,7 +53,7 @@ class Stillness:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the state as numbers and lists."""
-        return {"calm": self.calm, "samples": self.samples, "held": {axis: x.tolist() for axis, x in self.held.items()}}
+        return plain_fields(self, "calm samples held")
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Stillness:
@@ -59,6 +62,6 @@ class Stillness:
         return cls(whole(content["calm"]), whole(content["samples"]), held)
 
 
-def _still(axis: Axis, x: Vector) -> bool:
+def _still(axis: MonitoredAxis, x: Vector) -> bool:
     errors = Whitener(axis.gain).update(x)
     return float(np.mean(np.square(errors))) < LOUD * float(axis.settings.ratios[0])

@@ -13,6 +13,7 @@ from gmwm.applications.monitor.api import Monitor
 from gmwm.applications.monitor.events import Event
 from gmwm.applications.monitor.setup import chunks_of
 from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.plain import plain, plain_fields
 from gmwm.base.text import counted, duration_text
 from gmwm.recording.chunks import Chunk
 
@@ -59,35 +60,13 @@ class Trace:
         self._heights = {axis: _Course(1) for axis in monitor.axes}
 
     def watch(self, recording: Imu | Stream) -> Iterator[Event]:
-        """Monitor a whole recording, like `Monitor.watch`.
-
-        Parameters
-        ----------
-        recording : Imu or Stream
-            A recording from `gmwm.read` or `gmwm.stream`.
-
-        Returns
-        -------
-        iterator of Event
-            Each event as soon as its kind is determined.
-        """
+        """Monitor a `recording`, and yield each event as soon as its kind is determined, like `Monitor.watch`."""
         for chunk in chunks_of(recording):
             yield from self.update(chunk)
         yield from self.finish()
 
     def update(self, chunk: Chunk) -> list[Event]:
-        """Add the next samples, and return the events that were detected with them.
-
-        Parameters
-        ----------
-        chunk : Chunk
-            Samples from `gmwm.stream`, without a gap.
-
-        Returns
-        -------
-        list of Event
-            Detected events, in order of time.
-        """
+        """Add a `chunk` of `gmwm.stream`, and return the events that were detected with it, in order of time."""
         found: list[Event] = []
         at = 0
         while at < len(chunk):
@@ -108,37 +87,18 @@ class Trace:
         return found
 
     def signal(self, axis: str) -> tuple[Vector, Matrix]:
-        """Return the times (n,) of intervals (s), and the smallest and the largest sample (n, 2) in each, in SI units.
-
-        Parameters
-        ----------
-        axis : str
-            Name of the axis.
-        """
+        """Return times (n,) of intervals (s), and smallest and largest sample (n, 2) of an `axis` in each, in SI."""
         times, rows = self._signals[axis].found()
         return times, rows * np.array([-1.0, 1.0])
 
     def heights(self, axis: str) -> tuple[Vector, dict[str, Vector]]:
-        """Return times (n,) (s), and the largest chart statistic (n,) of each family as a fraction of its threshold.
-
-        Parameters
-        ----------
-        axis : str
-            Name of the axis.
-        """
+        """Return times (n,) (s), and the largest statistic (n,) of each family of an `axis`, over its threshold."""
         times, rows = self._heights[axis].found()
         return times, {family: rows[:, k] for k, family in enumerate(FAMILIES)}
 
     def to_dict(self) -> dict[str, Any]:
         """Return the axes, the number of samples and the events as lists, numbers and strings for JSON."""
-        return {
-            "axes": list(self.monitor.axes),
-            "rate": self.monitor.rate,
-            "samples": self.monitor.samples,
-            "every": self.monitor.every,
-            "resting": self.monitor.resting,
-            "events": [event.to_dict() for event in self.events],
-        }
+        return plain_fields(self.monitor, "axes rate samples every resting") | {"events": plain(self.events)}
 
     def summary(self) -> str:
         """Describe the monitored data and the number of events in one line."""
@@ -149,45 +109,19 @@ class Trace:
         return f"{found} in {length} ({counted(one.samples, 'sample')}) of {', '.join(one.axes)}{rest}"
 
     def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the signals with the events, and the chart statistics over time.
+        """Draw the signals with the events, and the chart statistics over time. Without samples, raises a DataError.
 
-        Parameters
-        ----------
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        DataError
-            If there are no samples.
-        OptionError
-            If the ending of `path` is unknown.
+        With `path`, the picture is written to a file that ends in .png, .pdf or .svg.
         """
-        from gmwm.applications.monitor.plot import plot_trace
+        from gmwm.applications.monitor.plot import trace_figure
+        from gmwm.showing.plots.matplotlib import draw
 
-        return plot_trace(self, path=path)
+        return draw(trace_figure(self), path=path)
 
     def report(self, path: str | os.PathLike[str]) -> Path:
-        """Write a report with the result, the events and the plots as one HTML page.
+        """Write a report with the result, the events and the plots as one HTML page, and return its path.
 
-        Parameters
-        ----------
-        path : path
-            A file name that ends in .html. If an error occurs, no file is written.
-
-        Returns
-        -------
-        Path
-            The written file.
-
-            Raises
-        ------
-        OptionError
-            If `path` does not end in .html.
+        If `path` does not end in .html, or another error occurs, no file is written.
         """
         from gmwm.applications.monitor.report import monitor_report
 

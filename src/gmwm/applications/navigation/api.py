@@ -9,7 +9,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from gmwm.applications.navigation.axis import AxisNoise
+from gmwm.applications.navigation.axis import BudgetAxis
 from gmwm.applications.navigation.response import EARTH_RATE, MEAN, Response, navigation
 from gmwm.applications.navigation.result import Budget, Growth
 from gmwm.base.arrays import Matrix, Vector
@@ -123,7 +123,7 @@ def budget(
         raise OptionError(argument="gravity", expected="a positive acceleration (m/s²)", got=gravity)
     if not noise:
         raise OptionError(argument="noise", expected="a mapping with at least one axis", got=noise)
-    axes = {axis: AxisNoise.of(axis, source, rate) for axis, source in noise.items()}
+    axes = {axis: BudgetAxis.of(axis, source, rate) for axis, source in noise.items()}
     slowest = min(one.rate for one in axes.values())
     times = _times(seconds, 1 / slowest)
     made = _Maker(axes, times, rest=before, gravity=gravity, reach=NormalDist().inv_cdf((1 + level) / 2))
@@ -180,7 +180,7 @@ def _times(duration: float, step: float) -> Vector:
 class _Maker:
     """Computation of the errors of a budget from the noise of its axes."""
 
-    axes: Mapping[str, AxisNoise]
+    axes: Mapping[str, BudgetAxis]
     times: Vector  # (T,) in s
     rest: float  # time at rest before navigation starts (s)
     gravity: float  # m/s²

@@ -26,7 +26,7 @@ relative error of the derivatives is about 1e-6."""
 
 
 @dataclass(frozen=True, eq=False)
-class AxisNoise:
+class BudgetAxis:
     """The noise of one axis."""
 
     axis: str
@@ -37,7 +37,7 @@ class AxisNoise:
     longest: float = np.inf  # longest averaging time (s) of the recording; infinite if the values were given
 
     @classmethod
-    def of(cls, axis: str, source: Fit | Model | Process | str, rate: float | None) -> AxisNoise:
+    def of(cls, axis: str, source: Fit | Model | Process | str, rate: float | None) -> BudgetAxis:
         """Return the noise of an axis from a fit, or from a model with all values and its sampling rate (Hz)."""
         if axis not in AXES:
             raise OptionError(argument="axis", expected=f"one of {', '.join(AXES)}", got=axis)

@@ -112,11 +112,11 @@ def _mean_squares(space: StateSpace, rate: float, motion: Response, steps: Seque
     moment = np.zeros((p + 1 + q, p + 1 + q))
     moment[:p, :p] = space.P0 + np.outer(space.m0, space.m0)
     if rest:
-        moment = _Steps(*_resting(space, rest, q)).after(moment, rest)
+        moment = _Powers(*_resting(space, rest, q)).after(moment, rest)
         turn = np.eye(p + 1 + q)
         turn[p + 1 :, p] = motion.at_start
         moment = turn @ moment @ turn.T
-    moving = _Steps(*_moving(space, motion, 1.0 / rate))
+    moving = _Powers(*_moving(space, motion, 1.0 / rate))
     found, at = np.empty((len(steps), q)), 0
     for k, step in enumerate(steps):
         moment = moving.after(moment, step - at)
@@ -149,7 +149,7 @@ def _moving(space: StateSpace, motion: Response, dt: float) -> tuple[Matrix, Mat
     return transition, noise
 
 
-class _Steps:
+class _Powers:
     """Linear system whose second moment after many steps is computed by repeated squaring."""
 
     def __init__(self, transition: Matrix, noise: Matrix) -> None:

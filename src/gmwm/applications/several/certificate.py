@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from gmwm.applications.several.conic import Cone, least_squares
 from gmwm.applications.several.moments import entries, symmetric
 from gmwm.applications.several.problem import JointProblem
-from gmwm.applications.several.search import Found, descend
+from gmwm.applications.several.search import JointEstimate, descend
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
@@ -49,7 +49,7 @@ ADDED = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class ShapeTable:
     """Table of the shapes of a term as a function of its search coordinate."""
 
     kind: type[Process]  # class of the process of the term
@@ -63,7 +63,7 @@ class Curve:
     margin: Matrix  # (n − 1, J) bound on the error of the cubic
 
     @classmethod
-    def of(cls, problem: JointProblem, place: int, weights: Vector) -> Curve:
+    def of(cls, problem: JointProblem, place: int, weights: Vector) -> ShapeTable:
         """Tabulate the shapes κ of term number `place`, normalised to Σ_j w_j κ_j = 1 with positive weights w (J,)."""
         branch, kind = problem.branches[place], type(problem.terms[place].process)
         assert branch is not None
@@ -132,7 +132,7 @@ class Certificate:
     # lower bound on the objective if the model may have any number of terms of each searched process
     relaxed_bound: float
     nodes: int  # number of bounded nodes
-    best: Found
+    best: JointEstimate
 
 
 Intervals = tuple[tuple[float, float], ...]
@@ -152,10 +152,10 @@ class Prover:
         self.lift = np.linalg.solve(problem.root.T, self.positive.ravel())
         self.own = self.positive[rows == columns]
         weights = self.own.mean(axis=0)
-        self.curves = [Curve.of(problem, place, weights) for place in problem.searched]
+        self.curves = [ShapeTable.of(problem, place, weights) for place in problem.searched]
         self.fixed = problem.shapes(np.array([curve.nodes[0] for curve in self.curves]))[self.linear]
 
-    def prove(self, found: Found, seconds: float = np.inf) -> Certificate:
+    def prove(self, found: JointEstimate, seconds: float = np.inf) -> Certificate:
         """Compute a lower bound on the objective within a time limit (s), and the best fit that the search finds."""
         end = time.monotonic() + seconds
         whole: Intervals = tuple((0.0, float(curve.length[-1])) for curve in self.curves)
@@ -265,7 +265,7 @@ class Prover:
                 for shape, w, z in zip(shapes, whole, least, strict=True)]  # fmt: skip
 
     @staticmethod
-    def _peaks(curve: Curve, cells: NDArray[np.int64], score: Vector, *, low: float, high: float) -> Vector:
+    def _peaks(curve: ShapeTable, cells: NDArray[np.int64], score: Vector, *, low: float, high: float) -> Vector:
         """Return the values of `length` at the three highest local maxima of a score."""
         padded = np.concatenate([[-np.inf], score, [-np.inf]])
         local = np.flatnonzero((score >= padded[:-2]) & (score >= padded[2:]) & (score > 0))

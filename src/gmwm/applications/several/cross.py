@@ -124,7 +124,7 @@ def tested(found: Curves, *, robust: bool, efficiency: float, size: float, confi
     own, moments, _ = found
     names = list(own)
     design = Design.of(next(iter(own.values())))
-    models = {name: _Noise.of(mixture(wv.variance, wv.degrees_of_freedom, design, random=True)[1], design)
+    models = {name: _UnitNoise.of(mixture(wv.variance, wv.degrees_of_freedom, design, random=True)[1], design)
               for name, wv in own.items()}  # fmt: skip
     freedom = {(a, b): _freedom(models[a], models[b], design) for a, b in moments}
     correlation = {
@@ -180,7 +180,7 @@ def _curves(
     return Curves(own, moments, signals)
 
 
-class _Noise(NamedTuple):
+class _UnitNoise(NamedTuple):
     """The noise model of one signal, its wavelet variance (J,) scaled to the geometric mean 1, and Var ν̂² (J,).
 
     The degrees of freedom do not depend on the scale. Without it, differences of variances could lose precision."""
@@ -190,7 +190,7 @@ class _Noise(NamedTuple):
     variances: Vector
 
     @classmethod
-    def of(cls, model: Model, design: Design) -> _Noise:
+    def of(cls, model: Model, design: Design) -> _UnitNoise:
         unit = math.exp(float(np.mean(np.log(model.wavelet_variance(design.levels, design.rate)))))
         model = Model(tuple(_with_scale(process, process.scale / unit) for process in model.processes))
         return cls(model, model.wavelet_variance(design.levels, design.rate), variances(model, _gaussian(design)))
@@ -201,7 +201,7 @@ def _gaussian(design: Design) -> Design:
     return replace(design, efficiency=None, excess=None, model_error=0.0)
 
 
-def _freedom(one: _Noise, other: _Noise, design: Design) -> Vector:
+def _freedom(one: _UnitNoise, other: _UnitNoise, design: Design) -> Vector:
     """Return the degrees of freedom η_j (J,) of the correlation of two signals that share no noise."""
     plain = _gaussian(design)
     both = _sum(one.model, other.model)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm.applications.several.matrices import WaveletMatrices, wavelet_matrices
 from gmwm.applications.several.moments import lag_products, moment_covariance, stacked, symmetric
 from gmwm.applications.several.problem import JointProblem
-from gmwm.applications.several.search import EXACT, ROUGH, Found, first, resume, search
+from gmwm.applications.several.search import EXACT, ROUGH, JointEstimate, first, resume, search
 from gmwm.applications.several.synchronous import chosen_names, synchronous_signals
 from gmwm.applications.several.terms import JointTerm
 from gmwm.base.arrays import Matrix, Vector
@@ -48,11 +48,11 @@ MEMORY = (-3.0, 0.9)
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
+class JointSolution:
     """The weighted least-squares problem of a joint fit with its final weights, and its solution."""
 
     problem: JointProblem  # the problem, in scaled units
-    found: Found  # the solution, in scaled units
+    estimate: JointEstimate  # the solution, in scaled units
     unit: Vector  # (d,) factors by which the signals were multiplied
     products: Matrix  # (P, P, J, J) G at the estimate; see `gmwm.several.moments`
     # estimated covariance matrices Γ̂ of the wavelet coefficients at the levels used, in the units of the signals
@@ -64,14 +64,14 @@ class Settled:
     @property
     def sigmas(self) -> Matrix:
         """Covariance matrices Σ (P, d, d) of the terms, in products of the units of the signals."""
-        return np.asarray(self.found.sigmas / np.outer(self.unit, self.unit))
+        return np.asarray(self.estimate.sigmas / np.outer(self.unit, self.unit))
 
     def wavelet(self) -> Matrix:
         """Return the covariance V (n, n) of the stacked moments under the estimated model, in scaled units."""
-        return self.problem.design.loss_factor * moment_covariance(self.found.sigmas, self.products)
+        return self.problem.design.loss_factor * moment_covariance(self.estimate.sigmas, self.products)
 
 
-def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> Settled:
+def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> JointSolution:
     """Fit the terms to measured covariance matrices, and update the weights until estimate and weights agree."""
     gamma, design = measured.values, replace(measured.design, filled=0)
     variances = np.einsum("jaa->ja", gamma)
@@ -102,7 +102,7 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> Settled:
     elif accuracy > EXACT:
         found = resume(problem, found)
     products = lag_products(problem.processes(found.u), design)
-    return Settled(problem, found, unit=unit, products=products, measured=measured, converged=converged)
+    return JointSolution(problem, found, unit=unit, products=products, measured=measured, converged=converged)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +126,7 @@ class _Mixed:
     def of(cls, problem: JointProblem, u: Vector, sigmas: Matrix) -> _Mixed:
         return cls(u, sigmas, _implied(problem, u, sigmas))
 
-    def after(self, problem: JointProblem, found: Found, *, restart: bool) -> _Mixed:
+    def after(self, problem: JointProblem, found: JointEstimate, *, restart: bool) -> _Mixed:
         """Return the values for the weights of the next round, given the estimate of this round."""
         miss = np.log(_implied(problem, found.u, found.sigmas) / self.implied)
         u, sigmas = found.u, found.sigmas

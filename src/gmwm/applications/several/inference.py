@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gmwm.applications.several.conic import Cone
-from gmwm.applications.several.fitting import Settled
+from gmwm.applications.several.fitting import JointSolution
 from gmwm.applications.several.moments import entries, symmetric
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.fitting.inference.goodness import GoodnessOfFit
@@ -46,13 +46,13 @@ class Errors:
         return float(self.covariance[at, at])
 
 
-def errors(settled: Settled, *, inside: bool = False) -> Errors:
+def errors(settled: JointSolution, *, inside: bool = False) -> Errors:
     """Return the covariance of the estimates, B V Bᵀ, with V the covariance of the moments and B the derivatives of the
     estimates with respect to the moments.
 
     Estimated matrices may be singular. The estimates then vary only in directions that keep the rank of each matrix;
     with `inside`, all entries vary, as without the condition that the matrices are positive semidefinite."""
-    problem, found = settled.problem, settled.found
+    problem, found = settled.problem, settled.estimate
     blocks = problem.blocks(problem.shapes(found.u))
     bases = tuple(
         _whole(problem.cone, place) if inside else _tangent(problem.cone, place, sigma, term.kind == "common")
@@ -97,7 +97,7 @@ def _tangent(cone: Cone, place: int, sigma: Matrix, single: bool) -> Matrix:
     return left[:, size > 1e-9 * size[0]]
 
 
-def misfit(settled: Settled) -> GoodnessOfFit:
+def misfit(settled: JointSolution) -> GoodnessOfFit:
     """Compute the goodness-of-fit test of the model.
 
     The moments of coarse levels are skewed, so the variance of the statistic is larger than that of a chi-square
@@ -124,9 +124,9 @@ def misfit(settled: Settled) -> GoodnessOfFit:
     )  # fmt: skip
 
 
-def _whitened(settled: Settled, *more: Matrix) -> Matrix:
+def _whitened(settled: JointSolution, *more: Matrix) -> Matrix:
     """Return the columns for all free entries and searched shapes, `more` columns and the moments, whitened by V."""
-    problem, found, wavelet = settled.problem, settled.found, settled.wavelet()
+    problem, found, wavelet = settled.problem, settled.estimate, settled.wavelet()
     rows, columns = entries(problem.d)
     shapes = problem.shapes(found.u)
     each = np.einsum("pj,im->pijm", shapes, np.eye(rows.size)).transpose(0, 1, 3, 2)
@@ -145,24 +145,24 @@ def _regression(columns: Matrix, target: Vector) -> tuple[Matrix, Vector]:
     return basis, target - basis @ (basis.T @ target)
 
 
-def sharing(null: Settled, place: int) -> tuple[float, int]:
+def sharing(null: JointSolution, place: int) -> tuple[float, int]:
     """Return the statistic of the test that term number `place` is not shared, and its degrees of freedom.
 
     It is the decrease of the weighted residuals of `null`, where the term is independent, when its other entries are
     added."""
     rows, columns = entries(null.problem.d)
     off = np.eye(rows.size)[rows != columns]
-    shape = null.problem.shapes(null.found.u)[place]
+    shape = null.problem.shapes(null.estimate.u)[place]
     whitened = _whitened(null, np.einsum("im,j->mji", off, shape).reshape(-1, len(off)))
     less, few = _regression(whitened[:, : -len(off) - 1], whitened[:, -1])
     more, rest = _regression(whitened[:, :-1], whitened[:, -1])
     return float(few @ few) - float(rest @ rest), more.shape[1] - less.shape[1]
 
 
-def unconstrained(settled: Settled, place: int) -> Matrix:
+def unconstrained(settled: JointSolution, place: int) -> Matrix:
     """Return the matrix of a term in the fit at the estimated shapes, without the condition that it is semidefinite."""
     problem = settled.problem
-    columns = problem.columns(problem.shapes(settled.found.u))
+    columns = problem.columns(problem.shapes(settled.estimate.u))
     found, *_ = np.linalg.lstsq(columns / (length := np.linalg.norm(columns, axis=0)), problem.target, rcond=None)
     values = np.zeros(problem.cone.free.size)
     values[problem.cone.free] = found / length

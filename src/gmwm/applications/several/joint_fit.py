@@ -8,7 +8,7 @@ from dataclasses import replace
 from numpy.typing import ArrayLike
 
 from gmwm.applications.several.certificate import Prover
-from gmwm.applications.several.fitting import Settled, chosen_signals, measured_at, settle
+from gmwm.applications.several.fitting import JointSolution, chosen_signals, measured_at, settle
 from gmwm.applications.several.joint_result import JointFit
 from gmwm.applications.several.moments import lag_products
 from gmwm.applications.several.search import descend
@@ -115,9 +115,9 @@ def _as_seconds(certify: bool | float) -> float:
     return float(certify)
 
 
-def _bounds(settled: Settled, seconds: float) -> tuple[tuple[float, float] | None, Settled]:
+def _bounds(settled: JointSolution, seconds: float) -> tuple[tuple[float, float] | None, JointSolution]:
     """Return `JointFit.lower_bound` and `JointFit.relaxed_bound`, or None without a proof, and the best fit."""
-    problem, found = settled.problem, settled.found
+    problem, found = settled.problem, settled.estimate
     if not problem.searched:
         convex = problem.solve(found.u)
         bound = min(convex.objective - convex.gap, found.objective)
@@ -128,5 +128,5 @@ def _bounds(settled: Settled, seconds: float) -> tuple[tuple[float, float] | Non
     proof = Prover(problem).prove(descend(problem, found.u) if single else found, seconds)
     if not single and proof.best.objective < found.objective:
         products = lag_products(problem.processes(proof.best.u), problem.design)
-        settled = replace(settled, found=proof.best, products=products)
+        settled = replace(settled, estimate=proof.best, products=products)
     return (proof.lower_bound, proof.relaxed_bound), settled

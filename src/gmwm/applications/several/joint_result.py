@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.applications.several.certificate import GAP
-from gmwm.applications.several.fitting import Settled, settle
+from gmwm.applications.several.fitting import JointSolution, settle
 from gmwm.applications.several.inference import (
     SINGULAR,
     Errors,
@@ -110,7 +110,7 @@ class JointFit(Summarised):
     measured, implied : (J, d, d) arrays
         Covariance matrices Γ_j of the wavelet coefficients: the estimates from the data, and the values of the fitted
         model.
-    settled : Settled
+    settled : JointSolution
         The weighted least-squares problem and its solution, from which standard errors and tests are computed.
     """
 
@@ -128,12 +128,12 @@ class JointFit(Summarised):
     relaxed_bound: float | None
     measured: Matrix
     implied: Matrix
-    settled: Settled = field(repr=False)
+    settled: JointSolution = field(repr=False)
 
     @classmethod
-    def of(cls, settled: Settled, units: Mapping[str, str], bounds: tuple[float, float] | None) -> JointFit:
+    def of(cls, settled: JointSolution, units: Mapping[str, str], bounds: tuple[float, float] | None) -> JointFit:
         """Create the result from a solved problem, the units of its signals, and its two lower bounds."""
-        problem, found, measured = settled.problem, settled.found, settled.measured
+        problem, found, measured = settled.problem, settled.estimate, settled.measured
         labels = [term.label for term in problem.terms]
         processes = problem.processes(found.u)
         parameters = {
@@ -223,7 +223,7 @@ class JointFit(Summarised):
         for at, place in enumerate(problem.searched):
             term, branch = problem.terms[place], problem.branches[place]
             assert branch is not None
-            slope = float(branch.slope(self.settled.found.u[at : at + 1])[0, 0])
+            slope = float(branch.slope(self.settled.estimate.u[at : at + 1])[0, 0])
             name = term.process.nonlinear_parameters()[0].name
             found[f"{term.label}.{name}"] = float(np.sqrt(self._errors.of_shape(place)) * abs(slope))
         return Named(found, "parameter")
@@ -246,7 +246,7 @@ class JointFit(Summarised):
         level = as_confidence(confidence)
         if self.settled.problem.terms[place].kind != "shared":
             return np.full((d, d), np.nan), np.full((d, d), np.nan)
-        sigma = self.settled.found.sigmas[place]
+        sigma = self.settled.estimate.sigmas[place]
         values = np.linalg.eigvalsh(sigma)
         singular = bool(values[0] <= SINGULAR * values.sum())
         estimate = unconstrained(self.settled, place) if singular else sigma
@@ -300,7 +300,7 @@ class JointFit(Summarised):
     @property
     def models(self) -> Mapping[str, Model]:
         """Noise model of each signal alone. It does not contain the correlations with the other signals."""
-        processes = self.settled.problem.processes(self.settled.found.u)
+        processes = self.settled.problem.processes(self.settled.estimate.u)
         found = {}
         for k, axis in enumerate(self.axes):
             scales = [float(self.covariances[term][k, k]) for term in self.terms]
@@ -323,13 +323,13 @@ class JointFit(Summarised):
             Sampling rate (Hz); by default the rate of the recording. Use another rate only if no parameter of the model
             is defined per sample.
         """
-        processes = self.settled.problem.processes(self.settled.found.u)
+        processes = self.settled.problem.processes(self.settled.estimate.u)
         sigmas = np.array(list(self.covariances.values()))
         return discrete(processes, sigmas, rate or self.rate, axes=self.axes, labels=self.terms)
 
     def continuous(self) -> JointContinuousStateSpace:
         """Return the continuous-time state space of all signals."""
-        processes = self.settled.problem.processes(self.settled.found.u)
+        processes = self.settled.problem.processes(self.settled.estimate.u)
         sigmas = np.array(list(self.covariances.values()))
         return continuous(processes, sigmas, self.rate, axes=self.axes, labels=self.terms)
 

@@ -33,7 +33,7 @@ DESCENT = 40
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class JointEstimate:
     """An estimate of the parameters of a joint model."""
 
     u: Vector  # (K,) search coordinates of the shapes
@@ -43,12 +43,12 @@ class Found:
     warm: Matrix | None = None  # (P, d, d) positive definite matrices to start a similar problem from
 
 
-def search(problem: JointProblem) -> Found:
+def search(problem: JointProblem) -> JointEstimate:
     """Return the best local optimum from several starting values."""
     rough = [descend(problem, u, accuracy=ROUGH) for u in _starts(problem)]
     least = min(found.objective for found in rough)
     # If several starting values lead to the same optimum, it is refined once.
-    followed: list[Found] = []
+    followed: list[JointEstimate] = []
     for found in sorted(rough, key=lambda found: found.objective):
         new = all(np.max(np.abs(found.u - other.u), initial=0.0) > SAME for other in followed)
         if found.objective <= least * (1 + WORSE) and (new or not followed):
@@ -56,12 +56,12 @@ def search(problem: JointProblem) -> Found:
     return min((resume(problem, found) for found in followed), key=lambda found: found.objective)
 
 
-def first(problem: JointProblem) -> Found:
+def first(problem: JointProblem) -> JointEstimate:
     """Return a local optimum with rough accuracy, from the best starting value."""
     return descend(problem, _starts(problem)[0], accuracy=ROUGH)
 
 
-def resume(problem: JointProblem, found: Found, accuracy: float = EXACT) -> Found:
+def resume(problem: JointProblem, found: JointEstimate, accuracy: float = EXACT) -> JointEstimate:
     """Return the local optimum near an estimate."""
     return polish(problem, descend(problem, found.u, warm=found.warm, accuracy=accuracy), accuracy)
 
@@ -149,7 +149,7 @@ def _supported(problem: JointProblem, place: int, grid: Vector) -> Vector:
     return np.sort(grid[np.argsort(-share)[:wanted]])
 
 
-def descend(problem: JointProblem, u: Vector, *, warm: Matrix | None = None, accuracy: float = EXACT) -> Found:
+def descend(problem: JointProblem, u: Vector, *, warm: Matrix | None = None, accuracy: float = EXACT) -> JointEstimate:
     """Minimise the objective over the search coordinates by Newton's method, with optimal matrices at each step."""
     low, high = problem.limits
     u = np.clip(u, low, high)
@@ -177,7 +177,7 @@ def descend(problem: JointProblem, u: Vector, *, warm: Matrix | None = None, acc
         u, now = there, new
         if settled:
             break
-    return Found(u, now.sigmas, now.objective, now.gap, warm=now.warm)
+    return JointEstimate(u, now.sigmas, now.objective, now.gap, warm=now.warm)
 
 
 def _derivatives(problem: JointProblem, u: Vector, now: Conic) -> tuple[Vector, Matrix]:
@@ -207,7 +207,7 @@ def _newton(curvature: Matrix, gradient: Vector) -> Vector:
     return np.asarray(vectors @ ((vectors.T @ gradient) / values))
 
 
-def polish(problem: JointProblem, found: Found, accuracy: float = EXACT) -> Found:
+def polish(problem: JointProblem, found: JointEstimate, accuracy: float = EXACT) -> JointEstimate:
     """Return the optimum with matrices of rank one for common terms: Σ = FFᵀ, from a fit with any rank."""
     from scipy.optimize import least_squares as levenberg_marquardt
 
@@ -220,7 +220,7 @@ def polish(problem: JointProblem, found: Found, accuracy: float = EXACT) -> Foun
         x_scale="jac", ftol=1e-3 * accuracy, xtol=1e-3 * accuracy, gtol=1e-12, max_nfev=300,
     )  # fmt: skip
     u, sigmas = factors.of(solved.x)
-    return Found(u, sigmas, 2 * float(solved.cost), warm=found.warm)
+    return JointEstimate(u, sigmas, 2 * float(solved.cost), warm=found.warm)
 
 
 class _Factors:
@@ -231,7 +231,7 @@ class _Factors:
         d = problem.d
         self.sizes = [{"own": d, "common": d, "shared": d * d}[term.kind] for term in problem.terms]
 
-    def start(self, found: Found) -> Vector:
+    def start(self, found: JointEstimate) -> Vector:
         parts = [found.u]
         for term, sigma in zip(self.problem.terms, found.sigmas, strict=True):
             if term.kind == "own":

@@ -36,7 +36,7 @@ as constant (tests/joint/test_smoothing.py)."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Gain:
+class _FilterStep:
     """Matrices of one step of the filter, for the m signals that are observed at this sample."""
 
     before: Matrix  # (p, p) covariance P of the states before the step
@@ -59,7 +59,7 @@ def smooth_joint(
     smoother = _Smoother(space, values)
     slow = {
         term
-        for term, process in zip(fit.terms, fit.settled.problem.processes(fit.settled.found.u), strict=True)
+        for term, process in zip(fit.terms, fit.settled.problem.processes(fit.settled.estimate.u), strict=True)
         if wanders(process, fit.rate)
     }
     return {axis: _tracks(smoother, space, k, record=records[axis], model=models[axis], slow=slow)
@@ -165,9 +165,9 @@ class _Smoother:
         own = np.array([row @ variance @ row for variance in self._variances])[self._places]
         return seen[:, 0] + slopes @ self._levels, own + np.einsum("ta,ab,tb->t", slopes, self._spread, slopes)
 
-    def _gains(self, start: Matrix, present: np.ndarray) -> tuple[list[_Gain], np.ndarray]:
+    def _gains(self, start: Matrix, present: np.ndarray) -> tuple[list[_FilterStep], np.ndarray]:
         """Return the distinct gains, and the index of the gain of each sample. It ends at a constant covariance."""
-        gains: list[_Gain] = []
+        gains: list[_FilterStep] = []
         which = np.empty(len(present), dtype=np.int64)
         covariance, settled = start, False
         for t, there in enumerate(present):
@@ -180,7 +180,7 @@ class _Smoother:
             which[t] = len(gains) - 1
         return gains, which
 
-    def _gain(self, before: Matrix, there: np.ndarray) -> _Gain:
+    def _gain(self, before: Matrix, there: np.ndarray) -> _FilterStep:
         space = self._space
         seen, noise = space.H[there], space.R[np.ix_(there, there)]
         scatter = seen @ before @ seen.T + noise
@@ -189,12 +189,12 @@ class _Smoother:
         rest = space.F - gain @ seen
         after = rest @ before @ rest.T + gain @ noise @ gain.T + space.Q
         weight = seen.T @ precision
-        return _Gain(
+        return _FilterStep(
             before=before, seen=seen, precision=precision, rest=rest, information=weight @ seen, weight=weight,
             gain=gain, after=(after + after.T) / 2,
         )  # fmt: skip
 
-    def _backward(self, gains: list[_Gain], innovations: list[Matrix]) -> tuple[list[Matrix], np.ndarray]:
+    def _backward(self, gains: list[_FilterStep], innovations: list[Matrix]) -> tuple[list[Matrix], np.ndarray]:
         """Replace the filtered means by smoothed ones. Return the distinct covariances, and their index by sample."""
         p, columns = self._means.shape[1:]
         r, information = np.zeros((p, columns)), np.zeros((p, p))

@@ -54,7 +54,7 @@ def streamed_curves(stream: Stream, axes: Sequence[str], *, robust: bool, effici
         )
         for name in (*axes, *sums)
     }  # fmt: skip
-    source = _Sums(stream, axes, sums)
+    source = _SumReader(stream, axes, sums)
     if not robust:
         source.measure(curves)
         found = in_threads(lambda _, one: one.classical(), curves)
@@ -70,7 +70,7 @@ def streamed_curves(stream: Stream, axes: Sequence[str], *, robust: bool, effici
     return Curves(own, moments, fill_gaps(source.first))
 
 
-def _robust(source: _Sums, curves: Mapping[str, AxisCurves]) -> dict[str, WaveletVariance]:
+def _robust(source: _SumReader, curves: Mapping[str, AxisCurves]) -> dict[str, WaveletVariance]:
     """Return robust wavelet variances, from one or two passes over the recording."""
     source.measure(curves)
     if again := {name: one for name, one in curves.items() if one.begin_again()}:
@@ -78,7 +78,7 @@ def _robust(source: _Sums, curves: Mapping[str, AxisCurves]) -> dict[str, Wavele
     return dict(in_threads(lambda _, one: one.robust(), curves))
 
 
-class _Sums:
+class _SumReader:
     """Reads a recording in batches, and adds its axes and their sums to accumulators of wavelet variances."""
 
     def __init__(self, stream: Stream, axes: Sequence[str], sums: Mapping[str, tuple[str, str, float]]) -> None:

@@ -133,14 +133,14 @@ def level_ratios(
         raise DataError(f"{axis} has no noise at some scales: its wavelet variance is 0", argument="recordings")
     eta = np.array([wv.degrees_of_freedom[:levels] for wv in measured])
     pooled = np.average([wv.variance[:levels] for wv in measured], axis=0, weights=eta)
-    known = {
+    parts = {
         name: _Variances(wv.variance[:levels], _freedom(pooled, eta.sum(axis=0), wv)) for name, wv in curves.items()
     }
     rows = []
-    for name in numerators(known):
-        others = _mean([curve for other, curve in known.items() if other != name])
+    for name in numerators(parts):
+        others = _mean([curve for other, curve in parts.items() if other != name])
         for k in range(levels):
-            row = _row(known[name], others, k, confidence=confidence, tolerance=tolerance)
+            row = _row(parts[name], others, k, confidence=confidence, tolerance=tolerance)
             rows.append(replace(row, axis=axis, recording=name, level=k + 1, tau=float(measured[0].tau[k])))
     return rows
 

@@ -112,7 +112,7 @@ class Replicates(Comparison):
     size = SIZE
 
     @property
-    def recordings(self) -> tuple[str, ...]:
+    def recordings(self) -> tuple[str, ...]:  # type: ignore[override]
         """Names of the recordings."""
         return self.deviations.recordings
 
