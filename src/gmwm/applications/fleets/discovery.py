@@ -68,9 +68,8 @@ def find_units(recordings: Recordings, output: Path, pattern: str | None) -> Fle
     elif isinstance(recordings, Sequence):
         paths = _named([Path(path).absolute() for path in recordings])
     else:
-        raise OptionError(
-            argument="recordings", expected="a folder, a sequence of paths or a mapping of unit to path", got=recordings
-        )
+        expected = "a folder, a sequence of paths or a mapping of unit to path"
+        raise OptionError(argument="recordings", expected=expected, got=recordings)
     if not paths:
         raise OptionError(argument="recordings", expected="at least one recording", got=recordings)
     _check_names(paths)
@@ -128,11 +127,9 @@ def _walk(folder: Path, output: Path) -> Iterator[Path]:
 def _raise_unreadable(error: OSError) -> NoReturn:
     """Raise an error for an unreadable folder, because its units would be missing from the fleet."""
     raise OptionError(
-        f"{error.filename} cannot be read: {error.strerror}",
-        argument="recordings",
-        got=str(error.filename),
+        f"{error.filename} cannot be read: {error.strerror}", argument="recordings", got=str(error.filename),
         advice="Change the permissions, or pass the recordings one by one.",
-    ) from error
+    ) from error  # fmt: skip
 
 
 def _is_recording(path: Path) -> bool:

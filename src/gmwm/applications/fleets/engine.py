@@ -187,15 +187,9 @@ def calibrate_fleet(
                 run.take(outcome)
     paths = {unit: str(path) for unit, path in found.paths.items()}
     return Fleet(
-        folder=folder,
-        paths=paths,
-        table=run.table(),
-        settings=options,
-        left_out=found.left_out,
-        kept=run.kept,
-        done=run.done,
-        reading=reading.to_dict(),
-    )
+        folder=folder, paths=paths, table=run.table(), settings=options, left_out=found.left_out, kept=run.kept,
+        done=run.done, reading=reading.to_dict(),
+    )  # fmt: skip
 
 
 class _Run:
@@ -312,6 +306,5 @@ def _check_places(scheduler: str | Client | None, workers: int | None, retries: 
         if number is not None and (isinstance(number, bool) or not isinstance(number, int) or number < 0):
             raise OptionError(argument=name, expected="zero or a positive integer", got=number)
     if scheduler is not None and workers is not None:
-        raise OptionError(
-            argument="workers", expected="left out if there is a scheduler, which has its own workers", got=workers
-        )
+        expected = "left out if there is a scheduler, which has its own workers"
+        raise OptionError(argument="workers", expected=expected, got=workers)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +25,7 @@ from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit
 from gmwm.showing.plots.style import BLACK, DASHED, GREY, curve_stroke, letter_stroke
 
 if TYPE_CHECKING:
-    import polars
-    from matplotlib.figure import Figure as MatplotlibFigure
-
+    from gmwm.applications.fleets.result import Fleet
     from gmwm.applications.fleets.statistics_result import FleetNumber, FleetStatistics
 
 SINGLY = 40
@@ -59,29 +56,14 @@ ROW, BELOW = 52.0, 22.0
 """Height (mm) of a row of panels, and of the legend."""
 
 
-class FleetLike(Protocol):
-    """Protocol for those data of a fleet that its plot uses."""
-
-    @property
-    def table(self) -> polars.DataFrame:
-        """Table of the fleet, with a row for each unit and axis."""
-        ...
-
-    @property
-    def statistics(self) -> FleetStatistics:
-        """Statistics over all units."""
-        ...
-
-
-def fleet_figure(fleet: FleetLike) -> Figure:
+def fleet_figure(fleet: Fleet) -> Figure:
     """Return the figure of `Fleet.plot`: a panel for each quantity of a sensor, with a strip for each axis."""
     found = fleet.statistics
     if not found.rows:
         raise OptionError(
-            "the fleet has no estimated parameter to draw",
-            argument="fleet",
+            "the fleet has no estimated parameter to draw", argument="fleet",
             advice="Read the reasons in the column `reason` of the table.",
-        )
+        )  # fmt: skip
     reading = FleetSamples(fleet.table, found.confidence)
     groups: dict[str, dict[str, list[ParameterSample]]] = {}
     for sample in reading.samples():
@@ -96,16 +78,6 @@ def fleet_figure(fleet: FleetLike) -> Figure:
     odd = len({one.unit for one in found.outliers})
     title = counted(found.units, "unit") + (f", {counted(odd, 'outlier')}" if odd else "")
     return Figure(tuple(rows), width=PAGE, height=ROW * len(rows) + BELOW, title=title, legend_columns=3)
-
-
-def plot_fleet(fleet: FleetLike, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw the values of all units. `Fleet.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
-
-    return draw(fleet_figure(fleet), path=path)
-
-
-# --- one panel --------------------------------------------------------------------------------------
 
 
 def _panel(sensor: str, samples: Sequence[ParameterSample], found: FleetStatistics, units: Sequence[str]) -> Panel:
@@ -141,9 +113,7 @@ class _Strip:
 def _strips(
     samples: Sequence[ParameterSample], found: FleetStatistics, factor: float, units: Sequence[str]
 ) -> list[_Strip]:
-    return [
-        _strip(place, sample, found=found, factor=factor, units=units) for place, sample in enumerate(samples, start=1)
-    ]
+    return [_strip(k, sample, found=found, factor=factor, units=units) for k, sample in enumerate(samples, start=1)]
 
 
 def _strip(place: int, sample: ParameterSample, found: FleetStatistics, factor: float, units: Sequence[str]) -> _Strip:
@@ -165,15 +135,8 @@ def _strip(place: int, sample: ParameterSample, found: FleetStatistics, factor: 
     else:
         shown = np.flatnonzero(alike)
         some = shown[np.unique(np.linspace(0, shown.size - 1, POINTS).astype(int))]
-        marks.append(
-            Line(
-                across[some],
-                value[some],
-                stroke=Stroke(stroke.colour, 1.8),
-                label="Units, sorted by value",
-                layer=MIDDLE,
-            )
-        )
+        curve = Stroke(stroke.colour, 1.8)
+        marks.append(Line(across[some], value[some], curve, label="Units, sorted by value", layer=MIDDLE))
         heights = value
     further, edges = _further(place, row, factor=factor, colour=stroke.colour, confidence=found.confidence)
     marks = [*further[:1], *marks, *further[1:]]
@@ -181,15 +144,7 @@ def _strip(place: int, sample: ParameterSample, found: FleetStatistics, factor: 
     stars = [(float(w), float(v), units[k]) for k, w, v in zip(order, across, value, strict=True) if units[k] in odd]
     if stars:
         spots = np.array([star[:2] for star in stars])
-        marks.append(
-            Line(
-                spots[:, 0],
-                spots[:, 1],
-                stroke=Stroke(BLACK, 0.0, symbol="star"),
-                label="Outlier",
-                layer=FRONT,
-            )
-        )
+        marks.append(Line(*spots.T, Stroke(BLACK, 0.0, symbol="star"), label="Outlier", layer=FRONT))
     return _Strip(marks, np.concatenate([heights, limits]), stars)
 
 
@@ -238,22 +193,11 @@ def _limited(place: int, sample: ParameterSample, row: FleetNumber, factor: floa
     if row.signed or not np.any(sample.limited):
         return [], np.array([])
     high = np.sort(factor * sample.high[sample.limited])
-    at = place + HALF + 0.05
-    label = "Upper limits"
-    if high.size <= SINGLY:
-        return [
-            Line(
-                np.full(high.size, at),
-                high,
-                stroke=Stroke(GREY, 0.0, symbol="down", filled=False),
-                label=label,
-                layer=BEHIND,
-            )
-        ], high
-    ends = np.quantile(high, (0.05, 0.5, 0.95))
-    return [
-        Line(np.full(3, at), ends, stroke=Stroke(GREY, 0.8, symbol="down", filled=False), label=label, layer=BEHIND)
-    ], ends
+    width = 0.0
+    if high.size > SINGLY:
+        high, width = np.quantile(high, (0.05, 0.5, 0.95)), 0.8
+    stroke = Stroke(GREY, width, symbol="down", filled=False)
+    return [Line(np.full(high.size, place + HALF + 0.05), high, stroke, label="Upper limits", layer=BEHIND)], high
 
 
 def _stroke(place: int, axis: str) -> Stroke:

@@ -118,34 +118,19 @@ class Fleet(Summarised):
 
         Up to 40 units are drawn as dots with confidence intervals, more units as a curve. The line is the typical
         value. The shaded region contains the true value of a further unit with the confidence level. Stars with names
-        are outlying units, and triangles are upper limits.
-
-        Parameters
-        ----------
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If there is nothing to draw, or if the picture cannot be written to `path`.
+        are outlying units, and triangles are upper limits. With `path`, the picture is written to a file that ends in
+        .png, .pdf or .svg. If there is nothing to draw, an OptionError is raised.
         """
-        from gmwm.applications.fleets.plot import plot_fleet
+        from gmwm.applications.fleets.plot import fleet_figure
+        from gmwm.showing.plots.matplotlib import draw
 
-        return plot_fleet(self, path=path)
+        return draw(fleet_figure(self), path=path)
 
     @classmethod
     def load(cls, folder: str | os.PathLike[str]) -> Fleet:
-        """Load a fleet from an output folder of `gmwm.fleet` or of the command `gmwm fleet`.
+        """Load a fleet from an output `folder` of `gmwm.fleet` or of the command `gmwm fleet`.
 
-        Raises
-        ------
-        ReadError
-            If the folder is not the output folder of a fleet, if it has another version, or if no run was completed.
+        Another folder, another version, or a folder without a completed run raises a ReadError.
         """
         where = Path(folder)
         facts = read_facts(where)
@@ -157,15 +142,11 @@ class Fleet(Summarised):
         paths, listed = facts["units"], set(table["unit"])
         if any(unit not in listed for unit in paths):
             raise ReadError(f"{where}: the last run ended before it wrote the table", advice=RUN_AGAIN)
-        found = cls(
-            folder=where,
-            paths=paths,
-            table=table,
-            settings=settings,
-            left_out=tuple(facts["left_out"]),
+        loaded = cls(
+            folder=where, paths=paths, table=table, settings=settings, left_out=tuple(facts["left_out"]),
             reading=facts["reading"],
-        )
-        return replace(found, kept=len(found))
+        )  # fmt: skip
+        return replace(loaded, kept=len(loaded))
 
     def __repr__(self) -> str:
         failed = f", {len(self.failed)} failed" if self.failed else ""

@@ -96,35 +96,26 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
     samples = read.samples()
     units = len(read.units)
     if not samples:
-        return FleetStatistics(
-            rows=(), outliers=(), differences=(), confidence=confidence, size=float(size), units=units
-        )
+        return FleetStatistics(rows=(), outliers=(), differences=(), confidence=confidence, size=size, units=units)
     x, s2 = np.array([sample.x for sample in samples]), np.array([sample.s2 for sample in samples])
     kept = x.copy()
     outliers, searched = _outliers(read, samples, x=x, s2=s2, kept=kept, size=size)
     rows = _rows(read, samples, x=x, kept=kept, s2=s2, searched=searched)
     together = _together(read, samples, x=x, kept=kept, s2=s2)
     axes = [(sample.axis, sample.symbol, sample.unit, sample.model) for sample in samples]
-    found = differences(axes, kept, size)
+    tests = differences(axes, kept, size)
     order = {row.symbol: k for k, row in enumerate(rows)}
     sensors = list(dict.fromkeys(sensor_of(sample.axis) or sample.axis for sample in samples))
     symbols = list(dict.fromkeys(in_order([list(order)])))
-    whole = sorted(
+    every = sorted(
         [*together, *rows],
         key=lambda row: (sensors.index(row.axis if row.axis in sensors else sensor_of(row.axis)),
                          symbols.index(row.symbol), row.axis not in sensors),
     )  # fmt: skip
     return FleetStatistics(
-        rows=tuple(whole),
-        outliers=outliers,
-        differences=found,
-        confidence=float(confidence),
-        size=float(size),
+        rows=tuple(every), outliers=outliers, differences=tests, confidence=float(confidence), size=float(size),
         units=units,
-    )
-
-
-# --- outliers ---------------------------------------------------------------------------------------
+    )  # fmt: skip
 
 
 def _outliers(
@@ -151,25 +142,11 @@ def _outliers(
         value, low, high = (float(of[place]) for of in (sample.value, sample.low, sample.high))
         typical = sample.back(float(centre[row])) or 0.0
         times = None if sample.symbol == SIGNED else value / typical
-        outliers.append(
-            OutlierUnit(
-                unit=read.units[place],
-                axis=sample.axis,
-                symbol=sample.symbol,
-                value=value,
-                low=low,
-                high=high,
-                typical=typical,
-                si=sample.unit,
-                times=times,
-                distance=distance,
-                pvalue=p,
-            )
-        )
+        outliers.append(OutlierUnit(
+            unit=read.units[place], axis=sample.axis, symbol=sample.symbol, value=value, low=low, high=high,
+            typical=typical, si=sample.unit, times=times, distance=distance, pvalue=p,
+        ))  # fmt: skip
     return tuple(sorted(outliers, key=lambda one: (one.pvalue, -abs(one.distance)))), searched
-
-
-# --- rows -------------------------------------------------------------------------------------------
 
 
 def _rows(
@@ -244,30 +221,16 @@ def _described(
         tau = float(np.sqrt(at.spread2[k])) if enough else None
         ends = [float(at.mean[k] - reach[k]), float(at.mean[k] + reach[k]), float(ahead[0][k]), float(ahead[1][k])]
         low, high, soon, late = (sample.back(end) if enough else None for end in ends)
-        made.append(
-            FleetNumber(
-                axis=sample.axis,
-                symbol=sample.symbol,
-                unit=sample.unit,
-                units=int(all_.size),
-                limited=int(np.sum(sample.limited)),
-                left_out=sample.left_out,
-                model=sample.model,
-                median=back[1],
-                quantile_05=back[0],
-                quantile_95=back[2],
-                typical=sample.back(float(at.mean[k])),
-                typical_low=low,
-                typical_high=high,
-                spread=tau,
-                spread_low=float(np.sqrt(limits[0][k])) if enough else None,
-                spread_high=float(np.sqrt(limits[1][k])) if enough else None,
-                error=s,
-                error_share=None if tau is None or s is None else s * s / (tau * tau + s * s),
-                predicted_low=soon,
-                predicted_high=late,
-            )
-        )
+        made.append(FleetNumber(
+            axis=sample.axis, symbol=sample.symbol, unit=sample.unit, units=int(all_.size),
+            limited=int(np.sum(sample.limited)), left_out=sample.left_out, model=sample.model,
+            median=back[1], quantile_05=back[0], quantile_95=back[2],
+            typical=sample.back(float(at.mean[k])), typical_low=low, typical_high=high, spread=tau,
+            spread_low=float(np.sqrt(limits[0][k])) if enough else None,
+            spread_high=float(np.sqrt(limits[1][k])) if enough else None,
+            error=s, error_share=None if tau is None or s is None else s * s / (tau * tau + s * s),
+            predicted_low=soon, predicted_high=late,
+        ))  # fmt: skip
     return made
 
 

@@ -4,64 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from gmwm.base.axis_names import letter_of, sensor_of
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.tables import headed
-from gmwm.base.text import counted
+from gmwm.base.text import counted, p_relation
 from gmwm.base.units import datasheet_units
 from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, wrapped
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.measuring.variance.slope_line import LAWS
 
 if TYPE_CHECKING:
+    from gmwm.applications.fleets.result import Fleet
     from gmwm.applications.fleets.statistics_result import AxisDifference, FleetNumber, FleetStatistics, OutlierUnit
 
 _NONE = "–"
-
-
 LISTED = 10
 """Largest number of failed units and of outliers that a summary lists."""
 
 
-class FleetLike(Protocol):
-    """Protocol of a fleet as the summary uses it."""
-
-    @property
-    def units(self) -> Sequence[str]:
-        """Names of all units."""
-        ...
-
-    @property
-    def failed(self) -> Mapping[str, str]:
-        """Units that could not be calibrated, with the reason."""
-        ...
-
-    @property
-    def kept(self) -> int:
-        """Number of units calibrated by earlier runs."""
-        ...
-
-    @property
-    def done(self) -> int:
-        """Number of units calibrated by this run."""
-        ...
-
-    @property
-    def statistics(self) -> FleetStatistics:
-        """The statistics of the units."""
-        ...
-
-    @property
-    def remarks(self) -> Sequence[Remark]:
-        """The remarks on the fleet."""
-        ...
-
-
-def summary(fleet: FleetLike, dialect: Dialect = Dialect.PYTHON) -> str:
+def summary(fleet: Fleet, dialect: Dialect = Dialect.PYTHON) -> str:
     """Write the number of units, failures, tables, outliers and remarks, with at most 80 characters per line."""
-    parts = [wrapped(_head(fleet))]
+    good = len(fleet.units) - len(fleet.failed)
+    runs = f" ({fleet.done} now, {fleet.kept} before)" if fleet.kept and fleet.done else ""
+    failures = f", {len(fleet.failed)} failed" if fleet.failed else ""
+    parts = [wrapped(f"Fleet of {counted(len(fleet.units), 'unit')}: {good} calibrated{runs}{failures}")]
     if fleet.failed:
         parts.append([f"Failed ({counted(len(fleet.failed), 'unit')}):", *_failures(fleet.failed)])
     parts += _parts(fleet.statistics, fleet.remarks, dialect)
@@ -75,13 +43,6 @@ def statistics_text(found: FleetStatistics, dialect: Dialect = Dialect.PYTHON) -
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
 
-def _head(fleet: FleetLike) -> str:
-    good = len(fleet.units) - len(fleet.failed)
-    how = f" ({fleet.done} now, {fleet.kept} before)" if fleet.kept and fleet.done else ""
-    failed = f", {len(fleet.failed)} failed" if fleet.failed else ""
-    return f"Fleet of {counted(len(fleet.units), 'unit')}: {good} calibrated{how}{failed}"
-
-
 def _failures(failed: Mapping[str, str]) -> Iterator[str]:
     for unit, reason in list(failed.items())[:LISTED]:
         yield from bulleted(f"{unit}: {reason}")
@@ -91,10 +52,7 @@ def _failures(failed: Mapping[str, str]) -> Iterator[str]:
 
 def _parts(found: FleetStatistics, remarks: Sequence[Remark], dialect: Dialect) -> list[list[str]]:
     parts = [[SENSORS.get(sensor, sensor), *_table(rows)] for sensor, rows in _by_sensor(found.rows).items()]
-    if found.rows:
-        parts.append(wrapped(_legend(found)))
-    else:
-        parts.append(["No numbers to compare"])
+    parts.append(wrapped(_legend(found)) if found.rows else ["No numbers to compare"])
     if found.outliers:
         shown = [line for one in found.outliers[:LISTED] for line in bulleted(_outlier(one))]
         more = len(found.outliers) - LISTED
@@ -115,9 +73,6 @@ def _by_sensor(rows: Iterable[FleetNumber]) -> dict[str, list[FleetNumber]]:
         whole = any(sensor_of(name) == row.axis for name in names)
         sensors.setdefault(row.axis if whole or not sensor else sensor, []).append(row)
     return sensors
-
-
-# --- the tables -------------------------------------------------------------------------------------
 
 
 def _table(rows: Sequence[FleetNumber]) -> list[str]:
@@ -194,27 +149,21 @@ def _legend(found: FleetStatistics) -> str:
     )
 
 
-# --- outliers and axes --------------------------------------------------------------------------------------
-
-
 def _outlier(one: OutlierUnit) -> str:
     unit, factor = shown_unit(one.si)
-    how = f", {_times(one.times)} the typical" if one.times is not None else "; typical is"
-    chance = "p < 0.001" if one.pvalue < 0.001 else f"p = {one.pvalue:.3f}"
+    relation = "; typical is"
+    if one.times is not None:
+        times = f"{100 * one.times:.0f} % of" if 0.5 < one.times < 2 else f"{significant(one.times, 2)} times"
+        relation = f", {times} the typical"
     value, typical = significant(factor * one.value, 3), significant(factor * one.typical, 3)
-    return f"{one.unit}, {one.axis} {one.symbol}: {value} {unit}{how} {typical}; {chance}"
-
-
-def _times(ratio: float) -> str:
-    return f"{significant(ratio, 2)} times" if not 0.5 < ratio < 2 else f"{100 * ratio:.0f} % of"
+    return f"{one.unit}, {one.axis} {one.symbol}: {value} {unit}{relation} {typical}; p {p_relation(one.pvalue)}"
 
 
 def _difference(one: AxisDifference) -> str:
-    chance = "p < 0.001" if one.adjusted < 0.001 else f"p = {one.adjusted:.3f}"
     unit, factor = shown_unit(one.unit)
     # For a parameter with a sign, the text states the difference from the mean instead of the ratio.
     if any(value <= 0 for value in one.relative.values()):
         apart = ", ".join(f"{axis} {significant(factor * off, 2)} {unit}" for axis, off in one.relative.items())
     else:
         apart = ", ".join(f"{axis} {100 * (off - 1):+.2g} %" for axis, off in one.relative.items())
-    return f"{one.symbol}: {apart} from the mean of the axes in {one.units} units; {chance}"
+    return f"{one.symbol}: {apart} from the mean of the axes in {one.units} units; p {p_relation(one.adjusted)}"

@@ -87,11 +87,8 @@ def calibrate_unit(job: UnitJob) -> UnitOutcome:
 
 def lost(job: UnitJob, deaths: int) -> UnitOutcome:
     """Return the outcome of a job whose process ended each time, although no other job was running."""
-    return UnitOutcome(
-        job.unit,
-        reason=f"its worker process died {counted(deaths, 'time')} without another job; it may "
-        "need more memory, or the file may be damaged",
-    )
+    reason = f"its worker process died {counted(deaths, 'time')} without another job; it may need more memory"
+    return UnitOutcome(job.unit, reason=f"{reason}, or the file may be damaged")
 
 
 def _calibrated(job: UnitJob) -> tuple[Calibration, dict[str, Any]]:
@@ -118,10 +115,10 @@ def _read(path: Path, options: ReadOptions) -> tuple[Imu | Stream, list[Remark]]
 def stamp_of(path: Path) -> dict[str, int]:
     """Return the size and the modification time of a recording. For a folder, all its files are included."""
     files = [path] if not path.is_dir() else [file for file in path.rglob("*") if file.is_file()]
-    found = [file.stat() for file in files]
+    stats = [file.stat() for file in files]
     return {
-        "size": sum(one.st_size for one in found),
-        "modified_ns": max((one.st_mtime_ns for one in found), default=0),
+        "size": sum(stat.st_size for stat in stats),
+        "modified_ns": max((stat.st_mtime_ns for stat in stats), default=0),
     }
 
 

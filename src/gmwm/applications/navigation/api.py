@@ -132,32 +132,10 @@ def budget(
     if missing := [axis for axis in missing if axis not in axes]:
         remarks.append(Remark.of("budget-axes-missing", axes=tuple(missing)))
     return Budget(
-        growths=made.growths(latitude * _DEGREE),
-        alignment=made.alignment(latitude * _DEGREE),
-        duration=seconds,
-        rest=before,
-        latitude=float(latitude),
-        gravity=float(gravity),
-        level=level,
+        growths=made.growths(latitude * _DEGREE), alignment=made.alignment(latitude * _DEGREE), duration=seconds,
+        rest=before, latitude=float(latitude), gravity=float(gravity), level=level,
         remarks=tuple(dict.fromkeys(remarks)),
-    )
-
-
-def budget_of_fits(
-    fits: Mapping[str, Fit],
-    duration: float | str,
-    *,
-    rest: float | str = 0.0,
-    latitude: float = 45.0,
-    level: float = 0.95,
-) -> Budget:
-    """Return the budget of the fits of a calibration. `Calibration.budget` describes the arguments."""
-    return budget(fits, duration, rest=rest, latitude=latitude, level=level)
-
-
-def budget_of_fit(fit: Fit, duration: float | str, *, rest: float | str = 0.0, level: float = 0.95) -> Budget:
-    """Return the budget of a fit of one axis. `Fit.budget` describes the arguments."""
-    return budget({fit.wavelet_variance.axis: fit}, duration, rest=rest, level=level)
+    )  # fmt: skip
 
 
 def _seconds(given: float | str, name: str, least: float = 1e-9) -> float:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,9 +16,6 @@ from gmwm.showing.plots.curves import ABOVE, BAND, MIDDLE
 from gmwm.showing.plots.figure import Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.style import BLACK, GREY, curve_stroke, term_stroke
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
 LEAST_SHARE = 0.03
 """A term is drawn only if its largest ratio to the total error is above this number. Pinned by
 tests/plots/test_plot_budget.py."""
@@ -31,7 +26,7 @@ _TITLES = {"tilt": "Attitude error", "heading": "Attitude error", "velocity": "V
 
 
 def budget_figure(budget: Budget) -> Figure:
-    """Return the figure that `plot_budget` draws."""
+    """Return the figure of `Budget.plot`."""
     chosen = list(_chosen(budget).values())
     named = [label for one in chosen for label in _drawn(one)]
     # Each term has the same stroke in all panels.
@@ -43,7 +38,9 @@ def budget_figure(budget: Budget) -> Figure:
     if len(panels) == 1:
         return Figure(rows, width=100.0, height=90.0)
     filled = tuple((*row, None) if len(row) == 1 else row for row in rows)
-    return Figure(filled, width=174.0, height=26.0 + 62.0 * len(rows), title=_title(budget), legend_columns=3)
+    rest = f", after {duration_text(budget.rest)} at rest" if budget.rest else ""
+    title = f"Error budget of unaided inertial navigation (1 σ{rest})"
+    return Figure(filled, width=174.0, height=26.0 + 62.0 * len(rows), title=title, legend_columns=3)
 
 
 def _chosen(budget: Budget) -> dict[str, Growth]:
@@ -54,11 +51,6 @@ def _chosen(budget: Budget) -> dict[str, Growth]:
             if (one := largest(budget, kind)) is not None:
                 found.setdefault(kinds[0], one)
     return found
-
-
-def _title(budget: Budget) -> str:
-    rest = f", after {duration_text(budget.rest)} at rest" if budget.rest else ""
-    return f"Error budget of unaided inertial navigation (1 σ{rest})"
 
 
 def _drawn(one: Growth) -> list[str]:
@@ -73,15 +65,15 @@ def _growth(one: Growth, strokes: Mapping[str, Stroke], budget: Budget) -> Panel
     ]
     marks: list[Mark] = [Line(one.times, one.error, stroke=Stroke(BLACK, 2.0), label="total", layer=MIDDLE)]
     if not one.certain:
-        marks.append(
-            Band(one.times, one.low, one.high, GREY, label=f"{100 * budget.level:g} % interval", layer=BAND)
-        )  # fmt: skip
+        label = f"{100 * budget.level:g} % interval"
+        marks.append(Band(one.times, one.low, one.high, GREY, label=label, layer=BAND))
     kind = one.name.partition("_")[0]
     limits = limits_near(np.concatenate([one.error, one.low, one.high]), [part.y for part in parts], reach=_REACH)
     label = f"{_TITLES.get(kind, 'Error')} ({one.unit})"
     x = time_axis(one.times, "Time (s)")
     ticks = tuple(tick.value for tick in x.ticks)
-    return Panel(replace(x, grid=ticks), value_axis(limits, label), (*marks, *parts), title=_upper(one.title))
+    title = one.title[:1].upper() + one.title[1:]
+    return Panel(replace(x, grid=ticks), value_axis(limits, label), (*marks, *parts), title=title)
 
 
 def _alignment(budget: Budget) -> Panel:
@@ -100,14 +92,3 @@ def _alignment(budget: Budget) -> Panel:
 
 def _align_label(title: str, shown: Vector) -> str:
     return f"{title}: above {RIGHT_ANGLE:g}°" if np.all(np.isnan(shown)) else title
-
-
-def _upper(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
-def plot_budget(budget: Budget, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw an error budget. `Budget.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
-
-    return draw(budget_figure(budget), path=path)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gmwm.base.arrays import Vector, freeze
+from gmwm.base.plain import plain, plain_fields
 from gmwm.base.remarks import Remark
 from gmwm.base.text import Summarised
 
@@ -59,9 +60,7 @@ class Growth:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the error as plain values for JSON."""
-        lists = {name: getattr(self, name).tolist() for name in ("times", "error", "low", "high")}
-        terms = {label: values.tolist() for label, values in self.terms.items()}
-        return {"title": self.title, "unit": self.unit, **lists, "terms": terms}
+        return plain_fields(self, "title unit times error low high terms")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -121,19 +120,10 @@ class Budget(Summarised, Mapping[str, Growth]):
         return summary(self)
 
     def compare(self, other: Budget, labels: tuple[str, str] = ("this", "other")) -> str:
-        """Return a table that compares this budget with another: the errors at the end, and their ratios.
+        """Return a table that compares this budget with an `other`: the errors at the end, and their ratios.
 
-        Parameters
-        ----------
-        other : Budget
-            The budget of another calibration or of a datasheet, for the same duration.
-        labels : tuple of two str
-            Names of the two budgets in the table.
-
-        Raises
-        ------
-        OptionError
-            If the durations, the times at rest or the latitudes differ, or the budgets have no error in common.
+        `labels` are the names of the two budgets. If they have no error in common, or differ in duration, time at rest
+        or latitude, an OptionError is raised.
         """
         from gmwm.applications.navigation.summary_text import comparison
 
@@ -141,13 +131,8 @@ class Budget(Summarised, Mapping[str, Growth]):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the budget as plain values for JSON."""
-        return {
-            "duration": self.duration, "rest": self.rest, "latitude": self.latitude, "gravity": self.gravity,
-            "level": self.level,
-            "growth": {name: one.to_dict() for name, one in self.growths.items()},
-            "alignment": {name: one.to_dict() for name, one in self.alignment.items()},
-            "remarks": [remark.to_dict() for remark in self.remarks],
-        }  # fmt: skip
+        facts = plain_fields(self, "duration rest latitude gravity level")
+        return facts | {"growth": plain(self.growths), **plain_fields(self, "alignment remarks")}
 
     def to_frame(self) -> DataFrame:
         """Return the errors as a Polars data frame, with one row for each error and time."""
@@ -163,15 +148,9 @@ class Budget(Summarised, Mapping[str, Growth]):
     def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
         """Draw the largest attitude, velocity and position error over time with its terms, and the alignment errors.
 
-        Parameters
-        ----------
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
+        With `path`, the picture is written to a file that ends in .png, .pdf or .svg.
         """
-        from gmwm.applications.navigation.plot import plot_budget
+        from gmwm.applications.navigation.plot import budget_figure
+        from gmwm.showing.plots.matplotlib import draw
 
-        return plot_budget(self, path=path)
+        return draw(budget_figure(self), path=path)

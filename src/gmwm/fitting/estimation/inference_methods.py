@@ -390,9 +390,9 @@ class InferenceMethods:
         MissingTheoryError
             If a term has no state-space form.
         """
-        from gmwm.applications.navigation.api import budget_of_fit
+        from gmwm.applications.navigation.api import budget
 
-        return budget_of_fit(self._fit, duration, rest=rest, level=level)
+        return budget({self._fit.wavelet_variance.axis: self._fit}, duration, rest=rest, level=level)
 
     def summary(
         self,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gmwm.applications.navigation.table import budget_table
+from gmwm.applications.navigation.summary_text import budget_table
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect, Remark, texts
