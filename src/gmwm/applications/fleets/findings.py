@@ -14,13 +14,8 @@ if TYPE_CHECKING:
 
     from gmwm.applications.fleets.statistics_result import FleetNumber, FleetStatistics
 
-LEAST = 3
-"""Smallest number of units from which the spread between units and the range for a further unit are estimated. With two
-units, the 95 % confidence interval of the spread would be 0.45 to 32 times its estimate."""
-MUCH = 0.5
-"""A remark is made if estimation errors are more than this share of the variance of the estimates."""
-REJECTED = 0.05
-"""Significance level of the goodness-of-fit tests of all axes of a fleet together."""
+LEAST_UNITS = 3
+"""Least units for a spread and a prediction. With two, the 95 % interval of a spread is 0.45 to 32 times as large."""
 
 
 def remarks_of(found: FleetStatistics) -> list[Remark]:
@@ -34,7 +29,7 @@ def of_units(table: DataFrame, units: int, failed: int) -> Iterator[Remark]:
         yield Remark.of("units-failed", failed=failed, units=units)
     if "p_value" in table.columns:
         tested = table["p_value"].drop_nulls()
-        if rejected := int((tested < REJECTED / max(len(tested), 1)).sum()):
+        if rejected := int((tested < 0.05 / max(len(tested), 1)).sum()):  # significance level of all tests together
             yield Remark.of("fits-rejected", rejected=rejected, tested=len(tested))
     if "contaminated" in table.columns:
         tested = table["contaminated"].drop_nulls()
@@ -45,15 +40,15 @@ def of_units(table: DataFrame, units: int, failed: int) -> Iterator[Remark]:
 def _remarks(found: FleetStatistics) -> Iterator[Remark]:
     single = [row for row in found.rows if _is_axis(row, found.rows)]
     yield from _of_outliers(found, single)
-    if 1 < found.units <= LEAST:
+    if 1 < found.units <= LEAST_UNITS:
         yield Remark.of("small-fleet", units=found.units)
-    for count in range(1, LEAST):
+    for count in range(1, LEAST_UNITS):
         few = [row for row in single if row.units == count]
-        yield from _each("few-units-compared", few, single, units=count, least=LEAST, fewest=FEWEST)
-    few = [row for row in single if not row.searched and row.units >= LEAST]
+        yield from _each("few-units-compared", few, single, units=count, least=LEAST_UNITS, fewest=FEWEST)
+    few = [row for row in single if not row.searched and row.units >= LEAST_UNITS]
     yield from _each("outliers-not-sought", few, single, fewest=FEWEST)
     yield from _of_limits(single)
-    yield from _each("errors-dominate", [row for row in single if (row.error_share or 0) > MUCH], single)
+    yield from _each("errors-dominate", [row for row in single if (row.error_share or 0) > 0.5], single)
     for model, rows in _by_model(row for row in single if row.model is not None and row.left_out).items():
         yield from _each("one-model-compared", rows, single, model=model)
     unknown = [row for row in single if row.model is None and row.left_out]

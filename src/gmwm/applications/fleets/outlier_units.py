@@ -11,11 +11,9 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.random_effects import effects
 
 FEWEST = 8
-"""Smallest number of units for the search for outliers. tests/fleets/test_statistics.py checks the rate of false alarms
-with this number."""
+"""Least units for a search for outliers; tests/fleets/test_statistics.py checks the false alarms."""
 SHARE, MOST = 0.1, 100
-"""Largest share and largest number of units that are tested as outliers. A larger group of deviating units would be
-another type of unit."""
+"""Largest share and number of units that are tested as outliers. More would be another type of unit."""
 
 
 @dataclass(frozen=True, eq=False)

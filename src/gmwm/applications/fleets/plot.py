@@ -29,29 +29,22 @@ if TYPE_CHECKING:
     from gmwm.applications.fleets.statistics_result import FleetNumber, FleetStatistics
 
 SINGLY = 40
-"""Largest number of units that are drawn as dots with intervals. More units are drawn as a curve. Pinned by
-tests/plots/test_plot_fleet.py."""
+"""Largest number of units drawn as dots with intervals, not as a curve. Pinned by tests/plots/test_plot_fleet.py."""
 UNIT_SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "cross", "plus")
 """Symbols of single units. They are used only if there are at most as many units as symbols."""
-POINTS = 400
-"""Largest number of points of the curve that shows many units. Pinned by tests/plots/test_plot_limits.py."""
 HALF = 0.4
 """Half of the width of the strip that shows one axis. The centres of neighbouring strips have the distance 1."""
 COLUMNS = 3
 EVEN = 4.0
-"""Largest ratio of the largest to the smallest value for which the axis is linear. For such a small ratio, a linear
-axis is as readable as a logarithmic axis and has more ticks. Pinned by tests/plots/test_plot_limits.py."""
+"""Ratio of the values below which the axis is linear and has more ticks. Pinned by tests/plots/test_plot_limits.py."""
 NAMED, LETTERS = 3, 14
-"""Largest number of outliers in a panel whose names are shown, and largest number of characters of such a name. Pinned
-by tests/plots/test_plot_fleet.py."""
+"""Largest number of named outliers in a panel, and letters of a name. Pinned by tests/plots/test_plot_fleet.py."""
 CLEAR, LETTER = 0.07, 0.036
 """Height of the name of an outlier, and width of each of its letters, as fractions of the panel."""
 SMALL = 0.005
-"""If no value of a panel reaches this number, its axis label has a power of ten. Pinned by
-tests/plots/test_plot_fleet.py."""
+"""Largest value for which the axis has a power of ten. Pinned by tests/plots/test_plot_fleet.py."""
 REACH = 3.0
-"""Largest factor by which a confidence interval may extend the axis beyond the values. Pinned by
-tests/plots/test_plot_limits.py."""
+"""Factor by which an interval may extend the axis. Pinned by tests/plots/test_plot_limits.py."""
 ROW, BELOW = 52.0, 22.0
 """Height (mm) of a row of panels, and of the legend."""
 
@@ -134,7 +127,7 @@ def _strip(place: int, sample: ParameterSample, found: FleetStatistics, factor: 
         heights = np.concatenate([value, low, high]) if row.signed else heights
     else:
         shown = np.flatnonzero(alike)
-        some = shown[np.unique(np.linspace(0, shown.size - 1, POINTS).astype(int))]
+        some = shown[np.unique(np.linspace(0, shown.size - 1, 400).astype(int))]
         curve = Stroke(stroke.colour, 1.8)
         marks.append(Line(across[some], value[some], curve, label="Units, sorted by value", layer=MIDDLE))
         heights = value

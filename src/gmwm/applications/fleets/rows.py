@@ -12,8 +12,7 @@ from gmwm.calibration.result import AxisCalibration, Calibration
 
 Row = dict[str, Any]
 PROVEN = 1e-3
-"""A fit is certified if the relative gap between its objective and the proven lower bound is at most this
-(docs/validation/optimum.md)."""
+"""Largest relative gap to the lower bound of a certified fit (docs/validation/optimum.md)."""
 _INFINITE = "Infinity"
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.applications.fleets.axes import differences
-from gmwm.applications.fleets.findings import LEAST
+from gmwm.applications.fleets.findings import LEAST_UNITS
 from gmwm.applications.fleets.outlier_units import FEWEST, deviants, looked_for
 from gmwm.applications.fleets.samples import FleetSamples, ParameterSample
 from gmwm.applications.fleets.statistics_result import SIGNED, FleetNumber, FleetStatistics, OutlierUnit
@@ -22,10 +22,6 @@ from gmwm.recording.options import as_confidence, as_size
 
 if TYPE_CHECKING:
     import polars
-
-_FEW = 3
-"""If the units with only an upper limit are at least this number of times as many as the units with a value, a remark
-names the units with a value. The number is a convention."""
 
 
 def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size: float = 0.05) -> FleetStatistics:
@@ -165,7 +161,7 @@ def _rows(
         if row.predicted_low is not None and sample.symbol != SIGNED:
             under = sample.limited & (np.where(sample.limited, sample.high, np.inf) < row.predicted_low)
             below = tuple(read.units[place] for place in np.flatnonzero(under))
-        few = 0 < row.units < FEWEST and row.limited >= _FEW * row.units and sample.symbol != SIGNED
+        few = 0 < row.units < FEWEST and row.limited >= 3 * row.units and sample.symbol != SIGNED  # a convention
         shown = tuple(read.units[place] for place in np.flatnonzero(np.isfinite(x[k]))) if few else ()
         gone = int(np.sum(np.isfinite(x[k]) & ~np.isfinite(kept[k])))
         made.append(replace(row, searched=bool(searched[k]), outliers=gone, below=below, shown_by=shown))
@@ -214,7 +210,7 @@ def _described(
     reach = stdtrit(np.maximum(freedom, 1.0), (1 + read.confidence) / 2) * error
     made = []
     for k, sample in enumerate(samples):
-        all_, enough = x[k][np.isfinite(x[k])], freedom[k] >= LEAST - 1
+        all_, enough = x[k][np.isfinite(x[k])], freedom[k] >= LEAST_UNITS - 1
         quantiles = np.quantile(all_, (0.05, 0.5, 0.95)) if all_.size else np.full(3, np.nan)
         back = [sample.back(float(q)) for q in quantiles]
         s = float(np.sqrt(np.median(s2[k][np.isfinite(x[k])]))) if all_.size else None

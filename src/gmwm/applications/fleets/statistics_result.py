@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     import polars
 
 SIGNED = "R"
-"""Symbol of the rate ramp. It has a sign, so its values are compared; of all other parameters, logarithms are
-compared."""
+"""Symbol of the rate ramp. It has a sign, so its values are compared, not their logarithms."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,7 @@ from gmwm.calibration.recording_info import Recording
 
 FORMAT = "gmwm-fleet"
 VERSION = 1
-"""Version of the format of fleet.json. gmwm reads only this version. Adding a key does not change the version."""
+"""Version of fleet.json; gmwm reads no other. Adding a key does not change the version."""
 TABLE = "fleet.parquet"
 UNITS = "units"
 

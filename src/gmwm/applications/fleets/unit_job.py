@@ -24,8 +24,7 @@ from gmwm.recording.options import ReadOptions
 from gmwm.recording.signals import Imu
 
 PART = "fleet"
-"""Key in the JSON document of a unit under which the size and time of its recording, its options and its table rows are
-stored."""
+"""Key of the size and time of the recording, options and table rows in the document of a unit."""
 _FINAL = frozenset({errno.EACCES, errno.EPERM, errno.ENOENT, errno.EISDIR, errno.ENOTDIR, errno.ELOOP})
 """Error numbers of the operating system for which a retry is useless."""
 # All threads of a process share Python's warning filters, and a worker may have several threads.

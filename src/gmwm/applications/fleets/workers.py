@@ -14,8 +14,7 @@ if TYPE_CHECKING:
     from distributed import Future
 
 WINDOW = 4
-"""Number of submitted jobs per thread of the cluster. No thread has to wait, and the scheduler does not need to store
-all jobs."""
+"""Submitted jobs per thread: no thread waits, and the scheduler does not store all jobs."""
 _GONE = "the scheduler no longer answers"
 _AGAIN = "Run the fleet again: finished units are kept."
 

@@ -45,10 +45,7 @@ REMEMBERED = 3600.0
 MOVED_AXES = 3
 """If at least this number of axes change within `NAMING` seconds, the unit was moved."""
 TOGETHER = 0.7
-"""Mean number of events per alarm of a chart. It is below 1, because charts of neighbouring levels raise alarms
-together (docs/validation/monitor.md)."""
-PIECE = 1 << 16
-"""Number of samples that are processed in one step. The result does not depend on it."""
+"""Events per alarm of a chart: neighbouring levels raise alarms together (docs/validation/monitor.md)."""
 FORMAT = "gmwm-monitor"
 
 
@@ -215,7 +212,7 @@ class Monitor(OneAtATime):
             one.charts.forget_peaks()
         at = 0
         while at < n:
-            stop = min(n, at + PIECE)
+            stop = min(n, at + (1 << 16))  # the result does not depend on the number of samples in a step
             if self._moved is not None:
                 at += self._rest({axis: x[at:stop] for axis, x in arrays.items()}, events)
                 continue

@@ -21,9 +21,8 @@ VERY_LOUD = 20.0
 """An innovation that exceeds the limit of a spike by this factor is not attributed to a fault reported before."""
 LARGER = 1.5
 """A recurring fault is reported again if it is larger than before by this factor."""
-KEPT = 4096
-"""Number of innovations, and of their sums over 2^HISTORY_LEVEL samples, that are kept to determine the kind of a
-fault."""
+HISTORY = 4096
+"""Number of innovations, and of their sums, that determine the kind of a fault."""
 
 _EVERYTHING = frozenset({"noise up", "noise down", "level", "spike", "constant"})
 _EXPLAINED: Mapping[str, frozenset[str]] = {
@@ -77,8 +76,8 @@ class MonitoredAxis:
         alarms = self._constant(x)
         e = self.whitener.update(x)
         alarms += self.charts.update(e)
-        self.fast = np.concatenate([self.fast, e])[-KEPT:]
-        self.slow = np.concatenate([self.slow, self.charts.recent])[-KEPT:]
+        self.fast = np.concatenate([self.fast, e])[-HISTORY:]
+        self.slow = np.concatenate([self.slow, self.charts.recent])[-HISTORY:]
         return [alarm for alarm in sorted(alarms) if not self._explained(alarm)]
 
     def _constant(self, x: Vector) -> list[Alarm]:

@@ -19,20 +19,17 @@ from gmwm.base.plain import plain_fields
 from gmwm.theory.processes.model import Model
 
 LEAST_BLOCKS = 80
-"""Smallest number of blocks from which the expected mean square of a level is estimated. Its standard error is then
-below 7 % (for k ≥ 2.6), which is smaller than the dead band."""
+"""Least blocks for the mean square of a level: standard error below 7 %, less than the dead band."""
 LEAST_MEANS = 30
 """Smallest number of block means from which their scatter is estimated. Its standard error is then 13 %."""
 LONGEST_BURST = 256
-"""Largest number of blocks that are averaged to estimate the variance of the mean squares. Charts raise an alarm within
-this number of blocks."""
-MOST = 1e15
-"""Largest number in a baseline; ratios, shapes and scatter are at least 1 / `MOST`. Other numbers are damage."""
+"""Largest number of blocks in a group whose variance is estimated. Charts raise an alarm within it."""
+LARGEST = 1e15
+"""Largest number in a baseline; ratios, shapes and scatter are at least 1 / `LARGEST`. Other numbers are damage."""
 REACH = 5
 """A chart of block means uses the largest scatter of its level and of this number of coarser levels."""
 BAND = 1.1
-"""Dead band with a baseline (a factor of the variance). The variances of different parts of a recording in
-`docs/validation/monitor.md` differ by less than this."""
+"""Dead band (factor of the variance). Parts of a recording in docs/validation/monitor.md differ by less."""
 LEAST_EQUAL = 8
 """A run of fewer equal samples than this never counts as frozen."""
 
@@ -140,10 +137,10 @@ class Baseline:
             counts = {name: int(content[name]) for name in ("samples", "equal")}
         except (KeyError, TypeError, ValueError) as error:
             raise ReadError(f"not a baseline: {error}", advice="Measure the baseline again.") from error
-        good = all(a.ndim == 1 and a.size and bool(np.all((a > 1 / MOST) & (a < MOST))) for a in arrays.values())
-        good = good and all(abs(one) < MOST for one in numbers.values())
+        good = all(a.ndim == 1 and a.size and bool(np.all((a > 1 / LARGEST) & (a < LARGEST))) for a in arrays.values())
+        good = good and all(abs(one) < LARGEST for one in numbers.values())
         if not good or arrays["ratios"].size != arrays["shapes"].size or counts["samples"] < 1:
-            reason = f"ratios, shapes and scatter must be lists of numbers from {1 / MOST:g} to {MOST:g}"
+            reason = f"ratios, shapes and scatter must be lists of numbers from {1 / LARGEST:g} to {LARGEST:g}"
             raise ReadError(f"not a baseline: {reason}", advice="Measure the baseline again.")
         scatter = tuple(arrays.pop("scatter").tolist())
         return cls(**arrays, scatter=scatter, **numbers, **counts)  # type: ignore[arg-type]

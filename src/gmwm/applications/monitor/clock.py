@@ -10,8 +10,6 @@ from gmwm.applications.monitor.naming import Fault
 from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.units import SI_UNIT
 
-KEPT = 16
-"""Number of gaps whose times are kept, because an event may begin before the last gaps."""
 _PER_SECOND = {"rad/s": "rad/s²", "m/s²": "m/s³"}
 
 
@@ -29,7 +27,7 @@ class SampleClock:
 
     def after_gap(self, sample: int, time: float) -> SampleClock:
         """Return the clock after a gap, if sample number `sample` is the next one and has the given time (s)."""
-        return SampleClock(self.rate, (*self.runs[1 - KEPT :], (sample, time)))
+        return SampleClock(self.rate, (*self.runs[-15:], (sample, time)))  # an event may begin before the last gaps
 
     def event(self, axis: str, fault: Fault, first: Alarm) -> Event:
         """Return the event that reports a fault of an axis, in SI units. `first` is its first alarm."""

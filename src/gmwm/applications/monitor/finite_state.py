@@ -17,8 +17,7 @@ from gmwm.theory.processes.model import Model
 from gmwm.theory.statespace import StateSpace
 
 COHERENCE = 300.0
-"""Correlation time (s) of the amplitude and the phase of a sinusoid. The value is a choice: disturbances from machines
-and from mains power drift slowly."""
+"""Correlation time (s) of amplitude and phase of a sinusoid; a choice, because machines and mains drift slowly."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,9 +16,8 @@ from gmwm.base.arrays import Vector
 NAMING = 1.0
 """Time (s) from the first alarm to the report. Alarms of all axes during this time are evaluated together."""
 SLOWNESS, LONGEST_NAMING = 8.0, 60.0
-"""The kind of a change of level is determined after SLOWNESS times the time from its onset to the alarm, but at most
-LONGEST_NAMING seconds. 9 of 10 excursions of slow noise are then not reported as jumps
-(validation/study_monitor.py)."""
+"""A change of level is named after SLOWNESS times the time from onset to alarm, within LONGEST_NAMING seconds. 9 of
+10 excursions of slow noise are then not jumps (validation/study_monitor.py)."""
 MOVED_RATIO = 2.0
 """If several axes change at once, an increase of the standard deviation by this factor counts as motion."""
 LINE_CHANCE = 1e-4
@@ -26,10 +25,8 @@ LINE_CHANCE = 1e-4
 LINE_SHARE = 1.0 / 3.0
 """A hum must explain at least this share of the excess power (validation/study_monitor.py)."""
 SLOW_LEVEL, SLOW_PRIOR = 6, 4.0
-"""If the alarm is at level SLOW_LEVEL or coarser, a jump is reported only if its log-likelihood exceeds the one of slow
-noise by SLOW_PRIOR (validation/study_monitor.py)."""
-SHORTEST_LINE = 64
-"""Smallest number of samples in which a hum can be found."""
+"""From this level on, a jump must exceed the log-likelihood of slow noise by SLOW_PRIOR
+(validation/study_monitor.py)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +208,7 @@ def _line(history: History, onset: int, gain: Gain) -> tuple[float, float] | Non
     """Return frequency (cycles per sample) and amplitude of a significant sinusoid that explains much of the excess."""
     start = max(onset, history.now - history.fast.size)
     values = history.fast[history.fast.size - (history.now - start) :]
-    if values.size < SHORTEST_LINE:
+    if values.size < 64:
         return None
     size = 4 * values.size
     window = np.hanning(values.size + 2)[1:-1]

@@ -22,8 +22,6 @@ from gmwm.showing.plots.view import view_of
 _CHARTS = {"noise up": ("Noise up", ORANGE), "noise down": ("Noise down", GREEN), "level": ("Level", PURPLE)}
 TOP = 1.1
 """Largest value of a chart statistic that is drawn. Larger values are drawn at this value; the threshold is 1."""
-HEIGHT = 30.0
-"""Height of a row of panels (mm)."""
 
 
 def trace_figure(trace: Trace) -> Figure:
@@ -44,7 +42,7 @@ def trace_figure(trace: Trace) -> Figure:
         own = [event for event in trace.events if event.axis in (axis, "")]
         scale = (first, size)
         rows.append((_signal(trace, axis, own, x=x, scale=scale), _charts(trace, axis, x=x, scale=scale)))
-    return Figure(tuple(rows), width=PAGE, height=18.0 + HEIGHT * len(rows), legend_columns=3)
+    return Figure(tuple(rows), width=PAGE, height=18.0 + 30.0 * len(rows), legend_columns=3)
 
 
 def _signal(trace: Trace, axis: str, events: Sequence[Event], *, x: Axis, scale: tuple[float, float]) -> Panel:

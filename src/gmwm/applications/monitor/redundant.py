@@ -21,12 +21,8 @@ from gmwm.theory.processes.model import Model
 if TYPE_CHECKING:
     from gmwm.recording.signals import Imu
 
-LEAST = 3
+UNITS_TO_COMPARE = 3
 """Smallest number of units with which the changed unit can be identified."""
-REFERENCE = 0.1
-"""The baseline is measured from this share of the recordings, at their beginning."""
-BLOCK = 1 << 11
-"""Number of samples that are compared in one step."""
 CONSEQUENCES = 600.0
 """Events of other units on the same axis count as consequences of a reported event for at least this time (s)."""
 LONGEST_MOTION = 60.0
@@ -93,9 +89,9 @@ def redundant(
     >>> list(redundant(model, units, every="10d"))
     []
     """
-    if len(recordings) < LEAST:
+    if len(recordings) < UNITS_TO_COMPARE:
         raise OptionError(
-            f"at least {LEAST} units are needed to name the one that has changed; got {len(recordings)}",
+            f"at least {UNITS_TO_COMPARE} units are needed to name the one that has changed; got {len(recordings)}",
             argument="recordings",
             got=len(recordings),
             advice="Monitor each unit alone, with the baseline of its own calibration.",
@@ -118,7 +114,7 @@ def _events(
     known = _baselines(apart, recordings, rate)
     monitors = {name: Monitor(apart, every * n, rate=rate, baseline=known[name]) for name in recordings}
     culprits = _Culprits(n)
-    for block in _blocks(recordings, list(models), BLOCK):
+    for block in _blocks(recordings, list(models), 1 << 11):
         mean = {axis: np.asarray(sum(unit[axis] for unit in block.values()) / n) for axis in models}
         motion = [event for event in common.update(mean) if event.kind in ("moved", "still")]
         yield from (UnitEvent("", event) for event in motion)
@@ -193,7 +189,7 @@ def _baselines(
     """Return the baselines of the differences for each unit and axis, from the first tenth of the recordings."""
     n = len(recordings)
     lengths = [recording.rows if isinstance(recording, Stream) else len(recording) for recording in recordings.values()]
-    wanted = max(int(REFERENCE * min(lengths)), 1)
+    wanted = max(int(0.1 * min(lengths)), 1)  # the first tenth of the recordings
     block = next(_blocks(recordings, list(models), wanted))
     mean = {axis: sum(unit[axis] for unit in block.values()) / n for axis in models}
     return {

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from gmwm.files.readers.streams import Stream
 
 RATE_TOLERANCE = 0.01
-"""Largest relative difference between the sampling rates of a recording and of the calibration. A difference of this
-size changes the expected variances by less than the dead band of the charts."""
+"""Largest relative difference of two rates. It changes variances by less than the dead band of the charts."""
 
 
 def models_of(calibration: Mapping[str, Any], axes: Sequence[str] | None) -> dict[str, Model]:
@@ -143,10 +142,6 @@ def checked_samples(axes: Sequence[str], values: Mapping[str, ArrayLike]) -> dic
     return arrays
 
 
-LONGEST = 1 << 21
-"""Only this number of samples at the beginning of a reference recording is used."""
-
-
 def baselines(
     calibration: Mapping[str, Any], recording: Imu | Stream, axes: Sequence[str] | None = None
 ) -> dict[str, Baseline]:
@@ -199,7 +194,7 @@ def baselines(
                 found.append([])
             found[-1].append(chunk.values[axis])
         segment, total = chunk.segment, total + len(chunk)
-        if total >= LONGEST:
+        if total >= 1 << 21:  # later samples of a reference are not used
             break
     return {
         axis: Baseline.of(models[axis], [np.concatenate(part) for part in found], rate) for axis, found in parts.items()

@@ -16,12 +16,10 @@ from gmwm.base.plain import plain_fields
 
 CALM = 3
 """A unit is at rest again after this number of consecutive blocks without motion."""
-LOUD = 4.0
-"""A block contains motion if the mean square of its innovations exceeds the expected one by this factor. The standard
-deviation is then twice the expected one."""
-SHORTEST = 32
-"""Smallest number of samples in a block. Without motion, the ratio of mean squares then exceeds LOUD once in 10¹⁰
-blocks."""
+MOVING = 4.0
+"""A block moves if the mean square of its innovations exceeds the expected one by this factor."""
+LEAST_SAMPLES = 32
+"""Least samples in a block. Without motion, the ratio exceeds MOVING once in 10¹⁰ blocks."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +34,7 @@ class Stillness:
         self, parts: Mapping[str, Vector], axes: Mapping[str, MonitoredAxis], naming: int
     ) -> tuple[int, Stillness, bool]:
         """Add samples of all axes. Return the number of used samples, the new state, and whether the unit rests."""
-        block = max(naming, SHORTEST)
+        block = max(naming, LEAST_SAMPLES)
         filled = next(iter(self.held.values())).size if self.held else 0
         used = min(next(iter(parts.values())).size, block - filled)
         held = {
@@ -64,4 +62,4 @@ class Stillness:
 
 def _still(axis: MonitoredAxis, x: Vector) -> bool:
     errors = Whitener(axis.gain).update(x)
-    return float(np.mean(np.square(errors))) < LOUD * float(axis.settings.ratios[0])
+    return float(np.mean(np.square(errors))) < MOVING * float(axis.settings.ratios[0])

@@ -12,12 +12,10 @@ from gmwm.base.arrays import Vector
 SHIFT = 1.0
 """Shift of a block mean, in standard deviations of block means, for which the level charts have the shortest delay."""
 SOLVED_AT = 1e5
-"""Run length (blocks) for which the integral equation is solved. For other run lengths, the threshold is extrapolated
-linearly in the logarithm of the run length. The error is below 4 % of the run length from 10⁴ to 10⁸ blocks
-(tests/monitor/test_charts.py)."""
+"""Run length (blocks) of the integral equation. For others, the threshold is extrapolated in its logarithm, with an
+error below 4 % from 10⁴ to 10⁸ blocks (tests/monitor/test_charts.py)."""
 _CELLS = 120
-"""Number of cells in which the integral equation is discretised. With 300 cells, the run length changes by less than
-3 % (same test)."""
+"""Cells of the integral equation. With 300, the run length changes by less than 3 % (same test)."""
 
 
 def level_threshold(run_length: float) -> float:

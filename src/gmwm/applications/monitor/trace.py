@@ -23,10 +23,6 @@ if TYPE_CHECKING:
     from gmwm.files.readers.streams import Stream
     from gmwm.recording.signals import Imu
 
-MOST = 2048
-"""Largest number of time intervals that are kept. If there are more, neighbouring intervals are merged."""
-SHORTEST = 16
-"""Number of samples in an interval before intervals are merged."""
 STEP, LOOKS = 512, 256
 """The chart statistics are recorded after each STEP samples or, later, after 1/LOOKS of the samples so far."""
 FAMILIES = ("noise up", "noise down", "level")
@@ -56,7 +52,7 @@ class Trace:
         self.source = source
         self.events: list[Event] = []
         self._pictures = pictures
-        self._signals = {axis: _Course(SHORTEST) for axis in monitor.axes}
+        self._signals = {axis: _Course(16) for axis in monitor.axes}
         self._heights = {axis: _Course(1) for axis in monitor.axes}
 
     def watch(self, recording: Imu | Stream) -> Iterator[Event]:
@@ -154,7 +150,7 @@ class _Course:
                 self._times.append(time + at * step)
                 self._rows.append(largest)
             self._filled, at = (self._filled + len(taken)) % self._width, at + len(taken)
-            if not self._filled and len(self._times) >= MOST:
+            if not self._filled and len(self._times) >= 2048:
                 self._times, self._width = self._times[::2], 2 * self._width
                 self._rows = [np.maximum(a, b) for a, b in zip(self._rows[::2], self._rows[1::2], strict=True)]
 

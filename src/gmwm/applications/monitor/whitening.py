@@ -33,17 +33,12 @@ from gmwm.base.errors import ModelError
 
 FRAME = 1024
 """Number of samples (a frame) for which the response to the initial state is computed in one step."""
-SMALL = 1 << 17
-"""Largest number of multiplications in one matrix product."""
 DIFFUSE = 1e-12
-"""Prior information on a diffuse level, relative to the information in one sample. The result agrees with the limit of
-zero information to 12 digits."""
+"""Prior information on a diffuse level over that of a sample. It agrees with the limit of zero to 12 digits."""
 FORGOTTEN = 1e-6
-"""A component of the initial state is dropped if its contribution to an innovation is below this share of the variance.
-In the mean of 2^14 samples, the contribution is then at most 1/60 of the variance."""
+"""Share of the variance below which a component of the initial state is dropped: 1/60 in a mean of 2^14 samples."""
 COAST = 1000
-"""Largest number of missing samples over which the filter predicts the state. After a longer gap, the level is treated
-as unknown."""
+"""Longest gap (samples) over which the filter predicts. After a longer one, the level is unknown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,7 +269,7 @@ class Whitener:
         """Return the responses (FRAME, m) of the innovations of this frame to the components of the initial state."""
         if self._rows is None:
             # Larger products would start BLAS threads, which is slower here.
-            rows = max(SMALL // max(self.power.size, 1), 1)
+            rows = max((1 << 17) // max(self.power.size, 1), 1)
             parts = [self.gain.responses[k : k + rows] @ self.power for k in range(0, FRAME, rows)]
             self._rows = np.concatenate(parts)
             self._peaks = np.max(self._rows**2, axis=0)

@@ -26,16 +26,11 @@ GRAVITY = STANDARD_GRAVITY
 """Default gravity (m/s²)."""
 LATITUDE = 45.0
 """Default latitude (deg)."""
-PER_DECADE = 8
-"""Number of points of a curve per decade of time."""
-FIRST = 1.0
-"""Time (s) of the first point of a curve. If the duration is below 10 s, it is a tenth of the duration."""
-_ENDLESS = 300.0
 _DEGREE = math.pi / 180
 
 VERTICAL = 100.0
-"""Longest duration (s) for which vertical errors are given. After a longer time, the second-order effect of the tilt,
-which is not modelled, exceeds them (docs/validation/budget.md)."""
+"""Longest time (s) of vertical errors. Later, second-order effects of the tilt exceed them
+(docs/validation/budget.md)."""
 _ERRORS = {
     "tilt_x": ("tilt about x", "deg", {"gyro_x"}),
     "tilt_y": ("tilt about y", "deg", {"gyro_y"}),
@@ -149,8 +144,8 @@ def _times(duration: float, step: float) -> Vector:
     """Return the times (s) of the curves, from 1 s, or a tenth of a short duration, to the duration."""
     if duration < step:
         raise OptionError(argument="duration", expected=f"at least one sample, {step:g} s", got=duration)
-    first = max(min(FIRST, duration / 10), step)
-    count = 1 + math.ceil(PER_DECADE * math.log10(duration / first))
+    first = max(min(1.0, duration / 10), step)
+    count = 1 + math.ceil(8 * math.log10(duration / first))  # points per decade of time
     return np.geomspace(first, duration, max(count, 1)) if count > 1 else np.array([duration])
 
 
@@ -208,7 +203,7 @@ class _Maker:
         whole = np.asarray(sum(squares.values(), np.zeros(self.times.size)), dtype=np.float64)
         error = np.sqrt(sum(errors[:, column] ** 2 for _, errors in parts))
         with np.errstate(divide="ignore", invalid="ignore"):
-            width = np.where(whole > 0, np.minimum(self.reach * error / (2 * whole), _ENDLESS), 0.0)
+            width = np.where(whole > 0, np.minimum(self.reach * error / (2 * whole), 300.0), 0.0)
         root = np.sqrt(whole) / size
         kept = {label: np.sqrt(square) / size for label, square in squares.items() if np.any(square > 0)}
         return Growth(

@@ -21,8 +21,7 @@ from gmwm.theory.processes.ladder import approximated
 from gmwm.theory.processes.model import Model, as_model
 
 _STEP = 1e-3
-"""Relative step of the central differences with which derivatives with respect to shape parameters are computed. The
-relative error of the derivatives is about 1e-6."""
+"""Relative step of central differences by shape parameters. The relative error is about 1e-6."""
 
 
 @dataclass(frozen=True, eq=False)

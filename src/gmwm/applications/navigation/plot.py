@@ -17,10 +17,7 @@ from gmwm.showing.plots.figure import Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.style import BLACK, GREY, curve_stroke, term_stroke
 
 LEAST_SHARE = 0.03
-"""A term is drawn only if its largest ratio to the total error is above this number. Pinned by
-tests/plots/test_plot_budget.py."""
-_REACH = 30.0
-"""Largest factor by which the axis may extend below the smallest total error to show single terms."""
+"""Ratio to the total error above which a term is drawn. Pinned by tests/plots/test_plot_budget.py."""
 _TITLES = {"tilt": "Attitude error", "heading": "Attitude error", "velocity": "Velocity error",
            "position": "Position error", "height": "Position error"}  # fmt: skip
 
@@ -68,7 +65,7 @@ def _growth(one: Growth, strokes: Mapping[str, Stroke], budget: Budget) -> Panel
         label = f"{100 * budget.level:g} % interval"
         marks.append(Band(one.times, one.low, one.high, GREY, label=label, layer=BAND))
     kind = one.name.partition("_")[0]
-    limits = limits_near(np.concatenate([one.error, one.low, one.high]), [part.y for part in parts], reach=_REACH)
+    limits = limits_near(np.concatenate([one.error, one.low, one.high]), [part.y for part in parts], reach=30.0)
     label = f"{_TITLES.get(kind, 'Error')} ({one.unit})"
     x = time_axis(one.times, "Time (s)")
     ticks = tuple(tick.value for tick in x.ticks)

@@ -19,12 +19,8 @@ if TYPE_CHECKING:
 
 SHOWN = (1.0, 10.0, 60.0, 600.0, 3600.0, 36000.0)
 """Times (s) for which the table shows the errors, in addition to the duration."""
-MOST_TERMS = 3
-"""Largest number of terms that the table names for an error."""
 RIGHT_ANGLE = 90.0
 """Alignment errors above this angle (deg) are not shown as numbers, because the direction is then unknown."""
-_LEAST_SHARE = 0.05
-"""Smallest contribution of a term, relative to the error, for which the table names the term."""
 _KINDS = {
     "tilt": ("tilt_x", "tilt_y"), "heading": ("heading",), "velocity": ("velocity_x", "velocity_y"),
     "position": ("position_x", "position_y"), "height": ("position_z",),
@@ -70,8 +66,8 @@ def error_text(one: Growth, k: int = -1) -> str:
 def terms_text(one: Growth, k: int = -1) -> str:
     """Format the largest contributions to an error at the k-th time, as in "gyro_x RW 0.25, gyro_x WN 0.10"."""
     parts = sorted(((float(values[k]), label) for label, values in one.terms.items()), reverse=True)
-    named = [(value, label) for value, label in parts if value > _LEAST_SHARE * float(one.error[k])]
-    return ", ".join(f"{label} {significant(value, 2)}" for value, label in named[:MOST_TERMS])
+    named = [(value, label) for value, label in parts if value > 0.05 * float(one.error[k])]
+    return ", ".join(f"{label} {significant(value, 2)}" for value, label in named[:3])
 
 
 def _after(budget: Budget) -> list[str]:

@@ -19,9 +19,7 @@ from gmwm.base.threads import in_threads
 from gmwm.recording.signals import MINIMUM_SAMPLES, Signal
 
 MOST = 1 << 20
-"""Largest number of block means. The test of the 15 pairs of six axes then takes less than 5 % of the time of a
-calibration: 0.32 s of 16.8 s for 6·10⁶ samples, and 0.22 s of 5.0 s for 10⁶ (measured once, on one core).
-tests/calibration/test_shared_noise.py checks the rate of false alarms."""
+"""Largest number of block means. The test then takes less than 5 % of the time of a calibration (0.32 s of 16.8 s)."""
 
 
 def shared_noise(

@@ -35,17 +35,8 @@ from gmwm.theory.processes.parameter import Branch
 
 GAP = 1e-3
 """The search ends when the relative gap between the objective and its lower bound is at most this."""
-NODES = 2000
-"""Largest number of nodes of the search tree."""
 SPACING = 0.05
-"""Distance of the tabulated points in the search coordinate; it corresponds to 5 % in β. The relative error of the
-cubics is then about 1e-8 (tests/joint/test_certificate.py)."""
-SAFETY = 4.0
-"""The error of a cubic at the middle of a cell, multiplied by this factor, bounds its error in the whole cell."""
-FIRST = 7
-"""Number of shapes in each interval with which the solution of a relaxed problem starts."""
-ADDED = 6
-"""Largest number of rounds that add shapes to a relaxed problem."""
+"""Step of the table: 5 % in β. The relative error of the cubics is about 1e-8 (tests/joint/test_certificate.py)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +70,8 @@ class ShapeTable:
         inner = np.stack([ends[:-1] + step * slopes[:-1] / 3, ends[1:] - step * slopes[1:] / 3], axis=1)
         controls = np.concatenate([ends[:-1, None], inner, ends[1:, None]], axis=1)
         middle = (ends[:-1] + ends[1:]) / 2 + step * (slopes[:-1] - slopes[1:]) / 8
-        margin = SAFETY * np.abs(values[1::2] - middle) + 1e-14 * ends.max(axis=1)[1:, None]
+        # The error at the middle of a cell, with a margin for the whole cell.
+        margin = 4.0 * np.abs(values[1::2] - middle) + 1e-14 * ends.max(axis=1)[1:, None]
         logs = np.log(ends)
         logs = logs - logs.mean(axis=1, keepdims=True)
         length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(logs, axis=0), axis=1))])
@@ -166,7 +158,7 @@ class Prover:
         seen, nodes, low = {whole}, 1, bound
         while heap:
             low, _, node = heapq.heappop(heap)
-            if low >= best.objective * (1 - GAP) or nodes >= NODES or time.monotonic() > end:
+            if low >= best.objective * (1 - GAP) or nodes >= 2000 or time.monotonic() > end:
                 break
             for child in self._children(node):
                 if child in seen:
@@ -206,10 +198,10 @@ class Prover:
 
         The iteration stops when the bound reaches `enough`."""
         problem = self.problem
-        chosen = [np.linspace(low, high, FIRST) for low, high in node]
+        chosen = [np.linspace(low, high, 7) for low, high in node]
         best, parts = 0.0, np.array([float(np.mean(interval)) for interval in node])
         warm = None
-        for _ in range(ADDED):
+        for _ in range(6):
             shapes = [curve.kind.shape(curve.branch.values(curve.at(s)), problem.design.levels, problem.design.rate)
                       for curve, s in zip(self.curves, chosen, strict=True)]  # fmt: skip
             every = np.concatenate([self.fixed, *shapes])

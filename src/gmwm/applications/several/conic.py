@@ -24,16 +24,8 @@ from gmwm.base.arrays import Matrix, Vector
 
 STEPS = 300
 """Largest number of Newton steps; 30 to 60 are usual (tests/joint/test_conic.py)."""
-SHRINK = 0.02
-"""Factor by which μ decreases from one round to the next."""
 WARM = 1e-7
 """Barrier parameter μ of the solution that is kept as the start of a similar problem."""
-INSIDE = 1e-4
-"""Smallest ratio of the eigenvalues of a matrix with which the solution without constraints is accepted. Closer to the
-boundary, it would be a poor start for a similar problem."""
-NEAR = (1.0, 0.1)
-"""Squared Newton decrement, in units of μ, at which the Newton steps of a round end. The first value is for all rounds
-except the last one, and the second value for the last one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +111,7 @@ def _least_squares(design: Matrix, target: Vector, cone: Cone, *, gap: float, wa
         s = cone.unknowns(warm) / unit
     rank = cone.full.size * cone.d
     mu, steps, inside = 0.1 if warm is None else WARM, 0, s
-    for near in NEAR:
+    for near in (1.0, 0.1):  # squared Newton decrement over μ at the end of a round: of all rounds, and of the last one
         while True:
             while steps < STEPS:
                 gradient, hessian = barrier.at(s, mu)
@@ -136,7 +128,7 @@ def _least_squares(design: Matrix, target: Vector, cone: Cone, *, gap: float, wa
             value = float(np.sum((rows @ s - y) ** 2)) + beyond
             if 2 * rank * mu <= gap * value or steps >= STEPS or mu < 1e-15:
                 break
-            mu *= SHRINK
+            mu *= 0.02
     _, hessian = barrier.at(s, mu)
     hessian = (hessian + quadratic) / np.outer(unit, unit) * size**2
     return Conic(
@@ -202,7 +194,8 @@ class _Barrier:
             return None
         if self.count:
             values = np.linalg.eigvalsh(symmetric(s[self.blocks], self.cone.d))
-            if np.any(values[:, 0] <= INSIDE * values[:, -1]):
+            # Closer to the boundary, the solution would be a poor start for a similar problem.
+            if np.any(values[:, 0] <= 1e-4 * values[:, -1]):
                 return None
         return np.asarray(s)
 

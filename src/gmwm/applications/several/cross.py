@@ -27,12 +27,10 @@ from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
 
-LEAST = 3.0
-"""A level is tested only if it has more degrees of freedom than this; with fewer, the test statistic does not have a
-Student distribution."""
-LEAST_ROBUST = 8.0
-"""The limit for robust estimates. With 3, the test at the 5 % level would reject 6 to 11 % of recordings without shared
-noise; see docs/validation/cross.md."""
+LEAST_FREEDOM = 3.0
+"""Degrees of freedom above which a level is tested. With fewer, the statistic has no Student distribution."""
+LEAST_FREEDOM_ROBUST = 8.0
+"""The same for robust estimates. With 3, the 5 % test would reject 6 to 11 % (docs/validation/cross.md)."""
 
 
 def cross(
@@ -131,7 +129,7 @@ def tested(found: Curves, *, robust: bool, efficiency: float, size: float, confi
         (a, b): np.clip(gamma / np.sqrt(own[a].variance * own[b].variance), -1.0, 1.0)
         for (a, b), gamma in moments.items()
     }
-    least = LEAST_ROBUST if robust else LEAST
+    least = LEAST_FREEDOM_ROBUST if robust else LEAST_FREEDOM
     # Levels that are not tested have the value NaN.
     enough = {pair: np.where(eta > least, eta, np.nan) for pair, eta in freedom.items()}
     adjusted = np.split(holm(np.concatenate([_pvalues(correlation[p], enough[p]) for p in moments])), len(moments))

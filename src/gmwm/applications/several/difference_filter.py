@@ -25,10 +25,7 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.statespace import StateSpace
 
 RIDGE = 1e-10
-"""Share of the mean white-noise variance that is added to the measurement noise, so that its covariance matrix has an
-inverse. The added noise has 1e-5 of the standard deviation of the white noise."""
-DOUBLINGS = 64
-"""Largest number of steps of a doubling algorithm; k steps correspond to 2^k steps of the recursion."""
+"""Share of the mean white-noise variance that is added, so that the measurement noise has an inverse."""
 BLOCK = 256
 """Number of consecutive samples that are filtered by one matrix product."""
 
@@ -200,7 +197,7 @@ def _steady(F: Matrix, Q: Matrix, H: Matrix, R: Matrix) -> Matrix:
     (Anderson and Moore 1979, Optimal Filtering, section 6.7)."""
     a, g, p = F.T.copy(), H.T @ np.linalg.solve(R, H), Q.copy()
     eye = np.eye(len(F))
-    for _ in range(DOUBLINGS):
+    for _ in range(64):
         inner = np.linalg.solve(eye + g @ p, np.concatenate([a, g], axis=1))
         first, second = inner[:, : len(F)], inner[:, len(F) :]
         added = a.T @ p @ first
@@ -213,7 +210,7 @@ def _steady(F: Matrix, Q: Matrix, H: Matrix, R: Matrix) -> Matrix:
 def _stationary(transition: Matrix, noise: Matrix) -> Matrix:
     """Return the stationary covariance P that solves P = A P Aᵀ + W, computed by doubling."""
     p, a = noise, transition
-    for _ in range(DOUBLINGS):
+    for _ in range(64):
         added = a @ p @ a.T
         p, a = p + added, a @ a
         if np.linalg.norm(added) <= 1e-15 * np.linalg.norm(p):

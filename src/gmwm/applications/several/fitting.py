@@ -19,32 +19,20 @@ from gmwm.base.errors import DataError, ModelError, OptionError
 from gmwm.measuring.covariance.design import Design
 from gmwm.recording.signals import Imu, Signal
 
-LEAST = 5.0
-"""Smallest number of coefficients per scale of a level that is used by default. With 3, the goodness-of-fit test
-rejects up to 8 % of correct models at the 5 % level, because the distribution of the coarsest moments is skewed.
-docs/validation/joint.md has the rates with 5."""
+LEAST_PER_SCALE = 5.0
+"""Least coefficients per scale of a level. With 3, the test rejects up to 8 % at 5 % (docs/validation/joint.md)."""
 MOST_SIGNALS = 12
 """Largest number of signals. The covariance matrix of all moments takes 10 MB for 12 signals and 0.5 GB for 28."""
 PRIOR = 1000.0
-"""The covariance V of the moments is scaled to an average of fitted and measured wavelet variances. In this average,
-the fitted variances have this number of degrees of freedom, as in the fit of one signal; see
-`gmwm.estimation.reweighting`."""
+"""Degrees of freedom of the fitted variances in the average that scales V; see `gmwm.estimation.reweighting`."""
 ROUNDS = 12
 """Largest number of rounds (new weights, then a new estimate); 3 to 5 are usual."""
 DEGENERATE = 1e-5
-"""V counts as singular if, for some moment, the standard deviation given the moments before it is less than this share
-of its standard deviation. If a model has no noise in some combination of the signals, the share is 3e-7, the square
-root of the value 1e-13 that is added to the diagonal."""
-SETTLED = 1e-4
-"""The rounds end when the fitted wavelet variances change by less than this relative amount."""
+"""Least conditional deviation of a moment, relative to its deviation. Without noise, rounding leaves 3e-7."""
 CONVERGED = 0.01
-"""If they change by more than this in the last round, the weights have not converged. Correct models end below 0.001.
-Fits of wrong models can alternate between values that differ by a factor of ten
-(tests/joint/test_joint_fit.py)."""
+"""Largest change of the fitted variances in the last round. Correct models end below 0.001 (tests/joint)."""
 MEMORY = (-3.0, 0.9)
-"""Limits of the coefficient with which the extrapolation subtracts the change between the last two rounds (see
-`_Mixed`). Without extrapolation, some fits of six signals still change by 0.4 % in round 12; with it, by 0.004 % to
-0.06 % (simulated RW + GM + WN + QN, 10⁵ samples)."""
+"""Limits of the extrapolation. It reduces the change of six signals in round 12 from 0.4 % to 0.004–0.06 %."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +81,7 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> JointSolu
         accuracy = EXACT if k == 1 else float(np.clip(0.01 * weights.change**2, EXACT, ROUGH))
         found = search(problem) if k == 1 else resume(problem, found, accuracy=accuracy)
         weights = weights.after(problem, found, restart=k <= 1)
-        if k > 1 and weights.change < SETTLED:
+        if k > 1 and weights.change < 1e-4:
             break
     converged = weights.change <= CONVERGED
     if not converged:
@@ -186,7 +174,9 @@ def _root(wavelet: Matrix) -> Matrix:
     )  # fmt: skip
 
 
-def chosen_levels(design: Design, levels: int | Sequence[int] | None, least: float = LEAST) -> NDArray[np.bool_]:
+def chosen_levels(
+    design: Design, levels: int | Sequence[int] | None, least: float = LEAST_PER_SCALE
+) -> NDArray[np.bool_]:
     """Return the mask of the levels: those listed, a number of finest ones, or those with `least` freedom."""
     if levels is None:
         return np.asarray(design.degrees_of_freedom >= least)
@@ -210,7 +200,7 @@ def chosen_signals(
 
 
 def measured_at(
-    signals: Mapping[str, Signal], levels: int | Sequence[int] | None, unknowns: int, *, least: float = LEAST
+    signals: Mapping[str, Signal], levels: int | Sequence[int] | None, unknowns: int, *, least: float = LEAST_PER_SCALE
 ) -> WaveletMatrices:
     """Return the estimated covariance matrices Γ̂ of the wavelet coefficients at the chosen levels."""
     whole = wavelet_matrices(signals)

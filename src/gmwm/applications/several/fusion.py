@@ -33,8 +33,7 @@ from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import ModelLike
 
 SPARE = 2.0
-"""The weights of d sensors need at least d + SPARE degrees of freedom. With d + 1, the expected variance in other
-recordings is infinite."""
+"""Degrees of freedom that d weights need beyond d. With d + 1, the expected variance elsewhere is infinite."""
 
 
 def fuse(
@@ -133,12 +132,7 @@ def _as_horizon(horizon: float) -> float:
 
 
 def _modelled(
-    axis: str,
-    signals: Mapping[str, Signal],
-    horizon: float | None,
-    *,
-    model: ModelLike | None,
-    nonnegative: bool,
+    axis: str, signals: Mapping[str, Signal], horizon: float | None, *, model: ModelLike | None, nonnegative: bool
 ) -> VirtualAxis:
     """Return the Kalman filter, or the static weights, of one axis from a joint model."""
     settled = fitted(signals, model)

@@ -25,12 +25,6 @@ if TYPE_CHECKING:
     from polars import DataFrame
 
 
-REJECTED = 0.01
-"""p-value below which a model is reported as rejected."""
-ENOUGH = 10.0
-"""A remark compares measured and predicted variances only at levels with more coefficients per scale than this."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VirtualAxis:
     """The weights or the filter of one axis, and the noise of the fused signal.
@@ -205,9 +199,9 @@ class VirtualSensor(Summarised):
                 factor = float(np.sqrt(one.weights @ one.weights * one.weights.size))
                 member, weight = one.members[place], float(one.weights[place])
                 found.append(Remark.of("weights-negative", axis, member=member, weight=weight, factor=factor))
-            if one.pvalue is not None and one.pvalue < REJECTED:
+            if one.pvalue is not None and one.pvalue < 0.01:
                 ratio = one.measured / one.variance
-                at = int(np.argmax(np.abs(np.log(ratio)) * (one.seen > ENOUGH)))
+                at = int(np.argmax(np.abs(np.log(ratio)) * (one.seen > 10.0)))
                 size, tau = float(np.sqrt(ratio[at])), Quantity(float(one.tau[at]), "s")
                 found.append(Remark.of("array-model-rejected", axis, model=one.model, ratio=size, tau=tau))
         return tuple(found)

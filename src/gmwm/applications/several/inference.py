@@ -13,13 +13,11 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.fitting.inference.goodness import GoodnessOfFit
 
 SINGULAR = 1e-6
-"""An eigenvalue of a covariance matrix counts as zero if it is below this share of the trace. The barrier method leaves
-about 1e-9 in place of zero (tests/joint)."""
+"""Share of the trace below which an eigenvalue is zero. The barrier method leaves about 1e-9 (tests/joint)."""
 
 FOURTH = 1.34
-"""(∫S²)²/∫S⁴ of the wavelet coefficients of one level, in units of M_j/2^j, with S their spectral density: 1.34 for RW
-and 1.69 for WN. With the smaller one, the test of the model rejects 2 to 6 % of right models
-(docs/validation/joint.md), without the correction up to 7.5 %."""
+"""(∫S²)²/∫S⁴ of the coefficients of a level with the spectral density S, in units of M_j/2^j: 1.34 for RW, 1.69 for
+WN. With 1.34, the test rejects 2 to 6 % of right models (docs/validation/joint.md), and without it up to 7.5 %."""
 
 
 @dataclass(frozen=True, eq=False)

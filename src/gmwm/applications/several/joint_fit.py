@@ -17,9 +17,6 @@ from gmwm.base.errors import OptionError
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import ModelLike
 
-SECONDS = 60.0
-"""Default time limit (s) for the bound on the objective. One Gauss-Markov term of three signals takes a few seconds."""
-
 
 def fit_joint(
     model: ModelLike,
@@ -109,7 +106,7 @@ def fit_joint(
 def _as_seconds(certify: bool | float) -> float:
     """Return the time limit (s) for the bound, or 0 if no bound is requested."""
     if isinstance(certify, bool):
-        return SECONDS if certify else 0.0
+        return 60.0 if certify else 0.0
     if not isinstance(certify, int | float) or not certify > 0:
         raise OptionError(argument="certify", expected="True, False or a positive time (s)", got=certify)
     return float(certify)

@@ -23,16 +23,8 @@ from gmwm.recording.signals import Signal
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import ModelLike
 
-DRAWS = 40
-"""Number of simulated estimates for the correction factor `optimism`. Its relative error is then about 1 %; see
-docs/validation/fusion.md."""
-MOST_MARKOV = 2
-"""Largest number of Gauss-Markov terms in the automatic choice of a model."""
-LEAST = 3.0
-"""Smallest number of coefficients per scale of a level that is used. It is smaller than for a goodness-of-fit test,
-because coarse levels improve the weights (docs/validation/fusion.md)."""
-FITS = 0.01
-"""Smallest p-value of the goodness-of-fit test at which a model is accepted."""
+LEAST_FOR_WEIGHTS = 3.0
+"""Least coefficients per scale of a level. Coarse levels improve the weights (docs/validation/fusion.md)."""
 
 Design = Callable[[ArrayNoise], DifferenceFilter]
 """Function that designs a filter, or static weights, for the noise of an array."""
@@ -42,10 +34,10 @@ def fitted(signals: Mapping[str, Signal], model: ModelLike | None) -> JointSolut
     """Return the joint fit of a model; without one, of WN + RW + k·GM with the smallest k that fits, or fits best."""
     if model is not None:
         terms = joint_terms(model)
-        return settle(terms, measured_at(signals, None, len(terms), least=LEAST))
-    measured = measured_at(signals, None, 2, least=LEAST)
+        return settle(terms, measured_at(signals, None, len(terms), least=LEAST_FOR_WEIGHTS))
+    measured = measured_at(signals, None, 2, least=LEAST_FOR_WEIGHTS)
     best: tuple[float, JointSolution] | None = None
-    for count in range(MOST_MARKOV + 1):
+    for count in range(3):
         text = "shared(WN) + shared(RW)" + (f" + {count}*shared(GM)" if count else "")
         terms = joint_terms(text)
         if measured.design.levels.size <= len(terms) + count:
@@ -55,7 +47,7 @@ def fitted(signals: Mapping[str, Signal], model: ModelLike | None) -> JointSolut
         except ModelError:  # no noise in some combination of the signals, as far as the weights can tell
             continue
         tested = misfit(found)
-        if tested.pvalue >= FITS:
+        if tested.pvalue >= 0.01:
             return found
         # Like Akaike's criterion, the score adds 2 for each parameter (the degrees of freedom decrease by 1).
         score = tested.statistic - 2 * (tested.df or 0)
@@ -146,7 +138,7 @@ def optimism(settled: JointSolution, design: Design, levels: NDArray[np.int64]) 
     columns = problem.columns(problem.shapes(settled.estimate.u))
     rng = np.random.default_rng(0)
     achieved, predicted = np.zeros(levels.size), np.zeros(levels.size)
-    for _ in range(DRAWS):
+    for _ in range(40):  # the relative error of the factor is then about 1 % (docs/validation/fusion.md)
         drawn = problem.root @ (fitted + root @ rng.standard_normal(size.size))
         sigmas = least_squares(columns, drawn, problem.cone, gap=1e-6).sigmas
         filter = design(noise_of(settled, shrunk(settled, sigmas, scatter)))

@@ -12,24 +12,11 @@ from gmwm.applications.several.moments import entries
 from gmwm.applications.several.problem import JointProblem, coordinates
 from gmwm.base.arrays import Matrix, Vector
 
-PLACES = 10
-"""Number of candidate shapes of a process for the starting values, equally spaced along its curve of shapes.
-tests/joint/test_joint_fit.py compares the fits with a finer scan."""
-STARTS = 4
-"""Number of starting values from which the search descends."""
-MOST_STARTS = 60
-"""Largest number of combinations of shapes that are compared as starting values."""
 ROUGH = 1e-4
-"""Relative accuracy of the objective while starting values are compared. This constant, `SAME` and `WORSE` halve the
-time and do not change any fit of docs/validation/joint.md."""
+"""Relative accuracy of the objective while starts are compared; it does not change any fit of
+docs/validation/joint.md."""
 EXACT = 1e-9
 """Relative accuracy of the objective of a final fit."""
-SAME = 0.02
-"""Two starting values have led to the same optimum if their search coordinates differ by less than this."""
-WORSE = 0.1
-"""A rough descent is refined only if its objective exceeds the smallest one by at most this relative amount."""
-DESCENT = 40
-"""Largest number of Newton steps of a descent."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +37,8 @@ def search(problem: JointProblem) -> JointEstimate:
     # If several starting values lead to the same optimum, it is refined once.
     followed: list[JointEstimate] = []
     for found in sorted(rough, key=lambda found: found.objective):
-        new = all(np.max(np.abs(found.u - other.u), initial=0.0) > SAME for other in followed)
-        if found.objective <= least * (1 + WORSE) and (new or not followed):
+        new = all(np.max(np.abs(found.u - other.u), initial=0.0) > 0.02 for other in followed)
+        if found.objective <= least * 1.1 and (new or not followed):
             followed.append(found)
     return min((resume(problem, found) for found in followed), key=lambda found: found.objective)
 
@@ -84,7 +71,8 @@ def _starts(problem: JointProblem) -> list[Vector]:
     searched = problem.searched
     if not searched:
         return [np.empty(0)]
-    grids = [places(problem, place, PLACES) for place in searched]
+    # A finer scan gives the same fits (tests/joint/test_joint_fit.py).
+    grids = [places(problem, place, 10) for place in searched]
     # Neighbouring starting values lead to the same optimum.
     apart = 1.5 * np.array([np.max(np.diff(grid)) for grid in grids])
     if len(searched) == 1:
@@ -101,7 +89,7 @@ def _starts(problem: JointProblem) -> list[Vector]:
     for _, u in scored:
         if all(np.any(np.abs(u - other) > apart) for other in chosen):
             chosen.append(u)
-    return chosen[:STARTS]
+    return chosen[:4]
 
 
 def _scored(problem: JointProblem, choices: list[Vector]) -> list[tuple[float, Vector]]:
@@ -126,10 +114,7 @@ def _combined(problem: JointProblem, grids: list[Vector]) -> list[Vector]:
         for group in groups.values()
     ]
     order = np.argsort([k for group in groups.values() for k in group])
-    return [
-        np.array([value for part in choice for value in part])[order]
-        for choice in islice(product(*choices), MOST_STARTS)
-    ]
+    return [np.array([value for part in choice for value in part])[order] for choice in islice(product(*choices), 60)]
 
 
 def _supported(problem: JointProblem, place: int, grid: Vector) -> Vector:
@@ -154,7 +139,7 @@ def descend(problem: JointProblem, u: Vector, *, warm: Matrix | None = None, acc
     low, high = problem.limits
     u = np.clip(u, low, high)
     now = problem.solve(u, gap=accuracy, warm=warm)
-    for _ in range(DESCENT if u.size else 0):
+    for _ in range(40 if u.size else 0):
         gradient, curvature = _derivatives(problem, u, now)
         free = ~(((u <= low) & (gradient > 0)) | ((u >= high) & (gradient < 0)))
         if not np.any(free):

@@ -30,10 +30,6 @@ from gmwm.theory.processes.model import Model
 if TYPE_CHECKING:
     from gmwm.applications.several.joint_result import JointFit
 
-SETTLED = 1e-14
-"""If the covariance of the states changes by less than this relative amount from one sample to the next, it is treated
-as constant (tests/joint/test_smoothing.py)."""
-
 
 @dataclass(frozen=True, eq=False)
 class _FilterStep:
@@ -175,7 +171,8 @@ class _Smoother:
             if not (settled and whole):
                 gains.append(self._gain(covariance, there))
                 change = np.max(np.abs(gains[-1].after - covariance), initial=0.0)
-                settled = whole and bool(change <= SETTLED * np.max(np.abs(covariance), initial=0.0))
+                # The covariance is constant (tests/joint/test_smoothing.py).
+                settled = whole and bool(change <= 1e-14 * np.max(np.abs(covariance), initial=0.0))
                 covariance = gains[-1].after
             which[t] = len(gains) - 1
         return gains, which
@@ -207,7 +204,7 @@ class _Smoother:
             if not (settled and self._which[t] == last):
                 new = g.information + g.rest.T @ information @ g.rest
                 change = np.max(np.abs(new - information), initial=0.0)
-                settled = self._which[t] == last and bool(change <= SETTLED * np.max(np.abs(new), initial=0.0))
+                settled = self._which[t] == last and bool(change <= 1e-14 * np.max(np.abs(new), initial=0.0))
                 information, last = (new + new.T) / 2, int(self._which[t])
                 variances.append(g.before - g.before @ information @ g.before)
             places[t] = len(variances) - 1

@@ -16,8 +16,7 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.statespace import StateSpace
 
 RANK = 1e-6
-"""An eigenvalue of a covariance matrix below this share of the trace is treated as zero and gets no state
-(tests/joint/test_joint_fit.py)."""
+"""Share of the trace below which an eigenvalue gets no state (tests/joint/test_joint_fit.py)."""
 
 
 class _Matrices:

@@ -23,8 +23,6 @@ from gmwm.measuring.variance.result import WaveletVariance
 
 CONFIDENCE = 0.95
 """Confidence level of the limits of the spread, and of the prediction for a further recording."""
-_RAMP = "R"
-"""Symbol of the rate ramp. It is not compared, because it has a sign and differs in each recording."""
 
 
 def compared(fit: Fit) -> Replicates | None:
@@ -78,7 +76,7 @@ def _numbers(pooled: Datasheet, sheets: Mapping[str, Datasheet], names: tuple[st
     """Return each free datasheet parameter of the pooled fit, except the rate ramp, with its recorded values."""
     found = []
     for symbol, entry in pooled.items():
-        if entry.held or symbol.partition("[")[0] == _RAMP:
+        if entry.held or symbol.partition("[")[0] == "R":  # it has a sign and differs in each recording
             continue
         entries = {name: sheets[name].get(symbol) if name in sheets else None for name in names}
         found.append(_number(symbol, entry, entries))

@@ -19,7 +19,7 @@ from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.mixture import mixture
 from gmwm.measuring.variance.result import WaveletVariance
 
-LEAST = 2.0
+LEAST_F_FREEDOM = 2.0
 """A level is tested only if both estimates have more degrees of freedom than this."""
 
 
@@ -158,7 +158,7 @@ def _row(one: _Variances, other: _Variances, k: int, *, confidence: float, toler
 
     ratio = float(one.variance[k] / other.variance[k])
     degrees = float(one.freedom[k]), float(other.freedom[k])
-    if min(degrees) <= LEAST:
+    if min(degrees) <= LEAST_F_FREEDOM:
         return LevelRatio(ratio=math.sqrt(ratio))
     above = float(fdtrc(*degrees, ratio * math.exp(-2 * tolerance)))
     below = float(fdtr(*degrees, ratio * math.exp(2 * tolerance)))

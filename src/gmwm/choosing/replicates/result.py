@@ -34,8 +34,7 @@ WIDTH = 80
 SIZE = 0.05
 """Significance level of the test that the recordings of an axis are equal (docs/validation/recordings.md)."""
 FEW = 4
-"""With fewer recordings, the spread between them is not well determined, and an interval hardly narrower than with one
-(docs/validation/recordings.md)."""
+"""With fewer recordings, an interval is hardly narrower than with one (docs/validation/recordings.md)."""
 MAIN = ("N", "B", "K", "Q")
 """Symbols of the parameters that a remark names. Tables contain all parameters."""
 Use = Literal["mean", "high"]
