@@ -66,10 +66,11 @@ def find_units(recordings: Recordings, output: Path, pattern: str | None) -> Fle
     if isinstance(recordings, Mapping):
         paths = {str(unit): Path(path).absolute() for unit, path in recordings.items()}
     elif isinstance(recordings, Sequence):
-        paths = _named([Path(path).absolute() for path in recordings])
+        paths = _name_by_path([Path(path).absolute() for path in recordings])
     else:
-        expected = "a folder, a sequence of paths or a mapping of unit to path"
-        raise OptionError(argument="recordings", expected=expected, got=recordings)
+        raise OptionError(
+            argument="recordings", expected="a folder, a sequence of paths or a mapping of unit to path", got=recordings
+        )
     if not paths:
         raise OptionError(argument="recordings", expected="at least one recording", got=recordings)
     _check_names(paths)
@@ -120,7 +121,7 @@ def _walk(folder: Path, output: Path) -> Iterator[Path]:
             folders.clear()
             yield here
         else:
-            folders[:] = [one for one in folders if not one.startswith(".")]
+            folders[:] = [folder_name for folder_name in folders if not folder_name.startswith(".")]
             yield from (here / file for file in files if not file.startswith("."))
 
 
@@ -149,7 +150,7 @@ def _is_recording(path: Path) -> bool:
     return sure > _PLAUSIBLE or (sure == _PLAUSIBLE and not path.suffix)
 
 
-def _named(paths: Sequence[Path]) -> dict[str, Path]:
+def _name_by_path(paths: Sequence[Path]) -> dict[str, Path]:
     """Name recordings by their paths relative to the deepest folder that contains all of them."""
     if not paths:
         return {}

@@ -169,25 +169,25 @@ def calibrate_fleet(
     unit_options = UnitOptions(options, reading)
     _check_places(scheduler, workers, retries)
     folder = Path(output).absolute()
-    found = find_units(recordings, folder, pattern).by_topic(reading)
+    units = find_units(recordings, folder, pattern).by_topic(reading)
     if folder.exists() and not folder.is_dir():
         raise OptionError(argument="output", expected="a folder", got=str(folder))
-    run = _Run(folder, found, progress)
+    run = _Run(folder, units, progress)
     jobs = run.jobs(unit_options)
     # Nothing is written before the connection to the scheduler is established.
     with _outcomes(jobs, scheduler, workers, retries, helpers=helpers) as outcomes:
         folder.mkdir(parents=True, exist_ok=True)
-        if others := foreign_units(folder, found.paths):
+        if others := foreign_units(folder, units.paths):
             where = str(folder / UNITS)
             remark = Remark.of("foreign-results", folder=where, count=len(others), units=tuple(others))
             warnings.warn(GmwmWarning(remark), stacklevel=2)
-        write_facts(folder, found, unit_options)
+        write_facts(folder, units, unit_options)
         with run.telling():
             for outcome in outcomes:
                 run.take(outcome)
-    paths = {unit: str(path) for unit, path in found.paths.items()}
+    paths = {unit: str(path) for unit, path in units.paths.items()}
     return Fleet(
-        folder=folder, paths=paths, table=run.table(), settings=options, left_out=found.left_out, kept=run.kept,
+        folder=folder, paths=paths, table=run.table(), settings=options, left_out=units.left_out, kept=run.kept,
         done=run.done, reading=reading.to_dict(),
     )  # fmt: skip
 
@@ -204,10 +204,10 @@ class _Run:
         """Return a job for each unit that is not finished, and keep the rows of finished units."""
         jobs = []
         for unit, path in self.paths.items():
-            own = options.with_topic(self.topics.get(unit))
-            rows = finished_rows(self.folder, unit, path, own)
+            unit_options = options.with_topic(self.topics.get(unit))
+            rows = finished_rows(self.folder, unit, path, unit_options)
             if rows is None:
-                jobs.append(UnitJob(unit, str(path), own))
+                jobs.append(UnitJob(unit, str(path), unit_options))
             else:
                 self.rows[unit] = rows
                 self.kept += 1
@@ -287,18 +287,18 @@ def _read_options(reading: Mapping[str, Any] | ReadOptions | None) -> ReadOption
         return reading
     if reading is not None and not isinstance(reading, Mapping):
         raise OptionError(argument="reading", expected="a mapping of arguments of gmwm.read to values", got=reading)
-    known = [field.name for field in fields(ReadOptions)]
-    if unknown := [name for name in reading or {} if name not in known]:
-        expected = f"a mapping with the keys {', '.join(known)}"
+    names = [field.name for field in fields(ReadOptions)]
+    if unknown := [name for name in reading or {} if name not in names]:
+        expected = f"a mapping with the keys {', '.join(names)}"
         raise OptionError(argument="reading", expected=expected, got=unknown[0])
     return ReadOptions(**{name: value for name, value in (reading or {}).items() if value is not None})
 
 
 def _check_axes(names: tuple[str, ...] | None) -> None:
     """Check that names are axes or sensors."""
-    known = (*AXES, *SI_UNIT)
-    if unknown := [name for name in names or () if name not in known]:
-        raise OptionError(argument="axes", expected=f"some of {', '.join(known)}", got=unknown[0])
+    allowed = (*AXES, *SI_UNIT)
+    if unknown := [name for name in names or () if name not in allowed]:
+        raise OptionError(argument="axes", expected=f"some of {', '.join(allowed)}", got=unknown[0])
 
 
 def _check_places(scheduler: str | Client | None, workers: int | None, retries: int) -> None:

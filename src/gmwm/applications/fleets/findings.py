@@ -61,7 +61,7 @@ def _remarks(found: FleetStatistics) -> Iterator[Remark]:
 
 
 def _of_outliers(found: FleetStatistics, single: Sequence[FleetNumber]) -> Iterator[Remark]:
-    units = list(dict.fromkeys(one.unit for one in found.outliers))
+    units = list(dict.fromkeys(outlier.unit for outlier in found.outliers))
     for unit in units:
         yield Remark.of("units-outlying", unit, count=len(units))
     if not units and any(row.searched for row in single):
@@ -107,9 +107,9 @@ def _groups(rows: Iterable[FleetNumber], every: Iterable[FleetNumber]) -> list[s
     """Return names of groups of parameters, such as "Q, N of gyro" (all its axes) and "K of gyro_y"."""
     axes: dict[str, list[str]] = {}
     complete: dict[str, list[str]] = {}
-    for found, given in ((axes, rows), (complete, every)):
-        for row in given:
-            found.setdefault(row.symbol, []).append(row.axis)
+    for groups_of, numbers in ((axes, rows), (complete, every)):
+        for row in numbers:
+            groups_of.setdefault(row.symbol, []).append(row.axis)
     groups: dict[tuple[str, ...], list[str]] = {}
     for symbol, names in axes.items():
         missing = [axis for axis in complete[symbol] if axis not in names]

@@ -51,37 +51,37 @@ ROW, BELOW = 52.0, 22.0
 
 def fleet_figure(fleet: Fleet) -> Figure:
     """Return the figure of `Fleet.plot`: a panel for each quantity of a sensor, with a strip for each axis."""
-    found = fleet.statistics
-    if not found.rows:
+    statistics = fleet.statistics
+    if not statistics.rows:
         raise OptionError(
             "the fleet has no estimated parameter to draw", argument="fleet",
             advice="Read the reasons in the column `reason` of the table.",
         )  # fmt: skip
-    reading = FleetSamples(fleet.table, found.confidence)
+    reading = FleetSamples(fleet.table, statistics.confidence)
     groups: dict[str, dict[str, list[ParameterSample]]] = {}
     for sample in reading.samples():
         sensor = sensor_and_letter(sample.axis)[0] or sample.axis
         groups.setdefault(sensor, {}).setdefault(sample.symbol, []).append(sample)
     rows: list[tuple[Panel | None, ...]] = []
     for sensor, symbols in groups.items():
-        panels: list[Panel | None] = [_panel(sensor, of, found, reading.units) for of in symbols.values()]
+        panels: list[Panel | None] = [_panel(sensor, of, statistics, reading.units) for of in symbols.values()]
         panels += [None] * (-len(panels) % COLUMNS if len(panels) > COLUMNS or len(groups) > 1 else 0)
         width = min(COLUMNS, len(panels))
         rows += [tuple(panels[k : k + width]) for k in range(0, len(panels), width)]
-    odd = len({one.unit for one in found.outliers})
-    title = counted(found.units, "unit") + (f", {counted(odd, 'outlier')}" if odd else "")
+    odd = len({outlier.unit for outlier in statistics.outliers})
+    title = counted(statistics.units, "unit") + (f", {counted(odd, 'outlier')}" if odd else "")
     return Figure(tuple(rows), width=PAGE, height=ROW * len(rows) + BELOW, title=title, legend_columns=3)
 
 
-def _panel(sensor: str, samples: Sequence[ParameterSample], found: FleetStatistics, units: Sequence[str]) -> Panel:
+def _panel(sensor: str, samples: Sequence[ParameterSample], statistics: FleetStatistics, units: Sequence[str]) -> Panel:
     first = samples[0]
-    signed = found[f"{first.axis}.{first.symbol}"].signed
+    signed = statistics[f"{first.axis}.{first.symbol}"].signed
     unit, factor = shown_unit(first.unit)
-    power, strips = 0, _strips(samples, found, factor, units)
+    power, strips = 0, _strips(samples, statistics, factor, units)
     size = float(np.nanmax(np.abs(np.concatenate([strip.heights for strip in strips])), initial=0.0))
     if size < SMALL:
         power = power_of(size)
-        strips = _strips(samples, found, factor / 10.0**power, units)
+        strips = _strips(samples, statistics, factor / 10.0**power, units)
     x = Axis("", (0.5, len(samples) + 0.5), _ticks(samples), linear=math.inf)
     label = f"{first.symbol} ({scaled_unit(unit, power)})"
     y = _height_axis(np.concatenate([strip.heights for strip in strips]), label, signed=signed)
@@ -104,21 +104,23 @@ class _Strip:
 
 
 def _strips(
-    samples: Sequence[ParameterSample], found: FleetStatistics, factor: float, units: Sequence[str]
+    samples: Sequence[ParameterSample], statistics: FleetStatistics, factor: float, units: Sequence[str]
 ) -> list[_Strip]:
-    return [_strip(k, sample, found=found, factor=factor, units=units) for k, sample in enumerate(samples, start=1)]
+    return [
+        _strip(k, sample, found=statistics, factor=factor, units=units) for k, sample in enumerate(samples, start=1)
+    ]
 
 
 def _strip(place: int, sample: ParameterSample, found: FleetStatistics, factor: float, units: Sequence[str]) -> _Strip:
     row = found[f"{sample.axis}.{sample.symbol}"]
-    there = np.isfinite(sample.x)
-    order = np.flatnonzero(there)[np.argsort(sample.x[there], kind="stable")]
+    finite = np.isfinite(sample.x)
+    order = np.flatnonzero(finite)[np.argsort(sample.x[finite], kind="stable")]
     across = place + HALF * np.linspace(-1, 1, order.size) if order.size > 1 else np.full(order.size, float(place))
     value, low, high = (factor * part[order] for part in (sample.value, sample.low, sample.high))
-    odd = {one.unit for one in found.outliers if (one.axis, one.symbol) == (sample.axis, sample.symbol)}
+    odd = {outlier.unit for outlier in found.outliers if (outlier.axis, outlier.symbol) == (sample.axis, sample.symbol)}
     alike = np.array([units[k] not in odd for k in order], dtype=bool)
     stroke = _stroke(place, sample.axis)
-    marks, limits = _limited(place, sample, row, factor)
+    marks, limits = _limit_marks(place, sample, row, factor)
     if order.size <= SINGLY:
         bars = np.repeat(across, 3), np.column_stack([low, high, np.full(order.size, np.nan)]).ravel()
         marks.append(Line(*bars, Stroke(stroke.colour, 0.8), "", BEHIND))
@@ -127,9 +129,9 @@ def _strip(place: int, sample: ParameterSample, found: FleetStatistics, factor: 
         heights = np.concatenate([value, low, high]) if row.signed else heights
     else:
         shown = np.flatnonzero(alike)
-        some = shown[np.unique(np.linspace(0, shown.size - 1, 400).astype(int))]
+        points = shown[np.unique(np.linspace(0, shown.size - 1, 400).astype(int))]
         curve = Stroke(stroke.colour, 1.8)
-        marks.append(Line(across[some], value[some], curve, label="Units, sorted by value", layer=MIDDLE))
+        marks.append(Line(across[points], value[points], curve, label="Units, sorted by value", layer=MIDDLE))
         heights = value
     further, edges = _further(place, row, factor=factor, colour=stroke.colour, confidence=found.confidence)
     marks = [*further[:1], *marks, *further[1:]]
@@ -137,7 +139,7 @@ def _strip(place: int, sample: ParameterSample, found: FleetStatistics, factor: 
     stars = [(float(w), float(v), units[k]) for k, w, v in zip(order, across, value, strict=True) if units[k] in odd]
     if stars:
         spots = np.array([star[:2] for star in stars])
-        marks.append(Line(*spots.T, Stroke(BLACK, 0.0, symbol="star"), label="Outlier", layer=FRONT))
+        marks.append(Line(spots[:, 0], spots[:, 1], Stroke(BLACK, 0.0, symbol="star"), label="Outlier", layer=FRONT))
     return _Strip(marks, np.concatenate([heights, limits]), stars)
 
 
@@ -181,7 +183,7 @@ def _further(
     return [band, line], np.array([low, high])
 
 
-def _limited(place: int, sample: ParameterSample, row: FleetNumber, factor: float) -> tuple[list[Mark], Vector]:
+def _limit_marks(place: int, sample: ParameterSample, row: FleetNumber, factor: float) -> tuple[list[Mark], Vector]:
     """Return the marks of upper limits and their heights: triangles, or a line over the quantiles of many limits."""
     if row.signed or not np.any(sample.limited):
         return [], np.array([])

@@ -87,13 +87,15 @@ class Fleet(Summarised):
         """Remarks on the fleet, the most severe first."""
         from gmwm.applications.fleets.findings import of_units
 
-        found = of_units(self.table, len(self.units), len(self.failed))
-        return tuple(sorted_remarks([*found, *self.statistics.remarks]))
+        remarks = of_units(self.table, len(self.units), len(self.failed))
+        return tuple(sorted_remarks([*remarks, *self.statistics.remarks]))
 
     def __getitem__(self, unit: str) -> Calibration:
         if unit not in self.paths:
-            some = ", ".join(list(self.paths)[:3])
-            raise OptionError(argument="unit", expected=f"one of the {len(self.paths)} units, such as {some}", got=unit)
+            examples = ", ".join(list(self.paths)[:3])
+            raise OptionError(
+                argument="unit", expected=f"one of the {len(self.paths)} units, such as {examples}", got=unit
+            )
         if unit in self.failed:
             raise DataError(f"{unit} could not be calibrated: {self.failed[unit]}", argument="unit", got=unit)
         return Calibration.load(unit_file(self.folder, unit))

@@ -28,7 +28,10 @@ def rows_of(unit: str, path: str, found: Calibration) -> list[Row]:
     }
     if found.recording is not None:
         base |= {name: getattr(found.recording, name) for name in ("sha256", "samples", "rate", "duration")}
-    rows = [base | {"axis": axis, "status": "calibrated", **_of_axis(one)} for axis, one in found.axes.items()]
+    rows = [
+        base | {"axis": axis, "status": "calibrated", **_of_axis(axis_result)}
+        for axis, axis_result in found.axes.items()
+    ]
     return rows + [base | {"axis": axis, "status": "failed", "reason": why} for axis, why in found.failed.items()]
 
 

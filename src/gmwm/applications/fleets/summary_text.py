@@ -54,11 +54,11 @@ def _parts(found: FleetStatistics, remarks: Sequence[Remark], dialect: Dialect) 
     parts = [[SENSORS.get(sensor, sensor), *_table(rows)] for sensor, rows in _by_sensor(found.rows).items()]
     parts.append(wrapped(_legend(found)) if found.rows else ["No numbers to compare"])
     if found.outliers:
-        shown = [line for one in found.outliers[:LISTED] for line in bulleted(_outlier(one))]
+        shown = [line for item in found.outliers[:LISTED] for line in bulleted(_outlier(item))]
         more = len(found.outliers) - LISTED
         parts.append(["Outliers:", *shown, *([f"- and {more} more numbers"] if more > 0 else [])])
-    if differ := [one for one in found.differences if one.differs]:
-        parts.append(["Axes that differ:", *(line for one in differ for line in bulleted(_difference(one)))])
+    if differ := [item for item in found.differences if item.differs]:
+        parts.append(["Axes that differ:", *(line for item in differ for line in bulleted(_difference(item)))])
     if lines := texts(remarks, dialect):
         parts.append(["What to know about the fleet:", *(line for text in lines for line in bulleted(text))])
     return parts
@@ -70,8 +70,8 @@ def _by_sensor(rows: Iterable[FleetNumber]) -> dict[str, list[FleetNumber]]:
     for row in rows:
         sensor = sensor_of(row.axis)
         # "gyro" stands for gyro_x, gyro_y and gyro_z, and is itself the name of a sensor.
-        whole = any(sensor_of(name) == row.axis for name in names)
-        sensors.setdefault(row.axis if whole or not sensor else sensor, []).append(row)
+        is_sensor = any(sensor_of(name) == row.axis for name in names)
+        sensors.setdefault(row.axis if is_sensor or not sensor else sensor, []).append(row)
     return sensors
 
 
@@ -83,10 +83,10 @@ def _table(rows: Sequence[FleetNumber]) -> list[str]:
         if row.symbol != last:
             cells.append([f"{row.symbol} ({unit})", *[""] * (len(heads) - 1)])
             last = row.symbol
-        whole = any(sensor_of(other.axis) == row.axis for other in rows)
-        letter = "all axes" if whole else letter_of(row.axis)
+        is_sensor = any(sensor_of(other.axis) == row.axis for other in rows)
+        letter = "all axes" if is_sensor else letter_of(row.axis)
         cells.append([
-            f"  {letter}", _units(row), _value(row.typical, factor), _spread(row, factor),
+            f"  {letter}", _units(row), _value(row.typical, factor), _spread_text(row, factor),
             _span(row.quantile_05, row.quantile_95, factor), _span(row.predicted_low, row.predicted_high, factor),
         ])  # fmt: skip
     lines = headed(cells)
@@ -103,7 +103,7 @@ def _value(value: float | None, factor: float) -> str:
     return _NONE if value is None else significant(factor * value, 3)
 
 
-def _spread(row: FleetNumber, factor: float) -> str:
+def _spread_text(row: FleetNumber, factor: float) -> str:
     """Format the spread between units, or its upper limit if it is not significantly different from zero."""
     if row.spread is None or row.spread_low is None or row.spread_high is None:
         return _NONE
@@ -149,21 +149,25 @@ def _legend(found: FleetStatistics) -> str:
     )
 
 
-def _outlier(one: OutlierUnit) -> str:
-    unit, factor = shown_unit(one.si)
+def _outlier(outlier: OutlierUnit) -> str:
+    unit, factor = shown_unit(outlier.si)
     relation = "; typical is"
-    if one.times is not None:
-        times = f"{100 * one.times:.0f} % of" if 0.5 < one.times < 2 else f"{significant(one.times, 2)} times"
+    if outlier.times is not None:
+        times = (
+            f"{100 * outlier.times:.0f} % of" if 0.5 < outlier.times < 2 else f"{significant(outlier.times, 2)} times"
+        )
         relation = f", {times} the typical"
-    value, typical = significant(factor * one.value, 3), significant(factor * one.typical, 3)
-    return f"{one.unit}, {one.axis} {one.symbol}: {value} {unit}{relation} {typical}; p {p_relation(one.pvalue)}"
+    value, typical = significant(factor * outlier.value, 3), significant(factor * outlier.typical, 3)
+    name = f"{outlier.unit}, {outlier.axis} {outlier.symbol}"
+    return f"{name}: {value} {unit}{relation} {typical}; p {p_relation(outlier.pvalue)}"
 
 
-def _difference(one: AxisDifference) -> str:
-    unit, factor = shown_unit(one.unit)
+def _difference(difference: AxisDifference) -> str:
+    unit, factor = shown_unit(difference.unit)
     # For a parameter with a sign, the text states the difference from the mean instead of the ratio.
-    if any(value <= 0 for value in one.relative.values()):
-        apart = ", ".join(f"{axis} {significant(factor * off, 2)} {unit}" for axis, off in one.relative.items())
+    if any(value <= 0 for value in difference.relative.values()):
+        apart = ", ".join(f"{axis} {significant(factor * off, 2)} {unit}" for axis, off in difference.relative.items())
     else:
-        apart = ", ".join(f"{axis} {100 * (off - 1):+.2g} %" for axis, off in one.relative.items())
-    return f"{one.symbol}: {apart} from the mean of the axes in {one.units} units; p {p_relation(one.adjusted)}"
+        apart = ", ".join(f"{axis} {100 * (off - 1):+.2g} %" for axis, off in difference.relative.items())
+    where = f"from the mean of the axes in {difference.units} units"
+    return f"{difference.symbol}: {apart} {where}; p {p_relation(difference.adjusted)}"

@@ -72,9 +72,9 @@ class UnitOutcome:
 def calibrate_unit(job: UnitJob) -> UnitOutcome:
     """Calibrate a unit. Every error except Ctrl-C is returned as an outcome."""
     try:
-        found, made = _calibrated(job)
-        rows = rows_of(job.unit, job.path, found)
-        content = {**found.to_dict(), PART: {**made, "rows": [plain(row) for row in rows]}}
+        calibration, provenance = _calibrate(job)
+        rows = rows_of(job.unit, job.path, calibration)
+        content = {**calibration.to_dict(), PART: {**provenance, "rows": [plain(row) for row in rows]}}
         return UnitOutcome(job.unit, as_text(content), tuple(rows))
     except GmwmError as error:
         return UnitOutcome(job.unit, reason=error.reason, passing=_is_passing(error))
@@ -84,21 +84,21 @@ def calibrate_unit(job: UnitJob) -> UnitOutcome:
         return UnitOutcome(job.unit, reason=f"{type(error).__name__}: {error}")
 
 
-def lost(job: UnitJob, deaths: int) -> UnitOutcome:
+def lost_outcome(job: UnitJob, deaths: int) -> UnitOutcome:
     """Return the outcome of a job whose process ended each time, although no other job was running."""
     reason = f"its worker process died {counted(deaths, 'time')} without another job; it may need more memory"
     return UnitOutcome(job.unit, reason=f"{reason}, or the file may be damaged")
 
 
-def _calibrated(job: UnitJob) -> tuple[Calibration, dict[str, Any]]:
+def _calibrate(job: UnitJob) -> tuple[Calibration, dict[str, Any]]:
     """Return the calibration of a unit, and the options, size and time of the recording that it was made from."""
     path, options = Path(job.path), job.options
     stamp = stamp_of(path)  # taken before the file is read, so that the next run notices a later change
     recording, warned = _read(path, options.reading)
-    found = calibrate_recording(recording, options.calibration, threads=job.threads).of_file(path)
-    new = tuple(remark for remark in warned if remark not in found.recording_remarks)
-    found = replace(found, recording_remarks=(*found.recording_remarks, *new))
-    return found, {**stamp, **options.to_dict()}
+    calibration = calibrate_recording(recording, options.calibration, threads=job.threads).of_file(path)
+    new = tuple(remark for remark in warned if remark not in calibration.recording_remarks)
+    calibration = replace(calibration, recording_remarks=(*calibration.recording_remarks, *new))
+    return calibration, {**stamp, **options.to_dict()}
 
 
 def _read(path: Path, options: ReadOptions) -> tuple[Imu | Stream, list[Remark]]:
@@ -107,8 +107,8 @@ def _read(path: Path, options: ReadOptions) -> tuple[Imu | Stream, list[Remark]]
     with _WARNINGS, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", GmwmWarning)
         recording = stream_file(path, options) if chunked else read_file(path, options)
-    found = [one.message.remark for one in caught if isinstance(one.message, GmwmWarning)]
-    return recording, list(dict.fromkeys(found))
+    remarks = [warning.message.remark for warning in caught if isinstance(warning.message, GmwmWarning)]
+    return recording, list(dict.fromkeys(remarks))
 
 
 def stamp_of(path: Path) -> dict[str, int]:

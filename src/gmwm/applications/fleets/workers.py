@@ -7,7 +7,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
-from gmwm.applications.fleets.unit_job import UnitJob, UnitOutcome, calibrate_unit, lost
+from gmwm.applications.fleets.unit_job import UnitJob, UnitOutcome, calibrate_unit, lost_outcome
 from gmwm.base.errors import GmwmError
 
 if TYPE_CHECKING:
@@ -47,11 +47,11 @@ def on_cluster(jobs: Iterable[UnitJob], client: Any, retries: int) -> Generator[
     yield from _through(
         client, jobs, retries=retries, on_lost=on_lost, window=lambda: WINDOW * sum(client.nthreads().values())
     )
-    yield from _through(client, suspects, retries=retries, on_lost=_lost, window=lambda: 1)
+    yield from _through(client, suspects, retries=retries, on_lost=_outcome_of_lost, window=lambda: 1)
 
 
-def _lost(job: UnitJob, error: Exception) -> UnitOutcome:
-    return lost(job, getattr(error, "allowed_failures", 0) + 1)
+def _outcome_of_lost(job: UnitJob, error: Exception) -> UnitOutcome:
+    return lost_outcome(job, getattr(error, "allowed_failures", 0) + 1)
 
 
 def _through(
@@ -106,12 +106,12 @@ def _outcome(
     if future.status == "cancelled":
         raise GmwmError(_GONE, advice=_AGAIN)
     try:
-        found: UnitOutcome = future.result()
+        outcome: UnitOutcome = future.result()
     except KilledWorker as error:
         return on_lost(job, error)
     except Exception as error:  # not from calibrate_unit: the job could not be started, or its result could not be sent
         return UnitOutcome(job.unit, reason=f"{type(error).__name__}: {error}")
-    return found
+    return outcome
 
 
 @contextmanager

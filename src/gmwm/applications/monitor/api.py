@@ -132,7 +132,7 @@ class Monitor(OneAtATime):
         self.remarks = tuple(remarks_of(gains, self.baselines, wanted=baseline is not None))
         usual = ChartSettings.of_model(self.rate)
         settings = {axis: self.baselines[axis].settings() if axis in self.baselines else usual for axis in models}
-        charts = sum(one.charts for one in settings.values())
+        charts = sum(charts_of.charts for charts_of in settings.values())
         self.run_length = TOGETHER * self.every * self.rate * charts
         self._naming = max(round(NAMING * self.rate), 1)
         longest = max(round(LONGEST_REST * self.rate), self._naming)
@@ -180,7 +180,7 @@ class Monitor(OneAtATime):
 
         The keys are the axes and, for each axis, the families of charts.
         """
-        return {axis: one.charts.heights() for axis, one in self._axes.items()}
+        return {axis: monitored.charts.heights() for axis, monitored in self._axes.items()}
 
     @one_at_a_time
     def update(self, values: Mapping[str, ArrayLike] | Chunk) -> list[Event]:
@@ -204,12 +204,12 @@ class Monitor(OneAtATime):
         """
         events: list[Event] = []
         if isinstance(values, Chunk):
-            events += self._joined(values)
+            events += self._join(values)
             values = values.values
         arrays = checked_samples(self.axes, values)
         n = next(iter(arrays.values())).size
-        for one in self._axes.values():
-            one.charts.forget_peaks()
+        for monitored in self._axes.values():
+            monitored.charts.forget_peaks()
         at = 0
         while at < n:
             stop = min(n, at + (1 << 16))  # the result does not depend on the number of samples in a step
@@ -287,7 +287,7 @@ class Monitor(OneAtATime):
             self._decide(events)
         return events
 
-    def _joined(self, chunk: Chunk) -> list[Event]:
+    def _join(self, chunk: Chunk) -> list[Event]:
         """Return the events that a gap before a chunk of a stream causes."""
         segment, self._segment = self._segment, chunk.segment
         if segment is None:
@@ -323,26 +323,26 @@ class Monitor(OneAtATime):
     def _advance(self, parts: Mapping[str, Vector], events: list[Event]) -> int:
         """Process samples up to the time at which pending alarms are evaluated, and return their number."""
         n = next(iter(parts.values())).size
-        before = {axis: one.save() for axis, one in self._axes.items()}
-        found = self._passed(parts)
-        if self._deadline is None and found:
-            deadline = found[0][1].sample + naming_time(found[0][1], self.rate)
+        before = {axis: monitored.save() for axis, monitored in self._axes.items()}
+        alarms = self._alarms(parts)
+        if self._deadline is None and alarms:
+            deadline = alarms[0][1].sample + naming_time(alarms[0][1], self.rate)
             if deadline < self._count + n:
                 # Later samples are processed after the evaluation, which may reset the charts.
-                for axis, one in self._axes.items():
-                    one.load(before[axis])
+                for axis, monitored in self._axes.items():
+                    monitored.load(before[axis])
                 n = deadline - self._count
-                found = self._passed({axis: x[:n] for axis, x in parts.items()})
+                alarms = self._alarms({axis: x[:n] for axis, x in parts.items()})
             self._deadline = deadline
-        self._pool = (*self._pool, *found)
+        self._pool = (*self._pool, *alarms)
         self._count += n
         if self._deadline is not None and self._count >= self._deadline:
             self._decide(events)
         return n
 
-    def _passed(self, parts: Mapping[str, Vector]) -> list[tuple[str, Alarm]]:
-        found = [(axis, alarm) for axis, one in self._axes.items() for alarm in one.update(parts[axis])]
-        return sorted(found, key=lambda item: item[1].sample)
+    def _alarms(self, parts: Mapping[str, Vector]) -> list[tuple[str, Alarm]]:
+        alarms = [(axis, alarm) for axis, monitored in self._axes.items() for alarm in monitored.update(parts[axis])]
+        return sorted(alarms, key=lambda item: item[1].sample)
 
     def _rest(self, parts: Mapping[str, Vector], events: list[Event]) -> int:
         """Process samples of a moving unit, and return their number. The charts restart when the unit is at rest."""
@@ -369,13 +369,15 @@ class Monitor(OneAtATime):
         hold = round(HOLD * self.rate)
         moving = [axis for axis, fault in faults.items() if fault.is_motion or self._axes[axis].is_loud(self._naming)]
         # An axis with a reported fault raises no new alarm, but large innovations show that it moves too.
-        others = [axis for axis, one in self._axes.items() if axis not in faults and one.is_loud(self._naming)]
+        others = [
+            axis for axis, monitored in self._axes.items() if axis not in faults and monitored.is_loud(self._naming)
+        ]
         if moving and len(moving) + len(others) >= MOVED_AXES:
             first = min(alarm.sample for axis in moving for alarm in by_axis[axis])
             onset = min(faults[axis].onset for axis in moving)
             events.append(Event(kind="moved", time=self._clock.time(first), began=self._clock.time(onset)))
-            for one in self._axes.values():
-                one.report("moved", (), hold=hold)
+            for monitored in self._axes.values():
+                monitored.report("moved", (), hold=hold)
             self._moved = Stillness()
             faults = {axis: fault for axis, fault in faults.items() if axis not in moving}
         for axis, fault in faults.items():
@@ -390,7 +392,7 @@ class Monitor(OneAtATime):
     def to_dict(self) -> dict[str, Any]:
         """Return the settings and the state of the monitor as dicts, lists, numbers and strings for JSON."""
         state = {
-            "axes": {axis: one.save() for axis, one in self._axes.items()}, "runs": self._clock.runs,
+            "axes": {axis: monitored.save() for axis, monitored in self._axes.items()}, "runs": self._clock.runs,
             "count": self._count, "pool": self._pool, "deadline": self._deadline, "moved": self._moved,
             "lost_until": self._lost_until, "segment": self._segment,
         }  # fmt: skip
@@ -409,20 +411,20 @@ class Monitor(OneAtATime):
         if not isinstance(content, Mapping) or content.get("format") != FORMAT:
             raise ReadError(f'not a monitor: it has no "format": "{FORMAT}"')
         try:
-            known = {axis: Baseline.from_dict(one) for axis, one in content["baselines"].items()}
-            made = cls(content["models"], content["every"], rate=content["rate"], baseline=known)
-            made._restore(content["state"])
-            if made._deadline is not None and (made._deadline <= made._count or not made._pool):
+            baselines = {axis: Baseline.from_dict(item) for axis, item in content["baselines"].items()}
+            monitor = cls(content["models"], content["every"], rate=content["rate"], baseline=baselines)
+            monitor._restore(content["state"])
+            if monitor._deadline is not None and (monitor._deadline <= monitor._count or not monitor._pool):
                 raise ValueError("the deadline must come after the samples so far, and needs an alarm")
-            for axis, one in made._axes.items():
-                require_scale(axis, one.whitener.gain.S)
+            for axis, item in monitor._axes.items():
+                require_scale(axis, item.whitener.gain.S)
         except (KeyError, TypeError, ValueError, AttributeError, IndexError, ArithmeticError) as error:
             raise ReadError(f"not a monitor: {error}", advice="Make a new monitor from the calibration.") from error
-        return made
+        return monitor
 
     def _restore(self, state: Mapping[str, Any]) -> None:
-        for axis, one in self._axes.items():
-            one.load(state["axes"][axis])
+        for axis, monitored in self._axes.items():
+            monitored.load(state["axes"][axis])
         self._clock = SampleClock(self.rate, tuple((whole(sample), number(time)) for sample, time in state["runs"]))
         if not self._clock.runs:
             raise ValueError("runs must not be empty")

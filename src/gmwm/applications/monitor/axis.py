@@ -10,7 +10,7 @@ import numpy as np
 
 from gmwm.applications.monitor.charts import HISTORY_LEVEL, Alarm, Charts, ChartSettings
 from gmwm.applications.monitor.events import Kind
-from gmwm.applications.monitor.naming import Fault, History, named
+from gmwm.applications.monitor.naming import Fault, History, name_fault
 from gmwm.applications.monitor.stored import number, numbers, whole
 from gmwm.applications.monitor.whitening import Gain, Whitener
 from gmwm.base.arrays import Vector
@@ -78,7 +78,7 @@ class MonitoredAxis:
         alarms += self.charts.update(e)
         self.fast = np.concatenate([self.fast, e])[-HISTORY:]
         self.slow = np.concatenate([self.slow, self.charts.recent])[-HISTORY:]
-        return [alarm for alarm in sorted(alarms) if not self._explained(alarm)]
+        return [alarm for alarm in sorted(alarms) if not self._is_explained(alarm)]
 
     def _constant(self, x: Vector) -> list[Alarm]:
         """Return an alarm for each run of equal samples whose length reaches the limit."""
@@ -101,16 +101,16 @@ class MonitoredAxis:
                 alarms.append(Alarm(at, "constant", 0, 1, onset=first - 1, score=float(limit)))
         return alarms
 
-    def _explained(self, alarm: Alarm) -> bool:
-        known = self.open
-        if known is None or alarm.sample > known.until or alarm.family not in _EXPLAINED[known.kind]:
+    def _is_explained(self, alarm: Alarm) -> bool:
+        fault = self.open
+        if fault is None or alarm.sample > fault.until or alarm.family not in _EXPLAINED[fault.kind]:
             return False
-        if alarm.score > 0.5 * (VERY_LOUD * self.charts.spike) ** 2 and known.kind not in _SILENT:
+        if alarm.score > 0.5 * (VERY_LOUD * self.charts.spike) ** 2 and fault.kind not in _SILENT:
             return False  # this is motion, regardless of the reported fault
-        hold = max(known.hold, alarm.sample - alarm.onset)
-        self.open = Open(known.kind, max(known.until, alarm.sample + hold), known.hold)
-        if alarm.family in _OWN.get(known.kind, ()):
-            name = "noise-up" if known.kind == "hum" else known.kind
+        hold = max(fault.hold, alarm.sample - alarm.onset)
+        self.open = Open(fault.kind, max(fault.until, alarm.sample + hold), fault.hold)
+        if alarm.family in _OWN.get(fault.kind, ()):
+            name = "noise-up" if fault.kind == "hum" else fault.kind
             _, magnitude = self.known.get(name, (0, 0.0))
             self.known = {**self.known, name: (alarm.sample, magnitude)}
         return True
@@ -122,7 +122,7 @@ class MonitoredAxis:
             return Fault(kind="saturated" if self._is_outside() else "frozen", onset=stuck.onset + 1)
         done = self.charts.done[HISTORY_LEVEL] if self.charts.depth >= HISTORY_LEVEL else 0
         stop = self.charts.base + (done << HISTORY_LEVEL)
-        return named(alarms, History(self.charts.count, self.fast, self.slow, stop), self.gain, self.settings)
+        return name_fault(alarms, History(self.charts.count, self.fast, self.slow, stop), self.gain, self.settings)
 
     def _is_outside(self) -> bool:
         """Return whether the present sample differs from the first one by more than the limit of a spike."""

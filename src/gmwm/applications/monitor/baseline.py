@@ -138,7 +138,7 @@ class Baseline:
         except (KeyError, TypeError, ValueError) as error:
             raise ReadError(f"not a baseline: {error}", advice="Measure the baseline again.") from error
         good = all(a.ndim == 1 and a.size and bool(np.all((a > 1 / LARGEST) & (a < LARGEST))) for a in arrays.values())
-        good = good and all(abs(one) < LARGEST for one in numbers.values())
+        good = good and all(abs(value) < LARGEST for value in numbers.values())
         if not good or arrays["ratios"].size != arrays["shapes"].size or counts["samples"] < 1:
             reason = f"ratios, shapes and scatter must be lists of numbers from {1 / LARGEST:g} to {LARGEST:g}"
             raise ReadError(f"not a baseline: {reason}", advice="Measure the baseline again.")
@@ -163,7 +163,7 @@ class _BlockSums:
     def __getitem__(self, level: int) -> list[Vector]:
         while len(self._levels) <= level:
             fine = self._levels[-1]
-            self._levels.append([one[0 : one.size & ~1 : 2] + one[1::2] for one in fine])
+            self._levels.append([sums[0 : sums.size & ~1 : 2] + sums[1::2] for sums in fine])
         return self._levels[level]
 
 
@@ -174,7 +174,7 @@ def _mean_squares(sums: _BlockSums) -> tuple[Vector, Vector]:
     while True:
         level = len(ratios) + 1
         base, m = window(level)
-        blocks = np.concatenate([_blocks(one, m, level) for one in sums[base]])
+        blocks = np.concatenate([_blocks(part, m, level) for part in sums[base]])
         if blocks.size < LEAST_BLOCKS:
             return np.array(ratios), np.array(shapes)
         mean = float(np.mean(blocks))

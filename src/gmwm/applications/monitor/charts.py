@@ -169,14 +169,14 @@ class Charts:
         alarms = list(self._spikes(e))
         clipped = np.clip(e, -FARTHEST * self.settings.tail, FARTHEST * self.settings.tail)
         sums, self.recent = clipped, np.zeros(0)
-        left, done = list(self.left), list(self.done)
+        waiting, done = list(self.left), list(self.done)
         tails, squares = list(self.tails), list(self.squares)
         states = (list(self.sums), list(self.zeros), list(self.rests), list(self.pauses))
         for level in range(self.depth + 1):
             if level:
-                joined = np.concatenate([left[level - 1], sums]) if left[level - 1].size else sums
+                joined = np.concatenate([waiting[level - 1], sums]) if waiting[level - 1].size else sums
                 even = joined.size & ~1
-                left[level - 1], sums = joined[even:], joined[0:even:2] + joined[1:even:2]
+                waiting[level - 1], sums = joined[even:], joined[0:even:2] + joined[1:even:2]
                 if not sums.size:
                     break
             if level == HISTORY_LEVEL:
@@ -186,7 +186,7 @@ class Charts:
             for j, m in self._coefficients(level):
                 alarms += self._variances(j, m, sums, tails=tails, squares=squares, done=done[level], states=states)
             done[level] += sums.size
-        self.left, self.done, self.tails, self.squares = tuple(left), tuple(done), tuple(tails), tuple(squares)
+        self.left, self.done, self.tails, self.squares = tuple(waiting), tuple(done), tuple(tails), tuple(squares)
         self.sums, self.zeros, self.rests, self.pauses = (tuple(part) for part in states)
         self.count += e.size
         return alarms
@@ -290,10 +290,10 @@ class Charts:
 
     def heights(self) -> dict[str, float]:
         """Return the largest chart statistic of each family since `forget_peaks`, as a fraction of the threshold."""
-        found: dict[str, float] = {}
+        heights: dict[str, float] = {}
         for (family, _, _), height, limit in zip(self.names, self.peaks, self.limits, strict=True):
-            found[family] = max(found.get(family, 0.0), height / limit if limit else 0.0)
-        return found
+            heights[family] = max(heights.get(family, 0.0), height / limit if limit else 0.0)
+        return heights
 
     def save(self) -> dict[str, Any]:
         """Return the state. Its arrays are never modified in place."""

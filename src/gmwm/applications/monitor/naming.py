@@ -93,7 +93,7 @@ def naming_time(alarm: Alarm, rate: float) -> int:
     return max(usual, min(slow, round(LONGEST_NAMING * rate)))
 
 
-def named(alarms: Sequence[Alarm], history: History, gain: Gain, settings: ChartSettings) -> Fault:
+def name_fault(alarms: Sequence[Alarm], history: History, gain: Gain, settings: ChartSettings) -> Fault:
     """Determine the fault that caused the alarms of one axis, in order of time and without the family "constant"."""
     families = {alarm.family for alarm in alarms}
     first = alarms[0]
@@ -105,7 +105,7 @@ def named(alarms: Sequence[Alarm], history: History, gain: Gain, settings: Chart
     level = _strongest(alarms, "level")
     down = _strongest(alarms, "noise down")
     if down is not None and noise is None and (level is None or down.score > level.score):
-        ratio = _spread(history, down)
+        ratio = _noise_ratio(history, down)
         return Fault(kind="noise-down", onset=down.onset + 1, level=down.level, ratio=ratio)
     earliest = next((alarm for alarm in alarms if alarm.family == "level"), first)
     shape = _course(history, earliest.onset + 1, gain)
@@ -117,7 +117,7 @@ def named(alarms: Sequence[Alarm], history: History, gain: Gain, settings: Chart
     # A jump that is detected only after seconds is small compared with slow noise, which is then the more likely cause.
     prior = SLOW_PRIOR if level is not None and earliest.level >= SLOW_LEVEL and shape.kind == "jump" else 0.0
     if slow + prior > max(shape.gain, white) and slow_level > 3:
-        ratio = _spread(history, earliest._replace(level=slow_level))
+        ratio = _noise_ratio(history, earliest._replace(level=slow_level))
         return Fault(kind="noise-up", onset=earliest.onset + 1, level=slow_level, ratio=ratio)
     if level is not None and shape.gain > white:
         return Fault(kind=shape.kind, onset=shape.begin, level=level.level, size=shape.size)
@@ -129,13 +129,16 @@ def named(alarms: Sequence[Alarm], history: History, gain: Gain, settings: Chart
     if noise is None and level is not None and "spike" not in families:
         return Fault(kind=shape.kind, onset=shape.begin, level=level.level, size=shape.size)
     return Fault(
-        kind="noise-up", onset=chosen.onset + 1, level=noise.level if noise else None, ratio=_spread(history, chosen)
+        kind="noise-up",
+        onset=chosen.onset + 1,
+        level=noise.level if noise else None,
+        ratio=_noise_ratio(history, chosen),
     )
 
 
 def _strongest(alarms: Sequence[Alarm], family: str) -> Alarm | None:
-    found = [alarm for alarm in alarms if alarm.family == family]
-    return max(found, key=lambda alarm: alarm.score) if found else None
+    candidates = [alarm for alarm in alarms if alarm.family == family]
+    return max(candidates, key=lambda alarm: alarm.score) if candidates else None
 
 
 def _excess(history: History, onset: int) -> float:
@@ -147,7 +150,7 @@ def _excess(history: History, onset: int) -> float:
     return 0.5 * values.size * (r - 1.0 - math.log(r)) if r > 1.0 else 0.0
 
 
-def _spread(history: History, alarm: Alarm) -> float:
+def _noise_ratio(history: History, alarm: Alarm) -> float:
     """Return the ratio of the measured to the expected standard deviation at the level of an alarm, since its onset."""
     values, width, _ = history.since(alarm.onset + 1)
     half = max((1 << alarm.level) // 2 // width, 1)
@@ -162,17 +165,17 @@ def _course(history: History, onset: int, gain: Gain) -> _LevelChange:
     """Return the jump or ramp of the level that explains the innovations best."""
     duration = max(history.now - onset, 1)
     values, width, first = history.since(onset - 3 * duration)
-    step = _thinned(gain.step_response(values.size * width), width)
-    slope = _thinned(np.cumsum(gain.step_response(values.size * width)), width)
+    step = _thin(gain.step_response(values.size * width), width)
+    slope = _thin(np.cumsum(gain.step_response(values.size * width)), width)
     place = max((onset - first) // width, 0)
     near = max(duration // width, 8)
     jumps = range(max(place - near // 2, 0), min(place + near, values.size - 1) + 1, max(near // 64, 1))
     ramps = {max(place - k * duration // width, 0) for k in (0, 1, 2, 3)}
-    candidates = [_fitted("jump", values, step, begin) for begin in jumps]
-    candidates += [_fitted("ramp", values, slope, begin) for begin in sorted(ramps)]
+    candidates = [_fit_change("jump", values, step, begin) for begin in jumps]
+    candidates += [_fit_change("ramp", values, slope, begin) for begin in sorted(ramps)]
     # The best of many possible beginnings fits well by chance, so the logarithm of their number is subtracted.
     price = {"jump": math.log(max(len(jumps), 1)), "ramp": math.log(len(ramps))}
-    best = max(candidates, key=lambda one: one.gain - price[one.kind])
+    best = max(candidates, key=lambda change: change.gain - price[change.kind])
     return _LevelChange(best.kind, best.gain, best.size, first + best.begin * width)
 
 
@@ -191,11 +194,11 @@ def _slow_excess(history: History, onset: int) -> tuple[float, int]:
     return best
 
 
-def _thinned(values: Vector, width: int) -> Vector:
+def _thin(values: Vector, width: int) -> Vector:
     return values if width == 1 else np.asarray(values.reshape(-1, width).sum(axis=1) / math.sqrt(width))
 
 
-def _fitted(kind: Kind, values: Vector, response: Vector, begin: int) -> _LevelChange:
+def _fit_change(kind: Kind, values: Vector, response: Vector, begin: int) -> _LevelChange:
     here, g = values[begin:], response[: values.size - begin]
     power = float(g @ g)
     if power == 0:
@@ -215,8 +218,8 @@ def _line(history: History, onset: int, gain: Gain) -> tuple[float, float] | Non
     power = np.square(np.abs(np.fft.rfft(values * window, size))) / float(np.sum(window**2))
     power[:8] = 0.0  # frequencies of slow noise, not of a hum
     peak = int(np.argmax(power[: size // 2]))
-    rest = float(np.median(power[8 : size // 2])) / math.log(2.0)
-    if power[peak] / max(rest, 1.0) < math.log(values.size / LINE_CHANCE):
+    background = float(np.median(power[8 : size // 2])) / math.log(2.0)
+    if power[peak] / max(background, 1.0) < math.log(values.size / LINE_CHANCE):
         return None
     amplitude = 2.0 * math.sqrt(float(power[peak]) * float(np.sum(window**2))) / float(np.sum(window))
     excess = float(np.mean(np.square(values))) - 1.0

@@ -39,9 +39,9 @@ def trace_figure(trace: Trace) -> Figure:
         below = axis == axes[-1]
         x = even_axis(0.0, max(last - first, 1e-9) / size, label, margin=0.01, at_most=6)
         x = x if below else quiet(x)
-        own = [event for event in trace.events if event.axis in (axis, "")]
+        events = [event for event in trace.events if event.axis in (axis, "")]
         scale = (first, size)
-        rows.append((_signal(trace, axis, own, x=x, scale=scale), _charts(trace, axis, x=x, scale=scale)))
+        rows.append((_signal(trace, axis, events, x=x, scale=scale), _charts(trace, axis, x=x, scale=scale)))
     return Figure(tuple(rows), width=PAGE, height=18.0 + 30.0 * len(rows), legend_columns=3)
 
 

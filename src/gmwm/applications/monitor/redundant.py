@@ -96,7 +96,7 @@ def redundant(
             got=len(recordings),
             advice="Monitor each unit alone, with the baseline of its own calibration.",
         )
-    shared = [axis for axis in calibration if all(axis in one.axes for one in recordings.values())]
+    shared = [axis for axis in calibration if all(axis in recording_of.axes for recording_of in recordings.values())]
     models = models_of(calibration, shared if axes is None else axes)
     rate = common_rate(calibration, next(iter(recordings.values())).rate)
     for recording in recordings.values():
@@ -111,8 +111,8 @@ def _events(
     apart = {axis: _times(model, 1.0 + 1.0 / (n - 1), rate) for axis, model in models.items()}
     mean_of = {axis: _times(model, 1.0 / n, rate) for axis, model in models.items()}
     common = Monitor(mean_of, every, rate=rate, baseline=None)
-    known = _baselines(apart, recordings, rate)
-    monitors = {name: Monitor(apart, every * n, rate=rate, baseline=known[name]) for name in recordings}
+    references = _baselines(apart, recordings, rate)
+    monitors = {name: Monitor(apart, every * n, rate=rate, baseline=references[name]) for name in recordings}
     culprits = _Culprits(n)
     for block in _blocks(recordings, list(models), 1 << 11):
         mean = {axis: np.asarray(sum(unit[axis] for unit in block.values()) / n) for axis in models}
@@ -120,16 +120,16 @@ def _events(
         yield from (UnitEvent("", event) for event in motion)
         if motion or common.resting:
             _require_rest(common)
-            for one in monitors.values():
-                one.skip(next(iter(mean.values())).size)
+            for monitor in monitors.values():
+                monitor.skip(next(iter(mean.values())).size)
             continue
-        found = [
+        events = [
             UnitEvent(name, event)
-            for name, one in monitors.items()
-            for event in one.update({a: n / (n - 1) * (x - mean[a]) for a, x in block[name].items()})
+            for name, monitor in monitors.items()
+            for event in monitor.update({a: n / (n - 1) * (x - mean[a]) for a, x in block[name].items()})
         ]
-        yield from culprits.of(found)
-    yield from culprits.of([UnitEvent(name, event) for name, one in monitors.items() for event in one.finish()])
+        yield from culprits.of(events)
+    yield from culprits.of([UnitEvent(name, event) for name, monitor in monitors.items() for event in monitor.finish()])
 
 
 class _Culprits:
@@ -139,23 +139,23 @@ class _Culprits:
         self._units = units
         self._until: dict[str, tuple[str, float]] = {}
 
-    def of(self, found: list[UnitEvent]) -> Iterator[UnitEvent]:
+    def of(self, batch: list[UnitEvent]) -> Iterator[UnitEvent]:
         """Yield the events that are not consequences of an event of another unit."""
         by_axis: dict[str, list[UnitEvent]] = {}
-        for one in found:
-            by_axis.setdefault(one.event.axis, []).append(one)
+        for item in batch:
+            by_axis.setdefault(item.event.axis, []).append(item)
         for axis, events in by_axis.items():
-            begin = min(one.event.time for one in events)
-            first = [one for one in events if one.event.time <= begin + NAMING]
-            for one in sorted(events, key=lambda one: (one not in first, -_magnitude(one.event), one.event.time)):
+            begin = min(item.event.time for item in events)
+            first = [item for item in events if item.event.time <= begin + NAMING]
+            for item in sorted(events, key=lambda item: (item not in first, -_magnitude(item.event), item.event.time)):
                 name, until = self._until.get(axis, ("", -np.inf))
-                if one.name != name and one.event.time <= until:
+                if item.name != name and item.event.time <= until:
                     continue
                 # The differences of the other units contain 1/(n − 1) of the fault. Detecting it takes (n − 1)² times
                 # as long.
-                slow = (self._units - 1) ** 2 * (one.event.time - one.event.began)
-                self._until[axis] = (one.name, one.event.time + max(CONSEQUENCES, 4.0 * slow))
-                yield one
+                slow = (self._units - 1) ** 2 * (item.event.time - item.event.began)
+                self._until[axis] = (item.name, item.event.time + max(CONSEQUENCES, 4.0 * slow))
+                yield item
 
 
 def _magnitude(event: Event) -> float:
@@ -189,8 +189,8 @@ def _baselines(
     """Return the baselines of the differences for each unit and axis, from the first tenth of the recordings."""
     n = len(recordings)
     lengths = [recording.rows if isinstance(recording, Stream) else len(recording) for recording in recordings.values()]
-    wanted = max(int(0.1 * min(lengths)), 1)  # the first tenth of the recordings
-    block = next(_blocks(recordings, list(models), wanted))
+    count = max(int(0.1 * min(lengths)), 1)  # the first tenth of the recordings
+    block = next(_blocks(recordings, list(models), count))
     mean = {axis: sum(unit[axis] for unit in block.values()) / n for axis in models}
     return {
         name: {

@@ -51,18 +51,18 @@ def common_rate(calibration: Mapping[str, Any], rate: float | None) -> float:
     rates = {item.wavelet_variance.rate for item in calibration.values() if isinstance(item, Fit)}
     if rate is None and not rates:
         raise OptionError(argument="rate", expected="a number (Hz), because models have no sampling rate", got=None)
-    found = as_rate(rate if rate is not None else max(rates))
-    for known in rates:
-        check_rate(found, known)
-    return found
+    common = as_rate(rate if rate is not None else max(rates))
+    for fit_rate in rates:
+        check_rate(common, fit_rate)
+    return common
 
 
-def check_rate(rate: float, known: float) -> None:
+def check_rate(rate: float, expected: float) -> None:
     """Raise an error if a recording does not have the sampling rate of the calibration."""
-    if abs(rate / known - 1.0) > RATE_TOLERANCE:
+    if abs(rate / expected - 1.0) > RATE_TOLERANCE:
         raise OptionError(
             argument="rate",
-            expected=f"{known:g}, the rate of the calibration (Hz), because its values are per sample",
+            expected=f"{expected:g}, the rate of the calibration (Hz), because its values are per sample",
             got=rate,
             advice="Calibrate a recording with this rate.",
         )
@@ -82,19 +82,19 @@ def as_every(every: str | float) -> float:
 
 
 def baselines_of(
-    calibration: Mapping[str, Any], given: Mapping[str, Baseline] | Literal["auto"] | None, axes: Sequence[str]
+    calibration: Mapping[str, Any], chosen: Mapping[str, Baseline] | Literal["auto"] | None, axes: Sequence[str]
 ) -> dict[str, Baseline]:
     """Return the baseline of each axis that has one."""
-    if given is None:
+    if chosen is None:
         return {}
-    if given == "auto":
-        own = getattr(calibration, "baselines", {})
-        return {axis: own[axis] for axis in axes if axis in own}
-    if not isinstance(given, Mapping) or not all(isinstance(one, Baseline) for one in given.values()):
+    if chosen == "auto":
+        measured = getattr(calibration, "baselines", {})
+        return {axis: measured[axis] for axis in axes if axis in measured}
+    if not isinstance(chosen, Mapping) or not all(isinstance(item, Baseline) for item in chosen.values()):
         raise OptionError(
-            argument="baseline", expected="a mapping of axis to Baseline, 'auto', or None", got=type(given).__name__
+            argument="baseline", expected="a mapping of axis to Baseline, 'auto', or None", got=type(chosen).__name__
         )
-    return {axis: given[axis] for axis in axes if axis in given}
+    return {axis: chosen[axis] for axis in axes if axis in chosen}
 
 
 def remarks_of(gains: Mapping[str, Gain], baselines: Mapping[str, Baseline], *, wanted: bool) -> Iterator[Remark]:
@@ -110,8 +110,8 @@ def chunks_of(recording: Imu | Stream) -> Iterator[Chunk]:
     if not isinstance(recording, Imu):
         yield from recording
         return
-    one = next(iter(recording.signals.values()))
-    for k, ((first, last), start) in enumerate(zip(one.segments, one.starts, strict=True)):
+    reference = next(iter(recording.signals.values()))
+    for k, ((first, last), start) in enumerate(zip(reference.segments, reference.starts, strict=True)):
         values = {axis: signal.values[first:last] for axis, signal in recording.signals.items()}
         yield Chunk(values, first=first, segment=k, start=start)
 
@@ -189,13 +189,14 @@ def baselines(
     parts: dict[str, list[list[Vector]]] = {axis: [] for axis in models}
     segment, total = -1, 0
     for chunk in chunks_of(recording):
-        for axis, found in parts.items():
+        for axis, segments in parts.items():
             if chunk.segment != segment:
-                found.append([])
-            found[-1].append(chunk.values[axis])
+                segments.append([])
+            segments[-1].append(chunk.values[axis])
         segment, total = chunk.segment, total + len(chunk)
         if total >= 1 << 21:  # later samples of a reference are not used
             break
     return {
-        axis: Baseline.of(models[axis], [np.concatenate(part) for part in found], rate) for axis, found in parts.items()
+        axis: Baseline.of(models[axis], [np.concatenate(part) for part in segments], rate)
+        for axis, segments in parts.items()
     }

@@ -101,8 +101,8 @@ def _increment_cdf(values: Vector, shape: float, ratio: float) -> Vector:
 
     slope = 1.0 - 1.0 / ratio
     y = np.maximum((values / shape + math.log(ratio)) / slope, 0.0)
-    found = gammainc(shape, y * shape) if slope > 0 else gammaincc(shape, y * shape)
-    return np.asarray(found, dtype=np.float64)
+    probability = gammainc(shape, y * shape) if slope > 0 else gammaincc(shape, y * shape)
+    return np.asarray(probability, dtype=np.float64)
 
 
 def spike_limit(run_length: float) -> float:

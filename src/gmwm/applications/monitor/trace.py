@@ -63,24 +63,24 @@ class Trace:
 
     def update(self, chunk: Chunk) -> list[Event]:
         """Add a `chunk` of `gmwm.stream`, and return the events that were detected with it, in order of time."""
-        found: list[Event] = []
+        events: list[Event] = []
         at = 0
         while at < len(chunk):
             step = max(STEP, self.monitor.samples // LOOKS) if self._pictures else len(chunk)
             values = {axis: chunk.values[axis][at : at + step] for axis in self.monitor.axes}
             time = chunk.start + at / self.monitor.rate
-            found += self.monitor.update(Chunk(values, first=chunk.first + at, segment=chunk.segment, start=time))
+            events += self.monitor.update(Chunk(values, first=chunk.first + at, segment=chunk.segment, start=time))
             if self._pictures:
                 self._note(time, values)
             at += step
-        self.events += found
-        return found
+        self.events += events
+        return events
 
     def finish(self) -> list[Event]:
         """Determine and return the faults of pending alarms at the end of the samples."""
-        found = self.monitor.finish()
-        self.events += found
-        return found
+        events = self.monitor.finish()
+        self.events += events
+        return events
 
     def signal(self, axis: str) -> tuple[Vector, Matrix]:
         """Return times (n,) of intervals (s), and smallest and largest sample (n, 2) of an `axis` in each, in SI."""
@@ -98,11 +98,11 @@ class Trace:
 
     def summary(self) -> str:
         """Describe the monitored data and the number of events in one line."""
-        one = self.monitor
-        length = duration_text(one.samples / one.rate)
-        found = counted(len(self.events), "event") if self.events else "no event"
-        rest = "; the unit was moved and is not yet still" if one.resting else ""
-        return f"{found} in {length} ({counted(one.samples, 'sample')}) of {', '.join(one.axes)}{rest}"
+        monitor = self.monitor
+        length = duration_text(monitor.samples / monitor.rate)
+        count = counted(len(self.events), "event") if self.events else "no event"
+        motion = "; the unit was moved and is not yet still" if monitor.resting else ""
+        return f"{count} in {length} ({counted(monitor.samples, 'sample')}) of {', '.join(monitor.axes)}{motion}"
 
     def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
         """Draw the signals with the events, and the chart statistics over time. Without samples, raises a DataError.

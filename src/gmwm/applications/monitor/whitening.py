@@ -80,12 +80,12 @@ class Gain:
         S = float(H @ P @ H) + R
         K = F @ P @ H / S
         K[~moving] = 0.0
-        known = moving & ~space.diffuse
-        beyond = (space.P0 - P)[np.ix_(known, known)]
+        stationary = moving & ~space.diffuse
+        beyond = (space.P0 - P)[np.ix_(stationary, stationary)]
         values, vectors = np.linalg.eigh(0.5 * (beyond + beyond.T))
-        kept = values > 1e-9 * max(float(np.max(values, initial=0.0)), 1e-300)
-        columns = np.zeros((p, int(np.count_nonzero(kept))))
-        columns[known] = vectors[:, kept] * np.sqrt(values[kept])
+        mask = values > 1e-9 * max(float(np.max(values, initial=0.0)), 1e-300)
+        columns = np.zeros((p, int(np.count_nonzero(mask))))
+        columns[stationary] = vectors[:, mask] * np.sqrt(values[mask])
         levels = np.eye(p)[:, space.diffuse] * math.sqrt(S)
         start = np.concatenate([levels, columns], axis=1)
         phi = F - np.outer(K, H)
@@ -120,8 +120,8 @@ class Gain:
         for _ in range(samples):
             power = self.F @ power @ self.F.T + self.Q
         values, vectors = np.linalg.eigh(0.5 * (power - P + (power - P).T))
-        kept = values > 1e-12 * self.S
-        return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
+        mask = values > 1e-12 * self.S
+        return np.asarray(vectors[:, mask] * np.sqrt(values[mask]))
 
     def step_response(self, samples: int) -> Vector:
         """Return the standardised innovations (n,) that a jump of the signal by 1 causes."""
@@ -140,11 +140,11 @@ def _sections(zeros: NDArray[Any], poles: NDArray[Any]) -> Matrix:
 
     The poles nearest to the unit circle come last, each pair with the nearest zeros, so that no section has a large
     gain."""
-    left = _roots(zeros)
+    pairs = _roots(zeros)
     rows = []
     for pole in _roots(poles):
-        nearest = min(range(len(left)), key=lambda k: abs(left[k][0] - pole[0]))
-        rows.append([*_polynomial(left.pop(nearest)), *_polynomial(pole)])
+        nearest = min(range(len(pairs)), key=lambda k: abs(pairs[k][0] - pole[0]))
+        rows.append([*_polynomial(pairs.pop(nearest)), *_polynomial(pole)])
     return np.array(rows[::-1])
 
 
@@ -159,8 +159,8 @@ def _roots(roots: NDArray[Any]) -> list[tuple[complex, complex]]:
 
 def _polynomial(roots: tuple[complex, complex]) -> list[float]:
     """Return the coefficients of (1 − r z)(1 − s z) for two roots r and s."""
-    one, other = roots
-    return [1.0, -(one + other).real, (one * other).real]
+    first, second = roots
+    return [1.0, -(first + second).real, (first * second).real]
 
 
 def _riccati(F: Matrix, H: Vector, Q: Matrix, R: float) -> Matrix:
@@ -172,9 +172,9 @@ def _riccati(F: Matrix, H: Vector, Q: Matrix, R: float) -> Matrix:
     autoregressions."""
     eye = np.eye(H.size)
     seen, common = H @ F, Q @ H
-    whole = float(H @ common) + R
-    A = (F - np.outer(common, seen) / whole).T
-    G, X = np.outer(seen, seen) / whole, Q - np.outer(common, common) / whole
+    variance = float(H @ common) + R
+    A = (F - np.outer(common, seen) / variance).T
+    G, X = np.outer(seen, seen) / variance, Q - np.outer(common, common) / variance
     for _ in range(60):
         inner = np.linalg.solve(eye + G @ X, np.concatenate([A, G], axis=1))
         W, V = inner[:, : H.size], inner[:, H.size :]
@@ -255,15 +255,15 @@ class Whitener:
         mean = covariance @ self.moments
         # The effect of a constant level never decays, even if the level is well determined.
         size = self._peaks * (covariance.diagonal() + mean**2)
-        kept = size > FORGOTTEN
-        if kept.all():
+        mask = size > FORGOTTEN
+        if mask.all():
             return
-        self.columns = int(np.count_nonzero(kept))
-        part = covariance[np.ix_(kept, kept)]
+        self.columns = int(np.count_nonzero(mask))
+        part = covariance[np.ix_(mask, mask)]
         self.information = np.linalg.inv(part) if self.columns else np.zeros((0, 0))
-        self.moments = self.information @ mean[kept]
+        self.moments = self.information @ mean[mask]
         # A fixed memory layout is needed, because the order of sums in matrix products depends on it.
-        self.power, self._rows = np.ascontiguousarray(self.power[:, kept]), None
+        self.power, self._rows = np.ascontiguousarray(self.power[:, mask]), None
 
     def _frame(self) -> Matrix:
         """Return the responses (FRAME, m) of the innovations of this frame to the components of the initial state."""
@@ -300,8 +300,8 @@ class Whitener:
         self.origin = None if state["origin"] is None else number(state["origin"])
         self.count, self.drifted = whole(state["count"]), whole(state["drifted"])
         m = self.columns = whole(state["columns"])
-        self.power = numbers([one for row in state["power"] for one in row]).reshape(self.gain.H.size, m)
-        self.information = numbers([one for row in state["information"] for one in row]).reshape(m, m)
+        self.power = numbers([value for row in state["power"] for value in row]).reshape(self.gain.H.size, m)
+        self.information = numbers([value for row in state["information"] for value in row]).reshape(m, m)
         self.moments = numbers(state["moments"]).reshape(m)
         if np.any(np.linalg.eigvalsh(self.information) <= 0):
             raise ValueError("the information of the filter must be positive definite")

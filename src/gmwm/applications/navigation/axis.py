@@ -42,10 +42,10 @@ class BudgetAxis:
             raise OptionError(argument="axis", expected=f"one of {', '.join(AXES)}", got=axis)
         if isinstance(source, Fit):
             wv = source.wavelet_variance
-            wanted = SI_UNIT["gyro" if axis.startswith("gyro") else "accel"]
-            if wv.unit != wanted:
+            si = SI_UNIT["gyro" if axis.startswith("gyro") else "accel"]
+            if wv.unit != si:
                 raise ModelError(
-                    f"{axis} is in {wv.unit or 'an unknown unit'} instead of {wanted}",
+                    f"{axis} is in {wv.unit or 'an unknown unit'} instead of {si}",
                     advice="Read the recording again with {--units}.",
                 )
             written, labels = translated(source)
@@ -70,11 +70,11 @@ class BudgetAxis:
     def remarks(self, duration: float) -> tuple[Remark, ...]:
         """Return remarks if the duration (s) exceeds the recording, or if the state space of a term is approximate."""
         model = Model(tuple(self.terms.values())) if self.terms else None
-        found = () if model is None else approximated(model, self.rate, self.axis)
+        remarks = () if model is None else approximated(model, self.rate, self.axis)
         if duration <= self.longest:
-            return found
+            return remarks
         facts = {"duration": Quantity(duration, "s"), "longest": Quantity(self.longest, "s")}
-        return (Remark.of("budget-extrapolated", self.axis, **facts), *found)
+        return (Remark.of("budget-extrapolated", self.axis, **facts), *remarks)
 
     def mean_squares(self, motion: Response, times: Sequence[float], rest: float) -> dict[str, Matrix]:
         """Return the mean square (T, q) of the errors that each term causes at T times (s) after a rest (s)."""
@@ -84,7 +84,7 @@ class BudgetAxis:
         """Return the standard errors (T, q) of the sum of the mean squares `terms`; zero if the values were given."""
         if self.curve is None or not self.curve.moving:
             return np.zeros((len(times), motion.drive.size))
-        known = {id(process): terms[label] for label, process in self.terms.items()}
+        squares = {id(process): terms[label] for label, process in self.terms.items()}
 
         def slope(process: Process, name: str | None) -> Matrix:
             """Return the derivative (T, q) of the mean squares by the logarithm of a parameter, or by a zero scale."""
@@ -92,10 +92,10 @@ class BudgetAxis:
                 return self._of(process, motion, times, rest)
             parameter = next(p for p in process.parameters if p.name == name)
             if parameter.scale_power is not None:
-                return parameter.scale_power * known[id(process)]
+                return parameter.scale_power * squares[id(process)]
             value = process.value(name)
             moved = [process.with_values(**{name: value * (1 + side * _STEP)}) for side in (1, -1)]
-            upper, lower = (self._of(one, motion, times, rest) for one in moved)
+            upper, lower = (self._of(variant, motion, times, rest) for variant in moved)
             return (upper - lower) / (2 * _STEP)
 
         slopes = np.array([slope(process, name) for process, name in self.curve.moving])
@@ -109,10 +109,10 @@ class BudgetAxis:
 
 def _present(axis: str, terms: Mapping[str, Process], rate: float) -> dict[str, Process]:
     """Return the terms that are not zero. Raises a MissingTheoryError if one of them has no state-space form."""
-    found = {label: process for label, process in terms.items() if process.scale > 0}
+    present = {label: process for label, process in terms.items() if process.scale > 0}
     try:
-        for process in found.values():
+        for process in present.values():
             process.state_space(rate)
     except MissingTheoryError as error:
         raise error.at(axis) from error
-    return found
+    return present

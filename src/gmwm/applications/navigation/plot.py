@@ -25,60 +25,68 @@ _TITLES = {"tilt": "Attitude error", "heading": "Attitude error", "velocity": "V
 def budget_figure(budget: Budget) -> Figure:
     """Return the figure of `Budget.plot`."""
     chosen = list(_chosen(budget).values())
-    named = [label for one in chosen for label in _drawn(one)]
+    named = [label for growth in chosen for label in _drawn_terms(growth)]
     # Each term has the same stroke in all panels.
     strokes = {label: term_stroke(k) for k, label in enumerate(dict.fromkeys(named))}
-    panels: list[Panel] = [_growth(one, strokes, budget) for one in chosen]
+    panels: list[Panel] = [_growth(growth, strokes, budget) for growth in chosen]
     if budget.alignment:
         panels.append(_alignment(budget))
     rows = tuple(tuple(panels[k : k + 2]) for k in range(0, len(panels), 2))
     if len(panels) == 1:
         return Figure(rows, width=100.0, height=90.0)
     filled = tuple((*row, None) if len(row) == 1 else row for row in rows)
-    rest = f", after {duration_text(budget.rest)} at rest" if budget.rest else ""
-    title = f"Error budget of unaided inertial navigation (1 σ{rest})"
+    alignment = f", after {duration_text(budget.rest)} at rest" if budget.rest else ""
+    title = f"Error budget of unaided inertial navigation (1 σ{alignment})"
     return Figure(filled, width=174.0, height=26.0 + 62.0 * len(rows), title=title, legend_columns=3)
 
 
 def _chosen(budget: Budget) -> dict[str, Growth]:
     """Return the error of the worst axis for each of attitude, velocity and position, by kind."""
-    found: dict[str, Growth] = {}
+    chosen: dict[str, Growth] = {}
     for kinds in (("tilt", "heading"), ("velocity",), ("position", "height")):
         for kind in kinds:
-            if (one := largest(budget, kind)) is not None:
-                found.setdefault(kinds[0], one)
-    return found
+            if (growth := largest(budget, kind)) is not None:
+                chosen.setdefault(kinds[0], growth)
+    return chosen
 
 
-def _drawn(one: Growth) -> list[str]:
+def _drawn_terms(growth: Growth) -> list[str]:
     with np.errstate(divide="ignore", invalid="ignore"):
-        return [label for label, values in one.terms.items() if np.nanmax(values / one.error) > LEAST_SHARE]
+        return [label for label, values in growth.terms.items() if np.nanmax(values / growth.error) > LEAST_SHARE]
 
 
-def _growth(one: Growth, strokes: Mapping[str, Stroke], budget: Budget) -> Panel:
+def _growth(growth: Growth, strokes: Mapping[str, Stroke], budget: Budget) -> Panel:
     parts = [
-        Line(one.times, one.terms[label], stroke=replace(strokes[label], width=1.2), label=label, layer=ABOVE)
-        for label in _drawn(one)
+        Line(growth.times, growth.terms[label], stroke=replace(strokes[label], width=1.2), label=label, layer=ABOVE)
+        for label in _drawn_terms(growth)
     ]
-    marks: list[Mark] = [Line(one.times, one.error, stroke=Stroke(BLACK, 2.0), label="total", layer=MIDDLE)]
-    if not one.certain:
+    marks: list[Mark] = [Line(growth.times, growth.error, stroke=Stroke(BLACK, 2.0), label="total", layer=MIDDLE)]
+    if not growth.certain:
         label = f"{100 * budget.level:g} % interval"
-        marks.append(Band(one.times, one.low, one.high, GREY, label=label, layer=BAND))
-    kind = one.name.partition("_")[0]
-    limits = limits_near(np.concatenate([one.error, one.low, one.high]), [part.y for part in parts], reach=30.0)
-    label = f"{_TITLES.get(kind, 'Error')} ({one.unit})"
-    x = time_axis(one.times, "Time (s)")
+        marks.append(Band(growth.times, growth.low, growth.high, GREY, label=label, layer=BAND))
+    kind = growth.name.partition("_")[0]
+    limits = limits_near(
+        np.concatenate([growth.error, growth.low, growth.high]), [part.y for part in parts], reach=30.0
+    )
+    label = f"{_TITLES.get(kind, 'Error')} ({growth.unit})"
+    x = time_axis(growth.times, "Time (s)")
     ticks = tuple(tick.value for tick in x.ticks)
-    title = one.title[:1].upper() + one.title[1:]
+    title = growth.title[:1].upper() + growth.title[1:]
     return Panel(replace(x, grid=ticks), value_axis(limits, label), (*marks, *parts), title=title)
 
 
 def _alignment(budget: Budget) -> Panel:
     curves = list(budget.alignment.values())
-    shown = [np.where(one.error < RIGHT_ANGLE, one.error, np.nan) for one in curves]
+    shown = [np.where(growth.error < RIGHT_ANGLE, growth.error, np.nan) for growth in curves]
     lines = tuple(
-        Line(one.times, y, stroke=replace(curve_stroke(k), symbol=None), label=_align_label(one.title, y), layer=MIDDLE)
-        for k, (one, y) in enumerate(zip(curves, shown, strict=True))
+        Line(
+            growth.times,
+            y,
+            stroke=replace(curve_stroke(k), symbol=None),
+            label=_align_label(growth.title, y),
+            layer=MIDDLE,
+        )
+        for k, (growth, y) in enumerate(zip(curves, shown, strict=True))
     )
     x = time_axis(budget.times, "Averaging time (s)")
     limits = limits_near(np.concatenate(shown), [], reach=1.0)

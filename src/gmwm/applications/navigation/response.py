@@ -54,10 +54,10 @@ class Response:
         from scipy.linalg import expm
 
         q = self.drive.size
-        whole = np.zeros((q + 1, q + 1))
-        whole[:q, :q], whole[:q, q] = self.a, self.drive
-        whole = expm(whole * dt)
-        return whole[:q, :q], whole[:q, q]
+        joint = np.zeros((q + 1, q + 1))
+        joint[:q, :q], joint[:q, q] = self.a, self.drive
+        joint = expm(joint * dt)
+        return joint[:q, :q], joint[:q, q]
 
 
 def navigation(axis: str, gravity: float, latitude: float) -> Response:
@@ -65,11 +65,11 @@ def navigation(axis: str, gravity: float, latitude: float) -> Response:
     sine, cosine = math.sin(latitude), math.cos(latitude)
     earth = EARTH_RATE * np.array([cosine, 0.0, -sine])
     a = np.zeros((9, 9))
-    a[:3, :3] = -_crossed(earth)
+    a[:3, :3] = -_cross_matrix(earth)
     a[:3, 3:6] = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -sine / cosine, 0.0]]) / RADIUS
     a[:3, 6] = EARTH_RATE * np.array([-sine, 0.0, -cosine]) / RADIUS
-    a[3:6, :3] = _crossed(np.array([0.0, 0.0, -gravity]))
-    a[3:6, 3:6] = -2.0 * _crossed(earth)
+    a[3:6, :3] = _cross_matrix(np.array([0.0, 0.0, -gravity]))
+    a[3:6, 3:6] = -2.0 * _cross_matrix(earth)
     a[5, 8] = 2.0 * gravity / RADIUS
     a[6:, 3:6] = np.eye(3)
     place = AXES.index(axis)
@@ -87,7 +87,7 @@ MEAN = Response(np.zeros((1, 1)), np.ones(1), np.zeros(1), removed=False)
 """Response that integrates the error of a sensor. The integral divided by the time is its mean."""
 
 
-def _crossed(v: Vector) -> Matrix:
+def _cross_matrix(v: Vector) -> Matrix:
     """Return the (3, 3) matrix M with M u = v × u for every vector u."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
@@ -117,11 +117,11 @@ def _mean_squares(space: StateSpace, rate: float, motion: Response, steps: Seque
         turn[p + 1 :, p] = motion.at_start
         moment = turn @ moment @ turn.T
     moving = _Powers(*_moving(space, motion, 1.0 / rate))
-    found, at = np.empty((len(steps), q)), 0
+    squares, at = np.empty((len(steps), q)), 0
     for k, step in enumerate(steps):
         moment = moving.after(moment, step - at)
-        found[k], at = np.diag(moment)[p + 1 :], step
-    return np.maximum(found, 0.0)
+        squares[k], at = np.diag(moment)[p + 1 :], step
+    return np.maximum(squares, 0.0)
 
 
 def _resting(space: StateSpace, rest: int, q: int) -> tuple[Matrix, Matrix]:
@@ -139,9 +139,9 @@ def _resting(space: StateSpace, rest: int, q: int) -> tuple[Matrix, Matrix]:
 def _moving(space: StateSpace, motion: Response, dt: float) -> tuple[Matrix, Matrix]:
     """Return the transition matrix and noise covariance of (x, m, n), as in `_resting`, for a sample of navigation."""
     p, q = space.states, motion.drive.size
-    own, drive = motion.step(dt)
+    motion_step, drive = motion.step(dt)
     transition, noise = np.eye(p + 1 + q), np.zeros((p + 1 + q, p + 1 + q))
-    transition[:p, :p], transition[p + 1 :, p + 1 :] = space.F, own
+    transition[:p, :p], transition[p + 1 :, p + 1 :] = space.F, motion_step
     transition[p + 1 :, :p] = np.outer(drive, space.H[0])
     if motion.removed:
         transition[p + 1 :, p] = -drive

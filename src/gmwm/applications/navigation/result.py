@@ -139,9 +139,9 @@ class Budget(Summarised, Mapping[str, Growth]):
         from polars import DataFrame
 
         rows = [
-            {"error": name, "unit": one.unit, "time": t, "value": v, "low": low, "high": high}
-            for name, one in self.items()
-            for t, v, low, high in zip(one.times, one.error, one.low, one.high, strict=True)
+            {"error": name, "unit": growth.unit, "time": t, "value": v, "low": low, "high": high}
+            for name, growth in self.items()
+            for t, v, low, high in zip(growth.times, growth.error, growth.low, growth.high, strict=True)
         ]
         return DataFrame(rows, infer_schema_length=None)
 

@@ -51,8 +51,8 @@ def headline(budget: Budget) -> str:
 
 def largest(budget: Budget, kind: str) -> Growth | None:
     """Return the error of a kind, such as "tilt", that is largest at the end of the duration; None if there is none."""
-    found = [budget.growths[name] for name in _KINDS[kind] if name in budget.growths]
-    return max(found, key=lambda one: float(one.error[-1]), default=None)
+    candidates = [budget.growths[name] for name in _KINDS[kind] if name in budget.growths]
+    return max(candidates, key=lambda growth: float(growth.error[-1]), default=None)
 
 
 def error_text(one: Growth, k: int = -1) -> str:
@@ -71,24 +71,26 @@ def terms_text(one: Growth, k: int = -1) -> str:
 
 
 def _after(budget: Budget) -> list[str]:
-    interval = "" if all(one.certain for one in budget.growths.values()) else f", {100 * budget.level:g} % interval"
+    interval = (
+        "" if all(growth.certain for growth in budget.growths.values()) else f", {100 * budget.level:g} % interval"
+    )
     rows = [("error (1 σ)", f"after {duration_text(budget.duration)}{interval}", "largest contributions")]
-    rows += [(one.title, error_text(one), terms_text(one)) for one in budget.growths.values()]
+    rows += [(growth.title, error_text(growth), terms_text(growth)) for growth in budget.growths.values()]
     return _table(rows)
 
 
 def _growth(budget: Budget) -> list[str]:
-    kinds = {kind: one for kind in _KINDS if (one := largest(budget, kind)) is not None}
-    rows: list[Sequence[str]] = [("time", *(f"{kind} ({one.unit})" for kind, one in kinds.items()))]
+    kinds = {kind: growth for kind in _KINDS if (growth := largest(budget, kind)) is not None}
+    rows: list[Sequence[str]] = [("time", *(f"{kind} ({growth.unit})" for kind, growth in kinds.items()))]
     for time in shown_times(budget):
-        rows.append((duration_text(time), *(significant(at(one, time), 3) for one in kinds.values())))
+        rows.append((duration_text(time), *(significant(at(growth, time), 3) for growth in kinds.values())))
     return _table(rows, right=range(1, len(rows[0])))
 
 
 def _alignment(budget: Budget) -> list[str]:
-    rows: list[Sequence[str]] = [("averaging", *(f"{one.title} (deg)" for one in budget.alignment.values()))]
+    rows: list[Sequence[str]] = [("averaging", *(f"{growth.title} (deg)" for growth in budget.alignment.values()))]
     for time in shown_times(budget):
-        values = [at(one, time) for one in budget.alignment.values()]
+        values = [at(growth, time) for growth in budget.alignment.values()]
         rows.append((duration_text(time), *(significant(v, 3) if v < RIGHT_ANGLE else "> 90" for v in values)))
     return _table(rows, right=range(1, len(rows[0])))
 
@@ -126,13 +128,13 @@ def method(budget: Budget) -> list[str]:
 def comparison(one: Budget, other: Budget, labels: tuple[str, str] = ("this", "other")) -> str:
     """Return the text of `Budget.compare`."""
     rows: list[Sequence[str]] = [("error (1 σ)", *labels, "ratio")]
-    for row in compared(one, other):
+    for row in comparison_rows(one, other):
         rows.append((row[0], row[1], row[2], f"{row[3]:.2f}"))
     title = f"After {duration_text(one.duration)} of navigation without corrections"
     return "\n".join([title, *_table(rows)])
 
 
-def compared(one: Budget, other: Budget) -> list[tuple[str, str, str, float]]:
+def comparison_rows(one: Budget, other: Budget) -> list[tuple[str, str, str, float]]:
     """Return the title of each error that both budgets have, its two values as text, and their ratio."""
     for name in ("duration", "rest", "latitude"):
         if getattr(one, name) != getattr(other, name):
@@ -159,9 +161,9 @@ DURATION = 60.0
 def budget_table(calibration: Calibration) -> dict[str, Any]:
     """Return headline, table rows and remarks of the error budget; empty if it fails, for example with raw counts."""
     try:
-        found = calibration.budget(DURATION)
+        budget = calibration.budget(DURATION)
     except GmwmError:
         return {}
     rows = [["Error (1 σ)", "After 60 s", "Largest contributions"]]
-    rows += [[one.title, error_text(one), terms_text(one)] for one in found.growths.values()]
-    return {"headline": headline(found), "rows": rows, "remarks": texts(found.remarks, Dialect.HTML)}
+    rows += [[growth.title, error_text(growth), terms_text(growth)] for growth in budget.growths.values()]
+    return {"headline": headline(budget), "rows": rows, "remarks": texts(budget.remarks, Dialect.HTML)}

@@ -135,7 +135,7 @@ class Prover:
 
     def __init__(self, problem: JointProblem) -> None:
         self.problem = problem
-        self.whole = [problem.terms[place].kind != "own" for place in problem.searched]
+        self.whole = [problem.terms[place].kind != "own" for place in problem.search_places]
         self.linear = [k for k, branch in enumerate(problem.branches) if branch is None]
         self.fixed_whole = [problem.terms[k].kind != "own" for k in self.linear]
         rows, columns = entries(problem.d)
@@ -144,18 +144,18 @@ class Prover:
         self.lift = np.linalg.solve(problem.root.T, self.positive.ravel())
         self.own = self.positive[rows == columns]
         weights = self.own.mean(axis=0)
-        self.curves = [ShapeTable.of(problem, place, weights) for place in problem.searched]
+        self.curves = [ShapeTable.of(problem, place, weights) for place in problem.search_places]
         self.fixed = problem.shapes(np.array([curve.nodes[0] for curve in self.curves]))[self.linear]
 
-    def prove(self, found: JointEstimate, seconds: float = np.inf) -> Certificate:
+    def prove(self, estimate: JointEstimate, seconds: float = np.inf) -> Certificate:
         """Compute a lower bound on the objective within a time limit (s), and the best fit that the search finds."""
         end = time.monotonic() + seconds
-        whole: Intervals = tuple((0.0, float(curve.length[-1])) for curve in self.curves)
-        best, ticket = found, count()
-        bound, places = self.bound(whole, 0.0)
+        root: Intervals = tuple((0.0, float(curve.length[-1])) for curve in self.curves)
+        best, ticket = estimate, count()
+        bound, places = self.bound(root, 0.0)
         relaxed = bound
-        heap: list[tuple[float, int, Intervals]] = [(bound, next(ticket), whole)]
-        seen, nodes, low = {whole}, 1, bound
+        heap: list[tuple[float, int, Intervals]] = [(bound, next(ticket), root)]
+        seen, nodes, low = {root}, 1, bound
         while heap:
             low, _, node = heapq.heappop(heap)
             if low >= best.objective * (1 - GAP) or nodes >= 2000 or time.monotonic() > end:
@@ -169,8 +169,8 @@ class Prover:
                 if bound < best.objective * (1 - GAP):
                     heapq.heappush(heap, (max(bound, low), next(ticket), child))
                     if nodes % 4 == 0 or nodes < 12:
-                        there = descend(self.problem, places)
-                        best = min(best, there, key=lambda one: one.objective)
+                        local = descend(self.problem, places)
+                        best = min(best, local, key=lambda one: one.objective)
         else:
             low = best.objective * (1 - GAP)
         return Certificate(min(max(low, relaxed), best.objective), relaxed, nodes, best)
@@ -180,7 +180,7 @@ class Prover:
         longest = int(np.argmax([high - low for low, high in node]))
         low, high = node[longest]
         middle = (low + high) / 2
-        found = []
+        children = []
         for part in ((low, middle), (middle, high)):
             child = [*node[:longest], part, *node[longest + 1 :]]
             groups: dict[tuple[str, bool], list[int]] = {}
@@ -189,8 +189,8 @@ class Prover:
             for members in groups.values():
                 for k, interval in zip(members, sorted(child[k] for k in members), strict=True):
                     child[k] = interval
-            found.append(tuple(child))
-        return found
+            children.append(tuple(child))
+        return children
 
     def bound(self, node: Intervals, enough: float) -> tuple[float, Vector]:
         """Return a lower bound for a node, and the search coordinate of the largest shape of each term in its relaxed
@@ -207,17 +207,17 @@ class Prover:
             every = np.concatenate([self.fixed, *shapes])
             full = self.fixed_whole + [w for w, s in zip(self.whole, chosen, strict=True) for _ in s]
             cone = Cone(problem.d, np.array(full))
-            found = least_squares(problem.columns(every, cone), problem.target, cone, gap=1e-5, warm=warm)
-            residual = problem.residual(every, found.sigmas)
+            solution = least_squares(problem.columns(every, cone), problem.target, cone, gap=1e-5, warm=warm)
+            residual = problem.residual(every, solution.sigmas)
             value, peaks = self._dual(residual, node)
             best = max(best, value)
-            share = np.max(np.trace(found.sigmas, axis1=1, axis2=2)[:, None] * every, axis=1)[len(self.linear) :]
+            share = np.max(np.trace(solution.sigmas, axis1=1, axis2=2)[:, None] * every, axis=1)[len(self.linear) :]
             pieces = np.split(share, np.cumsum([s.size for s in chosen])[:-1])
             parts = np.array([s[np.argmax(part)] for s, part in zip(chosen, pieces, strict=True)])
-            if best >= enough > 0 or found.objective - best <= 0.1 * GAP * found.objective:
+            if best >= enough > 0 or solution.objective - best <= 0.1 * GAP * solution.objective:
                 break
-            kept = [s[part >= min(1e-6 * share.max(), part.max())] for s, part in zip(chosen, pieces, strict=True)]
-            new = [np.unique(np.concatenate([s, peak])) for s, peak in zip(kept, peaks, strict=True)]
+            active = [s[part >= min(1e-6 * share.max(), part.max())] for s, part in zip(chosen, pieces, strict=True)]
+            new = [np.unique(np.concatenate([s, peak])) for s, peak in zip(active, peaks, strict=True)]
             if all(np.array_equal(a, b) for a, b in zip(new, chosen, strict=True)):
                 break
             chosen = new
@@ -232,9 +232,9 @@ class Prover:
         norms = np.max(np.abs(np.linalg.eigvalsh(levels)), axis=1)
         excess = max(self._scores(self.fixed, levels, whole=self.fixed_whole), default=0.0)
         peaks = []
-        for curve, whole, (low, high) in zip(self.curves, self.whole, node, strict=True):
+        for curve, full, (low, high) in zip(self.curves, self.whole, node, strict=True):
             cells, controls = curve.pieces(low, high)
-            gains = self._largest(controls.reshape(-1, controls.shape[2]), levels, whole).reshape(-1, 4)
+            gains = self._largest(controls.reshape(-1, controls.shape[2]), levels, full).reshape(-1, 4)
             gains = gains.max(axis=1) + curve.margin[cells] @ norms
             least = (controls @ self.own.T).min(axis=(1, 2)) - (curve.margin[cells] @ self.own.T).max(axis=1)
             score = gains / np.maximum(least, 1e-300)

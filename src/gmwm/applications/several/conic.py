@@ -39,7 +39,7 @@ class Cone:
     def free(self) -> NDArray[np.bool_]:
         """Mask of the free entries among the P d(d + 1)/2 entries, term by term."""
         rows, columns = entries(self.d)
-        return np.concatenate([np.ones(rows.size, bool) if whole else rows == columns for whole in self.full])
+        return np.concatenate([np.ones(rows.size, bool) if is_full else rows == columns for is_full in self.full])
 
     @cached_property
     def terms(self) -> NDArray[np.int64]:
@@ -118,7 +118,7 @@ def _least_squares(design: Matrix, target: Vector, cone: Cone, *, gap: float, wa
                 gradient += quadratic @ s + linear
                 hessian += quadratic
                 scale = 1 / np.sqrt(np.diag(hessian))
-                step = -scale * _solved(hessian * np.outer(scale, scale), scale * gradient)
+                step = -scale * _solve(hessian * np.outer(scale, scale), scale * gradient)
                 s = s + barrier.reach(step) * step
                 steps += 1
                 if -float(gradient @ step) < near * mu:
@@ -141,7 +141,7 @@ def _least_squares(design: Matrix, target: Vector, cone: Cone, *, gap: float, wa
     )
 
 
-def _solved(matrix: Matrix, vector: Vector) -> Vector:
+def _solve(matrix: Matrix, vector: Vector) -> Vector:
     """Solve matrix · x = vector for a positive definite matrix, by elimination if rounding makes it indefinite."""
     from scipy.linalg.lapack import dposv
 
@@ -166,9 +166,9 @@ class _Barrier:
 
     def at(self, s: Vector, mu: float) -> tuple[Vector, Matrix]:
         gradient, hessian = np.zeros(s.size), np.zeros((s.size, s.size))
-        own = s[self.diagonal]
-        gradient[self.diagonal] = -mu / own
-        hessian[self.diagonal, self.diagonal] = mu / own**2
+        variances = s[self.diagonal]
+        gradient[self.diagonal] = -mu / variances
+        hessian[self.diagonal, self.diagonal] = mu / variances**2
         self.s = s
         if self.count:
             sigma = symmetric(s[self.blocks], self.cone.d)

@@ -28,7 +28,7 @@ def delays_of(signals: Mapping[str, Signal]) -> AxisPairs[int]:
     correlation between samples that are d apart is larger."""
     longest = max(next(iter(signals.values())).segments, key=lambda ends: ends[1] - ends[0])
     first, last = longest[0], min(longest[1], longest[0] + (1 << 20))
-    found: dict[tuple[str, str], int] = {}
+    delays: dict[tuple[str, str], int] = {}
     for level in (1, 2):  # a delay hardly changes the correlation at coarser levels
         count = last - first - (1 << level)
         if count < 64 * WINGS:
@@ -40,8 +40,8 @@ def delays_of(signals: Mapping[str, Signal]) -> AxisPairs[int]:
                 np.array([_correlation(w[pair[0]], w[pair[1]], lag) for lag in range(-WINGS, WINGS + 1)]), count
             )
             if delay:
-                found.setdefault(pair, delay)
-    return AxisPairs(found)
+                delays.setdefault(pair, delay)
+    return AxisPairs(delays)
 
 
 def _delay(correlation: Vector, count: int) -> int:
@@ -52,8 +52,8 @@ def _delay(correlation: Vector, count: int) -> int:
     peak = WINGS + delay
     if size[peak] - size[WINGS] <= GAIN_IN_ERRORS / np.sqrt(count):
         return 0
-    beside = np.arange(1, LARGEST_DELAY + 1)
-    uneven = np.abs(correlation[peak + beside] - correlation[peak - beside]).max()
+    offsets = np.arange(1, LARGEST_DELAY + 1)
+    uneven = np.abs(correlation[peak + offsets] - correlation[peak - offsets]).max()
     far = np.concatenate([size[: peak - LARGEST_DELAY - 2], size[peak + LARGEST_DELAY + 3 :]]).max()
     return delay if max(uneven, far) <= FAR_SHARE * size[peak] else 0
 

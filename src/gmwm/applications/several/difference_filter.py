@@ -126,7 +126,7 @@ class ArrayNoise:
         inverse = np.linalg.solve(white, np.ones(d))
         weights = inverse / inverse.sum()
         differences = null_space(np.ones((1, d))).T
-        seen = [self._seen(space, sigma, differences, weights=weights)
+        seen = [self._observed_parts(space, sigma, differences, weights=weights)
                 for space, sigma in zip(self.spaces, self.sigmas, strict=True) if space.states]  # fmt: skip
         if not sum(part[0].shape[0] for part in seen):
             return DifferenceFilter.static(weights)
@@ -138,18 +138,18 @@ class ArrayNoise:
         return DifferenceFilter(weights, differences, A=(np.eye(len(F)) - K @ H) @ F, K=K, C=C)
 
     @staticmethod
-    def _seen(
+    def _observed_parts(
         space: StateSpace, sigma: Matrix, differences: Matrix, *, weights: Vector
     ) -> tuple[Matrix, Matrix, Matrix, Vector]:
         """Return F, Q and H of one process as it appears in the differences, and its part of the row C."""
         root = factor(differences @ sigma @ differences.T)
         eye = np.eye(root.shape[1])
         regression = weights @ sigma @ differences.T @ np.linalg.pinv(root).T if root.size else np.zeros(0)
-        found = [np.kron(space.F, eye), np.kron(space.Q, eye), np.kron(space.H, root), np.kron(space.H[0], regression)]
-        F, Q, H, C = (np.asarray(part, dtype=np.float64) for part in found)
+        parts = [np.kron(space.F, eye), np.kron(space.Q, eye), np.kron(space.H, root), np.kron(space.H[0], regression)]
+        F, Q, H, C = (np.asarray(part, dtype=np.float64) for part in parts)
         return F, Q, H, C
 
-    def fused(self, filter: DifferenceFilter) -> StateSpace:
+    def fused_space(self, filter: DifferenceFilter) -> StateSpace:
         """Return the state space of the fused signal of an array at rest, for any difference filter.
 
         Random walks z make the filter states ξ non-stationary. They are therefore written as ξ = G z + e, where G is
@@ -168,17 +168,17 @@ class ArrayNoise:
         white = self.white
         # The state vector contains the noise states, e, and the white noise of this sample, which enters the output and
         # e.
-        own = gain @ (H * ~walk)
-        whole = np.zeros((p + n + d, p + n + d))
-        whole[:p, :p], whole[p : p + n, :p], whole[p : p + n, p : p + n] = F, own @ F, filter.A
-        carry = np.concatenate([np.eye(p), own - filter.A @ response, np.zeros((d, p))])
+        stationary = gain @ (H * ~walk)
+        transition = np.zeros((p + n + d, p + n + d))
+        transition[:p, :p], transition[p : p + n, :p], transition[p : p + n, p : p + n] = F, stationary @ F, filter.A
+        carry = np.concatenate([np.eye(p), stationary - filter.A @ response, np.zeros((d, p))])
         other = np.concatenate([np.zeros((p, d)), gain, np.eye(d)])
         noise = carry @ Q @ carry.T + other @ white @ other.T
         seen = np.concatenate([filter.weights @ H - filter.C @ response, -filter.C, filter.weights])
         stays = np.concatenate([~walk, np.ones(n + d, bool)])
         start = np.zeros_like(noise)
-        start[np.ix_(stays, stays)] = _stationary(whole[np.ix_(stays, stays)], noise[np.ix_(stays, stays)])
-        return StateSpace(F=whole, Q=noise, H=seen, P0=start)
+        start[np.ix_(stays, stays)] = _stationary(transition[np.ix_(stays, stays)], noise[np.ix_(stays, stays)])
+        return StateSpace(F=transition, Q=noise, H=seen, P0=start)
 
     def static(self, weights: Vector, levels: NDArray[np.int64]) -> Vector:
         """Return the wavelet variance (J,) of a weighted sum of the signals."""
@@ -189,7 +189,7 @@ class ArrayNoise:
 
 def wavelet_variance(noise: ArrayNoise, filter: DifferenceFilter, levels: NDArray[np.int64]) -> Vector:
     """Return the wavelet variance (J,) of the fused signal of an array at rest."""
-    return noise.fused(filter).haar_variance(levels) if filter.C.size else noise.static(filter.weights, levels)
+    return noise.fused_space(filter).haar_variance(levels) if filter.C.size else noise.static(filter.weights, levels)
 
 
 def _steady(F: Matrix, Q: Matrix, H: Matrix, R: Matrix) -> Matrix:

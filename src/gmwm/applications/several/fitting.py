@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.applications.several.matrices import WaveletMatrices, wavelet_matrices
-from gmwm.applications.several.moments import lag_products, moment_covariance, stacked, symmetric
+from gmwm.applications.several.moments import lag_products, moment_covariance, stack, symmetric
 from gmwm.applications.several.problem import JointProblem
 from gmwm.applications.several.search import EXACT, ROUGH, JointEstimate, first, resume, search
 from gmwm.applications.several.synchronous import chosen_names, synchronous_signals
@@ -66,11 +66,11 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> JointSolu
     if not np.all(variances > 0):
         raise DataError("a signal has no noise at some scales", argument="x")
     unit = np.exp(-0.5 * np.mean(np.log(variances), axis=0))
-    moments = stacked(gamma * np.outer(unit, unit))
+    moments = stack(gamma * np.outer(unit, unit))
     from_data = _first_root(gamma * np.outer(unit, unit), design)
     problem = JointProblem(terms, moments, root=from_data, design=design, d=unit.size)
-    found = first(problem)
-    weights = _Mixed.of(problem, found.u, found.sigmas)
+    estimate = first(problem)
+    weights = _Mixed.of(problem, estimate.u, estimate.sigmas)
     accuracy = ROUGH
     for k in range(ROUNDS):
         products = lag_products(problem.processes(weights.u), design)
@@ -79,18 +79,18 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> JointSolu
         # The first weights are rough, so the search is repeated once with better weights. The accuracy of the other
         # rounds keeps the error of the fitted variances at a tenth of their change in the last round.
         accuracy = EXACT if k == 1 else float(np.clip(0.01 * weights.change**2, EXACT, ROUGH))
-        found = search(problem) if k == 1 else resume(problem, found, accuracy=accuracy)
-        weights = weights.after(problem, found, restart=k <= 1)
+        estimate = search(problem) if k == 1 else resume(problem, estimate, accuracy=accuracy)
+        weights = weights.after(problem, estimate, restart=k <= 1)
         if k > 1 and weights.change < 1e-4:
             break
     converged = weights.change <= CONVERGED
     if not converged:
         problem = replace(problem, root=from_data)
-        found = search(problem)
+        estimate = search(problem)
     elif accuracy > EXACT:
-        found = resume(problem, found)
-    products = lag_products(problem.processes(found.u), design)
-    return JointSolution(problem, found, unit=unit, products=products, measured=measured, converged=converged)
+        estimate = resume(problem, estimate)
+    products = lag_products(problem.processes(estimate.u), design)
+    return JointSolution(problem, estimate, unit=unit, products=products, measured=measured, converged=converged)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,12 +112,12 @@ class _Mixed:
 
     @classmethod
     def of(cls, problem: JointProblem, u: Vector, sigmas: Matrix) -> _Mixed:
-        return cls(u, sigmas, _implied(problem, u, sigmas))
+        return cls(u, sigmas, _implied_variances(problem, u, sigmas))
 
-    def after(self, problem: JointProblem, found: JointEstimate, *, restart: bool) -> _Mixed:
+    def after(self, problem: JointProblem, estimate: JointEstimate, *, restart: bool) -> _Mixed:
         """Return the values for the weights of the next round, given the estimate of this round."""
-        miss = np.log(_implied(problem, found.u, found.sigmas) / self.implied)
-        u, sigmas = found.u, found.sigmas
+        miss = np.log(_implied_variances(problem, estimate.u, estimate.sigmas) / self.implied)
+        u, sigmas = estimate.u, estimate.sigmas
         if self.last is not None and not restart:
             before, matrices, missed = self.last
             turn = miss - missed
@@ -127,10 +127,10 @@ class _Mixed:
             values, vectors = np.linalg.eigh(sigmas - share * (sigmas - matrices))
             sigmas = (vectors * np.maximum(values, 0.0)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
         change = float(np.max(np.abs(np.expm1(miss))))
-        return replace(_Mixed.of(problem, u, sigmas), change=change, last=(found.u, found.sigmas, miss))
+        return replace(_Mixed.of(problem, u, sigmas), change=change, last=(estimate.u, estimate.sigmas, miss))
 
 
-def _implied(problem: JointProblem, u: Vector, sigmas: Matrix) -> Matrix:
+def _implied_variances(problem: JointProblem, u: Vector, sigmas: Matrix) -> Matrix:
     """Return the wavelet variances (J, d) of the model."""
     return np.asarray(np.einsum("pj,paa->ja", problem.shapes(u), sigmas))
 
@@ -142,7 +142,7 @@ def _first_root(gamma: Matrix, design: Design) -> Matrix:
     padded = np.concatenate([variances[:1], variances, variances[-1:]])
     smooth = np.maximum(variances, np.sqrt(padded[:-2] * padded[2:]) / 2)
     products = smooth[:, :, None] * smooth[:, None, :] + gamma**2
-    return np.diag(1 / np.sqrt(stacked(products / design.degrees_of_freedom[:, None, None])))
+    return np.diag(1 / np.sqrt(stack(products / design.degrees_of_freedom[:, None, None])))
 
 
 def _scale(problem: JointProblem, implied: Matrix) -> Matrix:
@@ -151,7 +151,7 @@ def _scale(problem: JointProblem, implied: Matrix) -> Matrix:
     gamma = symmetric(problem.moments.reshape(-1, problem.design.levels.size).T, problem.d)
     observed = np.einsum("jaa->ja", gamma)
     ratio = np.sqrt((freedom * observed / implied + PRIOR) / (freedom + PRIOR))
-    scale = stacked(ratio[:, :, None] * ratio[:, None, :])
+    scale = stack(ratio[:, :, None] * ratio[:, None, :])
     return np.outer(scale, scale)
 
 
@@ -180,12 +180,12 @@ def chosen_levels(
     """Return the mask of the levels: those listed, a number of finest ones, or those with `least` freedom."""
     if levels is None:
         return np.asarray(design.degrees_of_freedom >= least)
-    wanted = list(range(1, levels + 1)) if isinstance(levels, int) else list(levels)
-    unknown = [level for level in wanted if level not in design.levels]
-    if unknown or not wanted:
+    numbers = list(range(1, levels + 1)) if isinstance(levels, int) else list(levels)
+    unknown = [level for level in numbers if level not in design.levels]
+    if unknown or not numbers:
         expected = f"levels from 1 to {design.levels[-1]} of this recording"
         raise OptionError(argument="levels", expected=expected, got=levels)
-    return np.isin(design.levels, wanted)
+    return np.isin(design.levels, numbers)
 
 
 def chosen_signals(
@@ -203,12 +203,12 @@ def measured_at(
     signals: Mapping[str, Signal], levels: int | Sequence[int] | None, unknowns: int, *, least: float = LEAST_PER_SCALE
 ) -> WaveletMatrices:
     """Return the estimated covariance matrices Γ̂ of the wavelet coefficients at the chosen levels."""
-    whole = wavelet_matrices(signals)
-    kept = chosen_levels(whole.design, levels, least)
-    if np.count_nonzero(kept) <= unknowns:
+    matrices = wavelet_matrices(signals)
+    mask = chosen_levels(matrices.design, levels, least)
+    if np.count_nonzero(mask) <= unknowns:
         raise DataError(
             f"a model with {unknowns} parameters of each signal needs more than {unknowns} levels; the recording has "
-            f"{np.count_nonzero(kept)}",
+            f"{np.count_nonzero(mask)}",
             argument="x", advice="Use a longer recording, or a simpler model.",
         )  # fmt: skip
-    return WaveletMatrices(names=whole.names, values=whole.values[kept], design=whole.design.only(kept))
+    return WaveletMatrices(names=matrices.names, values=matrices.values[mask], design=matrices.design.only(mask))

@@ -13,7 +13,7 @@ from gmwm.applications.several.fusion_result import VirtualAxis, VirtualSensor
 from gmwm.applications.several.matrices import WaveletMatrices, wavelet_matrices
 from gmwm.applications.several.model_fusion import (
     best_noise,
-    fitted,
+    fit_array,
     model_text,
     noise_of,
     optimism,
@@ -115,14 +115,14 @@ def fuse(
         horizon = _as_horizon(horizon)
     elif nonnegative:
         raise OptionError(argument="nonnegative", expected="given with {--horizon}", got=nonnegative)
-    found = {}
+    virtual = {}
     for axis, signals in like_axes(x, rate).items():
         filled = fill_gaps(signals)
         if horizon is not None and model is None:
-            found[axis] = _static(axis, filled, horizon, nonnegative=nonnegative)
+            virtual[axis] = _static(axis, filled, horizon, nonnegative=nonnegative)
         else:
-            found[axis] = _modelled(axis, filled, horizon, model=model, nonnegative=nonnegative)
-    return VirtualSensor(axes=found, horizon=horizon)
+            virtual[axis] = _from_model(axis, filled, horizon, model=model, nonnegative=nonnegative)
+    return VirtualSensor(axes=virtual, horizon=horizon)
 
 
 def _as_horizon(horizon: float) -> float:
@@ -131,11 +131,11 @@ def _as_horizon(horizon: float) -> float:
     return float(horizon)
 
 
-def _modelled(
+def _from_model(
     axis: str, signals: Mapping[str, Signal], horizon: float | None, *, model: ModelLike | None, nonnegative: bool
 ) -> VirtualAxis:
     """Return the Kalman filter, or the static weights, of one axis from a joint model."""
-    settled = fitted(signals, model)
+    settled = fit_array(signals, model)
     measured = settled.measured
     levels, d = measured.design.levels, len(measured.names)
     noise, scale = noise_of(settled), unit_of(settled)
@@ -150,15 +150,15 @@ def _modelled(
 
     filter = design(best_noise(settled))
     factor = optimism(settled, design, levels)
-    own = next(iter(signals.values()))
-    one = VirtualAxis(
+    first = next(iter(signals.values()))
+    fused = VirtualAxis(
         axis=axis,
         members=measured.names,
-        unit=own.unit,
+        unit=first.unit,
         weights=filter.weights,
         levels=levels,
-        rate=own.rate,
-        samples=len(own),
+        rate=first.rate,
+        samples=len(first),
         variance=scale * factor * wavelet_variance(noise, filter, levels),
         average=scale * noise.static(np.full(d, 1 / d), levels),
         each=scale * np.array([noise.static(row, levels) for row in np.eye(d)]),
@@ -168,8 +168,8 @@ def _modelled(
         model=model_text(settled),
         pvalue=pvalue_of(settled),
     )
-    own_variance = signal_wavelet_variance(one.apply(signals), levels=int(levels[-1])).variance
-    return replace(one, measured=own_variance[levels - 1])
+    own_variance = signal_wavelet_variance(fused.apply(signals), levels=int(levels[-1])).variance
+    return replace(fused, measured=own_variance[levels - 1])
 
 
 def _static(axis: str, signals: Mapping[str, Signal], horizon: float, *, nonnegative: bool) -> VirtualAxis:
@@ -179,8 +179,8 @@ def _static(axis: str, signals: Mapping[str, Signal], horizon: float, *, nonnega
     shares = _shares(measured, horizon)
     target = np.einsum("j,jab->ab", shares, gamma)
     weights = best_weights(target, nonnegative=nonnegative)
-    own = np.einsum("a,jab,b->j", weights, gamma, weights)
-    optimism = _optimism(measured, own, shares, d=int(np.count_nonzero(weights)))
+    variance = np.einsum("a,jab,b->j", weights, gamma, weights)
+    optimism = _optimism(measured, variance, shares, d=int(np.count_nonzero(weights)))
     return VirtualAxis(
         axis=axis,
         members=measured.names,
@@ -189,10 +189,10 @@ def _static(axis: str, signals: Mapping[str, Signal], horizon: float, *, nonnega
         levels=measured.design.levels,
         rate=measured.design.rate,
         samples=measured.design.samples,
-        variance=own * optimism,
+        variance=variance * optimism,
         average=gamma.sum(axis=(1, 2)) / d**2,
         each=np.einsum("jaa->aj", gamma),
-        measured=own,
+        measured=variance,
         optimism=optimism,
     )
 
@@ -226,20 +226,20 @@ def best_weights(gamma: Matrix, *, nonnegative: bool = False) -> Vector:
     towards: Vector = np.linalg.solve(root, 1 / size).astype(np.float64)
     if nonnegative:
         rows = root / np.linalg.norm(root, axis=1, keepdims=True)
-        found, _ = _core.nonnegative_least_squares(towards, np.ascontiguousarray(rows))
-        weights = found / np.linalg.norm(root, axis=1) / size
+        solution, _ = _core.nonnegative_least_squares(towards, np.ascontiguousarray(rows))
+        weights = solution / np.linalg.norm(root, axis=1) / size
     else:
         weights = np.linalg.solve(root.T, towards) / size
     return np.asarray(weights / weights.sum())
 
 
-def _optimism(measured: WaveletMatrices, own: Vector, shares: Vector, d: int) -> Vector:
+def _optimism(measured: WaveletMatrices, variance: Vector, shares: Vector, d: int) -> Vector:
     """Return the factor (J,) from the wavelet variance in the recording itself to the expected one in other recordings.
 
     If the estimate Γ̂ has η degrees of freedom, E 1/(1ᵀΓ̂⁻¹1) = (η − d + 1)/η · 1/(1ᵀΓ⁻¹1) and E wᵀΓw = (η − 1)/(η − d)
     · 1/(1ᵀΓ⁻¹1), with the true matrix Γ (Basak, Jagannathan and Ma 2009, Management Science 55, 990-1002)."""
     design = measured.design
-    curve, model = mixture(own, design.degrees_of_freedom, design, random=True)
+    curve, model = mixture(variance, design.degrees_of_freedom, design, random=True)
     relative = covariance(model, design) / np.outer(curve, curve)
     parts = shares * curve / (shares @ curve)
     scatter = float(parts @ relative @ parts)

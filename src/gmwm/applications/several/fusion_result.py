@@ -178,33 +178,33 @@ class VirtualSensor(Summarised):
         """
         groups = like_axes(x, rate)
         fused = {}
-        for axis, one in self.axes.items():
-            if tuple(groups.get(axis, ())) != one.members:
-                expected = f"the signals of {axis}: {', '.join(one.members)}"
+        for axis, fusion in self.axes.items():
+            if tuple(groups.get(axis, ())) != fusion.members:
+                expected = f"the signals of {axis}: {', '.join(fusion.members)}"
                 raise DataError(argument="x", expected=expected, got=list(groups.get(axis, ())))
             first = next(iter(groups[axis].values()))
-            if first.rate != one.rate:
-                reason = f"the weights are for {one.rate:g} Hz, but the signals have {first.rate:g} Hz"
+            if first.rate != fusion.rate:
+                reason = f"the weights are for {fusion.rate:g} Hz, but the signals have {first.rate:g} Hz"
                 raise DataError(reason, argument="x")
-            fused[axis] = one.apply(groups[axis])
+            fused[axis] = fusion.apply(groups[axis])
         return Imu(fused)
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """Remarks on weights that amplify errors from scale factor and misalignment, and on models that do not fit."""
-        found = []
-        for axis, one in self.axes.items():
-            place = int(np.argmin(one.weights))
-            if one.weights[place] < 0:
-                factor = float(np.sqrt(one.weights @ one.weights * one.weights.size))
-                member, weight = one.members[place], float(one.weights[place])
-                found.append(Remark.of("weights-negative", axis, member=member, weight=weight, factor=factor))
-            if one.pvalue is not None and one.pvalue < 0.01:
-                ratio = one.measured / one.variance
-                at = int(np.argmax(np.abs(np.log(ratio)) * (one.seen > 10.0)))
-                size, tau = float(np.sqrt(ratio[at])), Quantity(float(one.tau[at]), "s")
-                found.append(Remark.of("array-model-rejected", axis, model=one.model, ratio=size, tau=tau))
-        return tuple(found)
+        remarks = []
+        for axis, fusion in self.axes.items():
+            place = int(np.argmin(fusion.weights))
+            if fusion.weights[place] < 0:
+                factor = float(np.sqrt(fusion.weights @ fusion.weights * fusion.weights.size))
+                member, weight = fusion.members[place], float(fusion.weights[place])
+                remarks.append(Remark.of("weights-negative", axis, member=member, weight=weight, factor=factor))
+            if fusion.pvalue is not None and fusion.pvalue < 0.01:
+                ratio = fusion.measured / fusion.variance
+                at = int(np.argmax(np.abs(np.log(ratio)) * (fusion.seen > 10.0)))
+                size, tau = float(np.sqrt(ratio[at])), Quantity(float(fusion.tau[at]), "s")
+                remarks.append(Remark.of("array-model-rejected", axis, model=fusion.model, ratio=size, tau=tau))
+        return tuple(remarks)
 
     def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
         """Draw the wavelet deviations of each signal, of their average and of the virtual sensor by scale.
@@ -226,27 +226,28 @@ class VirtualSensor(Summarised):
 
         return concat(
             DataFrame({
-                "axis": [axis] * one.levels.size, "level": one.levels, "tau": one.tau, "deviation": one.deviation,
-                "average": np.sqrt(one.average), "gain": one.gain, "gain_over_best": one.gain_over_best,
+                "axis": [axis] * fusion.levels.size, "level": fusion.levels, "tau": fusion.tau,
+                "deviation": fusion.deviation, "average": np.sqrt(fusion.average), "gain": fusion.gain,
+                "gain_over_best": fusion.gain_over_best,
             })
-            for axis, one in self.axes.items()
+            for axis, fusion in self.axes.items()
         )  # fmt: skip
 
     def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
         """Format the weights, the gain at a few scales, and the remarks, in the `dialect` of Python or the shell."""
         lines = []
-        for axis, one in self.axes.items():
-            weights = [["weight", *(name.removeprefix(axis) for name in one.members)]]
-            weights.append(["", *(f"{weight:.3f}" for weight in one.weights)])
-            places = set(range(0, one.tau.size, max(one.tau.size // 6, 1)))
+        for axis, fusion in self.axes.items():
+            weights = [["weight", *(name.removeprefix(axis) for name in fusion.members)]]
+            weights.append(["", *(f"{weight:.3f}" for weight in fusion.weights)])
+            places = set(range(0, fusion.tau.size, max(fusion.tau.size // 6, 1)))
             if self.horizon is not None:
-                places.add(int(np.argmin(np.abs(np.log(one.tau / self.horizon)))))
+                places.add(int(np.argmin(np.abs(np.log(fusion.tau / self.horizon)))))
             shown = sorted(places)
-            gains = [["at τ", *(duration_text(one.tau[k]) for k in shown)]]
-            gains.append(["gain over the average", *(f"{one.gain[k]:.2f}" for k in shown)])
-            gains.append(["gain over the best one", *(f"{one.gain_over_best[k]:.2f}" for k in shown)])
-            lines += [f"{axis}: virtual sensor of {len(one.members)}, {self._method}"]
-            lines += [f"Model {one.model}, p = {one.pvalue:.2g}"] if one.pvalue is not None else []
+            gains = [["at τ", *(duration_text(fusion.tau[k]) for k in shown)]]
+            gains.append(["gain over the average", *(f"{fusion.gain[k]:.2f}" for k in shown)])
+            gains.append(["gain over the best one", *(f"{fusion.gain_over_best[k]:.2f}" for k in shown)])
+            lines += [f"{axis}: virtual sensor of {len(fusion.members)}, {self._method}"]
+            lines += [f"Model {fusion.model}, p = {fusion.pvalue:.2g}"] if fusion.pvalue is not None else []
             lines += ["", *headed(weights), "", *headed(gains), ""]
         return "\n".join([*lines, *texts(self.remarks, dialect)]).rstrip()
 

@@ -33,8 +33,8 @@ class Errors:
         """Return the covariance (m, m) of the entries of the matrix of one term."""
         first = sum(basis.shape[1] for basis in self.bases[:place])
         basis = self.bases[place]
-        own = slice(first, first + basis.shape[1])
-        return np.asarray(basis @ self.covariance[own, own] @ basis.T)
+        place_slice = slice(first, first + basis.shape[1])
+        return np.asarray(basis @ self.covariance[place_slice, place_slice] @ basis.T)
 
     def of_shape(self, place: int) -> float:
         """Return the variance of the search coordinate of a shape, or NaN if the data do not determine it."""
@@ -50,17 +50,17 @@ def errors(settled: JointSolution, *, inside: bool = False) -> Errors:
 
     Estimated matrices may be singular. The estimates then vary only in directions that keep the rank of each matrix;
     with `inside`, all entries vary, as without the condition that the matrices are positive semidefinite."""
-    problem, found = settled.problem, settled.estimate
-    blocks = problem.blocks(problem.shapes(found.u))
+    problem, estimate = settled.problem, settled.estimate
+    blocks = problem.blocks(problem.shapes(estimate.u))
     bases = tuple(
         _whole(problem.cone, place) if inside else _tangent(problem.cone, place, sigma, term.kind == "common")
-        for place, (sigma, term) in enumerate(zip(found.sigmas, problem.terms, strict=True))
+        for place, (sigma, term) in enumerate(zip(estimate.sigmas, problem.terms, strict=True))
     )
     low, high = problem.limits
-    moved = problem.directions(found.u, found.sigmas)
+    moved = problem.directions(estimate.u, estimate.sigmas)
     seen = [
-        k for k, place in enumerate(problem.searched)
-        if np.any(bases[place]) and low[k] < found.u[k] < high[k] and np.linalg.norm(moved[k]) > 0
+        k for k, place in enumerate(problem.search_places)
+        if np.any(bases[place]) and low[k] < estimate.u[k] < high[k] and np.linalg.norm(moved[k]) > 0
     ]  # fmt: skip
     jacobian = np.concatenate(
         [*(block.T @ basis for block, basis in zip(blocks, bases, strict=True)), moved[seen].T], axis=1
@@ -69,7 +69,7 @@ def errors(settled: JointSolution, *, inside: bool = False) -> Errors:
     length = np.linalg.norm(jacobian, axis=0)
     # The variance of directions that the data do not determine is infinite; the pseudo-inverse leaves these out.
     gain = np.linalg.pinv(jacobian / length, rcond=1e-9) / length[:, None]
-    return Errors(bases, gain @ scatter @ gain.T, tuple(problem.searched[k] for k in seen))
+    return Errors(bases, gain @ scatter @ gain.T, tuple(problem.search_places[k] for k in seen))
 
 
 def _whole(cone: Cone, place: int) -> Matrix:
@@ -91,8 +91,8 @@ def _tangent(cone: Cone, place: int, sigma: Matrix, single: bool) -> Matrix:
     eye = np.eye(cone.d)
     moves = np.einsum("ac,br->crab", eye, factor)
     moves = (moves + moves.transpose(0, 1, 3, 2)).reshape(-1, cone.d, cone.d)[:, rows, columns].T
-    left, size, _ = np.linalg.svd(moves, full_matrices=False)
-    return left[:, size > 1e-9 * size[0]]
+    basis, size, _ = np.linalg.svd(moves, full_matrices=False)
+    return basis[:, size > 1e-9 * size[0]]
 
 
 def misfit(settled: JointSolution) -> GoodnessOfFit:
@@ -108,14 +108,14 @@ def misfit(settled: JointSolution) -> GoodnessOfFit:
     rows, _ = entries(problem.d)
     # Two terms with the same shape count once. A common term counts with all entries of its matrix.
     whitened = _whitened(settled)
-    basis, rest = _regression(whitened[:, :-1], whitened[:, -1])
+    basis, residual = _regression(whitened[:, :-1], whitened[:, -1])
     taken = np.mean(np.sum(basis**2, axis=1).reshape(rows.size, -1), axis=0)
-    d, df = problem.d, rest.size - basis.shape[1]
+    d, df = problem.d, residual.size - basis.shape[1]
     freedom = FOURTH * settled.measured.design.degrees_of_freedom
     excess = d * (2 * d**2 + 5 * d + 5) * float(np.sum((1 - taken) ** 2 / freedom))
     # The p-value is that of a multiple of a chi-square variable with the same mean and variance.
     inflation = 1 + excess / (2 * df) if df else 1.0
-    statistic = float(rest @ rest)
+    statistic = float(residual @ residual)
     return GoodnessOfFit(
         statistic=statistic, df=df, pvalue=float(gammaincc(df / inflation / 2, statistic / inflation / 2)),
         levels=problem.design.levels.copy(), left_out=(), method="asymptotic",
@@ -124,13 +124,13 @@ def misfit(settled: JointSolution) -> GoodnessOfFit:
 
 def _whitened(settled: JointSolution, *more: Matrix) -> Matrix:
     """Return the columns for all free entries and searched shapes, `more` columns and the moments, whitened by V."""
-    problem, found, wavelet = settled.problem, settled.estimate, settled.wavelet()
+    problem, estimate, wavelet = settled.problem, settled.estimate, settled.wavelet()
     rows, columns = entries(problem.d)
-    shapes = problem.shapes(found.u)
+    shapes = problem.shapes(estimate.u)
     each = np.einsum("pj,im->pijm", shapes, np.eye(rows.size)).transpose(0, 1, 3, 2)
     parts = [each.reshape(len(shapes) * rows.size, -1)[problem.cone.free].T]
-    for place, slope in zip(problem.searched, problem.slopes(found.u), strict=True):
-        parts.append(np.outer(found.sigmas[place][rows, columns], slope).ravel()[:, None])
+    for place, slope in zip(problem.search_places, problem.slopes(estimate.u), strict=True):
+        parts.append(np.outer(estimate.sigmas[place][rows, columns], slope).ravel()[:, None])
     size = np.sqrt(np.diag(wavelet))
     factor = np.linalg.cholesky(wavelet / np.outer(size, size) + 1e-13 * np.eye(size.size))
     return np.asarray(np.linalg.solve(factor, np.column_stack([*parts, *more, problem.moments]) / size[:, None]))
@@ -138,8 +138,8 @@ def _whitened(settled: JointSolution, *more: Matrix) -> Matrix:
 
 def _regression(columns: Matrix, target: Vector) -> tuple[Matrix, Vector]:
     """Return an orthonormal basis (n, k) of the space that the columns span, and the residuals of a target (n,)."""
-    left, size, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
-    basis = left[:, size > 1e-9 * size[0]]
+    directions, size, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
+    basis = directions[:, size > 1e-9 * size[0]]
     return basis, target - basis @ (basis.T @ target)
 
 
@@ -152,18 +152,18 @@ def sharing(null: JointSolution, place: int) -> tuple[float, int]:
     off = np.eye(rows.size)[rows != columns]
     shape = null.problem.shapes(null.estimate.u)[place]
     whitened = _whitened(null, np.einsum("im,j->mji", off, shape).reshape(-1, len(off)))
-    less, few = _regression(whitened[:, : -len(off) - 1], whitened[:, -1])
-    more, rest = _regression(whitened[:, :-1], whitened[:, -1])
-    return float(few @ few) - float(rest @ rest), more.shape[1] - less.shape[1]
+    less, null_residual = _regression(whitened[:, : -len(off) - 1], whitened[:, -1])
+    more, residual = _regression(whitened[:, :-1], whitened[:, -1])
+    return float(null_residual @ null_residual) - float(residual @ residual), more.shape[1] - less.shape[1]
 
 
-def unconstrained(settled: JointSolution, place: int) -> Matrix:
+def unconstrained_matrix(settled: JointSolution, place: int) -> Matrix:
     """Return the matrix of a term in the fit at the estimated shapes, without the condition that it is semidefinite."""
     problem = settled.problem
     columns = problem.columns(problem.shapes(settled.estimate.u))
-    found, *_ = np.linalg.lstsq(columns / (length := np.linalg.norm(columns, axis=0)), problem.target, rcond=None)
+    solution, *_ = np.linalg.lstsq(columns / (length := np.linalg.norm(columns, axis=0)), problem.target, rcond=None)
     values = np.zeros(problem.cone.free.size)
-    values[problem.cone.free] = found / length
+    values[problem.cone.free] = solution / length
     return np.asarray(symmetric(values.reshape(len(problem.terms), -1), problem.d)[place])
 
 

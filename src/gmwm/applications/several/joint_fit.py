@@ -114,16 +114,16 @@ def _as_seconds(certify: bool | float) -> float:
 
 def _bounds(settled: JointSolution, seconds: float) -> tuple[tuple[float, float] | None, JointSolution]:
     """Return `JointFit.lower_bound` and `JointFit.relaxed_bound`, or None without a proof, and the best fit."""
-    problem, found = settled.problem, settled.estimate
-    if not problem.searched:
-        convex = problem.solve(found.u)
-        bound = min(convex.objective - convex.gap, found.objective)
+    problem, estimate = settled.problem, settled.estimate
+    if not problem.search_places:
+        convex = problem.solve(estimate.u)
+        bound = min(convex.objective - convex.gap, estimate.objective)
         return (bound, bound), settled
     if not seconds:
         return None, settled
     single = any(term.kind == "common" for term in problem.terms)
-    proof = Prover(problem).prove(descend(problem, found.u) if single else found, seconds)
-    if not single and proof.best.objective < found.objective:
+    proof = Prover(problem).prove(descend(problem, estimate.u) if single else estimate, seconds)
+    if not single and proof.best.objective < estimate.objective:
         products = lag_products(problem.processes(proof.best.u), problem.design)
         settled = replace(settled, estimate=proof.best, products=products)
     return (proof.lower_bound, proof.relaxed_bound), settled

@@ -22,11 +22,11 @@ from gmwm.applications.several.inference import (
     errors,
     misfit,
     sharing,
-    unconstrained,
+    unconstrained_matrix,
 )
 from gmwm.applications.several.moments import entries, symmetric
 from gmwm.applications.several.state_space import JointContinuousStateSpace, JointStateSpace, continuous, discrete
-from gmwm.applications.several.terms import summed, with_kind
+from gmwm.applications.several.terms import sum_model, with_kind
 from gmwm.base.arrays import Matrix
 from gmwm.base.errors import MissingTheoryError, OptionError
 from gmwm.base.plain import plain, plain_fields
@@ -133,9 +133,9 @@ class JointFit(Summarised):
     @classmethod
     def of(cls, settled: JointSolution, units: Mapping[str, str], bounds: tuple[float, float] | None) -> JointFit:
         """Create the result from a solved problem, the units of its signals, and its two lower bounds."""
-        problem, found, measured = settled.problem, settled.estimate, settled.measured
+        problem, estimate, measured = settled.problem, settled.estimate, settled.measured
         labels = [term.label for term in problem.terms]
-        processes = problem.processes(found.u)
+        processes = problem.processes(estimate.u)
         parameters = {
             f"{label}.{name.name}": float(value)
             for label, process in zip(labels, processes, strict=True)
@@ -152,11 +152,11 @@ class JointFit(Summarised):
             levels=measured.design.levels,
             covariances=Named(zip(labels, sigmas, strict=True), "term"),
             parameters=Named(parameters, "parameter"),
-            objective=found.objective,
+            objective=estimate.objective,
             lower_bound=None if bounds is None else bounds[0],
             relaxed_bound=None if bounds is None else bounds[1],
             measured=measured.values,
-            implied=np.einsum("pj,pab->jab", problem.shapes(found.u), sigmas),
+            implied=np.einsum("pj,pab->jab", problem.shapes(estimate.u), sigmas),
             settled=settled,
         )
 
@@ -192,13 +192,13 @@ class JointFit(Summarised):
     @property
     def loadings(self) -> Mapping[str, NDArray[np.float64]]:
         """Factors ℓ (d,) of the signals for each common term, with Σ = ℓℓᵀ. The largest entry of ℓ is positive."""
-        found = {}
+        loadings = {}
         for term in self.settled.problem.terms:
             if term.kind == "common":
                 sigma = self.covariances[term.label]
                 at = int(np.argmax(np.diag(sigma)))
-                found[term.label] = sigma[at] / np.sqrt(sigma[at, at])
-        return Named(found, "common term")
+                loadings[term.label] = sigma[at] / np.sqrt(sigma[at, at])
+        return Named(loadings, "common term")
 
     @cached_property
     def _errors(self) -> Errors:
@@ -209,24 +209,24 @@ class JointFit(Summarised):
         """Standard errors (d, d) of the entries of each covariance matrix, by term; 0 for entries that are not
         estimated."""
         scale = np.outer(self.settled.unit, self.settled.unit)
-        found = {}
+        errors_of = {}
         for place, term in enumerate(self.terms):
             variance = np.diag(self._errors.of_matrix(place))
-            found[term] = symmetric(np.sqrt(np.maximum(variance, 0.0)), len(self.axes)) / scale
-        return Named(found, "term")
+            errors_of[term] = symmetric(np.sqrt(np.maximum(variance, 0.0)), len(self.axes)) / scale
+        return Named(errors_of, "term")
 
     @cached_property
     def parameter_errors(self) -> Mapping[str, float]:
         """Standard errors of the parameters of the shapes; NaN for a parameter that the data do not determine."""
-        found: dict[str, float] = {}
+        errors_of: dict[str, float] = {}
         problem = self.settled.problem
-        for at, place in enumerate(problem.searched):
+        for at, place in enumerate(problem.search_places):
             term, branch = problem.terms[place], problem.branches[place]
             assert branch is not None
             slope = float(branch.slope(self.settled.estimate.u[at : at + 1])[0, 0])
             name = term.process.nonlinear_parameters()[0].name
-            found[f"{term.label}.{name}"] = float(np.sqrt(self._errors.of_shape(place)) * abs(slope))
-        return Named(found, "parameter")
+            errors_of[f"{term.label}.{name}"] = float(np.sqrt(self._errors.of_shape(place)) * abs(slope))
+        return Named(errors_of, "parameter")
 
     def correlation_interval(self, term: str, confidence: float = 0.95) -> tuple[Matrix, Matrix]:
         """Return the lower and upper confidence limits (d, d) of the correlations of one term, from Fisher's
@@ -249,7 +249,7 @@ class JointFit(Summarised):
         sigma = self.settled.estimate.sigmas[place]
         values = np.linalg.eigvalsh(sigma)
         singular = bool(values[0] <= SINGULAR * values.sum())
-        estimate = unconstrained(self.settled, place) if singular else sigma
+        estimate = unconstrained_matrix(self.settled, place) if singular else sigma
         scatter = (errors(self.settled, inside=True) if singular else self._errors).of_matrix(place)
         r = correlation_of(estimate)
         error = correlation_errors(estimate, scatter)
@@ -301,15 +301,15 @@ class JointFit(Summarised):
     def models(self) -> Mapping[str, Model]:
         """Noise model of each signal alone. It does not contain the correlations with the other signals."""
         processes = self.settled.problem.processes(self.settled.estimate.u)
-        found = {}
+        models = {}
         for k, axis in enumerate(self.axes):
             scales = [float(self.covariances[term][k, k]) for term in self.terms]
             parts = [
                 process.with_values(**{process.scale_parameter().name: process.value_from(scale)})
                 for process, scale in zip(processes, scales, strict=True)
             ]
-            found[axis] = summed(parts)
-        return Named(found, "axis")
+            models[axis] = sum_model(parts)
+        return Named(models, "axis")
 
     def state_space(self, rate: float | None = None) -> JointStateSpace:
         """Return the discrete-time state space of all signals, with independent states.

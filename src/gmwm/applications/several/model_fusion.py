@@ -15,7 +15,7 @@ from gmwm.applications.several.conic import least_squares
 from gmwm.applications.several.difference_filter import ArrayNoise, DifferenceFilter, wavelet_variance
 from gmwm.applications.several.fitting import JointSolution, measured_at, settle
 from gmwm.applications.several.inference import errors, misfit
-from gmwm.applications.several.moments import entries, moment_covariance, stacked
+from gmwm.applications.several.moments import entries, moment_covariance, stack
 from gmwm.applications.several.terms import joint_terms
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import DataError, ModelError
@@ -30,7 +30,7 @@ Design = Callable[[ArrayNoise], DifferenceFilter]
 """Function that designs a filter, or static weights, for the noise of an array."""
 
 
-def fitted(signals: Mapping[str, Signal], model: ModelLike | None) -> JointSolution:
+def fit_array(signals: Mapping[str, Signal], model: ModelLike | None) -> JointSolution:
     """Return the joint fit of a model; without one, of WN + RW + k·GM with the smallest k that fits, or fits best."""
     if model is not None:
         terms = joint_terms(model)
@@ -43,16 +43,16 @@ def fitted(signals: Mapping[str, Signal], model: ModelLike | None) -> JointSolut
         if measured.design.levels.size <= len(terms) + count:
             break
         try:
-            found = settle(terms, measured)
+            solution = settle(terms, measured)
         except ModelError:  # no noise in some combination of the signals, as far as the weights can tell
             continue
-        tested = misfit(found)
+        tested = misfit(solution)
         if tested.pvalue >= 0.01:
-            return found
+            return solution
         # Like Akaike's criterion, the score adds 2 for each parameter (the degrees of freedom decrease by 1).
         score = tested.statistic - 2 * (tested.df or 0)
         if best is None or score < best[0]:
-            best = score, found
+            best = score, solution
     if best is None:
         raise DataError(
             "the units have nearly the same signal: what they share, such as motion, hides the noise of each",
@@ -75,15 +75,15 @@ def model_text(settled: JointSolution) -> str:
 def noise_of(settled: JointSolution, sigmas: Matrix | None = None) -> ArrayNoise:
     """Return the noise of an array with one scale factor for all signals (see `unit_of`); equal shapes are added."""
     problem = settled.problem
-    own = problem.processes(settled.estimate.u)
+    shapes = problem.processes(settled.estimate.u)
     scale = float(np.exp(np.mean(np.log(settled.unit))))
     relative = settled.unit / scale
-    given = settled.estimate.sigmas if sigmas is None else sigmas
-    found: dict[tuple[Any, ...], tuple[Process, Matrix]] = {}
-    for process, sigma in zip(own, given / np.outer(relative, relative), strict=True):
+    matrices = settled.estimate.sigmas if sigmas is None else sigmas
+    terms: dict[tuple[Any, ...], tuple[Process, Matrix]] = {}
+    for process, sigma in zip(shapes, matrices / np.outer(relative, relative), strict=True):
         key = (type(process), *process.nonlinear.tolist())
-        found[key] = (process, sigma + found[key][1] if key in found else sigma)
-    processes, merged = zip(*found.values(), strict=True)
+        terms[key] = (process, sigma + terms[key][1] if key in terms else sigma)
+    processes, merged = zip(*terms.values(), strict=True)
     return ArrayNoise(processes, np.array(merged), problem.design.rate)
 
 
@@ -106,10 +106,10 @@ def shrunk(settled: JointSolution, sigmas: Matrix, scatter: Vector) -> Matrix:
 def scatters(settled: JointSolution) -> Vector:
     """Return the total estimation variance (P,) of the entries of each matrix, unconstrained except if common."""
     inside, tangent = errors(settled, inside=True), errors(settled)
-    found = [tangent if term.kind == "common" else inside for term in settled.problem.terms]
+    choices = [tangent if term.kind == "common" else inside for term in settled.problem.terms]
     rows, columns = entries(settled.problem.d)
     times = np.where(rows == columns, 1.0, 2.0)
-    return np.array([float(times @ np.diag(one.of_matrix(k))) for k, one in enumerate(found)])
+    return np.array([float(times @ np.diag(errors_of.of_matrix(k))) for k, errors_of in enumerate(choices)])
 
 
 def best_noise(settled: JointSolution) -> ArrayNoise:
@@ -131,7 +131,7 @@ def optimism(settled: JointSolution, design: Design, levels: NDArray[np.int64]) 
     problem, scatter = settled.problem, scatters(settled)
     centre = shrunk(settled, settled.estimate.sigmas, scatter)
     truth = noise_of(settled, centre)
-    fitted = stacked(np.einsum("pj,pab->jab", problem.shapes(settled.estimate.u), centre))
+    fitted = stack(np.einsum("pj,pab->jab", problem.shapes(settled.estimate.u), centre))
     wavelet = problem.design.loss_factor * moment_covariance(centre, settled.products)
     size = np.sqrt(np.diag(wavelet))
     root = np.linalg.cholesky(wavelet / np.outer(size, size) + 1e-13 * np.eye(size.size)) * size[:, None]

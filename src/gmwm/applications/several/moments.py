@@ -37,7 +37,7 @@ def entries(d: int) -> tuple[Indices, Indices]:
     return rows.astype(np.int64), columns.astype(np.int64)
 
 
-def stacked(matrices: Matrix) -> Vector:
+def stack(matrices: Matrix) -> Vector:
     """Return matrices Γ (J, d, d) as a vector of moments: all levels of entry (0, 0), then of (0, 1), and so on."""
     rows, columns = entries(matrices.shape[-1])
     return np.ascontiguousarray(matrices[:, rows, columns].T).ravel()
@@ -62,8 +62,8 @@ def lag_products(processes: Sequence[Process], design: Design) -> Matrix:
         for p in range(count):
             for q in range(p + 1):
                 pair = (processes[p], processes[q])
-                one = pooled(design, lambda segment, pair=pair: lag_products(pair, segment)[0, 1])  # type: ignore[misc]
-                out[p, q] = out[q, p] = one
+                product = pooled(design, lambda segment, pair=pair: lag_products(pair, segment)[0, 1])  # type: ignore[misc]
+                out[p, q] = out[q, p] = product
         return out
     if not all(gaussian.knows(Model((process,)), design) for process in processes):
         return _by_polarisation(processes, design)
@@ -79,8 +79,8 @@ def _over_lags(processes: Sequence[Process], design: Design) -> Matrix:
     shapes = [process.coefficient_covariance(at, design.rate) for process in processes]
     count, size = len(processes), design.levels.size
     out = np.empty((count, count, size, size))
-    for p, own in enumerate(shapes):
-        weighted = weight * own
+    for p, shape in enumerate(shapes):
+        weighted = weight * shape
         for q in range(p + 1):
             products = np.add.reduceat(weighted * shapes[q], starts) / scale
             for r, s in ((p, q), (q, p)):
@@ -90,14 +90,14 @@ def _over_lags(processes: Sequence[Process], design: Design) -> Matrix:
 
 def _by_polarisation(processes: Sequence[Process], design: Design) -> Matrix:
     """Return G from covariances V of wavelet variances: V_{p+q} = V_p + V_q + 4 G_pq, and V_p = 2 G_pp."""
-    own = [covariance(Model((process,)), design) for process in processes]
+    singles = [covariance(Model((process,)), design) for process in processes]
     count, size = len(processes), design.levels.size
     out = np.empty((count, count, size, size))
     for p, process in enumerate(processes):
-        out[p, p] = own[p] / 2
+        out[p, p] = singles[p] / 2
         for q in range(p):
             both = covariance(Model((process, processes[q])), design)
-            out[p, q] = out[q, p] = (both - own[p] - own[q]) / 4
+            out[p, q] = out[q, p] = (both - singles[p] - singles[q]) / 4
     return out
 
 

@@ -25,33 +25,33 @@ SENSOR, AVERAGE, VIRTUAL = Stroke(PALE, 0.8, SOLID), Stroke(ORANGE, 1.2, DASHED)
 MEASURED = Stroke(BLUE, 0.0, SOLID, "circle", filled=False)  # virtual sensor in the recording of its weights
 
 
-def cross_figure(found: CrossCovariance, *, confidence: bool = True) -> Figure:
+def cross_figure(result: CrossCovariance, *, confidence: bool = True) -> Figure:
     """Return the figure of `CrossCovariance.plot`. The panel of axes a and b is in row b and column a."""
-    x = replace(time_axis(found.tau, "Scale τ (s)"), opposite=())
-    shown = [*found.correlation.values(), *([*found.lower.values(), *found.upper.values()] if confidence else [])]
+    x = replace(time_axis(result.tau, "Scale τ (s)"), opposite=())
+    shown = [*result.correlation.values(), *([*result.lower.values(), *result.upper.values()] if confidence else [])]
     y = signed_axis(np.concatenate(shown), "Correlation", linear=0.03, even=0.03)  # gyroscopes: about 0.01
     rows = []
-    for k, b in enumerate(found.axes[1:], start=1):
+    for k, b in enumerate(result.axes[1:], start=1):
         row: list[Panel | None] = [
-            _panel(found, a, b, x=x if k == len(found.axes) - 1 else quiet(x), y=y if m == 0 else quiet(y),
+            _panel(result, a, b, x=x if k == len(result.axes) - 1 else quiet(x), y=y if m == 0 else quiet(y),
                    confidence=confidence)
-            for m, a in enumerate(found.axes[:k])
+            for m, a in enumerate(result.axes[:k])
         ]  # fmt: skip
-        rows.append((*row, *[None] * (len(found.axes) - 1 - k)))
-    columns = len(found.axes) - 1
+        rows.append((*row, *[None] * (len(result.axes) - 1 - k)))
+    columns = len(result.axes) - 1
     return Figure(
         tuple(rows), width=max(48.0 * columns, 110.0), height=22.0 + (44.0 if columns > 1 else 66.0) * columns,
         legend_columns=4,
     )  # fmt: skip
 
 
-def _panel(found: CrossCovariance, a: str, b: str, *, x: Axis, y: Axis, confidence: bool) -> Panel:
-    tau, r, p = found.tau, found.correlation[a, b], found.pvalues[a, b]
-    significant = p <= found.size
+def _panel(result: CrossCovariance, a: str, b: str, *, x: Axis, y: Axis, confidence: bool) -> Panel:
+    tau, r, p = result.tau, result.correlation[a, b], result.pvalues[a, b]
+    significant = p <= result.size
     marks: list[Line | Band] = [Line(np.array(x.limits), np.zeros(2), stroke=ZERO, label="", layer=BEHIND)]
     if confidence:
-        level = f"{100 * found.confidence:g} % confidence"
-        lower, upper = found.lower[a, b], found.upper[a, b]
+        level = f"{100 * result.confidence:g} % confidence"
+        lower, upper = result.lower[a, b], result.upper[a, b]
         marks.append(Band(tau, lower, upper, colour=BLUE, opacity=0.22, label=level, layer=BAND))
     marks.append(Line(tau, np.where(np.isfinite(p), r, np.nan), UNCERTAIN, label="may be zero", layer=FRONT))
     if np.any(significant):
@@ -99,7 +99,7 @@ def _correlations(tau: Vector, data: Vector, model: Vector, *, x: Axis, y: Axis,
 
 def fusion_figure(virtual: VirtualSensor) -> Figure:
     """Return the figure of `VirtualSensor.plot`, with a panel for each axis."""
-    panels = [_axis_panel(one) for one in virtual.axes.values()]
+    panels = [_axis_panel(axis) for axis in virtual.axes.values()]
     columns = min(len(panels), 3)
     rows: list[tuple[Panel | None, ...]] = [tuple(panels[k : k + columns]) for k in range(0, len(panels), columns)]
     rows[-1] = (*rows[-1], *[None] * (columns - len(rows[-1])))
@@ -108,18 +108,18 @@ def fusion_figure(virtual: VirtualSensor) -> Figure:
     )
 
 
-def _axis_panel(one: VirtualAxis) -> Panel:
-    tau = one.tau
+def _axis_panel(fusion: VirtualAxis) -> Panel:
+    tau = fusion.tau
     marks = [
         Line(tau, np.sqrt(variance), SENSOR, label="each sensor" if k == 0 else "", layer=BEHIND)
-        for k, variance in enumerate(one.each)
+        for k, variance in enumerate(fusion.each)
     ]
-    marks.append(Line(tau, np.sqrt(one.average), AVERAGE, label="average", layer=MIDDLE))
-    marks.append(Line(tau, one.deviation, VIRTUAL, label="virtual sensor, predicted", layer=FRONT))
-    marks.append(Line(tau, np.sqrt(one.measured), MEASURED, label="in this recording", layer=FRONT))
-    heights = np.sqrt(np.concatenate([one.each.ravel(), one.average, one.variance, one.measured]))
-    y = _deviation_axis(heights, one.unit)
-    return Panel(time_axis(tau, "Scale τ (s)"), y, tuple(marks), title=axis_title(one.axis))
+    marks.append(Line(tau, np.sqrt(fusion.average), AVERAGE, label="average", layer=MIDDLE))
+    marks.append(Line(tau, fusion.deviation, VIRTUAL, label="virtual sensor, predicted", layer=FRONT))
+    marks.append(Line(tau, np.sqrt(fusion.measured), MEASURED, label="in this recording", layer=FRONT))
+    heights = np.sqrt(np.concatenate([fusion.each.ravel(), fusion.average, fusion.variance, fusion.measured]))
+    y = _deviation_axis(heights, fusion.unit)
+    return Panel(time_axis(tau, "Scale τ (s)"), y, tuple(marks), title=axis_title(fusion.axis))
 
 
 def _deviation_axis(heights: Vector, unit: str) -> Axis:

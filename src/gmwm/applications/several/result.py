@@ -139,7 +139,7 @@ class CrossCovariance(Summarised):
     @cached_property
     def shared(self) -> tuple[SharedNoise, ...]:
         """The scales at which two axes share noise, sorted by p-value."""
-        found = [
+        scales = [
             SharedNoise(
                 axes=pair, level=int(self.levels[k]), tau=float(self.tau[k]), pvalue=float(p[k]),
                 correlation=float(self.correlation[pair][k]), lower=float(self.lower[pair][k]),
@@ -148,12 +148,12 @@ class CrossCovariance(Summarised):
             for pair, p in self.pvalues.items()
             for k in np.flatnonzero(p <= self.size)
         ]  # fmt: skip
-        return tuple(sorted(found, key=lambda one: one.pvalue))
+        return tuple(sorted(scales, key=lambda scale: scale.pvalue))
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """Remarks on whether axes share noise, and on delayed axes."""
-        most = max(self.shared, key=lambda one: abs(one.correlation), default=None)
+        most = max(self.shared, key=lambda scale: abs(scale.correlation), default=None)
         counts = {"size": self.size, "tests": self.tests, "count": len(self.shared)}
         late = [
             Remark.of("axis-delayed", b if d > 0 else a, reference=a if d > 0 else b, samples=abs(d))
@@ -220,12 +220,12 @@ class CrossCovariance(Summarised):
         ]
         rows = []
         for a, b in self.pairs:
-            mine = [one for one in self.shared if set(one.axes) == {a, b}]
+            mine = [scale for scale in self.shared if set(scale.axes) == {a, b}]
             if mine:
-                most = max(mine, key=lambda one: abs(one.correlation))
+                most = max(mine, key=lambda scale: abs(scale.correlation))
                 rows.append([
                     f"{a}, {b}", f"{most.correlation:+.3f}", f"{most.lower:+.3f} … {most.upper:+.3f}",
-                    duration_text(most.tau), f"{most.pvalue:.2g}", _ranges([one.level for one in mine], self.rate),
+                    duration_text(most.tau), f"{most.pvalue:.2g}", _ranges([scale.level for scale in mine], self.rate),
                 ])  # fmt: skip
         if rows:
             head = ["axes", "correlation", f"{100 * self.confidence:g} %", "at τ", "p", "shared at τ"]

@@ -78,7 +78,7 @@ class SameParameters:
     @property
     def largest(self) -> ParameterRatio:
         """Ratio that differs most from 1, in standard errors."""
-        return max(self.ratios, key=lambda one: abs(math.log(one.ratio)) / math.log(one.upper / one.lower))
+        return max(self.ratios, key=lambda ratio: abs(math.log(ratio.ratio)) / math.log(ratio.upper / ratio.lower))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -143,18 +143,18 @@ class SameNoise(Comparison):
             tests = sum(row.pvalue is not None for row in self.levels)
             within = "yes" if self.tolerance else "no"
             return (Remark.of("noise-same", tests=tests, size=self.size, tolerance=self.tolerance, within=within),)
-        found = []
+        remarks = []
         for recording in self.compared:
             for axis in self.axes:
                 rows = [row for row in self[axis] if row.differs and row.recording == recording]
                 if rows:
                     most = max(rows, key=lambda row: abs(row.ratio - 1))
-                    found.append(Remark.of(
+                    remarks.append(Remark.of(
                         "noise-differs", axis, percent=abs(most.ratio - 1), tau=Quantity(most.tau, "s"),
                         more="higher" if most.ratio > 1 else "lower", levels=len(rows),
                         p=max(smallest(rows), SMALLEST), recording=recording, other=self._other,
                     ))  # fmt: skip
-        return tuple(found)
+        return tuple(remarks)
 
     def _parameter_remarks(self) -> Iterator[Remark]:
         """Whether the parameters differ, by axis, and which models are rejected."""

@@ -125,8 +125,8 @@ class JointContinuousStateSpace(_Matrices):
 def factor(sigma: Matrix) -> Matrix:
     """Return L (d, r) with L Lᵀ = Σ, where r is the rank of Σ. The largest entry of each column is positive."""
     values, vectors = np.linalg.eigh(sigma)
-    kept = values > RANK * max(float(values.sum()), 0.0)
-    out = (vectors * np.sqrt(np.maximum(values, 0.0)))[:, kept][:, ::-1]
+    mask = values > RANK * max(float(values.sum()), 0.0)
+    out = (vectors * np.sqrt(np.maximum(values, 0.0)))[:, mask][:, ::-1]
     return np.asarray(out * np.sign(out[np.argmax(np.abs(out), axis=0), np.arange(out.shape[1])]))
 
 
@@ -144,14 +144,14 @@ def continuous(
     processes: Sequence[Process], sigmas: Matrix, rate: float, *, axes: tuple[str, ...], labels: Sequence[str]
 ) -> JointContinuousStateSpace:
     """Return the continuous-time state space of all terms, with the blocks of `discrete`."""
-    made = {label: process.continuous(rate) for label, process in zip(labels, processes, strict=True)}
-    terms = [(label, space, sigma) for (label, space), sigma in zip(made.items(), sigmas, strict=True) if space]
+    spaces = {label: process.continuous(rate) for label, process in zip(labels, processes, strict=True)}
+    terms = [(label, space, sigma) for (label, space), sigma in zip(spaces.items(), sigmas, strict=True) if space]
     parts = [(space, factor(sigma)) for _, space, sigma in terms]
     d = len(axes)
     return JointContinuousStateSpace(
         **_kronecker(parts, d, ("A", "Qc")), axes=axes, terms=_terms(parts, [label for label, _, _ in terms]),
         Rc=sum((space.Rc[0, 0] * sigma for _, space, sigma in terms), np.zeros((d, d))),
-        left_out=tuple(label for label, space in made.items() if not space),
+        left_out=tuple(label for label, space in spaces.items() if not space),
     )  # fmt: skip
 
 

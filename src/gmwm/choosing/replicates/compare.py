@@ -25,7 +25,7 @@ CONFIDENCE = 0.95
 """Confidence level of the limits of the spread, and of the prediction for a further recording."""
 
 
-def compared(fit: Fit) -> Replicates | None:
+def compare_recordings(fit: Fit) -> Replicates | None:
     """Compare the recordings of a pooled fit, or return None if there is a single recording; see `Fit.replicates`."""
     wv = fit.wavelet_variance
     if len(wv.recordings) < 2:
@@ -74,13 +74,13 @@ def _quick_sheet(fit: Fit) -> Datasheet:
 
 def _numbers(pooled: Datasheet, sheets: Mapping[str, Datasheet], names: tuple[str, ...]) -> list[RecordingNumber]:
     """Return each free datasheet parameter of the pooled fit, except the rate ramp, with its recorded values."""
-    found = []
+    numbers = []
     for symbol, entry in pooled.items():
         if entry.held or symbol.partition("[")[0] == "R":  # it has a sign and differs in each recording
             continue
         entries = {name: sheets[name].get(symbol) if name in sheets else None for name in names}
-        found.append(_number(symbol, entry, entries))
-    return found
+        numbers.append(_number(symbol, entry, entries))
+    return numbers
 
 
 def _number(symbol: str, pooled: Entry, entries: Mapping[str, Entry | None]) -> RecordingNumber:

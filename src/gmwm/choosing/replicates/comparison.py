@@ -152,12 +152,12 @@ def _mean(curves: Sequence[_Variances]) -> _Variances:
     return _Variances(total / freedom, freedom)
 
 
-def _row(one: _Variances, other: _Variances, k: int, *, confidence: float, tolerance: float) -> LevelRatio:
+def _row(first: _Variances, second: _Variances, k: int, *, confidence: float, tolerance: float) -> LevelRatio:
     """Return the ratio of two wavelet deviations at the level with index k, and its test."""
     from scipy.special import fdtr, fdtrc, fdtri
 
-    ratio = float(one.variance[k] / other.variance[k])
-    degrees = float(one.freedom[k]), float(other.freedom[k])
+    ratio = float(first.variance[k] / second.variance[k])
+    degrees = float(first.freedom[k]), float(second.freedom[k])
     if min(degrees) <= LEAST_F_FREEDOM:
         return LevelRatio(ratio=math.sqrt(ratio))
     above = float(fdtrc(*degrees, ratio * math.exp(-2 * tolerance)))

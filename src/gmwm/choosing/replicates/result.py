@@ -74,13 +74,13 @@ class RecordingNumber:
     def apart(self) -> float | None:
         """Ratio of the largest to the smallest value, minus 1. None if a recording has no value or only an upper
         limit."""
-        known = [entry.value for entry in self.entries.values() if entry is not None and not entry.upper_only]
-        return max(known) / min(known) - 1 if len(known) == len(self.entries) and min(known) > 0 else None
+        values = [entry.value for entry in self.entries.values() if entry is not None and not entry.upper_only]
+        return max(values) / min(values) - 1 if len(values) == len(self.entries) and min(values) > 0 else None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the parameter as numbers, lists and strings for JSON."""
-        rest = plain_fields(self, "apart spread spread_low spread_high predicted_low predicted_high")
-        return plain_fields(self, "symbol title unit pooled") | {"recordings": plain(self.entries), **rest}
+        spreads = plain_fields(self, "apart spread spread_low spread_high predicted_low predicted_high")
+        return plain_fields(self, "symbol title unit pooled") | {"recordings": plain(self.entries), **spreads}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -174,11 +174,11 @@ class Replicates(Comparison):
         """
         one_of(use, "use", get_args(Use))
         as_confidence(confidence)
-        found = self.deviations
-        _, high = predicted(found.values.T, found.variances.T, confidence)
+        deviations = self.deviations
+        _, high = predicted(deviations.values.T, deviations.variances.T, confidence)
         parameters = parameters_by_name(self.fit.model)
         values: dict[str, float] = {}
-        for name, mean, end in zip(found.names, found.effects.mean, high, strict=True):
+        for name, mean, end in zip(deviations.names, deviations.effects.mean, high, strict=True):
             raised = use == "high" and parameters[name].scale_power is not None and math.isfinite(end)
             share = float(end if raised else mean)
             if math.isfinite(share):

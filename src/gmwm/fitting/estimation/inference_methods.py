@@ -90,9 +90,9 @@ class InferenceMethods:
         >>> found.differs, found["N"].apart < 0.05
         (False, True)
         """
-        from gmwm.choosing.replicates.compare import compared
+        from gmwm.choosing.replicates.compare import compare_recordings
 
-        return compared(self._fit)
+        return compare_recordings(self._fit)
 
     def confidence_intervals(
         self,
