@@ -11,8 +11,8 @@ from typing import NoReturn
 
 from gmwm.base.errors import OptionError
 from gmwm.base.text import printable
+from gmwm.files.contract import HEAD_BYTES
 from gmwm.files.readers import registered
-from gmwm.files.readers.base import HEAD_BYTES
 from gmwm.files.readers.topics import sensor_topics, topic_folder
 from gmwm.recording.options import ReadOptions
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
@@ -18,6 +19,7 @@ from gmwm.base.errors import OptionError
 from gmwm.base.text import counted
 from gmwm.showing.plots.axes import limits_of, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, Symbol, Text, Tick
 from gmwm.showing.plots.imu import PAGE
 from gmwm.showing.plots.labels import sensor_and_letter, sensor_title
@@ -71,6 +73,22 @@ def fleet_figure(fleet: Fleet) -> Figure:
     odd = len({outlier.unit for outlier in statistics.outliers})
     title = counted(statistics.units, "unit") + (f", {counted(odd, 'outlier')}" if odd else "")
     return Figure(tuple(rows), width=PAGE, height=ROW * len(rows) + BELOW, title=title, legend_columns=3)
+
+
+@drawing
+def plot_fleet(fleet: Fleet, *, path: str | os.PathLike[str] | None = None) -> Figure:
+    """Draw the datasheet parameters of all units in ascending order, for each axis.
+
+    Up to 40 units are drawn as dots with confidence intervals, more units as a curve. The line is the typical
+    value. The shaded region contains the true value of a further unit with the confidence level. Stars with names
+    are outlying units, and triangles are upper limits.
+
+    Raises
+    ------
+    OptionError
+        If there is nothing to draw, or if the picture cannot be written to `path`.
+    """
+    return fleet_figure(fleet)
 
 
 def _panel(sensor: str, samples: Sequence[ParameterSample], statistics: FleetStatistics, units: Sequence[str]) -> Panel:

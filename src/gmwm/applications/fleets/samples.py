@@ -14,7 +14,7 @@ from gmwm.applications.fleets.statistics_result import SIGNED
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import DataError
 from gmwm.calibration.tables import in_order
-from gmwm.measuring.variance.slope_line import LAWS
+from gmwm.measuring.variance.allan_regression import LAWS
 
 if TYPE_CHECKING:
     import polars

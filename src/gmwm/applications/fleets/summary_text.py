@@ -13,7 +13,7 @@ from gmwm.base.text import counted, p_relation
 from gmwm.base.units import datasheet_units
 from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, wrapped
 from gmwm.choosing.datasheets.entry import significant
-from gmwm.measuring.variance.slope_line import LAWS
+from gmwm.measuring.variance.allan_regression import LAWS
 
 if TYPE_CHECKING:
     from gmwm.applications.fleets.result import Fleet

@@ -31,6 +31,7 @@ from gmwm.base.arrays import Vector
 from gmwm.base.errors import ReadError
 from gmwm.base.locks import OneAtATime, one_at_a_time
 from gmwm.base.plain import plain, plain_fields
+from gmwm.base.time_base import lost_samples
 from gmwm.recording.chunks import Chunk
 from gmwm.recording.options import as_whole_number
 
@@ -298,7 +299,7 @@ class Monitor(OneAtATime):
             return []
         events = self.finish()
         expected = self._now
-        late = round((chunk.start - expected) * self.rate)
+        late = int(lost_samples(chunk.start - expected, self.rate))
         if chunk.start < expected - 0.5 / self.rate:
             # After the clock was set back, times follow the new time stamps.
             event = Event(kind="clock", time=expected, began=expected, size=expected - chunk.start, unit="s")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,6 +13,7 @@ from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError
 from gmwm.base.units import SI_UNIT
 from gmwm.showing.plots.axes import quiet
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.linear import even_axis, time_unit
@@ -77,3 +79,17 @@ def _uprights(places: Vector, limits: tuple[float, float]) -> tuple[Vector, Vect
     x = np.repeat(places, 3)
     y = np.tile(np.array([limits[0], limits[1], np.nan]), places.size)
     return x, y
+
+
+@drawing
+def plot_trace(trace: Trace, *, path: str | os.PathLike[str] | None = None) -> Figure:
+    """Draw the signals with the events, and the chart statistics over time.
+
+    Raises
+    ------
+    DataError
+        If there are no samples.
+    OptionError
+        If the ending of `path` is unknown.
+    """
+    return trace_figure(trace)

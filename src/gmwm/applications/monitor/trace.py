@@ -14,12 +14,11 @@ from gmwm.applications.monitor.events import Event
 from gmwm.applications.monitor.setup import chunks_of
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.plain import plain, plain_fields
+from gmwm.base.plotting import Plotted, register
 from gmwm.base.text import counted, duration_text
 from gmwm.recording.chunks import Chunk
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
     from gmwm.files.readers.streams import Stream
     from gmwm.recording.signals import Imu
 
@@ -29,7 +28,7 @@ FAMILIES = ("noise up", "noise down", "level")
 """Families of charts whose statistics are recorded."""
 
 
-class Trace:
+class Trace(Plotted):
     """Run a monitor, and record its events, the extremes of its signals and its chart statistics over time.
 
     Parameters
@@ -104,16 +103,6 @@ class Trace:
         motion = "; the unit was moved and is not yet still" if monitor.resting else ""
         return f"{count} in {length} ({counted(monitor.samples, 'sample')}) of {', '.join(monitor.axes)}{motion}"
 
-    def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the signals with the events, and the chart statistics over time. Without samples, raises a DataError.
-
-        With `path`, the picture is written to a file that ends in .png, .pdf or .svg.
-        """
-        from gmwm.applications.monitor.plot import trace_figure
-        from gmwm.showing.plots.matplotlib import draw
-
-        return draw(trace_figure(self), path=path)
-
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write a report with the result, the events and the plots as one HTML page, and return its path.
 
@@ -128,6 +117,9 @@ class Trace:
         for axis, x in values.items():
             self._signals[axis].update(time, 1.0 / self.monitor.rate, np.stack([-x, x], axis=1))
             self._heights[axis].update(time, 0.0, np.array([[heights[axis][family] for family in FAMILIES]]))
+
+
+register(Trace, "gmwm.applications.monitor.plot:plot_trace")
 
 
 class _Course:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -13,6 +14,7 @@ from gmwm.base.arrays import Vector
 from gmwm.base.text import duration_text
 from gmwm.showing.plots.axes import limits_near, time_axis, value_axis
 from gmwm.showing.plots.curves import ABOVE, BAND, MIDDLE
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.style import BLACK, GREY, curve_stroke, term_stroke
 
@@ -97,3 +99,9 @@ def _alignment(budget: Budget) -> Panel:
 
 def _align_label(title: str, shown: Vector) -> str:
     return f"{title}: above {RIGHT_ANGLE:g}°" if np.all(np.isnan(shown)) else title
+
+
+@drawing
+def plot_budget(budget: Budget, *, path: str | os.PathLike[str] | None = None) -> Figure:
+    """Draw the largest attitude, velocity and position error over time with its terms, and the alignment errors."""
+    return budget_figure(budget)

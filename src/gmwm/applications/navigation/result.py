@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -11,11 +10,11 @@ import numpy as np
 
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.plain import plain, plain_fields
+from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Remark
 from gmwm.base.text import Summarised
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
 
 
@@ -64,7 +63,7 @@ class Growth:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Budget(Summarised, Mapping[str, Growth]):
+class Budget(Summarised, Plotted, Mapping[str, Growth]):
     """The error budget of unaided inertial navigation: a mapping of name to `Growth`.
 
     Attributes
@@ -145,12 +144,5 @@ class Budget(Summarised, Mapping[str, Growth]):
         ]
         return DataFrame(rows, infer_schema_length=None)
 
-    def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the largest attitude, velocity and position error over time with its terms, and the alignment errors.
 
-        With `path`, the picture is written to a file that ends in .png, .pdf or .svg.
-        """
-        from gmwm.applications.navigation.plot import budget_figure
-        from gmwm.showing.plots.matplotlib import draw
-
-        return draw(budget_figure(self), path=path)
+register(Budget, "gmwm.applications.navigation.plot:plot_budget")

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gmwm.applications.navigation.result import Budget, Growth
-from gmwm.base.errors import GmwmError, OptionError
-from gmwm.base.remarks import Dialect, texts
+from gmwm.base.errors import OptionError
+from gmwm.base.remarks import texts
 from gmwm.base.tables import aligned
 from gmwm.base.text import duration_text
 from gmwm.choosing.datasheets.entry import significant
-
-if TYPE_CHECKING:
-    from gmwm.calibration.result import Calibration
 
 SHOWN = (1.0, 10.0, 60.0, 600.0, 3600.0, 36000.0)
 """Times (s) for which the table shows the errors, in addition to the duration."""
@@ -152,18 +148,3 @@ def comparison_rows(one: Budget, other: Budget) -> list[tuple[str, str, str, flo
 def _table(rows: Sequence[Sequence[str]], right: Iterable[int] = ()) -> list[str]:
     head, *lines = aligned(rows, right=set(right))
     return [head, "  " + "─" * (max(map(len, (head, *lines))) - 2), *lines]
-
-
-DURATION = 60.0
-"""Time of navigation without corrections (s) for the report, such as an outage of satellite positions in a tunnel."""
-
-
-def budget_table(calibration: Calibration) -> dict[str, Any]:
-    """Return headline, table rows and remarks of the error budget; empty if it fails, for example with raw counts."""
-    try:
-        budget = calibration.budget(DURATION)
-    except GmwmError:
-        return {}
-    rows = [["Error (1 σ)", "After 60 s", "Largest contributions"]]
-    rows += [[growth.title, error_text(growth), terms_text(growth)] for growth in budget.growths.values()]
-    return {"headline": headline(budget), "rows": rows, "remarks": texts(budget.remarks, Dialect.HTML)}

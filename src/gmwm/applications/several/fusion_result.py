@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -15,13 +14,13 @@ from gmwm.applications.several.sensor_array import like_axes
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import DataError
 from gmwm.base.plain import plain_fields
+from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
 from gmwm.base.tables import headed
 from gmwm.base.text import Summarised, duration_text
 from gmwm.recording.signals import Imu, Signal
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
 
 
@@ -134,7 +133,7 @@ class VirtualAxis:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class VirtualSensor(Summarised):
+class VirtualSensor(Summarised, Plotted):
     """A virtual sensor that fuses an array of sensors of the same type.
 
     `virtual["gyro_x"]` returns one of its axes.
@@ -206,16 +205,6 @@ class VirtualSensor(Summarised):
                 remarks.append(Remark.of("array-model-rejected", axis, model=fusion.model, ratio=size, tau=tau))
         return tuple(remarks)
 
-    def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the wavelet deviations of each signal, of their average and of the virtual sensor by scale.
-
-        With `path`, the picture is written to a file that ends in .png, .pdf or .svg.
-        """
-        from gmwm.applications.several.plots import fusion_figure
-        from gmwm.showing.plots.matplotlib import draw
-
-        return draw(fusion_figure(self), path=path)
-
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers, lists and strings."""
         return plain_fields(self, "horizon axes remarks")
@@ -258,3 +247,6 @@ class VirtualSensor(Summarised):
     def __repr__(self) -> str:
         count = len(next(iter(self.axes.values())).members)
         return f"VirtualSensor({', '.join(self.axes)}: {count} units, {self._method})"
+
+
+register(VirtualSensor, "gmwm.applications.several.plots:plot_fusion")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
@@ -30,6 +29,7 @@ from gmwm.applications.several.terms import sum_model, with_kind
 from gmwm.base.arrays import Matrix
 from gmwm.base.errors import MissingTheoryError, OptionError
 from gmwm.base.plain import plain, plain_fields
+from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Remark, texts
 from gmwm.base.tables import headed
 from gmwm.base.text import Named, Summarised, p_relation
@@ -39,8 +39,6 @@ from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import Model
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
     from gmwm.fitting.likelihood.tracks import Tracks
 
 
@@ -74,7 +72,7 @@ class SharedTerm:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class JointFit(Summarised):
+class JointFit(Summarised, Plotted):
     """Joint fit of several signals: the covariance matrix of each term of the model, and the parameters of its shape.
 
     Attributes
@@ -367,16 +365,6 @@ class JointFit(Summarised):
 
         return smooth_joint(self, x, rate)
 
-    def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the wavelet deviation of each signal and the correlation of each pair, for the data and the model.
-
-        With `path`, the picture is written to a file that ends in .png, .pdf or .svg.
-        """
-        from gmwm.applications.several.plots import joint_figure
-        from gmwm.showing.plots.matplotlib import draw
-
-        return draw(joint_figure(self), path=path)
-
     def to_dict(self) -> dict[str, Any]:
         """Return the estimates, standard errors, tests and state spaces as plain numbers, lists and strings."""
         spaces: tuple[dict[str, Any] | None, ...] = (None, None)
@@ -439,3 +427,6 @@ class JointFit(Summarised):
 
     def __repr__(self) -> str:
         return f"JointFit({', '.join(self.axes)}: {self.model})"
+
+
+register(JointFit, "gmwm.applications.several.plots:plot_joint")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.showing.plots.axes import limits_of, quiet, signed_axis, time_axis, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.style import BLUE, DASHED, GREY, IMPLIED, OBSERVED, ORANGE, PALE, SOLID
@@ -124,3 +126,29 @@ def _axis_panel(fusion: VirtualAxis) -> Panel:
 
 def _deviation_axis(heights: Vector, unit: str) -> Axis:
     return value_axis(limits_of(heights), f"Wavelet deviation ({unit})" if unit else "Wavelet deviation")
+
+
+@drawing
+def plot_cross(
+    result: CrossCovariance, *, confidence: bool = True, path: str | os.PathLike[str] | None = None
+) -> Figure:
+    """Draw the correlation of each pair as a function of the scale. Filled symbols mark significant correlations.
+
+    Parameters
+    ----------
+    confidence : bool
+        Whether to draw the confidence limits.
+    """
+    return cross_figure(result, confidence=confidence)
+
+
+@drawing
+def plot_joint(fit: JointFit, *, path: str | os.PathLike[str] | None = None) -> Figure:
+    """Draw the wavelet deviation of each signal and the correlation of each pair of signals, for data and model."""
+    return joint_figure(fit)
+
+
+@drawing
+def plot_fusion(virtual: VirtualSensor, *, path: str | os.PathLike[str] | None = None) -> Figure:
+    """Draw the wavelet deviations of each signal, of their average and of the virtual sensor by scale."""
+    return fusion_figure(virtual)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,12 +13,12 @@ from numpy.typing import NDArray
 from gmwm.applications.several.matrices import AxisPairs
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.plain import plain, plain_fields
+from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
 from gmwm.base.tables import headed
 from gmwm.base.text import Summarised, counted, duration_text
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
 
 _BY_PAIR = ("covariance", "correlation", "lower", "upper", "degrees_of_freedom", "pvalues")
@@ -53,7 +52,7 @@ class SharedNoise:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class CrossCovariance(Summarised):
+class CrossCovariance(Summarised, Plotted):
     """Covariance and correlation of the noise of several axes at each scale.
 
     Attributes
@@ -166,16 +165,6 @@ class CrossCovariance(Summarised):
         shared = Remark.of("axes-share-noise", **counts, first=a, second=b, correlation=most.correlation, tau=tau)
         return (shared, *late)
 
-    def plot(self, *, confidence: bool = True, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the correlation of each pair by scale, with limits if `confidence`. Significant ones are filled symbols.
-
-        With `path`, the picture is written to a file that ends in .png, .pdf or .svg.
-        """
-        from gmwm.applications.several.plots import cross_figure
-        from gmwm.showing.plots.matplotlib import draw
-
-        return draw(cross_figure(self, confidence=confidence), path=path)
-
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers, lists and strings.
 
@@ -234,6 +223,9 @@ class CrossCovariance(Summarised):
 
     def __repr__(self) -> str:
         return f"CrossCovariance({', '.join(self.axes)}: {len(self.shared)} of {self.tests} tests significant)"
+
+
+register(CrossCovariance, "gmwm.applications.several.plots:plot_cross")
 
 
 def _ranges(levels: list[int], rate: float) -> str:

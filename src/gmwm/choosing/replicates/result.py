@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from gmwm.base.plain import plain, plain_fields
+from gmwm.base.plotting import Plotted
 from gmwm.base.random_effects import predicted
 from gmwm.base.remarks import Remark, texts
 from gmwm.base.tables import headed
@@ -25,9 +25,6 @@ from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.inference.intervals import parameters_by_name
 from gmwm.recording.options import as_confidence, one_of
 from gmwm.theory.processes.model import Model
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
 
 WIDTH = 80
 """Largest number of characters in a line of the summary."""
@@ -84,7 +81,7 @@ class RecordingNumber:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Replicates(Comparison):
+class Replicates(Comparison, Plotted):
     """Comparison of several recordings of one unit.
 
     Attributes
@@ -236,16 +233,6 @@ class Replicates(Comparison):
             "for_filter": {use: str(self.for_filter(use)) for use in get_args(Use)},
             "remarks": plain(self.remarks),
         }
-
-    def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the relative difference between the wavelet deviation of each recording and of all recordings together.
-
-        A band shows the range of differences that chance explains. With `path`, the picture is written to a file that
-        ends in .png, .pdf or .svg.
-        """
-        from gmwm.showing.plots.recordings import plot_recordings
-
-        return plot_recordings(self, path=path)
 
 
 def _percent(share: float) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
@@ -10,11 +9,9 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from gmwm.base.arrays import Matrix
+from gmwm.base.plotting import Plotted
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
-
     from gmwm.applications.navigation import Budget
     from gmwm.choosing.datasheets.sheet import Datasheet
     from gmwm.choosing.replicates import Replicates
@@ -24,10 +21,9 @@ if TYPE_CHECKING:
     from gmwm.fitting.inference.criterion import Criterion
     from gmwm.fitting.inference.goodness import GoodnessOfFit
     from gmwm.fitting.inference.intervals import Interval, Method
-    from gmwm.showing.plots.view import UnitSystem, ViewName
 
 
-class InferenceMethods:
+class InferenceMethods(Plotted):
     """Methods of a `Fit` that call functions of upper layers. Only `Fit` inherits from this class."""
 
     @property
@@ -430,53 +426,6 @@ class InferenceMethods:
         from gmwm.fitting.inference.summary import summary
 
         return summary(self._fit, level, method, draws=draws, rng=rng)
-
-    def plot(
-        self,
-        *,
-        view: ViewName = "wavelet",
-        units: UnitSystem = "si",
-        decomposition: bool | None = None,
-        label: str | None = None,
-        color: str | None = None,
-        ax: Axes | None = None,
-        path: str | os.PathLike[str] | None = None,
-    ) -> MatplotlibFigure:
-        """Draw the data with their confidence band, the curve that the model implies, and the curve of each term.
-
-        Parameters
-        ----------
-        view : "wavelet" or "allan"
-            Quantity to draw: the wavelet variance ν² against the scale τ (s), or the Allan deviation √(2ν²) against the
-            averaging time τ/2 (s).
-        units : "si" or "datasheet"
-            Units of the plot: rad/s and m/s², or deg/h and mg.
-        decomposition : bool, optional
-            Whether to draw the curves of the terms. By default they are drawn unless `label` or `color` is given.
-        label : str, optional
-            Name of the fit in the legend. Use it to draw several fits on the same axes, as in
-            `monday.plot(ax=ax, label="monday")`. Each fit then has its own colour and symbol.
-        color : str, optional
-            Matplotlib colour such as "#D55E00"; by default a colour that no earlier fit has.
-        ax : matplotlib Axes, optional
-            Axes to draw on; by default the axes of a new figure.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown, if the data do not support it, or if an earlier fit on `ax` has another unit.
-        """
-        from gmwm.showing.plots.fit import plot_fit
-
-        return plot_fit(
-            self._fit, view=view, units=units, decomposition=decomposition, label=label, color=color, ax=ax, path=path
-        )
 
     def _repr_html_(self) -> str:
         """Return the summary as HTML with a table of the parameters, for notebooks."""
