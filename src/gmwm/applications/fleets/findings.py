@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from gmwm.applications.fleets.outlier_units import FEWEST
@@ -38,7 +38,8 @@ def of_units(table: DataFrame, units: int, failed: int) -> Iterator[Remark]:
 
 
 def _remarks(found: FleetStatistics) -> Iterator[Remark]:
-    single = [row for row in found.rows if _is_axis(row, found.rows)]
+    sensors = {sensor_of(row.axis) for row in found.rows}
+    single = [row for row in found.rows if row.axis not in sensors]
     yield from _of_outliers(found, single)
     if 1 < found.units <= LEAST_UNITS:
         yield Remark.of("small-fleet", units=found.units)
@@ -49,8 +50,9 @@ def _remarks(found: FleetStatistics) -> Iterator[Remark]:
     yield from _each("outliers-not-sought", few, single, fewest=FEWEST)
     yield from _of_limits(single)
     yield from _each("errors-dominate", [row for row in single if (row.error_share or 0) > 0.5], single)
-    for model, rows in _by_model(row for row in single if row.model is not None and row.left_out).items():
-        yield from _each("one-model-compared", rows, single, model=model)
+    partial = [row for row in single if row.model is not None and row.left_out]
+    for model in dict.fromkeys(row.model or "" for row in partial):
+        yield from _each("one-model-compared", [row for row in partial if row.model == model], single, model=model)
     unknown = [row for row in single if row.model is None and row.left_out]
     yield from _each("units-without-interval", unknown, single)
     for difference in found.differences:
@@ -88,19 +90,8 @@ def _each(code: str, rows: Iterable[FleetNumber], every: Iterable[FleetNumber], 
         yield Remark.of(code, subject, **facts)
 
 
-def _is_axis(row: FleetNumber, rows: Iterable[FleetNumber]) -> bool:
-    return not any(sensor_of(other.axis) == row.axis for other in rows)
-
-
 def _name(row: FleetNumber) -> str:
     return f"{row.symbol} of {row.axis}"
-
-
-def _by_model(rows: Iterable[FleetNumber]) -> Mapping[str, list[FleetNumber]]:
-    models: dict[str, list[FleetNumber]] = {}
-    for row in rows:
-        models.setdefault(row.model or "", []).append(row)
-    return models
 
 
 def _groups(rows: Iterable[FleetNumber], every: Iterable[FleetNumber]) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from gmwm.base.axis_names import letter_of, sensor_of
@@ -31,7 +31,9 @@ def summary(fleet: Fleet, dialect: Dialect = Dialect.PYTHON) -> str:
     failures = f", {len(fleet.failed)} failed" if fleet.failed else ""
     parts = [wrapped(f"Fleet of {counted(len(fleet.units), 'unit')}: {good} calibrated{runs}{failures}")]
     if fleet.failed:
-        parts.append([f"Failed ({counted(len(fleet.failed), 'unit')}):", *_failures(fleet.failed)])
+        listed = [line for unit, why in list(fleet.failed.items())[:LISTED] for line in bulleted(f"{unit}: {why}")]
+        more = [f"- and {len(fleet.failed) - LISTED} more"] if len(fleet.failed) > LISTED else []
+        parts.append([f"Failed ({counted(len(fleet.failed), 'unit')}):", *listed, *more])
     parts += _parts(fleet.statistics, fleet.remarks, dialect)
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
@@ -41,13 +43,6 @@ def statistics_text(found: FleetStatistics, dialect: Dialect = Dialect.PYTHON) -
     head = wrapped(f"Fleet of {counted(found.units, 'calibrated unit')}")
     parts = [head, *_parts(found, found.remarks, dialect)]
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
-
-
-def _failures(failed: Mapping[str, str]) -> Iterator[str]:
-    for unit, reason in list(failed.items())[:LISTED]:
-        yield from bulleted(f"{unit}: {reason}")
-    if len(failed) > LISTED:
-        yield f"- and {len(failed) - LISTED} more"
 
 
 def _parts(found: FleetStatistics, remarks: Sequence[Remark], dialect: Dialect) -> list[list[str]]:

@@ -47,11 +47,10 @@ def on_cluster(jobs: Iterable[UnitJob], client: Any, retries: int) -> Generator[
     yield from _through(
         client, jobs, retries=retries, on_lost=on_lost, window=lambda: WINDOW * sum(client.nthreads().values())
     )
-    yield from _through(client, suspects, retries=retries, on_lost=_outcome_of_lost, window=lambda: 1)
-
-
-def _outcome_of_lost(job: UnitJob, error: Exception) -> UnitOutcome:
-    return lost_outcome(job, getattr(error, "allowed_failures", 0) + 1)
+    yield from _through(
+        client, suspects, retries=retries, window=lambda: 1,
+        on_lost=lambda job, error: lost_outcome(job, getattr(error, "allowed_failures", 0) + 1),
+    )  # fmt: skip
 
 
 def _through(

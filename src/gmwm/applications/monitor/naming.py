@@ -129,11 +129,9 @@ def name_fault(alarms: Sequence[Alarm], history: History, gain: Gain, settings: 
     if noise is None and level is not None and "spike" not in families:
         return Fault(kind=shape.kind, onset=shape.begin, level=level.level, size=shape.size)
     return Fault(
-        kind="noise-up",
-        onset=chosen.onset + 1,
-        level=noise.level if noise else None,
+        kind="noise-up", onset=chosen.onset + 1, level=noise.level if noise else None,
         ratio=_noise_ratio(history, chosen),
-    )
+    )  # fmt: skip
 
 
 def _strongest(alarms: Sequence[Alarm], family: str) -> Alarm | None:

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from gmwm.applications.monitor import Event, Trace
-from gmwm.base.arrays import Vector
 from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError
 from gmwm.base.units import SI_UNIT
@@ -57,7 +56,9 @@ def _signal(trace: Trace, axis: str, events: Sequence[Event], *, x: Axis, scale:
     y = even_axis(float(low.min()), float(high.max()), shown.unit, margin=0.1, at_most=4)
     marks: list[Mark] = [Band((times - first) / size, low, high, BLUE, opacity=0.8, label="Signal less its median")]
     if events:
-        at, height = _uprights((np.array([event.time for event in events]) - first) / size, y.limits)
+        # One interrupted curve of vertical lines.
+        at = np.repeat((np.array([event.time for event in events]) - first) / size, 3)
+        height = np.tile(np.array([*y.limits, np.nan]), len(events))
         marks.append(Line(at, height, Stroke(VERMILLION, 1.0), label="Event", layer=2))
     return Panel(x, y, tuple(marks), axis_title(axis))
 
@@ -72,13 +73,6 @@ def _charts(trace: Trace, axis: str, *, x: Axis, scale: tuple[float, float]) -> 
     ends = np.array(x.limits)
     marks.append(Line(ends, np.ones(2), Stroke(VERMILLION, 0.9, DASHED), label="Threshold"))
     return Panel(x, even_axis(0.0, TOP, "", margin=0.0, at_most=4), tuple(marks), "Charts (threshold: 1)")
-
-
-def _uprights(places: Vector, limits: tuple[float, float]) -> tuple[Vector, Vector]:
-    """Return vertical lines at the positions `places`, as the coordinates of one interrupted curve."""
-    x = np.repeat(places, 3)
-    y = np.tile(np.array([limits[0], limits[1], np.nan]), places.size)
-    return x, y
 
 
 @drawing

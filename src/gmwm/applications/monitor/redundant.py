@@ -92,10 +92,9 @@ def redundant(
     if len(recordings) < UNITS_TO_COMPARE:
         raise OptionError(
             f"at least {UNITS_TO_COMPARE} units are needed to name the one that has changed; got {len(recordings)}",
-            argument="recordings",
-            got=len(recordings),
+            argument="recordings", got=len(recordings),
             advice="Monitor each unit alone, with the baseline of its own calibration.",
-        )
+        )  # fmt: skip
     shared = [axis for axis in calibration if all(axis in recording_of.axes for recording_of in recordings.values())]
     models = models_of(calibration, shared if axes is None else axes)
     rate = common_rate(calibration, next(iter(recordings.values())).rate)
@@ -119,7 +118,12 @@ def _events(
         motion = [event for event in common.update(mean) if event.kind in ("moved", "still")]
         yield from (UnitEvent("", event) for event in motion)
         if motion or common.resting:
-            _require_rest(common)
+            if common.resting and common.moving_for > LONGEST_MOTION:
+                raise DataError(
+                    f"the units have moved for more than {LONGEST_MOTION:g} s: they can be compared only at rest, "
+                    "because a difference of 0.1 % in scale is 180 deg/h at 50 deg/s",
+                    argument="recordings", advice="Leave the motion out with {--skip}, or record at rest.",
+                )  # fmt: skip
             for monitor in monitors.values():
                 monitor.skip(next(iter(mean.values())).size)
             continue
@@ -147,7 +151,8 @@ class _Culprits:
         for axis, events in by_axis.items():
             begin = min(item.event.time for item in events)
             first = [item for item in events if item.event.time <= begin + NAMING]
-            for item in sorted(events, key=lambda item: (item not in first, -_magnitude(item.event), item.event.time)):
+            size = {item: max(abs(item.event.size or 0.0), item.event.ratio or 0.0) for item in events}
+            for item in sorted(events, key=lambda item: (item not in first, -size[item], item.event.time)):
                 name, until = self._until.get(axis, ("", -np.inf))
                 if item.name != name and item.event.time <= until:
                     continue
@@ -158,10 +163,6 @@ class _Culprits:
                 yield item
 
 
-def _magnitude(event: Event) -> float:
-    return max(abs(event.size or 0.0), event.ratio or 0.0)
-
-
 def _times(model: Model, factor: float, rate: float) -> Model:
     """Return a model with all variances times a factor, without drifts: their slopes differ between units."""
     scaled = []
@@ -170,17 +171,6 @@ def _times(model: Model, factor: float, rate: float) -> Model:
             name = process.scale_parameter().name
             scaled.append(process.with_values(**{name: process.value_from(process.scale * factor)}))
     return Model(tuple(scaled))
-
-
-def _require_rest(common: Monitor) -> None:
-    """Raise an error if all units have moved for too long."""
-    if common.resting and common.moving_for > LONGEST_MOTION:
-        raise DataError(
-            f"the units have moved for more than {LONGEST_MOTION:g} s: they can be compared only at rest, because a "
-            "difference of 0.1 % in scale is 180 deg/h at 50 deg/s",
-            argument="recordings",
-            advice="Leave the motion out with {--skip}, or record at rest.",
-        )
 
 
 def _baselines(

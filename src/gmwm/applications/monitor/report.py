@@ -61,7 +61,6 @@ def page(trace: Trace) -> str:
     html: str = template.render(
         **monitor_data(trace),
         policy="default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'",
-        style=part("page/report.css"),
-        picture=base64.b64encode(buffer.getvalue()).decode(),
-    )
+        style=part("page/report.css"), picture=base64.b64encode(buffer.getvalue()).decode(),
+    )  # fmt: skip
     return html

@@ -32,9 +32,8 @@ def models_of(calibration: Mapping[str, Any], axes: Sequence[str] | None) -> dic
         raise OptionError(
             "calibration must be a Calibration or a mapping of axis to Fit or Model; got "
             f"{'an empty mapping' if isinstance(calibration, Mapping) else type(calibration).__name__}",
-            argument="calibration",
-            advice='Load one: `gmwm.Calibration.load("results/calibration.json")`.',
-        )
+            argument="calibration", advice='Load one: `gmwm.Calibration.load("results/calibration.json")`.',
+        )  # fmt: skip
     names = list(calibration) if axes is None else list(axes)
     unknown = [axis for axis in names if axis not in calibration]
     if unknown or not names:
@@ -62,10 +61,9 @@ def check_rate(rate: float, expected: float) -> None:
     if abs(rate / expected - 1.0) > RATE_TOLERANCE:
         raise OptionError(
             argument="rate",
-            expected=f"{expected:g}, the rate of the calibration (Hz), because its values are per sample",
-            got=rate,
+            expected=f"{expected:g}, the rate of the calibration (Hz), because its values are per sample", got=rate,
             advice="Calibrate a recording with this rate.",
-        )
+        )  # fmt: skip
 
 
 LONGEST_EVERY = 1e12
@@ -122,19 +120,17 @@ def checked_samples(axes: Sequence[str], values: Mapping[str, ArrayLike]) -> dic
     for axis in axes:
         if axis not in values:
             raise DataError(
-                f"the samples of {axis} are missing; got {', '.join(values) or 'no axis'}",
-                argument="values",
+                f"the samples of {axis} are missing; got {', '.join(values) or 'no axis'}", argument="values",
                 advice="Pass all axes of the monitor, or make it with `axes=`.",
-            )
+            )  # fmt: skip
         x = np.atleast_1d(np.ascontiguousarray(values[axis], dtype=np.float64))
         if x.ndim != 1:
             raise DataError(argument=axis, expected="one value for each sample", got=f"shape {x.shape}")
         if not np.all(np.isfinite(x)):
             raise DataError(
-                f"{axis} has a value that is not finite",
-                argument=axis,
+                f"{axis} has a value that is not finite", argument=axis,
                 advice="Leave missing samples out, and call `gap()` there.",
-            )
+            )  # fmt: skip
         arrays[axis] = x
     if len({x.size for x in arrays.values()}) > 1:
         sizes = ", ".join(f"{axis} {x.size}" for axis, x in arrays.items())
@@ -180,10 +176,9 @@ def baselines(
     missing = [axis for axis in models if axis not in recording.axes]
     if missing:
         raise DataError(
-            f"the reference has no {missing[0]}; it has {', '.join(recording.axes)}",
-            argument="reference",
+            f"the reference has no {missing[0]}; it has {', '.join(recording.axes)}", argument="reference",
             advice="Choose the axes to monitor with {--axis}.",
-        )
+        )  # fmt: skip
     rate = common_rate(calibration, recording.rate)
     check_rate(recording.rate, rate)
     parts: dict[str, list[list[Vector]]] = {axis: [] for axis in models}

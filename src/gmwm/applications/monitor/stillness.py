@@ -42,8 +42,11 @@ class Stillness:
         }
         if filled + used < block:
             return used, replace(self, held=held, samples=self.samples + used), False
-        calm = self.calm + 1 if all(_still(axes[axis], x) for axis, x in held.items()) else 0
-        return used, Stillness(calm, self.samples + used), calm >= CALM
+        for axis, x in held.items():
+            errors, usual = Whitener(axes[axis].gain).update(x), float(axes[axis].settings.ratios[0])
+            if not float(np.mean(np.square(errors))) < MOVING * usual:
+                return used, Stillness(0, self.samples + used), False
+        return used, Stillness(self.calm + 1, self.samples + used), self.calm + 1 >= CALM
 
     def broken(self) -> Stillness:
         """Return the state after a gap."""
@@ -58,8 +61,3 @@ class Stillness:
         """Create a state from the result of `to_dict`."""
         held = {axis: numbers(x) for axis, x in content["held"].items()}
         return cls(whole(content["calm"]), whole(content["samples"]), held)
-
-
-def _still(axis: MonitoredAxis, x: Vector) -> bool:
-    errors = Whitener(axis.gain).update(x)
-    return float(np.mean(np.square(errors))) < MOVING * float(axis.settings.ratios[0])

@@ -1,18 +1,11 @@
 """Compute the standardised innovations of a signal with the Kalman filter of its model, chunk by chunk.
 
-After the initial transient, the filter has a constant gain K. Let F be the transition matrix and H the observation row
-of the model. The innovations e_t are then the output of a fixed linear filter, whose zeros are the eigenvalues of F and
-whose poles are the eigenvalues of Φ = F − K H. The transient is treated exactly. At the first sample, the state differs
-from the state of the constant-gain filter by a vector B u, where u has a known prior (diffuse for levels). The output
-of the fixed filter is therefore e_t = ε_t + H Φᵗ B u, with ε_t the innovations of the constant-gain filter in its
-steady state. u is estimated by recursive least squares.
-
-The results do not depend on how the samples are divided into chunks, not even in the last bit, because the same
-operations are applied to each sample.
-
-Source: Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., chapter 5; de Jong (1991), The
-diffuse Kalman filter, Annals of Statistics 19, 1073-1083.
-"""
+With a constant gain K, innovations are the output of a fixed filter, with the eigenvalues of F as zeros and those of Φ
+= F − K H as poles. The transient is exact: at the first sample, the state differs by B u from that of the constant-gain
+filter, so that the output is e_t = ε_t + H Φᵗ B u. u has a known prior (diffuse for levels) and is estimated by
+recursive least squares. All operations are per sample, so that results do not depend on the chunks in the last bit.
+Durbin and Koopman (2012), Time Series Analysis by State Space Methods, chapter 5; de Jong (1991), Annals of Statistics
+19, 1073-1083."""
 
 from __future__ import annotations
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from gmwm.applications.navigation.result import Budget, Growth
 from gmwm.applications.navigation.summary_text import RIGHT_ANGLE, largest
-from gmwm.base.arrays import Vector
 from gmwm.base.text import duration_text
 from gmwm.showing.plots.axes import limits_near, time_axis, value_axis
 from gmwm.showing.plots.curves import ABOVE, BAND, MIDDLE
@@ -80,25 +79,15 @@ def _growth(growth: Growth, strokes: Mapping[str, Stroke], budget: Budget) -> Pa
 def _alignment(budget: Budget) -> Panel:
     curves = list(budget.alignment.values())
     shown = [np.where(growth.error < RIGHT_ANGLE, growth.error, np.nan) for growth in curves]
-    lines = tuple(
-        Line(
-            growth.times,
-            y,
-            stroke=replace(curve_stroke(k), symbol=None),
-            label=_align_label(growth.title, y),
-            layer=MIDDLE,
-        )
-        for k, (growth, y) in enumerate(zip(curves, shown, strict=True))
-    )
+    lines = []
+    for k, (growth, y) in enumerate(zip(curves, shown, strict=True)):
+        label = f"{growth.title}: above {RIGHT_ANGLE:g}°" if np.all(np.isnan(y)) else growth.title
+        lines.append(Line(growth.times, y, replace(curve_stroke(k), symbol=None), label=label, layer=MIDDLE))
     x = time_axis(budget.times, "Averaging time (s)")
     limits = limits_near(np.concatenate(shown), [], reach=1.0)
     ticks = tuple(tick.value for tick in x.ticks)
     title = f"Static alignment, at {budget.latitude:g}° latitude"
-    return Panel(replace(x, grid=ticks), value_axis(limits, "Error of the mean (deg)"), lines, title=title)
-
-
-def _align_label(title: str, shown: Vector) -> str:
-    return f"{title}: above {RIGHT_ANGLE:g}°" if np.all(np.isnan(shown)) else title
+    return Panel(replace(x, grid=ticks), value_axis(limits, "Error of the mean (deg)"), tuple(lines), title=title)
 
 
 @drawing

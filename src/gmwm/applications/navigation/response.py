@@ -1,24 +1,13 @@
 """Error equations of unaided inertial navigation, and the mean squares of the errors that sensor noise causes.
 
-The vehicle is level and at rest on a rotating sphere, with x north, y east and z down. The errors of attitude φ,
-velocity v and position p are vectors with 3 components. If they are small,
+For a level vehicle at rest, with x north, y east and z down, small errors of attitude φ, velocity v and position p obey
 
-    dφ/dt = −ω × φ + δω − e_g,    dv/dt = f × φ − 2ω × v + δg + e_a,    dp/dt = v,
+    dφ/dt = −ω × φ + δω − e_g,    dv/dt = f × φ − 2ω × v + δg + e_a,    dp/dt = v.
 
-where
-
-- e_g and e_a are the errors of the gyroscopes and accelerometers,
-- ω = Ω (cos L, 0, −sin L) is the rotation of the Earth, with its rate Ω and the latitude L,
-- δω is the error of ω from the errors of position and velocity and the radius R of the Earth, which causes the Schuler
-  oscillation with a period of 84 minutes,
-- f = (0, 0, −g) is the specific force, and δg = (0, 0, 2g/R) p_z the error of gravity.
-
-Accelerations of the vehicle, which would multiply errors of heading and scale factors, are not included.
-
-References
-----------
-Titterton, D. H. and Weston, J. L. (2004), Strapdown Inertial Navigation Technology, 2nd ed., chapter 12.
-"""
+e_g and e_a are the errors of the sensors, ω = Ω (cos L, 0, −sin L) the rotation of the Earth at latitude L, δω its
+error from v, p and the radius R (Schuler oscillation, 84 min), f = (0, 0, −g), and δg = (0, 0, 2g/R) p_z. Accelerations
+of the vehicle are not included. Titterton and Weston (2004), Strapdown Inertial Navigation Technology, 2nd ed., chapter
+12."""
 
 from __future__ import annotations
 

@@ -30,7 +30,8 @@ def summary(budget: Budget) -> str:
     if len(budget.times) > 1:
         lines += ["", "Growth, largest of the horizontal directions", *_growth(budget)]
     if budget.alignment:
-        lines += ["", alignment_title(budget), *_alignment(budget)]
+        title = f"Static alignment: error of a mean, gyro-compassing at {budget.latitude:g}° latitude"
+        lines += ["", title, *_alignment(budget)]
     lines += ["", *method(budget)]
     return "\n".join([*lines, *texts(budget.remarks)])
 
@@ -67,11 +68,10 @@ def terms_text(one: Growth, k: int = -1) -> str:
 
 
 def _after(budget: Budget) -> list[str]:
-    interval = (
-        "" if all(growth.certain for growth in budget.growths.values()) else f", {100 * budget.level:g} % interval"
-    )
+    growths = budget.growths.values()
+    interval = "" if all(growth.certain for growth in growths) else f", {100 * budget.level:g} % interval"
     rows = [("error (1 σ)", f"after {duration_text(budget.duration)}{interval}", "largest contributions")]
-    rows += [(growth.title, error_text(growth), terms_text(growth)) for growth in budget.growths.values()]
+    rows += [(growth.title, error_text(growth), terms_text(growth)) for growth in growths]
     return _table(rows)
 
 
@@ -89,11 +89,6 @@ def _alignment(budget: Budget) -> list[str]:
         values = [at(growth, time) for growth in budget.alignment.values()]
         rows.append((duration_text(time), *(significant(v, 3) if v < RIGHT_ANGLE else "> 90" for v in values)))
     return _table(rows, right=range(1, len(rows[0])))
-
-
-def alignment_title(budget: Budget) -> str:
-    """Return the title of the table of alignment errors."""
-    return f"Static alignment: error of a mean, gyro-compassing at {budget.latitude:g}° latitude"
 
 
 def shown_times(budget: Budget) -> list[float]:

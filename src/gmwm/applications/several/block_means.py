@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gmwm.applications.several.cross import test_pairs
+from gmwm.applications.several.cross import cross_covariance
 from gmwm.applications.several.matrices import measure, pairs_of, product_moment, units_of
 from gmwm.applications.several.result import SharedNoise
 from gmwm.applications.several.streamed import Curves
@@ -42,7 +42,7 @@ def shared_noise(
             return ()
         products = in_threads(lambda _, pair: product_moment(means, curves, unit, pair=pair), pairs, threads=threads)
         moments = {pair: products[name] for name, pair in pairs.items()}
-        result = test_pairs(Curves(curves, moments, {}), robust=False, efficiency=0.6, size=size, confidence=0.95)
+        result = cross_covariance(Curves(curves, moments, {}), robust=False, efficiency=0.6, size=size, confidence=0.95)
     except GmwmError:
         return ()  # for example, there are too few samples without a gap; the calibration reports this
     return tuple(replace(noise, level=noise.level + k) for noise in result.shared)

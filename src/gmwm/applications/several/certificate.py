@@ -1,18 +1,12 @@
 """Prove by branch and bound over the shapes of the terms that no other parameters of a joint model fit better.
 
-The shape of a term is its wavelet variance at unit scale over the levels; it depends on the correlation time. A node of
-the search tree has an interval of shapes for each term whose correlation time is searched. The relaxed problem of the
-node allows any mixture of the shapes in the interval, each shape with its own covariance matrix. It is convex, and its
-dual gives a lower bound. Let r be the residual of any fit, and z a vector whose product with every allowed column of
-the design is positive. δ is the smallest number for which y = r − δ z has no positive product with an allowed column.
-Then the objective of every allowed fit is at least (yᵀb)²/(yᵀy), where b is the weighted data.
-
-The products of y with the columns of a shape κ are vᵀ A v for unit vectors v. The matrix A = Σ_j κ_j R_j is linear in
-κ, with one matrix R_j for each level j that depends on y. The largest product is therefore the largest eigenvalue of A.
-Between two tabulated coordinates, κ is replaced by a cubic, which is a convex combination of four control points; the
-table also bounds the error of the cubic. The largest eigenvalue is a convex function, so its values at the control
-points bound it on the whole cell.
-"""
+A node of the search tree has an interval of shapes (wavelet variances at unit scale) for each searched term. Its
+relaxed problem allows any mixture of them. Let r be the residual of a fit, and z a vector with positive products with
+all allowed columns of the design. If y = r − δ z has no positive product with them, the objective of every fit is at
+least (yᵀb)²/(yᵀy), with the data b. The largest product of y with the columns of a shape κ is the largest eigenvalue of
+A = Σ_j κ_j R_j, with a matrix R_j of y for each level j. Between tabulated coordinates, κ is a cubic with four control
+points, of which it is a convex combination, plus a bounded error. The largest eigenvalue is convex, so its values at
+the control points bound it on the cell."""
 
 from __future__ import annotations
 

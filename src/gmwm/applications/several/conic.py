@@ -1,14 +1,9 @@
 """Least squares with positive semidefinite or diagonal matrices as unknowns, solved by the logarithmic barrier method.
 
-For given shapes κ_p of all terms, the weighted moments b are linear in the covariance matrices Σ_p. With s the vector
-of their free entries and A the design matrix, the problem is
-
-    min |b − A s|²   subject to Σ_p ⪰ 0 for all p.
-
-Newton's method minimises |b − A s|² − μ Σ_p log det Σ_p for a decreasing sequence of μ. At the exact minimum for a
-value of μ, the objective is at most ν μ above the optimum, where ν is the number of rows of all matrices together (Boyd
-and Vandenberghe 2004, Convex Optimization, section 11.2). The last Newton step ends only near this minimum, so gmwm
-states the gap 2 ν μ.
+With s the free entries of the covariance matrices Σ_p, A the design matrix and b the weighted moments, the problem is
+min |b − A s|² subject to Σ_p ⪰ 0. Newton's method minimises |b − A s|² − μ Σ_p log det Σ_p for decreasing μ. Its exact
+minimum is at most ν μ above the optimum, for ν rows of all matrices (Boyd and Vandenberghe 2004, Convex Optimization,
+section 11.2). The last Newton step ends only near this minimum, so gmwm states the gap 2 ν μ.
 """
 
 from __future__ import annotations
@@ -132,13 +127,9 @@ def _least_squares(design: Matrix, target: Vector, cone: Cone, *, gap: float, wa
     _, hessian = barrier.at(s, mu)
     hessian = (hessian + quadratic) / np.outer(unit, unit) * size**2
     return Conic(
-        sigmas=cone.matrices(s * unit),
-        objective=value * size**2,
-        gap=2 * rank * mu * size**2,
-        hessian=hessian,
-        steps=steps,
-        warm=cone.matrices(inside * unit),
-    )
+        sigmas=cone.matrices(s * unit), objective=value * size**2, gap=2 * rank * mu * size**2, hessian=hessian,
+        steps=steps, warm=cone.matrices(inside * unit),
+    )  # fmt: skip
 
 
 def _solve(matrix: Matrix, vector: Vector) -> Vector:

@@ -113,11 +113,11 @@ def cross(
     size = as_size(size)
     as_confidence(confidence)
     curves = _curves(x, rate, axes, robust=robust, efficiency=efficiency)
-    result = test_pairs(curves, robust=robust, efficiency=efficiency, size=size, confidence=confidence)
+    result = cross_covariance(curves, robust=robust, efficiency=efficiency, size=size, confidence=confidence)
     return replace(result, delays=delays_of(curves.first))
 
 
-def test_pairs(
+def cross_covariance(
     measured_curves: Curves, *, robust: bool, efficiency: float, size: float, confidence: float
 ) -> CrossCovariance:
     """Test the cross-covariances of all pairs as `cross` does. The returned object contains no delays."""
@@ -139,23 +139,14 @@ def test_pairs(
     limits = {pair: _limits(correlation[pair], enough[pair], confidence) for pair in moments}
     first = curves[names[0]]
     return CrossCovariance(
-        axes=tuple(names),
-        units={name: wv.unit for name, wv in curves.items()},
-        levels=first.levels,
-        rate=first.rate,
-        samples=first.samples,
-        variance={name: wv.variance for name, wv in curves.items()},
-        covariance=AxisPairs(moments),
-        correlation=AxisPairs(correlation),
+        axes=tuple(names), units={name: wv.unit for name, wv in curves.items()}, levels=first.levels, rate=first.rate,
+        samples=first.samples, variance={name: wv.variance for name, wv in curves.items()},
+        covariance=AxisPairs(moments), correlation=AxisPairs(correlation),
         lower=AxisPairs({pair: low for pair, (low, _) in limits.items()}),
-        upper=AxisPairs({pair: high for pair, (_, high) in limits.items()}),
-        degrees_of_freedom=AxisPairs(freedom),
-        pvalues=AxisPairs(pvalues),
-        delays=AxisPairs({}),
-        size=size,
-        confidence=confidence,
+        upper=AxisPairs({pair: high for pair, (_, high) in limits.items()}), degrees_of_freedom=AxisPairs(freedom),
+        pvalues=AxisPairs(pvalues), delays=AxisPairs({}), size=size, confidence=confidence,
         efficiency=efficiency if robust else None,
-    )
+    )  # fmt: skip
 
 
 def _curves(

@@ -1,15 +1,9 @@
 """A Kalman filter that estimates the slow noise of an array from the differences of its signals.
 
-Differences between signals of the same axis do not depend on the motion. Let x (d,) be the signals at one time. w₀ are
-the weights with sum 1 that minimise the white noise of w₀ᵀ x, and B (d − 1, d) is a basis of the differences (B 1 = 0).
-The noise that is not white is b = Σ_p b_p, with a covariance matrix Σ_p between the signals for each process p. The
-filter estimates b̂_p from B x. The fused signal is
-
-    ŝ = w₀ᵀ x − Σ_p c_p B b̂_p,   c_p = w₀ᵀ Σ_p Bᵀ (B Σ_p Bᵀ)⁺,
-
-where ⁺ is the pseudo-inverse, because c_p B b_p is the best linear prediction of w₀ᵀ b_p. The white noise of w₀ᵀ x is
-independent of the differences.
-"""
+Differences B x (B 1 = 0) of signals x of the same axis do not depend on the motion. w₀ are the weights with sum 1 that
+minimise the white noise of w₀ᵀ x, which is independent of the differences. The filter estimates the noise b_p of each
+other process from B x. The fused signal is ŝ = w₀ᵀ x − Σ_p c_p B b̂_p with c_p = w₀ᵀ Σ_p Bᵀ (B Σ_p Bᵀ)⁺, because c_p B
+b_p is the best linear prediction of w₀ᵀ b_p."""
 
 from __future__ import annotations
 

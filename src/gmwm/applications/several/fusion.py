@@ -10,16 +10,9 @@ from numpy.typing import ArrayLike
 
 from gmwm.applications.several.difference_filter import ArrayNoise, DifferenceFilter, wavelet_variance
 from gmwm.applications.several.fusion_result import VirtualAxis, VirtualSensor
+from gmwm.applications.several.inference import misfit
 from gmwm.applications.several.matrices import WaveletMatrices, wavelet_matrices
-from gmwm.applications.several.model_fusion import (
-    best_noise,
-    fit_array,
-    model_text,
-    noise_of,
-    optimism,
-    pvalue_of,
-    unit_of,
-)
+from gmwm.applications.several.model_fusion import best_noise, fit_array, noise_of, optimism, unit_of
 from gmwm.applications.several.sensor_array import like_axes
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
@@ -112,7 +105,9 @@ def fuse(
     (array([ 0.68,  0.37, -0.05]), '1.39')
     """
     if horizon is not None:
-        horizon = _as_horizon(horizon)
+        if isinstance(horizon, bool) or not isinstance(horizon, int | float) or not 0 < horizon < np.inf:
+            raise OptionError(argument="horizon", expected="a positive time (s)", got=horizon)
+        horizon = float(horizon)
     elif nonnegative:
         raise OptionError(argument="nonnegative", expected="given with {--horizon}", got=nonnegative)
     virtual = {}
@@ -123,12 +118,6 @@ def fuse(
         else:
             virtual[axis] = _from_model(axis, filled, horizon, model=model, nonnegative=nonnegative)
     return VirtualSensor(axes=virtual, horizon=horizon)
-
-
-def _as_horizon(horizon: float) -> float:
-    if isinstance(horizon, bool) or not isinstance(horizon, int | float) or not 0 < horizon < np.inf:
-        raise OptionError(argument="horizon", expected="a positive time (s)", got=horizon)
-    return float(horizon)
 
 
 def _from_model(
@@ -152,22 +141,13 @@ def _from_model(
     factor = optimism(settled, design, levels)
     first = next(iter(signals.values()))
     fused = VirtualAxis(
-        axis=axis,
-        members=measured.names,
-        unit=first.unit,
-        weights=filter.weights,
-        levels=levels,
-        rate=first.rate,
-        samples=len(first),
-        variance=scale * factor * wavelet_variance(noise, filter, levels),
+        axis=axis, members=measured.names, unit=first.unit, weights=filter.weights, levels=levels, rate=first.rate,
+        samples=len(first), variance=scale * factor * wavelet_variance(noise, filter, levels),
         average=scale * noise.static(np.full(d, 1 / d), levels),
-        each=scale * np.array([noise.static(row, levels) for row in np.eye(d)]),
-        measured=np.zeros(levels.size),
-        optimism=factor,
-        filter=filter if filter.C.size else None,
-        model=model_text(settled),
-        pvalue=pvalue_of(settled),
-    )
+        each=scale * np.array([noise.static(row, levels) for row in np.eye(d)]), measured=np.zeros(levels.size),
+        optimism=factor, filter=filter if filter.C.size else None,
+        model=" + ".join(map(str, settled.problem.terms)), pvalue=misfit(settled).pvalue,
+    )  # fmt: skip
     own_variance = signal_wavelet_variance(fused.apply(signals), levels=int(levels[-1])).variance
     return replace(fused, measured=own_variance[levels - 1])
 
@@ -182,19 +162,11 @@ def _static(axis: str, signals: Mapping[str, Signal], horizon: float, *, nonnega
     variance = np.einsum("a,jab,b->j", weights, gamma, weights)
     optimism = _optimism(measured, variance, shares, d=int(np.count_nonzero(weights)))
     return VirtualAxis(
-        axis=axis,
-        members=measured.names,
-        unit=next(iter(signals.values())).unit,
-        weights=weights,
-        levels=measured.design.levels,
-        rate=measured.design.rate,
-        samples=measured.design.samples,
-        variance=variance * optimism,
-        average=gamma.sum(axis=(1, 2)) / d**2,
-        each=np.einsum("jaa->aj", gamma),
-        measured=variance,
-        optimism=optimism,
-    )
+        axis=axis, members=measured.names, unit=next(iter(signals.values())).unit, weights=weights,
+        levels=measured.design.levels, rate=measured.design.rate, samples=measured.design.samples,
+        variance=variance * optimism, average=gamma.sum(axis=(1, 2)) / d**2, each=np.einsum("jaa->aj", gamma),
+        measured=variance, optimism=optimism,
+    )  # fmt: skip
 
 
 def _shares(measured: WaveletMatrices, horizon: float) -> Vector:

@@ -94,22 +94,15 @@ def fit_joint(
     >>> found.shared("RW").pvalue < 0.001
     True
     """
-    seconds = _as_seconds(certify)
+    if certify is not False and (not isinstance(certify, int | float) or not certify > 0):
+        raise OptionError(argument="certify", expected="True, False or a positive time (s)", got=certify)
+    seconds = 60.0 if certify is True else float(certify)
     terms = joint_terms(model)
     signals = chosen_signals(x, rate, axes)
     unknowns = len(terms) + sum(term.branch is not None for term in terms)
     settled = settle(terms, measured_at(signals, levels, unknowns))
     bounds, settled = _bounds(settled, seconds)
     return JointFit.of(settled, {name: signal.unit for name, signal in signals.items()}, bounds)
-
-
-def _as_seconds(certify: bool | float) -> float:
-    """Return the time limit (s) for the bound, or 0 if no bound is requested."""
-    if isinstance(certify, bool):
-        return 60.0 if certify else 0.0
-    if not isinstance(certify, int | float) or not certify > 0:
-        raise OptionError(argument="certify", expected="True, False or a positive time (s)", got=certify)
-    return float(certify)
 
 
 def _bounds(settled: JointSolution, seconds: float) -> tuple[tuple[float, float] | None, JointSolution]:

@@ -130,7 +130,7 @@ class JointFit(Summarised, Plotted):
 
     @classmethod
     def of(cls, settled: JointSolution, units: Mapping[str, str], bounds: tuple[float, float] | None) -> JointFit:
-        """Create the result from a solved problem, the units of its signals, and its two lower bounds."""
+        """Create the result from a solved problem (`settled`), the units of its signals, and its two lower bounds."""
         problem, estimate, measured = settled.problem, settled.estimate, settled.measured
         labels = [term.label for term in problem.terms]
         processes = problem.processes(estimate.u)
@@ -141,22 +141,13 @@ class JointFit(Summarised, Plotted):
         }
         sigmas = settled.sigmas
         return cls(
-            axes=measured.names,
-            units=dict(units),
-            model=" + ".join(map(str, problem.terms)),
-            terms=tuple(labels),
-            rate=measured.design.rate,
-            samples=measured.design.samples,
-            levels=measured.design.levels,
-            covariances=Named(zip(labels, sigmas, strict=True), "term"),
-            parameters=Named(parameters, "parameter"),
-            objective=estimate.objective,
-            lower_bound=None if bounds is None else bounds[0],
-            relaxed_bound=None if bounds is None else bounds[1],
-            measured=measured.values,
-            implied=np.einsum("pj,pab->jab", problem.shapes(estimate.u), sigmas),
-            settled=settled,
-        )
+            axes=measured.names, units=dict(units), model=" + ".join(map(str, problem.terms)), terms=tuple(labels),
+            rate=measured.design.rate, samples=measured.design.samples, levels=measured.design.levels,
+            covariances=Named(zip(labels, sigmas, strict=True), "term"), parameters=Named(parameters, "parameter"),
+            objective=estimate.objective, lower_bound=None if bounds is None else bounds[0],
+            relaxed_bound=None if bounds is None else bounds[1], measured=measured.values,
+            implied=np.einsum("pj,pab->jab", problem.shapes(estimate.u), sigmas), settled=settled,
+        )  # fmt: skip
 
     @property
     def converged(self) -> bool:

@@ -56,20 +56,9 @@ def fit_array(signals: Mapping[str, Signal], model: ModelLike | None) -> JointSo
     if best is None:
         raise DataError(
             "the units have nearly the same signal: what they share, such as motion, hides the noise of each",
-            argument="x",
-            advice="Compute the weights from a recording at rest, and fuse this one with {--apply}.",
-        )
+            argument="x", advice="Compute the weights from a recording at rest, and fuse this one with {--apply}.",
+        )  # fmt: skip
     return best[1]
-
-
-def pvalue_of(settled: JointSolution) -> float:
-    """Return the p-value of the goodness-of-fit test of a joint fit."""
-    return misfit(settled).pvalue
-
-
-def model_text(settled: JointSolution) -> str:
-    """Return the model of a fit as text."""
-    return " + ".join(map(str, settled.problem.terms))
 
 
 def noise_of(settled: JointSolution, sigmas: Matrix | None = None) -> ArrayNoise:

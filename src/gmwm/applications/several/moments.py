@@ -1,14 +1,11 @@
 """The wavelet variances and cross-covariances of d signals as one vector of moments, and their exact covariance.
 
-Let the signals be X = Σ_p L_p u_p. The entries of u_p are independent processes at unit scale with wavelet variances
-κ_pj at level j, and Σ_p = L_p L_pᵀ. The covariance matrix of the wavelet coefficients at level j is then Γ_j = Σ_p κ_pj
-Σ_p. Its estimates have the covariances
+For signals X = Σ_p L_p u_p of independent processes u_p with wavelet variances κ_pj and Σ_p = L_p L_pᵀ, the covariance
+matrix of the coefficients at level j is Γ_j = Σ_p κ_pj Σ_p. Its estimates have the covariances
 
-    Cov(γ̂_ab,j, γ̂_cd,k) = Σ_p Σ_q (Σp_ac Σq_bd + Σp_ad Σq_bc) G_pq,jk,   G_pq,jk = Σ_u n(u) κ_p(u) κ_q(u) / (M_j M_k).
+    Cov(γ̂_ab,j, γ̂_cd,k) = Σ_p Σ_q (Σp_ac Σq_bd + Σp_ad Σq_bc) G_pq,jk,   G_pq,jk = Σ_u n(u) κ_p(u) κ_q(u) / (M_j M_k),
 
-Here κ_p(u) = Cov(W_j,t, W_k,t+u) is the covariance of the wavelet coefficients W of process p at lag u. n(u) is the
-number of pairs of coefficients with this lag, and M_j is the number of coefficients of level j. G does not depend on
-the covariance matrices Σ_p.
+with κ_p(u) = Cov(W_j,t, W_k,t+u), n(u) pairs of coefficients at lag u, and M_j coefficients of level j.
 """
 
 from __future__ import annotations

@@ -1,11 +1,8 @@
 """Kalman smoother for several signals with shared noise.
 
-The unknown constant level of each signal is a regression coefficient with a flat prior, as in `gmwm.likelihood`. Filter
-and smoother are applied to the data and, with the same gains, to a signal with the constant value 1 for each axis. The
-levels then follow from generalised least squares. A random walk starts at 0, because its unknown initial value is part
-of the level.
-
-Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., sections 4.4 and 5.7.
+The unknown level of each signal is a regression coefficient with a flat prior: filter and smoother are applied, with
+the same gains, to the data and to a constant for each signal. A random walk starts at 0, because its initial value is
+part of the level. Durbin and Koopman (2012), Time Series Analysis by State Space Methods, sections 4.4 and 5.7.
 """
 
 from __future__ import annotations

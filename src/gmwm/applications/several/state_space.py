@@ -114,7 +114,7 @@ class JointContinuousStateSpace(_Matrices):
         )  # fmt: skip
 
     def discrete(self, rate: float) -> JointStateSpace:
-        """Return the discrete-time state space of all terms: blocks F_p ⊗ I, Q_p ⊗ I, H_p ⊗ L_p and R = Σ_p R_p Σ_p."""
+        """Return the discrete-time model at a `rate` (Hz), without the terms in `left_out`."""
         space = self.along(np.zeros(len(self.axes))).discrete(rate)
         return JointStateSpace(
             F=space.F, Q=space.Q, H=self.H, R=self.Rc * rate, P0=self.P0, diffuse=self.diffuse, axes=self.axes,

@@ -50,7 +50,8 @@ def joint_terms(model: ModelLike) -> tuple[JointTerm, ...]:
         for process in _processes(text.strip(), str(model)) * times:
             _require_shape(process)
             kinds.append((kind, process))  # type: ignore[arg-type]
-    repeated = [key for key, count in Counter(_keys(kinds)).items() if count > 1]
+    keys = Counter((kind, process.name) for kind, process in kinds if not process.repeatable)
+    repeated = [key for key, count in keys.items() if count > 1]
     if repeated:
         kind, name = repeated[0]
         term = name if kind == "own" else f"{kind}({name})"
@@ -76,10 +77,6 @@ def _processes(text: str, model: str) -> tuple[Process, ...]:
         advice = error.advice or "Terms are processes such as WN, and own(…), common(…) or shared(…) of processes."
         why = f"is wrong: {error.reason}" if text else "is empty"
         raise ModelError(f'a term of the model "{model}" {why}', argument="model", got=model, advice=advice) from None
-
-
-def _keys(kinds: list[tuple[Kind, Process]]) -> list[tuple[Kind, str]]:
-    return [(kind, process.name) for kind, process in kinds if not process.repeatable]
 
 
 def _summands(text: str) -> list[str]:
