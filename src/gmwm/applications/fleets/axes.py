@@ -12,9 +12,6 @@ from gmwm.base.arrays import Matrix
 from gmwm.base.axis_names import sensor_of
 from gmwm.base.multiple_tests import holm
 
-LEAST_COMPLETE = 6
-"""Least units with a value on all axes. For three axes, 4 denominator degrees of freedom are left."""
-
 
 def differences(
     numbers: Sequence[tuple[str, str, str, str | None]], x: Matrix, size: float
@@ -34,7 +31,8 @@ def differences(
     tests = []
     for (sensor, symbol), places in groups.items():
         complete = x[places][:, np.all(np.isfinite(x[places]), axis=0)]
-        if len(places) < 2 or complete.shape[1] < LEAST_COMPLETE or len({numbers[k][2:] for k in places}) > 1:
+        # Leaves 4 denominator degrees of freedom for three axes.
+        if len(places) < 2 or complete.shape[1] < 6 or len({numbers[k][2:] for k in places}) > 1:
             continue
         pvalue = hotelling(np.diff(complete, axis=0))
         if pvalue is None:

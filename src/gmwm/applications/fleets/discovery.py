@@ -18,8 +18,6 @@ from gmwm.recording.options import ReadOptions
 
 FILE = "fleet.json"
 """Name of the file that marks the output folder of a fleet."""
-_PLAUSIBLE = 0.5
-"""Confidence of a reader that may be able to read a file; see `Reader.sniff`."""
 Recordings = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Mapping[str, str | os.PathLike[str]]
 
 
@@ -147,7 +145,8 @@ def _is_recording(path: Path) -> bool:
     except OSError:
         return True
     sure = max(reader.sniff(path, head) for reader in registered())
-    return sure > _PLAUSIBLE or (sure == _PLAUSIBLE and not path.suffix)
+    # The reader may be able to read the file, see `Reader.sniff`.
+    return sure > 0.5 or (sure == 0.5 and not path.suffix)
 
 
 def _name_by_path(paths: Sequence[Path]) -> dict[str, Path]:

@@ -172,7 +172,7 @@ def calibrate_fleet(
     units = find_units(recordings, folder, pattern).by_topic(reading)
     if folder.exists() and not folder.is_dir():
         raise OptionError(argument="output", expected="a folder", got=str(folder))
-    run = _Run(folder, units, progress)
+    run = _FleetRun(folder, units, progress)
     jobs = run.jobs(unit_options)
     # Nothing is written before the connection to the scheduler is established.
     with _outcomes(jobs, scheduler, workers, retries, helpers=helpers) as outcomes:
@@ -192,7 +192,7 @@ def calibrate_fleet(
     )  # fmt: skip
 
 
-class _Run:
+class _FleetRun:
     """One run of a fleet, which collects the table rows of units from earlier runs and of new calibrations."""
 
     def __init__(self, folder: Path, found: FleetUnits, progress: Progress | None) -> None:

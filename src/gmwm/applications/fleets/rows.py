@@ -11,8 +11,6 @@ from gmwm.base.text import printable
 from gmwm.calibration.result import AxisCalibration, Calibration
 
 Row = dict[str, Any]
-PROVEN = 1e-3
-"""Largest relative gap to the lower bound of a certified fit (docs/validation/optimum.md)."""
 _INFINITE = "Infinity"
 
 
@@ -61,7 +59,7 @@ def _of_axis(found: AxisCalibration) -> Row:
         "p_value": None if found.test is None else float(found.test.pvalue),
         "robust": fit.wavelet_variance.robust,
         "contaminated": None if found.verdict is None else bool(found.verdict.contaminated),
-        "certified": fit.gap is not None and bool(fit.gap <= PROVEN),
+        "certified": fit.gap is not None and bool(fit.gap <= 1e-3),  # docs/validation/optimum.md
     }
     for symbol, entry in found.datasheet.items():
         bound = entry.upper_only

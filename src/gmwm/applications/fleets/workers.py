@@ -13,8 +13,6 @@ from gmwm.base.errors import GmwmError
 if TYPE_CHECKING:
     from distributed import Future
 
-WINDOW = 4
-"""Submitted jobs per thread: no thread waits, and the scheduler does not store all jobs."""
 _GONE = "the scheduler no longer answers"
 _AGAIN = "Run the fleet again: finished units are kept."
 
@@ -45,7 +43,12 @@ def on_cluster(jobs: Iterable[UnitJob], client: Any, retries: int) -> Generator[
         return None
 
     yield from _through(
-        client, jobs, retries=retries, on_lost=on_lost, window=lambda: WINDOW * sum(client.nthreads().values())
+        # No thread waits, and the scheduler does not store all jobs.
+        client,
+        jobs,
+        retries=retries,
+        on_lost=on_lost,
+        window=lambda: 4 * sum(client.nthreads().values()),
     )
     yield from _through(
         client, suspects, retries=retries, window=lambda: 1,

@@ -43,10 +43,6 @@ HOLD = 60.0
 """Further alarms of an axis are attributed to a reported fault for at least this time (s) after its last alarm."""
 REMEMBERED = 3600.0
 """A fault that recurs within this time (s) is not reported again, unless it is larger. A jump is always reported."""
-MOVED_AXES = 3
-"""If at least this number of axes change within `NAMING` seconds, the unit was moved."""
-TOGETHER = 0.7
-"""Events per alarm of a chart: neighbouring levels raise alarms together (docs/validation/monitor.md)."""
 FORMAT = "gmwm-monitor"
 
 
@@ -134,7 +130,8 @@ class Monitor(OneAtATime):
         usual = ChartSettings.of_model(self.rate)
         settings = {axis: self.baselines[axis].settings() if axis in self.baselines else usual for axis in models}
         charts = sum(charts_of.charts for charts_of in settings.values())
-        self.run_length = TOGETHER * self.every * self.rate * charts
+        # Events per alarm of a chart: neighbouring levels raise alarms together (docs/validation/monitor.md).
+        self.run_length = 0.7 * self.every * self.rate * charts
         self._naming = max(round(NAMING * self.rate), 1)
         longest = max(round(LONGEST_REST * self.rate), self._naming)
         self._axes = {
@@ -373,7 +370,7 @@ class Monitor(OneAtATime):
         others = [
             axis for axis, monitored in self._axes.items() if axis not in faults and monitored.is_loud(self._naming)
         ]
-        if moving and len(moving) + len(others) >= MOVED_AXES:
+        if moving and len(moving) + len(others) >= 3:  # axes that change together: the unit was moved
             first = min(alarm.sample for axis in moving for alarm in by_axis[axis])
             onset = min(faults[axis].onset for axis in moving)
             events.append(Event(kind="moved", time=self._clock.time(first), began=self._clock.time(onset)))

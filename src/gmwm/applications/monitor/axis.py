@@ -15,12 +15,6 @@ from gmwm.applications.monitor.stored import number, numbers, whole
 from gmwm.applications.monitor.whitening import Gain, Whitener
 from gmwm.base.arrays import Vector
 
-LOUD = 3.0
-"""An innovation that exceeds the limit of a spike by this factor counts as motion, not as noise."""
-VERY_LOUD = 20.0
-"""An innovation that exceeds the limit of a spike by this factor is not attributed to a fault reported before."""
-LARGER = 1.5
-"""A recurring fault is reported again if it is larger than before by this factor."""
 HISTORY = 4096
 """Number of innovations, and of their sums, that determine the kind of a fault."""
 
@@ -105,7 +99,7 @@ class MonitoredAxis:
         fault = self.open
         if fault is None or alarm.sample > fault.until or alarm.family not in _EXPLAINED[fault.kind]:
             return False
-        if alarm.score > 0.5 * (VERY_LOUD * self.charts.spike) ** 2 and fault.kind not in _SILENT:
+        if alarm.score > 0.5 * (20.0 * self.charts.spike) ** 2 and fault.kind not in _SILENT:
             return False  # this is motion, regardless of the reported fault
         hold = max(fault.hold, alarm.sample - alarm.onset)
         self.open = Open(fault.kind, max(fault.until, alarm.sample + hold), fault.hold)
@@ -131,7 +125,8 @@ class MonitoredAxis:
 
     def is_loud(self, samples: int) -> bool:
         """Return whether one of the last `samples` innovations is far beyond the limit of a spike."""
-        return bool(np.max(np.abs(self.fast[-samples:]), initial=0.0) > LOUD * self.charts.spike)
+        # This is motion, not noise.
+        return bool(np.max(np.abs(self.fast[-samples:]), initial=0.0) > 3.0 * self.charts.spike)
 
     def report(
         self, kind: Kind, alarms: Sequence[Alarm], *, hold: int, remembered: int = 0, magnitude: float = 0.0
@@ -147,7 +142,7 @@ class MonitoredAxis:
             self.begin_again()
         name = "noise-up" if kind == "hum" else kind
         last, before = self.known.get(name, (-remembered, 0.0))
-        new = kind == "jump" or now - last >= remembered or magnitude > LARGER * before
+        new = kind == "jump" or now - last >= remembered or magnitude > 1.5 * before
         self.known = {**self.known, name: (now, max(magnitude, 0.0 if new else before))}
         return new
 

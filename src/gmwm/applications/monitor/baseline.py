@@ -20,18 +20,10 @@ from gmwm.theory.processes.model import Model
 
 LEAST_BLOCKS = 80
 """Least blocks for the mean square of a level: standard error below 7 %, less than the dead band."""
-LEAST_MEANS = 30
-"""Smallest number of block means from which their scatter is estimated. Its standard error is then 13 %."""
-LONGEST_BURST = 256
-"""Largest number of blocks in a group whose variance is estimated. Charts raise an alarm within it."""
 LARGEST = 1e15
 """Largest number in a baseline; ratios, shapes and scatter are at least 1 / `LARGEST`. Other numbers are damage."""
 REACH = 5
 """A chart of block means uses the largest scatter of its level and of this number of coarser levels."""
-BAND = 1.1
-"""Dead band (factor of the variance). Parts of a recording in docs/validation/monitor.md differ by less."""
-LEAST_EQUAL = 8
-"""A run of fewer equal samples than this never counts as frozen."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,8 +110,10 @@ class Baseline:
     def settings(self) -> ChartSettings:
         """Return the settings of the charts for this baseline."""
         return ChartSettings(
-            self.ratios, self.shapes, scatter=np.array(self.scatter), band=BAND,
-            tail=max(1.0, self.largest / spike_limit(self.samples)), equal=max(2 * self.equal, LEAST_EQUAL),
+            # Dead band: parts of a recording in docs/validation/monitor.md differ by less.
+            self.ratios, self.shapes, scatter=np.array(self.scatter), band=1.1,
+            # Shorter runs never count as frozen.
+            tail=max(1.0, self.largest / spike_limit(self.samples)), equal=max(2 * self.equal, 8),
         )  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
@@ -187,7 +181,7 @@ def _shapes(blocks: Vector) -> Iterator[float]:
 
     Bursts of noise make the shape of larger groups smaller."""
     together = 1
-    while together <= LONGEST_BURST and blocks.size >= LEAST_BLOCKS:
+    while together <= 256 and blocks.size >= LEAST_BLOCKS:  # charts raise an alarm within this number of blocks
         yield 1.0 / max(together * float(np.var(blocks, ddof=1)), 1e-300)
         even = blocks.size & ~1
         blocks, together = 0.5 * (blocks[0:even:2] + blocks[1:even:2]), 2 * together
@@ -207,7 +201,7 @@ def _block_means(sums: _BlockSums) -> tuple[float, ...]:
     while True:
         level = len(scatter)
         z = np.concatenate(sums[level]) / 2.0 ** (level / 2.0)
-        if z.size < LEAST_MEANS:
+        if z.size < 30:  # the standard error of the scatter is then 13 %
             # A chart adds up to about 2^REACH blocks before it raises an alarm, so the scatter of longer blocks matters
             # too.
             return tuple(max(scatter[k : k + REACH + 1]) for k in range(len(scatter)))

@@ -18,12 +18,6 @@ NAMING = 1.0
 SLOWNESS, LONGEST_NAMING = 8.0, 60.0
 """A change of level is named after SLOWNESS times the time from onset to alarm, within LONGEST_NAMING seconds. 9 of
 10 excursions of slow noise are then not jumps (validation/study_monitor.py)."""
-MOVED_RATIO = 2.0
-"""If several axes change at once, an increase of the standard deviation by this factor counts as motion."""
-LINE_CHANCE = 1e-4
-"""Probability that noise without a sinusoid has a spectral peak at any frequency that is reported as a hum."""
-LINE_SHARE = 1.0 / 3.0
-"""A hum must explain at least this share of the excess power (validation/study_monitor.py)."""
 SLOW_LEVEL, SLOW_PRIOR = 6, 4.0
 """From this level on, a jump must exceed the log-likelihood of slow noise by SLOW_PRIOR
 (validation/study_monitor.py)."""
@@ -63,7 +57,7 @@ class Fault:
     @property
     def is_motion(self) -> bool:
         """Whether the change counts as motion if several axes have it at the same time."""
-        louder = self.kind == "noise-up" and (self.ratio or 0.0) >= MOVED_RATIO
+        louder = self.kind == "noise-up" and (self.ratio or 0.0) >= 2.0
         return louder or self.kind in ("jump", "ramp", "spike")
 
     @property
@@ -217,11 +211,12 @@ def _line(history: History, onset: int, gain: Gain) -> tuple[float, float] | Non
     power[:8] = 0.0  # frequencies of slow noise, not of a hum
     peak = int(np.argmax(power[: size // 2]))
     background = float(np.median(power[8 : size // 2])) / math.log(2.0)
-    if power[peak] / max(background, 1.0) < math.log(values.size / LINE_CHANCE):
+    # Chance of such a peak at any frequency without a sinusoid.
+    if power[peak] / max(background, 1.0) < math.log(values.size / 1e-4):
         return None
     amplitude = 2.0 * math.sqrt(float(power[peak]) * float(np.sum(window**2))) / float(np.sum(window))
     excess = float(np.mean(np.square(values))) - 1.0
-    if 0.5 * amplitude**2 < LINE_SHARE * excess:
+    if 0.5 * amplitude**2 < 1.0 / 3.0 * excess:  # share of the excess power (validation/study_monitor.py)
         return None
     cycles = peak / size
     return cycles, amplitude / gain.magnitude(cycles)

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
 UNITS_TO_COMPARE = 3
 """Smallest number of units with which the changed unit can be identified."""
-CONSEQUENCES = 600.0
-"""Events of other units on the same axis count as consequences of a reported event for at least this time (s)."""
 LONGEST_MOTION = 60.0
 """Longest time (s) for which all units may move together."""
 
@@ -159,7 +157,8 @@ class _Culprits:
                 # The differences of the other units contain 1/(n − 1) of the fault. Detecting it takes (n − 1)² times
                 # as long.
                 slow = (self._units - 1) ** 2 * (item.event.time - item.event.began)
-                self._until[axis] = (item.name, item.event.time + max(CONSEQUENCES, 4.0 * slow))
+                # Consequences last at least 600 s.
+                self._until[axis] = (item.name, item.event.time + max(600.0, 4.0 * slow))
                 yield item
 
 

@@ -22,9 +22,6 @@ from gmwm.theory.processes.model import Model, as_model
 if TYPE_CHECKING:
     from gmwm.files.readers.streams import Stream
 
-RATE_TOLERANCE = 0.01
-"""Largest relative difference of two rates. It changes variances by less than the dead band of the charts."""
-
 
 def models_of(calibration: Mapping[str, Any], axes: Sequence[str] | None) -> dict[str, Model]:
     """Return the model of each axis to monitor."""
@@ -58,7 +55,7 @@ def common_rate(calibration: Mapping[str, Any], rate: float | None) -> float:
 
 def check_rate(rate: float, expected: float) -> None:
     """Raise an error if a recording does not have the sampling rate of the calibration."""
-    if abs(rate / expected - 1.0) > RATE_TOLERANCE:
+    if abs(rate / expected - 1.0) > 0.01:  # changes variances by less than the dead band of the charts
         raise OptionError(
             argument="rate",
             expected=f"{expected:g}, the rate of the calibration (Hz), because its values are per sample", got=rate,

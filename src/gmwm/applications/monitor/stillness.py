@@ -14,13 +14,6 @@ from gmwm.applications.monitor.whitening import Whitener
 from gmwm.base.arrays import Vector
 from gmwm.base.plain import plain_fields
 
-CALM = 3
-"""A unit is at rest again after this number of consecutive blocks without motion."""
-MOVING = 4.0
-"""A block moves if the mean square of its innovations exceeds the expected one by this factor."""
-LEAST_SAMPLES = 32
-"""Least samples in a block. Without motion, the ratio exceeds MOVING once in 10¹⁰ blocks."""
-
 
 @dataclass(frozen=True)
 class Stillness:
@@ -34,7 +27,7 @@ class Stillness:
         self, parts: Mapping[str, Vector], axes: Mapping[str, MonitoredAxis], naming: int
     ) -> tuple[int, Stillness, bool]:
         """Add samples of all axes. Return the number of used samples, the new state, and whether the unit rests."""
-        block = max(naming, LEAST_SAMPLES)
+        block = max(naming, 32)  # without motion, the ratio below exceeds its limit once in 10¹⁰ blocks
         filled = next(iter(self.held.values())).size if self.held else 0
         used = min(next(iter(parts.values())).size, block - filled)
         held = {
@@ -44,9 +37,9 @@ class Stillness:
             return used, replace(self, held=held, samples=self.samples + used), False
         for axis, x in held.items():
             errors, usual = Whitener(axes[axis].gain).update(x), float(axes[axis].settings.ratios[0])
-            if not float(np.mean(np.square(errors))) < MOVING * usual:
+            if not float(np.mean(np.square(errors))) < 4.0 * usual:
                 return used, Stillness(0, self.samples + used), False
-        return used, Stillness(self.calm + 1, self.samples + used), self.calm + 1 >= CALM
+        return used, Stillness(self.calm + 1, self.samples + used), self.calm + 1 >= 3
 
     def broken(self) -> Stillness:
         """Return the state after a gap."""

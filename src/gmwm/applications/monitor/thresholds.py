@@ -14,8 +14,6 @@ SHIFT = 1.0
 SOLVED_AT = 1e5
 """Run length (blocks) of the integral equation. For others, the threshold is extrapolated in its logarithm, with an
 error below 4 % from 10⁴ to 10⁸ blocks (tests/monitor/test_charts.py)."""
-_CELLS = 120
-"""Cells of the integral equation. With 300, the run length changes by less than 3 % (same test)."""
 
 
 def level_threshold(run_length: float) -> float:
@@ -79,7 +77,7 @@ def shape_factor(sums: int, ratio: float) -> float:
     return float(brentq(excess, 1e-3, min(largest * (1.0 - 1e-9), 10.0)))
 
 
-def noise_run_length(threshold: float, shape: float, ratio: float, cells: int = _CELLS) -> float:
+def noise_run_length(threshold: float, shape: float, ratio: float, cells: int = 120) -> float:
     """Return the average run length (blocks) of a noise chart that starts at 0, from Page's equation on cells."""
     width = threshold / cells
     states = np.concatenate([[0.0], (np.arange(cells) + 0.5) * width])

@@ -28,10 +28,6 @@ FRAME = 1024
 """Number of samples (a frame) for which the response to the initial state is computed in one step."""
 DIFFUSE = 1e-12
 """Prior information on a diffuse level over that of a sample. It agrees with the limit of zero to 12 digits."""
-FORGOTTEN = 1e-6
-"""Share of the variance below which a component of the initial state is dropped: 1/60 in a mean of 2^14 samples."""
-COAST = 1000
-"""Longest gap (samples) over which the filter predicts. After a longer one, the level is unknown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,7 +244,7 @@ class Whitener:
         mean = covariance @ self.moments
         # The effect of a constant level never decays, even if the level is well determined.
         size = self._peaks * (covariance.diagonal() + mean**2)
-        mask = size > FORGOTTEN
+        mask = size > 1e-6  # 1/60 of the variance in a mean of 2^14 samples
         if mask.all():
             return
         self.columns = int(np.count_nonzero(mask))
@@ -270,7 +266,8 @@ class Whitener:
 
     def gap(self, samples: int | None) -> None:
         """Continue after missing samples; `samples` is None if their number is unknown."""
-        if samples is None or samples > COAST or self.columns or self.origin is None:
+        # The level is unknown after a longer gap.
+        if samples is None or samples > 1000 or self.columns or self.origin is None:
             self.drifted += samples or 0
             self.restart()
             return

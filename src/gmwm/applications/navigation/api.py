@@ -28,9 +28,6 @@ LATITUDE = 45.0
 """Default latitude (deg)."""
 _DEGREE = math.pi / 180
 
-VERTICAL = 100.0
-"""Longest time (s) of vertical errors. Later, second-order effects of the tilt exceed them
-(docs/validation/budget.md)."""
 _ERRORS = {
     "tilt_x": ("tilt about x", "deg", {"gyro_x"}),
     "tilt_y": ("tilt about y", "deg", {"gyro_y"}),
@@ -165,7 +162,8 @@ class _Maker:
         parts = self._parts(motions, self.rest)
         growths = {}
         for column, (name, (title, unit, needed)) in enumerate(_ERRORS.items()):
-            if needed & self.axes.keys() and (not name.endswith("_z") or self.times[-1] <= VERTICAL):
+            # Later, second-order effects of the tilt exceed the vertical errors (docs/validation/budget.md).
+            if needed & self.axes.keys() and (not name.endswith("_z") or self.times[-1] <= 100.0):
                 size = _DEGREE if unit == "deg" else 1.0
                 growths[name] = self._growth(parts, column, size, name=name, title=title, unit=unit)
         return growths

@@ -20,9 +20,6 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.ladder import approximated
 from gmwm.theory.processes.model import Model, as_model
 
-_STEP = 1e-3
-"""Relative step of central differences by shape parameters. The relative error is about 1e-6."""
-
 
 @dataclass(frozen=True, eq=False)
 class BudgetAxis:
@@ -94,9 +91,10 @@ class BudgetAxis:
             if parameter.scale_power is not None:
                 return parameter.scale_power * squares[id(process)]
             value = process.value(name)
-            moved = [process.with_values(**{name: value * (1 + side * _STEP)}) for side in (1, -1)]
+            # Relative error of the derivatives: about 1e-6.
+            moved = [process.with_values(**{name: value * (1 + side * 1e-3)}) for side in (1, -1)]
             upper, lower = (self._of(variant, motion, times, rest) for variant in moved)
-            return (upper - lower) / (2 * _STEP)
+            return (upper - lower) / (2 * 1e-3)
 
         slopes = np.array([slope(process, name) for process, name in self.curve.moving])
         variance = np.einsum("iab,ij,jab->ab", slopes, self.curve.scatter, slopes)

@@ -29,8 +29,6 @@ from gmwm.theory.processes.parameter import Branch
 
 GAP = 1e-3
 """The search ends when the relative gap between the objective and its lower bound is at most this."""
-SPACING = 0.05
-"""Step of the table: 5 % in β. The relative error of the cubics is about 1e-8 (tests/joint/test_certificate.py)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +51,8 @@ class ShapeTable:
         branch, kind = problem.branches[place], type(problem.terms[place].process)
         assert branch is not None
         levels, rate = problem.design.levels, problem.design.rate
-        cells = int(np.ceil((branch.high - branch.low) / SPACING))
+        # 5 % in β, a relative error of about 1e-8 (tests/joint/test_certificate.py).
+        cells = int(np.ceil((branch.high - branch.low) / 0.05))
         u = np.linspace(branch.low, branch.high, 2 * cells + 1)
         values = kind.shape(branch.values(u), levels, rate)
         slopes = kind.shape_jacobian(branch.values(u[::2]), levels, rate)[:, :, 0] * branch.slope(u[::2])

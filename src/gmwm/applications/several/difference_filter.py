@@ -18,8 +18,6 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.theory.processes.base import Process
 from gmwm.theory.statespace import StateSpace
 
-RIDGE = 1e-10
-"""Share of the mean white-noise variance that is added, so that the measurement noise has an inverse."""
 BLOCK = 256
 """Number of consecutive samples that are filtered by one matrix product."""
 
@@ -104,11 +102,12 @@ class ArrayNoise:
 
     @property
     def white(self) -> Matrix:
-        """Covariance (d, d) of the white measurement noise of one sample, with the diagonal `RIDGE`."""
+        # So that the covariance matrix has an inverse.
+        """Covariance (d, d) of the white measurement noise of one sample, with a small diagonal matrix."""
         d = self.sigmas.shape[-1]
         total = sum((space.R[0, 0] * sigma for space, sigma in zip(self.spaces, self.sigmas, strict=True)),
                     np.zeros((d, d)))  # fmt: skip
-        ridge = RIDGE * float(np.trace(total if np.any(total) else self.sigmas.sum(axis=0))) / d
+        ridge = 1e-10 * float(np.trace(total if np.any(total) else self.sigmas.sum(axis=0))) / d
         return np.asarray(total + ridge * np.eye(d))
 
     def filter(self) -> DifferenceFilter:

@@ -27,10 +27,6 @@ PRIOR = 1000.0
 """Degrees of freedom of the fitted variances in the average that scales V; see `gmwm.estimation.reweighting`."""
 ROUNDS = 12
 """Largest number of rounds (new weights, then a new estimate); 3 to 5 are usual."""
-DEGENERATE = 1e-5
-"""Least conditional deviation of a moment, relative to its deviation. Without noise, rounding leaves 3e-7."""
-CONVERGED = 0.01
-"""Largest change of the fitted variances in the last round. Correct models end below 0.001 (tests/joint)."""
 MEMORY = (-3.0, 0.9)
 """Limits of the extrapolation. It reduces the change of six signals in round 12 from 0.4 % to 0.004–0.06 %."""
 
@@ -83,7 +79,7 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> JointSolu
         weights = weights.after(problem, estimate, restart=k <= 1)
         if k > 1 and weights.change < 1e-4:
             break
-    converged = weights.change <= CONVERGED
+    converged = weights.change <= 0.01  # correct models end below 0.001 (tests/joint)
     if not converged:
         problem = replace(problem, root=from_data)
         estimate = search(problem)
@@ -166,7 +162,7 @@ def _root(wavelet: Matrix) -> Matrix:
         except np.linalg.LinAlgError:
             pass
         else:
-            if float(np.diag(factor).min()) > DEGENERATE:
+            if float(np.diag(factor).min()) > 1e-5:  # without noise, rounding leaves 3e-7
                 return np.asarray(dtrtri(factor, lower=1)[0] / size)
     raise ModelError(
         "the model as estimated has no noise in some combination of the signals, so its weights do not exist",

@@ -15,10 +15,6 @@ from gmwm.fitting.inference.goodness import GoodnessOfFit
 SINGULAR = 1e-6
 """Share of the trace below which an eigenvalue is zero. The barrier method leaves about 1e-9 (tests/joint)."""
 
-FOURTH = 1.34
-"""(∫S²)²/∫S⁴ of the coefficients of a level with the spectral density S, in units of M_j/2^j: 1.34 for RW, 1.69 for
-WN. With 1.34, the test rejects 2 to 6 % of right models (docs/validation/joint.md), and without it up to 7.5 %."""
-
 
 @dataclass(frozen=True, eq=False)
 class Errors:
@@ -107,11 +103,12 @@ def misfit(settled: JointSolution) -> GoodnessOfFit:
     problem = settled.problem
     rows, _ = entries(problem.d)
     # Two terms with the same shape count once. A common term counts with all entries of its matrix.
-    whitened = _whitened(settled)
+    whitened = _white_columns(settled)
     basis, residual = _regression(whitened[:, :-1], whitened[:, -1])
     taken = np.mean(np.sum(basis**2, axis=1).reshape(rows.size, -1), axis=0)
     d, df = problem.d, residual.size - basis.shape[1]
-    freedom = FOURTH * settled.measured.design.degrees_of_freedom
+    # (∫S²)²/∫S⁴ of a level: 1.34 for RW, 1.69 for WN. With 1.34, 2 to 6 % of right models are rejected.
+    freedom = 1.34 * settled.measured.design.degrees_of_freedom
     excess = d * (2 * d**2 + 5 * d + 5) * float(np.sum((1 - taken) ** 2 / freedom))
     # The p-value is that of a multiple of a chi-square variable with the same mean and variance.
     inflation = 1 + excess / (2 * df) if df else 1.0
@@ -122,7 +119,7 @@ def misfit(settled: JointSolution) -> GoodnessOfFit:
     )  # fmt: skip
 
 
-def _whitened(settled: JointSolution, *more: Matrix) -> Matrix:
+def _white_columns(settled: JointSolution, *more: Matrix) -> Matrix:
     """Return the columns for all free entries and searched shapes, `more` columns and the moments, whitened by V."""
     problem, estimate, wavelet = settled.problem, settled.estimate, settled.wavelet()
     rows, columns = entries(problem.d)
@@ -151,7 +148,7 @@ def sharing(null: JointSolution, place: int) -> tuple[float, int]:
     rows, columns = entries(null.problem.d)
     off = np.eye(rows.size)[rows != columns]
     shape = null.problem.shapes(null.estimate.u)[place]
-    whitened = _whitened(null, np.einsum("im,j->mji", off, shape).reshape(-1, len(off)))
+    whitened = _white_columns(null, np.einsum("im,j->mji", off, shape).reshape(-1, len(off)))
     less, null_residual = _regression(whitened[:, : -len(off) - 1], whitened[:, -1])
     more, residual = _regression(whitened[:, :-1], whitened[:, -1])
     return float(null_residual @ null_residual) - float(residual @ residual), more.shape[1] - less.shape[1]

@@ -66,9 +66,9 @@ class SharedTerm:
 
     def summary(self) -> str:
         """Format the result of the test in one line."""
-        found = "shared" if self.pvalue <= 0.05 else "not found to be shared"
+        answer = "shared" if self.pvalue <= 0.05 else "not found to be shared"
         test = f"chi-square {self.statistic:.4g} on {self.df} degrees of freedom, p {p_relation(self.pvalue)}"
-        return f"{self.term} is {found}: {test}"
+        return f"{self.term} is {answer}: {test}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -12,7 +12,7 @@ from gmwm.base.plain import plain_fields
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
 from gmwm.base.tables import headed
 from gmwm.base.text import duration_text
-from gmwm.choosing.replicates.comparison import Comparison, LevelRatio, smallest
+from gmwm.choosing.replicates.comparison import LevelRatio, RecordingComparison, smallest
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -82,7 +82,7 @@ class SameParameters:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class SameNoise(Comparison):
+class SameNoise(RecordingComparison):
     """Result of the test whether recordings have the same noise, by axis and scale.
 
     Attributes

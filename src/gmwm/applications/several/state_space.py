@@ -15,9 +15,6 @@ from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.processes.base import Process
 from gmwm.theory.statespace import StateSpace
 
-RANK = 1e-6
-"""Share of the trace below which an eigenvalue gets no state (tests/joint/test_joint_fit.py)."""
-
 
 class _Matrices:
     """Common methods of state spaces with the matrices `MATRICES`."""
@@ -125,7 +122,8 @@ class JointContinuousStateSpace(_Matrices):
 def factor(sigma: Matrix) -> Matrix:
     """Return L (d, r) with L Lᵀ = Σ, where r is the rank of Σ. The largest entry of each column is positive."""
     values, vectors = np.linalg.eigh(sigma)
-    mask = values > RANK * max(float(values.sum()), 0.0)
+    # Other eigenvalues get no state (tests/joint/test_joint_fit.py).
+    mask = values > 1e-6 * max(float(values.sum()), 0.0)
     out = (vectors * np.sqrt(np.maximum(values, 0.0)))[:, mask][:, ::-1]
     return np.asarray(out * np.sign(out[np.argmax(np.abs(out), axis=0), np.arange(out.shape[1])]))
 

@@ -19,9 +19,6 @@ from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.mixture import mixture
 from gmwm.measuring.variance.result import WaveletVariance
 
-LEAST_F_FREEDOM = 2.0
-"""A level is tested only if both estimates have more degrees of freedom than this."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class LevelRatio:
@@ -58,7 +55,7 @@ class LevelRatio:
     differs: bool = False
 
 
-class Comparison(Summarised):
+class RecordingComparison(Summarised):
     """Base of the answers to the question whether recordings differ, with the same decision and the same ratios."""
 
     recordings: tuple[str, ...]
@@ -158,7 +155,7 @@ def _row(first: _Variances, second: _Variances, k: int, *, confidence: float, to
 
     ratio = float(first.variance[k] / second.variance[k])
     degrees = float(first.freedom[k]), float(second.freedom[k])
-    if min(degrees) <= LEAST_F_FREEDOM:
+    if min(degrees) <= 2.0:
         return LevelRatio(ratio=math.sqrt(ratio))
     above = float(fdtrc(*degrees, ratio * math.exp(-2 * tolerance)))
     below = float(fdtr(*degrees, ratio * math.exp(2 * tolerance)))

@@ -19,7 +19,7 @@ from gmwm.base.tables import headed
 from gmwm.base.text import listed, p_relation, rounded
 from gmwm.choosing.datasheets import Entry
 from gmwm.choosing.datasheets.entry import significant
-from gmwm.choosing.replicates.comparison import Comparison, LevelRatio, decide, smallest
+from gmwm.choosing.replicates.comparison import LevelRatio, RecordingComparison, decide, smallest
 from gmwm.fitting.estimation.recordings import Deviations, stepped
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.inference.intervals import parameters_by_name
@@ -81,7 +81,7 @@ class RecordingNumber:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Replicates(Comparison, Plotted):
+class Replicates(RecordingComparison, Plotted):
     """Comparison of several recordings of one unit.
 
     Attributes
