@@ -136,7 +136,7 @@ def _admit_guests() -> None:
 
 
 def _require_registered(name: str, exporter: object) -> None:
-    if exporter not in map(type, _EXPORTERS.values()):
+    if exporter not in [type(format) for format in _EXPORTERS.values()]:
         raise TypeError(f"{name} is not a registered subclass of gmwm.exporters.Exporter")
 
 

@@ -242,7 +242,7 @@ def automatic_labels(items: Sequence[Item]) -> list[str]:
 
     Items that do not differ are numbered.
 
-    >>> from gmwm.variance.result import WaveletVariance
+    >>> from gmwm import WaveletVariance
     >>> one = WaveletVariance.from_values([2.0, 1.0], samples=1000, rate=100.0, axis="gyro_x")
     >>> two = WaveletVariance.from_values([2.0, 1.0], samples=1000, rate=100.0, axis="gyro_x", robust=True)
     >>> automatic_labels([one, two]), automatic_labels([one, one])
