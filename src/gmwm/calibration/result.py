@@ -518,9 +518,9 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         MissingTheoryError
             If a term has no state-space form.
         """
-        from gmwm.applications.navigation.api import budget_of_fits
+        from gmwm.applications.navigation.api import budget
 
-        found = budget_of_fits(self, duration, rest=rest, latitude=latitude, level=level)
+        found = budget(self, duration, rest=rest, latitude=latitude, level=level)
         causes = tuple(dict.fromkeys(remark.code for remark in self.remarks if remark.severity <= Severity.WRONG))
         return (
             replace(found, remarks=(Remark.of("budget-of-wrong", causes=causes), *found.remarks)) if causes else found

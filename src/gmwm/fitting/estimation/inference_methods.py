@@ -86,9 +86,9 @@ class InferenceMethods(Plotted):
         >>> found.differs, found["N"].apart < 0.05
         (False, True)
         """
-        from gmwm.choosing.replicates.compare import compared
+        from gmwm.choosing.replicates.compare import compare_recordings
 
-        return compared(self._fit)
+        return compare_recordings(self._fit)
 
     def confidence_intervals(
         self,
@@ -386,9 +386,9 @@ class InferenceMethods(Plotted):
         MissingTheoryError
             If a term has no state-space form.
         """
-        from gmwm.applications.navigation.api import budget_of_fit
+        from gmwm.applications.navigation.api import budget
 
-        return budget_of_fit(self._fit, duration, rest=rest, level=level)
+        return budget({self._fit.wavelet_variance.axis: self._fit}, duration, rest=rest, level=level)
 
     def summary(
         self,
