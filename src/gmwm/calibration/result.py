@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
     from gmwm.applications.monitor import Baseline
     from gmwm.applications.navigation import Budget
+    from gmwm.calibration.number_verdicts import NumberVerdict
     from gmwm.calibration.reference_check import ReferenceCheck, ReferenceLike
     from gmwm.showing.exporters.reduction import Rule
 
@@ -236,6 +237,13 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
 
         return verdict_of(self)
 
+    @cached_property
+    def number_verdicts(self) -> dict[str, dict[str, NumberVerdict]]:
+        """By axis and symbol: whether the number can be used, used as a bound, or not used, with the reason."""
+        from gmwm.calibration.number_verdicts import number_verdicts
+
+        return number_verdicts(self)
+
     def of_file(self, *paths: str | os.PathLike[str]) -> Calibration:
         """Return the calibration with the name, size and SHA-256 of the files from which the recordings were read.
 
@@ -292,15 +300,17 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
 
         return combined((self, *others))
 
-    def summary(self, *, every: bool = False) -> str:
-        """Return the calibration as text: verdict, a table for each sensor, and the most severe remarks.
+    def summary(self, *, details: bool = False, every: bool = False) -> str:
+        """Return the calibration as text: verdict, one line for each axis, and the most severe remarks.
 
         Parameters
         ----------
+        details : bool
+            Whether to show the tables with all numbers of each axis instead.
         every : bool
             Whether to show all remarks instead of the five most severe.
         """
-        return summary(self, every=every)
+        return summary(self, details=details, every=every)
 
     def to_frame(self, units: str = "datasheet") -> DataFrame:
         """Return the datasheet numbers of all axes as a Polars data frame, with one row for each axis and number.
