@@ -128,6 +128,14 @@ def calibrate(
     ] = None,
     view: View = "wavelet",
     datasheet: Datasheet = False,
+    details: Annotated[
+        bool,
+        typer.Option(
+            "--details",
+            help="Print all numbers of each axis, not one line for each axis.",
+            rich_help_panel=RESULT,
+        ),
+    ] = False,
     all_topics: Annotated[
         bool,
         typer.Option(
@@ -181,7 +189,7 @@ def calibrate(
             require_axes(models, axes)
             chosen = replace(options, axes=axes, models=models)
             calibration = _unite(groups, files, chosen, scheduler=scheduler, workers=workers, helpers=processes)
-        return _outcome(calibration, files, output, view=view, datasheet=datasheet, helpers=processes)
+        return _outcome(calibration, files, output, view=view, datasheet=datasheet, details=details, helpers=processes)
 
     apart = separate_topics(files, reading)
     if apart:
@@ -226,11 +234,12 @@ def _outcome(
     *,
     view: Literal["wavelet", "allan"],
     datasheet: bool,
+    details: bool,
     helpers: Helpers,
 ) -> Outcome:
     """Return the outcome of the command, with the files to write."""
     plots = None if output is None else helpers.begin(pictures, found, view, datasheet)
-    document, text = found.to_dict(), summary(found, Dialect.SHELL, every=True)
+    document, text = found.to_dict(), summary(found, Dialect.SHELL, details=True, every=True)
     files_of_calibration: tuple[NewFile, ...] = ()
     if output is not None and plots is not None:
         files_of_calibration = calibration_files(found, output, document=document, text=text, plots=plots)
@@ -239,7 +248,7 @@ def _outcome(
     return Outcome(
         command="calibrate",
         document={**document, **document_of(files), "written": written},
-        text=summary(found, Dialect.SHELL),
+        text=summary(found, Dialect.SHELL, details=details),
         all_text=text,
         files=(*files_of_calibration, *kalibr.files),
         together=True,
