@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from gmwm.applications.monitor import Baseline
     from gmwm.applications.navigation import Budget
+    from gmwm.calibration.number_verdicts import NumberVerdict
     from gmwm.calibration.reference_check import ReferenceCheck, ReferenceLike
     from gmwm.choosing.replicates import Replicates
     from gmwm.showing.exporters.reduction import Rule
@@ -235,6 +236,13 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
 
         return verdict_of(self)
 
+    @cached_property
+    def number_verdicts(self) -> dict[str, dict[str, NumberVerdict]]:
+        """By axis and symbol: whether the number can be used, used as a bound, or not used, with the reason."""
+        from gmwm.calibration.number_verdicts import number_verdicts
+
+        return number_verdicts(self)
+
     def of_file(self, *paths: str | os.PathLike[str]) -> Calibration:
         """Return the calibration with the name, size and SHA-256 of the files from which the recordings were read.
 
@@ -292,7 +300,7 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         return combined((self, *others))
 
     def summary(self, dialect: Dialect = Dialect.PYTHON, *, every: bool = False, details: bool = False) -> str:
-        """Return the calibration as text: verdict, a table for each sensor, and the most severe remarks.
+        """Return the calibration as text: verdict, one line for each axis, and the most severe remarks.
 
         Parameters
         ----------
@@ -301,7 +309,7 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         every : bool
             Whether to show all remarks instead of the five most severe.
         details : bool
-            Whether to show the steps of the search for the model of each axis.
+            Whether to show all numbers of each axis, and why its model was chosen, instead of one line for each axis.
         """
         from gmwm.calibration.summary_text import summary
 
