@@ -110,7 +110,7 @@ def test_outliers_that_could_not_be_tested_get_a_remark():
     coarse = gmwm.Signal(np.round(rng.normal(0.0, 0.3, 20_000)) * 1e-3, 100.0, "rad/s", "gyro_x")
     found = gmwm.calibrate(coarse, "WN")
     assert not found.verdicts["gyro_x"].tested.any()
-    (row,) = [line for line in found.summary().splitlines() if line.startswith("  outliers  ")]
+    (row,) = [line for line in found.summary(details=True).splitlines() if line.startswith("  outliers  ")]
     assert row.split("  ")[-1].strip() == "not tested"
     remark = only(found.remarks, "outliers-not-tested", "gyro_x")
     assert remark.severity is Severity.UNCERTAIN

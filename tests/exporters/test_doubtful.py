@@ -10,8 +10,9 @@ import pytest
 
 import gmwm
 from gmwm.base.remarks import Quantity, Severity, texts
-from gmwm.calibration.findings import rejected, unusable
+from gmwm.calibration.findings import rejected
 from gmwm.calibration.misfit import misfit_of
+from gmwm.calibration.number_verdicts import Usability
 from gmwm.showing.exporters import export_all, export_formats
 from gmwm.showing.exporters.base import find_exporter
 from tests.helpers import only
@@ -48,7 +49,12 @@ def test_axes_that_do_not_fit_their_models_are_in_every_file(bad, format):
 
 
 def test_they_are_the_axes_that_cannot_be_used(bad):
-    assert unusable(bad) == ["gyro_z", "accel_x"]
+    for axis in ("gyro_z", "accel_x"):
+        remark = next(remark for remark in bad.remarks if (remark.code, remark.subject) == ("model-misfit", axis))
+        assert set(remark.facts["numbers"]) & {"N", "K", "B"}
+        for symbol, verdict in bad.number_verdicts[axis].items():
+            refused = verdict.usability is Usability.DO_NOT_USE and verdict.reason == remark
+            assert refused == (symbol in remark.facts["numbers"]), symbol
     for remark in remarks_in(bad, "kalibr"):
         if remark.code == "model-misfit":
             far = misfit_of(bad.axes[remark.subject])
