@@ -30,7 +30,7 @@ from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.rest import Means, means_of, with_rest
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.several import Part, Together, measured_together, regression_of, worst
-from gmwm.choosing.datasheets import datasheet
+from gmwm.choosing.datasheets import datasheet, model_datasheet, with_limits
 from gmwm.files.readers.streams import Stream
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.inference.goodness import GoodnessOfFit, usable_levels
@@ -380,12 +380,12 @@ class _Axis:
         fit = final_fit(ranking.recommended.model, wv, options.weighting)
         advance(STAGES[2])
         level = options.confidence
-        sheet = with_band(averaged_datasheet(datasheet(fit, level), ranking, level), found.band, level)
+        sheet = with_band(averaged_datasheet(model_datasheet(fit, level), ranking, level), found.band, level)
         axis = AxisCalibration(
             fit=fit,
             intervals=averaged_intervals(fit, fit.confidence_intervals(level), sheet),
             test=_test(replace(fit, wavelet_variance=found.wavelet_variance)),
-            datasheet=sheet,
+            datasheet=with_limits(sheet, fit),
             ranking=ranking,
             verdict=worst(measured.verdicts.values()),
             needed=needed(_as_one_recording(fit), options.weighting),

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 from gmwm.base.errors import GmwmError
-from gmwm.choosing.datasheets import Datasheet, Entry, datasheet
+from gmwm.choosing.datasheets import Datasheet, Entry, model_datasheet
 from gmwm.choosing.selection.ranking import Candidate, Ranking
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.inference.intervals import with_quick_intervals
@@ -142,7 +142,7 @@ def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Data
             others.append((weight, sheet))
             continue
         try:
-            other = datasheet(with_quick_intervals(candidate.fit, level), level)
+            other = model_datasheet(with_quick_intervals(candidate.fit, level), level)
         except GmwmError:  # A model without intervals gives no information about a number.
             continue
         if _determined(other):

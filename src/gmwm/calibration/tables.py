@@ -36,8 +36,8 @@ def merged(lists: Sequence[Sequence[str]]) -> list[str]:
 
 
 def in_order(lists: Sequence[Sequence[str]]) -> list[str]:
-    """Merge the symbols of several datasheets. The symbols of IEEE Std 952 come first, in its order."""
-    order = [str(symbol) for symbol in LAWS]
+    """Merge the symbols of several datasheets: first N and K of a filter and B, then the rest of IEEE Std 952."""
+    order = list(dict.fromkeys(("N", "K", "B", *map(str, LAWS))))
     return sorted(merged(lists), key=lambda symbol: order.index(symbol) if symbol in order else len(order))
 
 

@@ -12,8 +12,8 @@ from gmwm.choosing.datasheets.prediction import Gain, Prediction, Spectrum
 from gmwm.theory.processes.base import Process
 
 _LOWEST, _HIGHEST, _PER_DECADE = 1e-10, 1e3, 6
-"""Range of w Δt in which the minimum is searched, and number of grid points per decade. A minimum at the lower end means
-that a filter without random walk is best, and one at the upper end that a filter without white noise is best."""
+"""Range of w Δt in which the minimum is searched, and number of grid points per decade. A minimum at the lower end
+means that a filter without random walk is best, and one at the upper end that a filter without white noise is best."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -34,6 +34,9 @@ _SPLITS = 12
 _ACCURACY = 1e-10
 """Relative accuracy of the integral of a spectrum over each panel."""
 
+_LEVELS = 20
+"""Number of levels of the wavelet variance of a process without a density. Below, its density is a power law."""
+
 Spectrum = Callable[[Vector], Vector]
 """Density (u² per sample) at angular frequencies (rad per sample) above zero; white noise of variance 1 has density 1.
 """
@@ -160,7 +163,23 @@ def spectrum_of(process: Process, rate: float) -> Spectrum:
     if process.has("state_space"):
         space = process.state_space(rate)
         return lambda theta: rate * space.psd(theta * (rate / (2 * math.pi)), rate)
-    raise process.missing("psd")
+    return _of_octaves(process, rate)
+
+
+def _of_octaves(process: Process, rate: float) -> Spectrum:
+    """Return the density that follows from the wavelet variance, ν_j² 2^j at the centre √2 π/2^j of each octave.
+
+    It is exact for white noise, and within about 20 % for noise whose spectrum falls.
+    """
+    levels = np.arange(1, _LEVELS + 1)
+    logs = np.log(process.wavelet_variance(levels, rate)) + levels * math.log(2)
+
+    def density(theta: Vector) -> Vector:
+        level = np.log2(math.sqrt(2) * math.pi / theta)
+        slope = logs[-1] - logs[-2]
+        return np.asarray(np.exp(np.interp(level, levels, logs) + slope * np.maximum(level - _LEVELS, 0.0)))
+
+    return density
 
 
 @dataclass(frozen=True, eq=False)
