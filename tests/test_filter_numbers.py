@@ -60,14 +60,14 @@ def test_the_error_of_a_markov_process_in_closed_form(time, samples):
     mpmath.mp.dps = 40
     phi = mpmath.exp(-1 / mpmath.mpf(time * RATE))
     for bandwidth in (1e-6, 1e-3, 0.5):
-        gain = Gain(bandwidth)
-        g = mpmath.mpf(bandwidth) * mpmath.sqrt(2 / (2 + mpmath.mpf(bandwidth) ** 2 + bandwidth * mpmath.sqrt(mpmath.mpf(bandwidth) ** 2 + 4)))  # fmt: skip
+        q = mpmath.mpf(bandwidth)
+        g = q * (mpmath.sqrt(q**2 + 4) - q) / 2
         keep = 1 - g
         mean = (samples * (1 + phi) / (1 - phi) - 2 * phi * (1 - phi**samples) / (1 - phi) ** 2) / samples**2
         estimate = g / (2 - g) * (1 + keep * phi) / (1 - keep * phi)
         both = g / (1 - keep * phi) * phi * (1 - phi**samples) / (1 - phi) / samples
-        exact = float(mean + estimate - 2 * both)
-        assert Prediction.of([GM(beta=1 / time, sigma2=1.0)], RATE, samples).error(gain)[0] == pytest.approx(exact, rel=1e-9)  # fmt: skip
+        error = Prediction.of([GM(beta=1 / time, sigma2=1.0)], RATE, samples).error(Gain(bandwidth))[0]
+        assert error == pytest.approx(float(mean + estimate - 2 * both), rel=1e-9)
 
 
 def test_the_derivative_is_the_derivative():
@@ -95,8 +95,8 @@ def test_flicker_noise_has_a_closed_form_for_a_short_horizon():
     white, flicker = 1e-3, 1e-5
     model = WN(sigma2=white**2 * RATE) + FN(b2=flicker**2)
     found = filter_numbers(model.processes, RATE, 1.0)
-    assert found.K == pytest.approx(2 * flicker**2 / (math.pi * white), rel=2e-3)
-    assert found.N == pytest.approx(white, rel=1e-3)
+    assert pytest.approx(2 * flicker**2 / (math.pi * white), rel=2e-3) == found.K
+    assert pytest.approx(white, rel=1e-3) == found.N
 
 
 @pytest.mark.parametrize(("white", "sigma", "time"), [(1.0, 5.0, 15.0), (1.0, 5.0, 300.0), (0.2, 3.0, 0.13)])
@@ -204,7 +204,10 @@ def test_the_density_of_flicker_noise_agrees_with_quadrature():
     assert Prediction.of([process], RATE, samples).error(gain)[0] == pytest.approx(value, rel=1e-6)
 
 
-@pytest.mark.parametrize("model", [PL(alpha=2.9, nu2=1.0), MAT(beta=1.0, nu=0.3, sigma2=1.0), AR1(phi=-0.99, sigma2=1.0), DR(omega=1e-3)])  # fmt: skip
+@pytest.mark.parametrize(
+    "model",
+    [PL(alpha=2.9, nu2=1.0), MAT(beta=1.0, nu=0.3, sigma2=1.0), AR1(phi=-0.99, sigma2=1.0), DR(omega=1e-3)],
+)
 @pytest.mark.parametrize("rate", [0.001, 10_000.0])
 def test_every_process_has_finite_numbers(model, rate):
     for horizon in (1e-6, 1.0, 600.0):

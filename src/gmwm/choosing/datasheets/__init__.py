@@ -12,7 +12,13 @@ from gmwm.base.errors import MissingTheoryError, ModelError
 from gmwm.base.remarks import Remark
 from gmwm.base.units import noise_unit
 from gmwm.choosing.datasheets.bias import SYMBOL, bias_instability
-from gmwm.choosing.datasheets.effective import Use, effective_noise, filter_entries, limited
+from gmwm.choosing.datasheets.effective import (
+    Use,
+    changes_by_curve,
+    effective_noise,
+    filter_entries,
+    limited,
+)
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.plausible import plausible
 from gmwm.choosing.datasheets.sheet import Datasheet
@@ -155,6 +161,9 @@ def model_datasheet(fit: Fit, level: float) -> Datasheet:
         remarks.append(Remark.of("no-intervals", axis, reason=error.reason))
     judged = _Judged(fit, intervals, NormalDist().inv_cdf((1 + level) / 2))
     entries = list(filter_entries(fit, Use(), level).values())
+    changes = {symbol: change for symbol, change in changes_by_curve(fit).items() if change > 1 + ALIKE}
+    if changes:
+        remarks.append(Remark.of("numbers-from-curve", axis, numbers=tuple(changes), factor=max(changes.values())))
     for term, process in zip(model.terms, model.processes, strict=True):
         numbers, remark = _of_term(judged, term, process)
         entries += [number for entry in numbers for number in _beside(entry, entries)]

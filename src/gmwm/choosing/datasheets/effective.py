@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 
@@ -15,8 +16,8 @@ from gmwm.choosing.datasheets.curve import ENDLESS, Curve, sensitivity
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.filter_numbers import FilterNumbers, filter_numbers
 from gmwm.choosing.datasheets.limits import hidden
-from gmwm.choosing.datasheets.misfit import curve_ratio
-from gmwm.choosing.datasheets.prediction import Gain, Prediction, Spectrum
+from gmwm.choosing.datasheets.misfit import CurveRatio, curve_ratio
+from gmwm.choosing.datasheets.prediction import Gain, Prediction
 from gmwm.fitting.estimation.result import GIVEN, Fit
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
@@ -29,6 +30,9 @@ WHITE, WALK = 0.5, -0.5
 """Powers of time in the units of N and K."""
 
 _TITLES = {"N": ("white noise density of a filter", WHITE), "K": ("random walk of a filter", WALK)}
+_SHARE = 10.0
+"""Length of the recording over the longest time constant 1/w of a filter. The recording has too few independent parts
+to show that a slower filter predicts better, so a smaller K is zero. Pinned by tests/test_effective_noise.py."""
 _STEP = 1e-3
 """Step of ln w in the second derivative of the prediction error, whose relative error is about _STEP²."""
 
@@ -58,8 +62,9 @@ def effective_noise(fit: Fit, horizon: float = HORIZON, level: float = 0.95) -> 
     gives the coefficients of its terms for every T. The noise includes quantization noise and a drift, and leaves out
     sinusoids.
 
-    At scales where the model lies outside the confidence limits of the measured wavelet variance, the spectrum of the
-    model is multiplied by the ratio of the two variances, and the interval includes the numbers of the model itself.
+    At scales where the model differs from the measured wavelet variance by more than three standard errors, the
+    spectrum of the model is multiplied by the ratio of the two variances, and the interval includes the numbers of the
+    model itself.
 
     The intervals come from the derivatives of N and K with respect to the parameters of the model (implicit function
     theorem) and the covariance of the estimates.
@@ -107,6 +112,17 @@ def effective_noise(fit: Fit, horizon: float = HORIZON, level: float = 0.95) -> 
     return {symbol: limited(fit, entry, level) for symbol, entry in entries.items()}
 
 
+def changes_by_curve(fit: Fit) -> dict[str, float]:
+    """Return the factor, at least 1, by which the measured curve changes N and K of the model; {} if it does not."""
+    (numbers, of_model), _ = _numbers(fit, Use())
+    pairs = {symbol: (getattr(numbers, symbol), getattr(of_model, symbol)) for symbol in _TITLES}
+    return {
+        symbol: max(here / there, there / here)
+        for symbol, (here, there) in pairs.items()
+        if here != there and here * there > 0
+    }
+
+
 def checked_horizon(horizon: float) -> float:
     """Return a time horizon (s) as float. Raises an OptionError if it is not positive and finite."""
     if isinstance(horizon, bool) or not isinstance(horizon, int | float) or not 0 < horizon < math.inf:
@@ -142,7 +158,7 @@ def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
             low = high = None
         elif value > 0:
             reach = errors[symbol]
-            upper_only = z * reach.scales >= 1
+            upper_only = z * min(reach.scales, reach.all) >= 1
             by = math.exp(min(0.5 * z * reach.all, ENDLESS))
             low, high = min(value, of_model) / by, max(value, of_model) * by
             if upper_only:
@@ -164,13 +180,21 @@ def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
 class _Error:
     """Standard errors of ln N² or ln K²: of all parameters, and of the scale parameters only.
 
-    Whether a number may be zero depends only on the scale parameters, not on the standard error of a correlation time.
+    A number may be zero if both errors are large. The error of a correlation time alone does not make it doubtful.
     `held` is true if no parameter was estimated.
     """
 
     all: float
     scales: float
     held: bool
+
+    def with_curve(self, symbol: str, numbers: FilterNumbers, moved: Sequence[FilterNumbers]) -> _Error:
+        """Return the errors with those of the measured levels, from the numbers after a change of each by one error."""
+        value = getattr(numbers, symbol)
+        if value == 0:
+            return self
+        curve = math.hypot(*(2 * (getattr(each, symbol) / value - 1) for each in moved))
+        return replace(self, all=math.hypot(self.all, curve), scales=math.hypot(self.scales, curve))
 
 
 def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], dict[str, _Error] | None]:
@@ -181,17 +205,23 @@ def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], d
         rate = fit.wavelet_variance.rate
         processes = [p for p in fit.model.processes if not (use.flicker and is_flicker(p, rate))]
         ratio = curve_ratio(fit)
-        numbers = filter_numbers(processes, rate, use.horizon, ratio)
-        of_model = numbers if ratio is None else filter_numbers(processes, rate, use.horizon)
+        slowest = fit.wavelet_variance.samples / _SHARE
+        numbers = filter_numbers(processes, rate, use.horizon, ratio=ratio, slowest=slowest)
+        of_model = numbers if ratio is None else filter_numbers(processes, rate, use.horizon, slowest=slowest)
         try:
             errors = _errors(Curve.of(fit), numbers, use, ratio)
+            moved = [
+                filter_numbers(processes, rate, use.horizon, ratio=each, slowest=slowest)
+                for each in (ratio.moved() if ratio is not None else ())
+            ]
+            errors = {symbol: error.with_curve(symbol, numbers, moved) for symbol, error in errors.items()}
         except (MissingTheoryError, ModelError):
             errors = None
         stored[use] = (numbers, of_model), errors
     return stored[use]
 
 
-def _errors(curve: Curve, numbers: FilterNumbers, use: Use, ratio: Spectrum | None) -> dict[str, _Error]:
+def _errors(curve: Curve, numbers: FilterNumbers, use: Use, ratio: CurveRatio | None) -> dict[str, _Error]:
     """Return the standard errors of ln N² and ln K².
 
     With u = ln w, the condition ∂J/∂u = 0 gives du/dθ = −(∂²J/∂u∂θ)/(∂²J/∂u²). The second condition N² C(u) = J gives
@@ -204,8 +234,10 @@ def _errors(curve: Curve, numbers: FilterNumbers, use: Use, ratio: Spectrum | No
             return np.zeros(2)
         return np.array(Prediction.of([process], curve.rate, samples, ratio).error(gain))
 
-    changes = np.array([sensitivity(p, name, of) for p, name in curve.moving]).reshape(-1, 2)
     error = numbers.prediction.error(gain)[0]
+    if error == 0:
+        return dict.fromkeys(_TITLES, _Error(0.0, 0.0, held=False))
+    changes = np.array([sensitivity(p, name, of) for p, name in curve.moving]).reshape(-1, 2)
     before, after = (numbers.prediction.error(Gain(gain.bandwidth * math.exp(sign * _STEP)))[1] for sign in (-1.0, 1.0))
     curvature = (after - before) / (2 * _STEP)
     moves = -changes[:, 1] / curvature if numbers.N > 0 and numbers.K > 0 else np.zeros(len(changes))

@@ -11,9 +11,10 @@ import numpy as np
 from gmwm.choosing.datasheets.prediction import Gain, Prediction, Spectrum
 from gmwm.theory.processes.base import Process
 
-_LOWEST, _HIGHEST, _PER_DECADE = 1e-10, 1e3, 6
-"""Range of w Δt in which the minimum is searched, and number of grid points per decade. A minimum at the lower end
-means that a filter without random walk is best, and one at the upper end that a filter without white noise is best."""
+SLOWEST = 1e10
+"""Default of the longest time constant 1/w of a filter, in samples."""
+_HIGHEST, _PER_DECADE = 1e3, 6
+"""Largest w Δt, and number of grid points per decade. A filter with a larger w Δt has no white noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +49,12 @@ def samples_in(time: float, rate: float) -> int:
 
 
 def filter_numbers(
-    processes: Iterable[Process], rate: float, horizon: float = 1.0, ratio: Spectrum | None = None
+    processes: Iterable[Process],
+    rate: float,
+    horizon: float = 1.0,
+    *,
+    ratio: Spectrum | None = None,
+    slowest: float = SLOWEST,
 ) -> FilterNumbers:
     """Compute N and K of the filter that predicts the mean of a noise over the next T seconds best.
 
@@ -71,6 +77,8 @@ def filter_numbers(
         Horizon T (s). One sampling interval is the shortest.
     ratio : callable, optional
         Factor of the spectral density; see `Prediction.of`.
+    slowest : float
+        Longest time constant of the filter, in samples. If the best filter is slower, K is zero.
 
     Returns
     -------
@@ -91,13 +99,15 @@ def filter_numbers(
     """
     samples = samples_in(horizon, rate)
     prediction = Prediction.of(processes, rate, samples, ratio)
-    gain = best_gain(prediction)
+    gain = best_gain(prediction, slowest)
     error = prediction.error(gain)[0]
-    white = math.sqrt(error / gain.claim(samples)[0] / rate)
-    walk = white * gain.bandwidth * rate
+    walks = gain.bandwidth * slowest > 1
+    # Without a random walk, only the white noise in the estimate of the filter adds to the error.
+    claim = gain.claim(samples)[0] if walks else 1 / samples + gain.g / (2 - gain.g)
+    white = math.sqrt(error / claim / rate)
     return FilterNumbers(
         N=white if gain.bandwidth < _HIGHEST else 0.0,
-        K=walk if gain.bandwidth > _LOWEST else 0.0,
+        K=white * gain.bandwidth * rate if walks else 0.0,
         gain=gain,
         samples=samples,
         rate=rate,
@@ -105,20 +115,20 @@ def filter_numbers(
     )
 
 
-def best_gain(prediction: Prediction) -> Gain:
+def best_gain(prediction: Prediction, slowest: float = SLOWEST) -> Gain:
     """Return the gain with the smallest prediction error, which is exact if J has few minima per decade."""
     from scipy.optimize import brentq
 
     def slope(u: float) -> float:
         return prediction.error(Gain(math.exp(u)))[1]
 
-    count = 1 + round(_PER_DECADE * math.log10(_HIGHEST / _LOWEST))
-    grid = np.linspace(math.log(_LOWEST), math.log(_HIGHEST), count)
+    count = 1 + math.ceil(_PER_DECADE * math.log10(_HIGHEST * slowest))
+    grid = np.linspace(-math.log(slowest), math.log(_HIGHEST), count)
     slopes = np.array([slope(u) for u in grid])
     gains = [
         Gain(math.exp(brentq(slope, grid[k], grid[k + 1], xtol=1e-12, rtol=1e-12)))
         for k in np.flatnonzero((slopes[:-1] < 0) & (slopes[1:] >= 0))
     ]
-    gains += [Gain(_LOWEST)] if slopes[0] >= 0 else []
+    gains += [Gain(1 / slowest)] if slopes[0] >= 0 else []
     gains += [Gain(_HIGHEST)] if slopes[-1] < 0 else []
     return min(gains, key=lambda gain: prediction.error(gain)[0])

@@ -21,7 +21,7 @@ from gmwm.base.units import Quantity
 from gmwm.choosing.datasheets.effective import HORIZON, Use
 from gmwm.showing.exporters.biases import stated, unknown
 from gmwm.showing.exporters.findings import remarks_of
-from gmwm.showing.exporters.heads import left_out, rule_of, verdict
+from gmwm.showing.exporters.heads import left_out, limits, not_measured, rule_of, verdict
 from gmwm.showing.exporters.quality import predictions
 from gmwm.showing.exporters.reduction import NAMES, Rule, SensorNoise, sensor_noise
 from gmwm.showing.exporters.text import (
@@ -243,27 +243,27 @@ class TwoNumbers(Exporter):
     def notes(self, calibration: Calibration, noise: Noise) -> list[str]:
         """Return the paragraphs below the numbers, the most important first."""
         options = noise.options
-        found = remarks_of(noise, calibration.settings.confidence)
-        limits = [remark for remark in found if remark.code.startswith("upper-limit")]
-        others = [*cautions(calibration), *unknown(calibration, self.biases_of)]
+        found = list(remarks_of(noise, calibration.settings.confidence))
+        rates = [remark for remark in found if remark.code == "rates-differ"]
         measured = not is_given(calibration)
         at_rest = " Measured at rest; in the field, filters usually need more." if options.inflation == 1 else ""
         return [
             recording(calibration),
             *self.meaning,
+            *paragraphs([*cautions(calibration), *rates]),
             *(rule_of(sensor, options.axes) for sensor in noise.sensors),
+            *limits(found),
+            *not_measured(unknown(calibration, self.biases_of)),
             f"Inflation factor: {options.inflation:g}.{at_rest if measured else ''} Horizon: {options.horizon:g} s.",
-            *self.advice(noise),
+            *left_out(noise.sensors),
             *self.predictions(noise),
-            *paragraphs(limits),
-            *left_out(axis for sensor in noise.sensors for axis in sensor.axes),
             *stated(calibration, self.biases_of),
-            *paragraphs(others),
+            *self.advice(noise),
         ]
 
     def predictions(self, noise: Noise) -> list[str]:
         """Return sentences on how well a filter with the numbers predicts."""
-        return [line for sensor in noise.sensors for line in predictions(sensor)] if not self.flicker else []
+        return [] if self.flicker else predictions(noise.sensors)
 
     def advice(self, noise: Noise) -> tuple[str, ...]:
         """Return sentences on how to use the file."""

@@ -39,11 +39,8 @@ def stated(calibration: Calibration, quantities: Sequence[Quantity]) -> Iterator
         )
         rms = max(bias.rms for bias in rest)
         spread = [bias.turn_on for bias in rest if bias.turn_on is not None]
-        turn_on = f", turn-on spread up to {max(spread):.2g}" if spread else ""
-        yield (
-            f"Bias at rest ({SI_UNIT[quantity]}): {each}; rms of its changes over {rest[0].duration:.4g} s up to "
-            f"{rms:.2g}{turn_on}. It changes when the unit is switched on, and with temperature."
-        )
+        turn_on = f", turn-on spread {max(spread):.2g}" if spread else ""
+        yield f"Bias at rest ({SI_UNIT[quantity]}): {each}; rms over {rest[0].duration:.4g} s {rms:.2g}{turn_on}."
 
 
 def unknown(calibration: Calibration, quantities: Sequence[Quantity]) -> Iterator[Remark]:

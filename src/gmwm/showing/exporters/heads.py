@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from gmwm.base.remarks import Severity
+from gmwm.base.remarks import Remark, Severity
+from gmwm.base.template import fact_text
 from gmwm.base.text import listed
 from gmwm.base.units import SI_UNIT
 from gmwm.showing.exporters.reduction import NAMES, RULES, AxisNoise, Rule, SensorNoise, lines_of
@@ -14,8 +15,8 @@ from gmwm.showing.exporters.text import is_given
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
 
-_LINES = 3
-"""Largest number of sinusoids of an axis that a file lists."""
+_WHY = {"tilt": "tilt unknown", "recording": "no samples of the axis"}
+"""Reasons why a bias is not known."""
 
 
 def verdict(calibration: Calibration) -> str:
@@ -35,24 +36,49 @@ def rule_of(sensor: SensorNoise, rule: Rule) -> str:
     """Return a sentence on the axes from which the numbers of a sensor come."""
     axes = ", ".join(axis.axis for axis in sensor.axes)
     name = NAMES[sensor.quantity].capitalize()
-    if len(sensor.axes) == 1 or rule != "worst":
-        return f"{name}: {axes if len(sensor.axes) == 1 else f'{RULES[rule]} {axes}'}."
+    if len(sensor.axes) == 1:
+        return f"{name}: {axes}."
+    if rule != "worst":
+        return f"{name}: {RULES[rule]} {axes}."
     white, walk = (_source(sensor.worst(symbol), symbol) for symbol in ("N", "K"))
-    return f"{name}: N is that of {white}, K that of {walk}, {RULES[rule]} {axes}."
+    return f"{name}: N of {white}, K of {walk}, {RULES[rule]} {axes}."
 
 
 def _source(axis: AxisNoise, symbol: str) -> str:
     return f"{axis.axis} (upper limit)" if getattr(axis, symbol).upper else axis.axis
 
 
-def left_out(axes: Iterable[AxisNoise]) -> list[str]:
-    """Return a sentence on the sinusoids that N and K do not include, the strongest of each axis first."""
-    parts = []
-    for axis in axes:
-        lines = lines_of(axis.fit)
-        unit = SI_UNIT["gyro" if axis.axis.startswith("gyro") else "accel"]
-        shown = [f"{line.frequency:.3g} Hz ({line.amplitude:.2g} {unit})" for line in lines[:_LINES]]
-        if len(lines) > _LINES:
-            shown.append(f"{len(lines) - _LINES} more")
-        parts += [f"{axis.axis} {', '.join(shown)}"] if shown else []
-    return [f"N and K leave out periodic disturbances: {'; '.join(parts)}."] if parts else []
+def limits(remarks: Iterable[Remark]) -> list[str]:
+    """Return a sentence on the numbers that are upper limits, and one on means that contain upper limits."""
+    whole = [remark for remark in remarks if remark.code == "upper-limit"]
+    among = [remark for remark in remarks if remark.code == "upper-limit-among"]
+    lines = []
+    if whole:
+        level = fact_text(whole[0].facts["level"])
+        lines.append(f"UPPER LIMIT, not a measured value ({level}): {', '.join(remark.subject for remark in whole)}.")
+    for number in dict.fromkeys(str(remark.facts["number"]) for remark in among):
+        axes = [r.subject for r in among if r.facts["number"] == number and r.facts["kind"] != "measured"]
+        lines.append(f"UPPER LIMIT among measured values: {number} contains the limit of {', '.join(axes)}.")
+    return lines
+
+
+def not_measured(remarks: Iterable[Remark]) -> list[str]:
+    """Return a sentence on the biases for which the file has 0, because they are not known."""
+    subjects: dict[str, list[str]] = {}
+    for remark in remarks:
+        subjects.setdefault(_WHY[str(remark.facts["why"])], []).append(remark.subject)
+    axes = [f"{', '.join(names)} ({reason})" for reason, names in subjects.items()]
+    return [f"NOT MEASURED: the bias of {', and of '.join(axes)}. The file has 0."] if axes else []
+
+
+def left_out(sensors: Iterable[SensorNoise]) -> list[str]:
+    """Return a sentence on the sinusoids that N and K leave out: the strongest of each sensor, and their number."""
+    parts, count = [], 0
+    for sensor in sensors:
+        lines = [(line, axis.axis) for axis in sensor.axes for line in lines_of(axis.fit)]
+        if lines:
+            line, axis = max(lines, key=lambda pair: pair[0].amplitude)
+            parts.append(f"{axis} {line.frequency:.3g} Hz ({line.amplitude:.2g} {SI_UNIT[sensor.quantity]})")
+            count += len(lines)
+    more = f" and {count - len(parts)} more" if count > len(parts) else ""
+    return [f"N and K leave out periodic disturbances: {', '.join(parts)}{more}."] if parts else []

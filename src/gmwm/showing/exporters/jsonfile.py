@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 from gmwm.showing.exporters.base import Noise, TwoNumbers
 from gmwm.showing.exporters.text import commented, commented_notes, shortened
@@ -19,6 +19,8 @@ class JsonFile(TwoNumbers):
     """Base class of JSON formats with N and K of each sensor."""
 
     extension = ".json"
+    head_first: ClassVar[bool] = True
+    """Whether the verdict may be the first entry of the document."""
 
     @abstractmethod
     def content(self, noise: Noise) -> Mapping[str, Any]:
@@ -32,8 +34,11 @@ class JsonFile(TwoNumbers):
         """Return the text of the JSON document with its head and its notes."""
         lines = {HEAD: commented(shortened(head), ""), NOTES: commented_notes(notes, "")}
         texts = {key: [line.strip() for line in each] for key, each in lines.items()}
-        content = {HEAD: texts[HEAD], **_rounded(self.content(noise)), NOTES: texts[NOTES]}
-        return json.dumps(content, indent=2, allow_nan=False) + "\n"
+        content = _rounded(self.content(noise))
+        entries = (
+            [(HEAD, texts[HEAD]), *content.items()] if self.head_first else [*content.items(), (HEAD, texts[HEAD])]
+        )
+        return json.dumps(dict([*entries, (NOTES, texts[NOTES])]), indent=2, allow_nan=False) + "\n"
 
 
 def _rounded(value: Any) -> Any:

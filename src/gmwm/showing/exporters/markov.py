@@ -9,10 +9,9 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar
 
 from gmwm.base.text import duration_text
-from gmwm.base.units import SI_UNIT
 from gmwm.showing.exporters.base import ExportOptions, Noise, TwoNumbers
 from gmwm.showing.exporters.reduction import AxisNoise, Number, SensorNoise, ruled
-from gmwm.showing.exporters.two_states import LONGEST, WIDEST, Curve, fit_states
+from gmwm.showing.exporters.two_states import BEYOND, LONGEST, WIDEST, Curve, fit_states
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
@@ -67,7 +66,10 @@ def biases(axes: Sequence[AxisNoise], low: float, high: float, *, common: bool) 
     groups = [slow] if common and slow else [[axis] for axis in slow]
     fitted: dict[str, Bias] = {}
     for group in groups:
-        states = fit_states([Curve.of(axis.fit, low, high) for axis in group], 1, low, high)
+        curves = [Curve.of(axis.fit, low, high) for axis in group]
+        # White noise is fitted beside a bias whose correlation time may be far longer, like that of a random walk.
+        white = [fit_states([curve], 1, low, BEYOND * high)[0].white for curve in curves]
+        states = fit_states(curves, 1, low, high, white)
         fitted |= {
             axis.axis: Bias(
                 axis=axis.axis, N=Number(state.white, axis.N.upper), sigma=Number(state.sigma[0], False),
@@ -119,17 +121,18 @@ class GaussMarkov(TwoNumbers):
         return noise.biases
 
     def predictions(self, noise: Noise) -> list[str]:
-        """Return a sentence on the fit of the bias, and one on its error for each sensor."""
+        """Return a sentence on how well N, σ and T describe the models."""
         low, high = band(noise)
-        found = self.biases(noise)
-        lines = [
-            "N, sigma and T have the Allan deviation that is nearest to the model at averaging times from "
-            f"{duration_text(low, 3)} to {duration_text(high, 3)}, by least squares of the logarithm."
-        ]
-        for sensor in noise.sensors:
-            each = (_text(found[axis.axis], SI_UNIT[sensor.quantity], high) for axis in sensor.axes)
-            lines.append(f"Bias of {'; '.join(each)}.")
-        return lines
+        found = self.biases(noise).values()
+        fits = [f"{max(100 * bias.error, 0.01):.2g} % for {bias.axis}" for bias in found if not bias.sigma.upper]
+        text = "N, sigma and T have the Allan deviation that is nearest to the model at averaging times from "
+        text += f"{duration_text(low, 3)} to {duration_text(high, 3)}"
+        text += f": within {', '.join(fits)}." if fits else "."
+        if ends := [bias.axis for bias in found if not bias.sigma.upper and bias.time > 0.999 * high]:
+            text += f" T of {', '.join(ends)} is the end of this band."
+        if bounded := [bias.axis for bias in found if bias.sigma.upper]:
+            text += f" sigma of {', '.join(bounded)} is an upper limit, and T is not measured."
+        return [text]
 
     def _noise(self, calibration: Calibration, options: ExportOptions) -> Noise:
         noise = super()._noise(calibration, options)
@@ -146,16 +149,6 @@ class GaussMarkov(TwoNumbers):
         return MarkovNoise(
             with_bias(noise.gyro), with_bias(noise.accel), options, topic=noise.topic, rest=noise.rest, biases=found
         )
-
-
-def _text(bias: Bias, unit: str, high: float) -> str:
-    if bias.sigma.upper:
-        return f"{bias.axis}: sigma <= {bias.sigma.value:.3g} {unit}, an upper limit, T not measured"
-    at_end = ", the end of the band" if bias.time > 0.999 * high else ""
-    return (
-        f"{bias.axis}: sigma {bias.sigma.value:.3g} {unit}, T {bias.time:.4g} s{at_end}, Allan deviation within "
-        f"{max(100 * bias.error, 0.01):.2g} %"
-    )
 
 
 def band(noise: Noise) -> tuple[float, float]:

@@ -50,26 +50,26 @@ def _quality(axis: AxisNoise, time: float) -> Quality:
     return Quality(None if least is None else math.sqrt(max(error / least, 1.0)), math.sqrt(stated / real))
 
 
-def predictions(sensor: SensorNoise) -> list[str]:
-    """Return a sentence on the loss of N and K against the full model, and on the error that they state.
+def predictions(sensors: Iterable[SensorNoise]) -> list[str]:
+    """Return a sentence for each sensor on the loss of N and K against the full model and on their stated error.
 
     Each number is that of the axis of the sensor with the largest loss, or with the largest difference between the
     stated and the real error.
     """
-    axes = [axis for axis in sensor.axes if axis.N.value > 0]
-    if not axes:
-        return []
-    by_time = list(zip(*(qualities(axis) for axis in axes), strict=True))
-    losses = [max((each.loss for each in at if each.loss is not None), default=math.nan) for at in by_time]
-    claims = [max((each.claim for each in at), key=lambda claim: abs(math.log(claim))) for at in by_time]
-    name, times = NAMES[sensor.quantity].capitalize(), ", ".join(f"{time:g}" for time in TIMES)
-    text = f"{name}, predicting {times} s: "
-    if not any(map(math.isnan, losses)):
-        text += f"error {_listed(losses)} times that of a filter with the full model; "
-    text += f"error stated by N and K over real error {_listed(claims)}."
-    if losses[-1] > LARGE:
-        text += " A filter with Gauss-Markov states (format state-space) predicts better."
-    return [text]
+    lines, times, large = [], "/".join(f"{time:g}" for time in TIMES), False
+    for sensor in sensors:
+        axes = [axis for axis in sensor.axes if axis.N.value > 0]
+        if not axes:
+            continue
+        by_time = list(zip(*(qualities(axis) for axis in axes), strict=True))
+        losses = [max((each.loss for each in at if each.loss is not None), default=math.nan) for at in by_time]
+        claims = [max((each.claim for each in at), key=lambda claim: abs(math.log(claim))) for at in by_time]
+        text = f"{NAMES[sensor.quantity].capitalize()}, {times} s ahead: "
+        if not any(map(math.isnan, losses)):
+            text += f"error / error of the full model {_listed(losses)}; "
+        lines.append(f"{text}stated / real error {_listed(claims)}.")
+        large = large or losses[-1] > LARGE
+    return [*lines, "Filters with Gauss-Markov states (format state-space) predict better."] if large else lines
 
 
 def _listed(numbers: Iterable[float]) -> str:

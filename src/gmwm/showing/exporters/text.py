@@ -17,7 +17,7 @@ from gmwm.showing.exporters.reduction import Number
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
 
-_WIDTH = 100
+_WIDTH = 116
 NOTES = 15
 """Largest number of comment lines below the numbers of a file."""
 REST = "All models, intervals and remarks: report.html of the calibration, or `calibration.report()`."

@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.text import duration_text
 from gmwm.choosing.datasheets.effective import Use, filter_entries
 from gmwm.fitting.estimation.result import Fit
@@ -195,44 +195,47 @@ class Curve:
         return float(np.max(np.abs(np.sqrt(reduced / self.whole) - 1)))
 
 
-def fit_states(curves: Sequence[Curve], count: int, low: float, high: float) -> list[States]:
+def fit_states(
+    curves: Sequence[Curve], count: int, low: float, high: float, white: Sequence[float] | None = None
+) -> list[States]:
     """Fit white noise and at most `count` Gauss-Markov states to each curve, with the same correlation times for all.
 
     The correlation times are between `low` and `high` (s). The fit is by least squares of the logarithm of the Allan
-    variance.
+    variance. If `white` is not None, the white noise of each curve is held at this density.
     """
     from scipy.optimize import least_squares
 
     times, parts = _start(curves, count, low, high)
-    count = times.size
+    held = 0 if white is None else 1
     floors = [_NONE * curve.whole[0] / curve.white[0] for curve in curves]
-    start = [math.log(max(x, floor)) for part, floor in zip(parts, floors, strict=True) for x in part]
-    lower = np.array([-np.inf] * len(start) + [math.log(low)] * count)
-    upper = np.array([np.inf] * len(start) + [math.log(high)] * count)
+    start = [math.log(max(x, floor)) for part, floor in zip(parts, floors, strict=True) for x in part[held:]]
+    lower = np.array([-np.inf] * len(start) + [math.log(low)] * times.size)
+    upper = np.array([np.inf] * len(start) + [math.log(high)] * times.size)
     inside = np.clip([*start, *np.log(times)], lower + 1e-9, upper - 1e-9)
 
+    def strengths(x: Vector) -> Matrix:
+        """Return the squared density of the white noise and the variances of the states, one row for each curve."""
+        rows = np.exp(x[: len(start)]).reshape(len(curves), -1)
+        return rows if white is None else np.column_stack([np.square(white), rows])
+
     def reduced(x: Vector) -> Iterator[Vector]:
-        strengths = np.exp(x[: len(start)]).reshape(len(curves), 1 + count)
-        for curve, (white, *variances) in zip(curves, strengths, strict=True):
+        for curve, (density, *variances) in zip(curves, strengths(x), strict=True):
             units = (v * curve.unit(math.exp(t)) for v, t in zip(variances, x[len(start) :], strict=True))
-            yield np.asarray(white * curve.white + sum(units))
+            yield np.asarray(density * curve.white + sum(units))
 
     def residuals(x: Vector) -> Vector:
         return np.concatenate([np.log(r / curve.whole) for r, curve in zip(reduced(x), curves, strict=True)])
 
     x = least_squares(residuals, inside, bounds=(lower, upper), xtol=1e-10, ftol=1e-10).x
-    strengths = np.exp(x[: len(start)] / 2).reshape(len(curves), 1 + count)
     order = np.argsort(x[len(start) :])
     return [
         States(
-            white=float(white),
-            sigma=tuple(sigma[order].tolist()),
+            white=float(roots[0]),
+            sigma=tuple(roots[1:][order].tolist()),
             time=tuple(np.exp(x[len(start) :][order]).tolist()),
             error=curve.error(allan),
         )
-        for (white, *_), sigma, allan, curve in zip(
-            strengths.tolist(), strengths[:, 1:], reduced(x), curves, strict=True
-        )
+        for roots, allan, curve in zip(np.sqrt(strengths(x)), reduced(x), curves, strict=True)
     ]
 
 
