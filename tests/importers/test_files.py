@@ -47,7 +47,7 @@ def test_a_datasheet_through_a_file_and_back(calibration, format, tmp_path):
     found = given_noise(file, RATE)
     for sensor, (white, walk) in NUMBERS.items():
         # What the consumer makes of the file …
-        assert consumed[sensor][0] == pytest.approx(white, rel=5e-4 if format in MARKOV else 2e-6)
+        assert consumed[sensor][0] == pytest.approx(white, rel=1e-5 if format in MARKOV else 2e-6)
         if format != "kfgins":
             assert consumed[sensor][1] == pytest.approx(walk, rel=2e-6)
         for k, letter in enumerate("xyz"):

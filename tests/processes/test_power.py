@@ -213,7 +213,7 @@ def test_intervals_of_flicker_noise_hold_the_truth_and_the_model_is_not_rejected
 def test_flicker_noise_is_the_bias_instability_of_the_standard():
     truth = WN(sigma2=1e-4) + FN(b2=4e-6) + RW(gamma2=1e-10)
     sheet = gmwm.fit(truth.structure, exact_curve(truth)).datasheet()
-    assert list(sheet) == ["N", "B", "K"]
+    assert list(sheet) == ["N", "K", "B", "N of WN", "K of RW"]
     assert sheet["B"].value == pytest.approx(2e-3, rel=1e-6)
     assert sheet["B"].low < 2e-3 < sheet["B"].high
     assert (sheet["B"].unit, sheet["B"].term, sheet["B"].tau) == ("rad/s", "FN", None)

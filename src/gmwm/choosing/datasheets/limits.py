@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping
 
-from gmwm.base.errors import DataError, FitWarning, GmwmError
+from gmwm.base.errors import DataError, GmwmError
 from gmwm.base.units import noise_unit
 from gmwm.choosing.datasheets.entry import Entry
-from gmwm.fitting.estimation import fit as fitted
+from gmwm.fitting.estimation.estimator import fit_quietly
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.reweighting import REWEIGHTED
 from gmwm.theory.processes.base import Process
@@ -60,9 +59,6 @@ def hidden(fit: Fit, entry: Entry, level: float) -> float:
 
 
 def _widened(fit: Fit, kind: type[Process]) -> Fit:
-    """Fit the model with a process of class `kind` added to the same data."""
+    """Fit the model with a process of class `kind` added to the same data, without warnings that it is zero."""
     weighting = fit.weighting if fit.weighting in REWEIGHTED else fit.weighting_matrix
-    with warnings.catch_warnings():
-        # The fit may warn that the data do not support the new term, which is expected here.
-        warnings.simplefilter("ignore", FitWarning)
-        return fitted(fit.model + kind(), fit.wavelet_variance, weighting=weighting, certify=False)
+    return fit_quietly(fit.model + kind(), fit.wavelet_variance, weighting, certify=False)

@@ -46,13 +46,13 @@ class Autoware(Exporter):
         force = ruled([(axis, deviations[axis]) for axis in accel], "worst", options.inflation)[0]
         notes = [
             recording(calibration),
+            *paragraphs(self.remarks(calibration, options)),
             "Units: discrete, standard deviations of one sample at the rate of the recording: rad/s, and m/s² for "
             "acceleration_stddev, the largest of the accelerometers. angular_velocity_offset rad/s is the bias at "
             "rest, which Autoware subtracts.",
             f"Inflation factor: {options.inflation:g} for standard deviations, not for offsets. Horizon: none.",
             *stated(calibration, ("gyro",)),
             "Autoware's defaults, 0.03 rad/s and 10000 m/s², are far larger than the noise of a sensor.",
-            *paragraphs(self.remarks(calibration, options)),
         ]
         lines = ["/**:", "  ros__parameters:"]
         for letter, value in zip("xyz", three(calibration.rest, "gyro"), strict=True):

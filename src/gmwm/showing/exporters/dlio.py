@@ -36,12 +36,12 @@ class Dlio(Exporter):
             )
         notes = [
             recording(calibration),
+            *paragraphs(self.remarks(calibration, options)),
             "Units: biases at rest, accelerometers m/s², gyroscopes rad/s, in the order x, y, z. DLIO has no "
             "parameters for N and K. Inflation factor: none. Horizon: none.",
             *stated(calibration, ("gyro", "accel")),
             "With calibration: false, DLIO starts with these biases. With true, it estimates them in its first seconds "
             "and ignores them. Keep sm of your file if you have calibrated scale factors.",
-            *paragraphs(self.remarks(calibration, options)),
         ]
         lines = ["dlio:", "  imu:", "    calibration: false", "    intrinsics:"]
         for key, quantity, extra in (("accel", "accel", True), ("gyro", "gyro", False)):

@@ -11,10 +11,15 @@ from typing import TYPE_CHECKING, ClassVar
 from gmwm.base.text import duration_text
 from gmwm.showing.exporters.base import ExportOptions, Noise, TwoNumbers
 from gmwm.showing.exporters.reduction import AxisNoise, Number, SensorNoise, ruled
-from gmwm.showing.exporters.two_states import BEYOND, LONGEST, WIDEST, Curve, fit_states
+from gmwm.showing.exporters.two_states import LONGEST, WIDEST, Curve, fit_states
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
+
+
+_AS_WALK = 1e5
+"""Largest correlation time, relative to the longest averaging time, of the bias beside which the white noise is fitted.
+This bias is a random walk within 1e-5 (tests/importers/test_files.py)."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +73,7 @@ def biases(axes: Sequence[AxisNoise], low: float, high: float, *, common: bool) 
     for group in groups:
         curves = [Curve.of(axis.fit, low, high) for axis in group]
         # White noise is fitted beside a bias whose correlation time may be far longer, like that of a random walk.
-        white = [fit_states([curve], 1, low, BEYOND * high)[0].white for curve in curves]
+        white = [fit_states([curve], 1, low, _AS_WALK * high)[0].white for curve in curves]
         states = fit_states(curves, 1, low, high, white)
         fitted |= {
             axis.axis: Bias(

@@ -42,6 +42,7 @@ class Ros(Exporter):
         """Return the text of the file, with a list of nine numbers for each calibrated sensor."""
         notes = [
             recording(calibration),
+            *paragraphs(self.remarks(calibration, options)),
             "Units: discrete, variances of one sample at the rate of the recording, row by row: angular_velocity "
             "(rad/s)², linear_acceleration (m/s²)².",
             f"Inflation factor: {options.inflation:g}, squared. Horizon: none.",
@@ -65,7 +66,6 @@ class Ros(Exporter):
         notes += [
             "The covariances are the variances of all stationary noise: white noise, quantization noise, and "
             "Gauss-Markov and other correlated terms. The covariance of the orientation is not noise of the sensors.",
-            *paragraphs(self.remarks(calibration, options)),
         ]
         return laid_out(top(self, calibration), lines, notes, "#")
 
