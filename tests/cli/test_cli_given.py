@@ -1,7 +1,6 @@
 """Noise without a recording, in every command that accepts it."""
 
 import json
-
 import re
 
 import pytest

@@ -140,13 +140,29 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
 
 
 def with_limits(sheet: Datasheet, fit: Fit) -> Datasheet:
-    """Return a datasheet in which every number is plausible, with upper limits of N and K if they may be zero."""
+    """Return a datasheet in which every number is plausible, with upper limits of N and K if they may be zero.
+
+    Numbers of the terms that repeat a number of a filter are left out.
+    """
     resonances = {entry.term: entry.value for entry in sheet.entries if entry.symbol.startswith("f_r")}
-    entries = (plausible(entry, sheet.rate, sheet.samples, resonances.get(entry.term)) for entry in sheet.entries)
+    entries = [
+        plausible(entry, sheet.rate, sheet.samples, resonances.get(entry.term))
+        for entry in sheet.entries
+        if not _repeats(entry, sheet)
+    ]
     return replace(
         sheet,
         entries=tuple(limited(fit, entry, sheet.level) if entry.symbol in FILTER else entry for entry in entries),
     )
+
+
+def _repeats(entry: Entry, sheet: Datasheet) -> bool:
+    """Return whether the number N or K of a term agrees with the number of a filter."""
+    symbol, of, _ = entry.symbol.partition(" of ")
+    if not of or symbol not in FILTER:
+        return False
+    of_filter = sheet[symbol].value
+    return abs(entry.value - of_filter) <= ALIKE * of_filter
 
 
 def model_datasheet(fit: Fit, level: float) -> Datasheet:
@@ -166,7 +182,7 @@ def model_datasheet(fit: Fit, level: float) -> Datasheet:
         remarks.append(Remark.of("numbers-from-curve", axis, numbers=tuple(changes), factor=max(changes.values())))
     for term, process in zip(model.terms, model.processes, strict=True):
         numbers, remark = _of_term(judged, term, process)
-        entries += [number for entry in numbers for number in _beside(entry, entries)]
+        entries += [_beside(entry, entries) for entry in numbers]
         remarks += [remark] if remark else []
     bias, remark = None, None
     if any(entry.symbol == _FLICKER and entry.value > 0 for entry in entries):
@@ -179,14 +195,11 @@ def model_datasheet(fit: Fit, level: float) -> Datasheet:
     return _sheet(fit, tuple(entries), level, tuple(remarks))
 
 
-def _beside(entry: Entry, entries: list[Entry]) -> list[Entry]:
-    """Return the number of a term with its term in the symbol if it is taken; nothing if it repeats N or K."""
-    taken = next((other for other in entries if other.symbol == entry.symbol), None)
-    if taken is None:
-        return [entry]
-    if entry.symbol in FILTER and abs(entry.value - taken.value) <= ALIKE * taken.value:
-        return []
-    return [replace(entry, symbol=f"{entry.symbol} of {entry.term}", title=f"{entry.title} of {entry.term}")]
+def _beside(entry: Entry, entries: list[Entry]) -> Entry:
+    """Return the number of a term, with the name of its term in the symbol if the symbol is taken."""
+    if entry.symbol not in (other.symbol for other in entries):
+        return entry
+    return replace(entry, symbol=f"{entry.symbol} of {entry.term}", title=f"{entry.title} of {entry.term}")
 
 
 def _acts(fit: Fit, term: str) -> str | None:

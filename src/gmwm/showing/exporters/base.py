@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from gmwm.base.errors import DataError, GmwmError, OptionError
-from gmwm.base.remarks import Remark
+from gmwm.base.remarks import Remark, Severity
 from gmwm.base.text import version
 from gmwm.base.units import Quantity
 from gmwm.choosing.datasheets.effective import HORIZON, Use
@@ -245,12 +245,12 @@ class TwoNumbers(Exporter):
         options = noise.options
         found = list(remarks_of(noise, calibration.settings.confidence))
         rates = [remark for remark in found if remark.code == "rates-differ"]
-        measured = not is_given(calibration)
+        warned, measured = cautions(calibration), not is_given(calibration)
         at_rest = " Measured at rest; in the field, filters usually need more." if options.inflation == 1 else ""
         return [
             recording(calibration),
             *self.meaning,
-            *paragraphs([*cautions(calibration), *rates]),
+            *paragraphs([*(remark for remark in warned if remark.severity <= Severity.BIASED), *rates]),
             *(rule_of(sensor, options.axes) for sensor in noise.sensors),
             *limits(found),
             *not_measured(unknown(calibration, self.biases_of)),
@@ -259,6 +259,7 @@ class TwoNumbers(Exporter):
             *self.predictions(noise),
             *stated(calibration, self.biases_of),
             *self.advice(noise),
+            *paragraphs(remark for remark in warned if remark.severity > Severity.BIASED),
         ]
 
     def predictions(self, noise: Noise) -> list[str]:

@@ -64,9 +64,9 @@ def predictions(sensors: Iterable[SensorNoise]) -> list[str]:
         by_time = list(zip(*(qualities(axis) for axis in axes), strict=True))
         losses = [max((each.loss for each in at if each.loss is not None), default=math.nan) for at in by_time]
         claims = [max((each.claim for each in at), key=lambda claim: abs(math.log(claim))) for at in by_time]
-        text = f"{NAMES[sensor.quantity].capitalize()}, {times} s ahead: "
+        text = f"{NAMES[sensor.quantity].capitalize()}, {times} s: "
         if not any(map(math.isnan, losses)):
-            text += f"error / error of the full model {_listed(losses)}; "
+            text += f"error / full model's error {_listed(losses)}; "
         lines.append(f"{text}stated / real error {_listed(claims)}.")
         large = large or losses[-1] > LARGE
     return [*lines, "Filters with Gauss-Markov states (format state-space) predict better."] if large else lines
