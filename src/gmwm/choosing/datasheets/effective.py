@@ -23,8 +23,9 @@ from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
 
 HORIZON = 1.0
-"""Default horizon (s). For white noise and flicker noise, N then agrees with the Allan deviation at 1 s within 3 %, and
-the prediction of the next minute is at most 8 % worse than with the best K (docs/validation/filter.md)."""
+"""Default horizon (s). N then agrees with the Allan deviation at 1 s within 3 % for white noise with flicker noise or a
+random walk. For flicker noise and Gauss-Markov terms of 100 s and more, the prediction of the next minute is at most
+8 % worse than with the best K (docs/validation/filter.md)."""
 
 WHITE, WALK = 0.5, -0.5
 """Powers of time in the units of N and K."""
