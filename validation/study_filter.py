@@ -68,7 +68,7 @@ def telegraph(size: float, dwell: float) -> Noise:
 
     def draw(n: int, rng: np.random.Generator) -> Array:
         changes = rng.random(n) < 0.5 * (1 - math.exp(-2 / (dwell * RATE)))
-        return size * rng.choice([-1.0, 1.0]) * (-1.0) ** np.cumsum(changes)
+        return np.asarray(size * rng.choice([-1.0, 1.0]) * (-1.0) ** np.cumsum(changes))
 
     return draw
 
@@ -80,7 +80,7 @@ def flicker(coefficient: float) -> Noise:
         long = 4 * n
         weights = np.cumprod(np.r_[1.0, (np.arange(1, long) - 0.5) / np.arange(1, long)])
         spectrum = np.fft.rfft(weights, 2 * long) * np.fft.rfft(rng.standard_normal(long), 2 * long)
-        return coefficient * np.fft.irfft(spectrum, 2 * long)[long - n : long]
+        return np.asarray(coefficient * np.fft.irfft(spectrum, 2 * long)[long - n : long])
 
     return draw
 

@@ -4,7 +4,7 @@ import pytest
 
 from validation import study_filter
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")]
 
 FORGOTTEN = {"GM 50, 1 s", "GM 50, 15 s"}
 """Noise with a correlation time below the longest prediction, which a random walk cannot describe."""

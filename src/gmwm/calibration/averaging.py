@@ -253,8 +253,8 @@ def markov_instead_of_walk(sheet: Datasheet, ranking: Ranking) -> float | None:
     """
     term = next((entry for entry in sheet.values() if entry.symbol.startswith(f"{WALK} of ")), None)
     walk, duration = term or sheet.get(WALK), sheet.samples / sheet.rate
-    recommended = next(candidate.fit.model for candidate in ranking.distinct if candidate.recommended)
-    walks = any(process.scale > 0 and is_walk(process, sheet.rate) for process in recommended.processes)
+    recommended = [candidate.fit.model for candidate in ranking.distinct if candidate.recommended]
+    walks = any(p.scale > 0 and is_walk(p, sheet.rate) for model in recommended for p in model.processes)
     if walk is None or walk.upper_only or walk.held or not walks:
         return None
     for candidate in ranking.distinct:

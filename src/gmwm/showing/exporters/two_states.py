@@ -31,8 +31,9 @@ POINTS = 25
 BEYOND = 100.0
 """Largest correlation time, relative to the longest averaging time. The Allan deviation of a Gauss-Markov process with
 this correlation time differs from a random walk by 0.3 % (tests/exporters/test_two_states.py)."""
-_TRIED = 16
-"""Number of correlation times on the grid. All combinations are tried, and the best one is refined."""
+_TRIED = {1: 80, 2: 16}
+"""Number of correlation times on the grid, by the number of states. All combinations are tried, and the best one is
+refined."""
 _NONE = 1e-12
 """White noise, relative to the noise at the shortest averaging time, from which the search starts if it is zero."""
 
@@ -246,9 +247,9 @@ def _start(curves: Sequence[Curve], count: int, low: float, high: float) -> tupl
     """
     from scipy.optimize import nnls
 
-    grid = np.geomspace(low, high, _TRIED)
+    grid = np.geomspace(low, high, _TRIED[count])
     shapes = [np.array([curve.white, *map(curve.unit, grid.tolist())]) / curve.whole for curve in curves]
-    combined = [[0, *(1 + k for k in places)] for places in combinations(range(_TRIED), count)]
+    combined = [[0, *(1 + k for k in places)] for places in combinations(range(grid.size), count)]
     solved = [[nnls(shape[rows].T, np.ones(shape.shape[1])) for shape in shapes] for rows in combined]
     best = int(np.argmin([sum(distance**2 for _, distance in each) for each in solved]))
     parts = np.array([part for part, _ in solved[best]])
