@@ -209,7 +209,7 @@ def fit(
     wv = measured(data, rate, robust, efficiency, against=against)
     first = None if start is None else _draws(start, wv, data)
     chosen = usual_weighting(wanted) if weighting is None else weighting
-    found = _fitted(wanted, wv, chosen, certify=certify, first=first)
+    found = fit_quietly(wanted, wv, chosen, certify=certify, first=first)
     for remark in found.diagnostics.remarks:
         warnings.warn(FitWarning(remark), stacklevel=2)
     return found
@@ -248,7 +248,7 @@ def refitted(fit: Fit, wv: WaveletVariance) -> Fit:
     The weighting is the same, except that "diagonal" replaces "identity" and a matrix of the user.
     """
     if fit.weighting not in REWEIGHTED:
-        return _fitted(fit.model, wv, "diagonal", certify=False)
+        return fit_quietly(fit.model, wv, "diagonal", certify=False)
     settled = settle(
         fit.model, wv, fit.weighting, certify=False, start=fit.model, fixed=NEAR, returns=AGAIN,
         first=solve_near, search=not any(len(to_find(process)) > 1 for process in fit.model.processes),
@@ -269,9 +269,10 @@ def _draws(start: Sampled, wv: WaveletVariance, data: OneOrSeveral) -> First:
     return lambda problem: solve_sampled(problem, wv, start, spread)
 
 
-def _fitted(
+def fit_quietly(
     model: Model, wv: WaveletVariance, weighting: Weighting, *, certify: bool, first: First | None = None
 ) -> Fit:
+    """Fit a model like `fit`, but without Python warnings, because threads share the warning filters."""
     if isinstance(weighting, str) and weighting in REWEIGHTED:
         return as_fit(settle(model, wv, weighting, certify=certify, first=first), wv, weighting)
     matrix = weighting_matrix(weighting, wv)
