@@ -11,75 +11,23 @@ from copy import copy
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 from gmwm.base.template import Dialect, Fact, render, shell_option
-from gmwm.base.text import printable, shortened
+from gmwm.base.text import printable, shorten
 
 if TYPE_CHECKING:
     from gmwm.base.remarks import Remark
 
 ReadCode = Literal[
-    "changed",
-    "checksum-wrong",
-    "chunk-damaged",
-    "column-not-numbers",
-    "columns-ambiguous",
-    "columns-unnamed",
-    "cut-off",
-    "damaged",
-    "dates-ambiguous",
-    "dates-unreadable",
-    "dates-without-times",
-    "decimal-comma",
-    "empty",
-    "encrypted",
-    "files-missing",
-    "header-damaged",
-    "header-mismatch",
-    "incomplete",
-    "index-damaged",
-    "integers-too-large",
-    "is-directory",
-    "line-ends",
-    "line-too-long",
-    "message-damaged",
-    "message-encoding",
-    "no-array",
-    "no-index",
-    "no-inertial-data",
-    "no-numbers",
-    "no-recording",
-    "no-time",
-    "not-a-file",
-    "not-continued",
-    "not-found",
-    "not-readable",
-    "not-text",
-    "not-utf8",
-    "python-objects",
-    "rate-changes",
-    "rate-contradiction",
-    "record-damaged",
-    "row-invalid",
-    "row-length",
-    "sensor-ambiguous",
-    "several-recordings",
-    "time-empty",
-    "time-implausible",
-    "time-order",
-    "time-span",
-    "too-large",
-    "too-many",
-    "type-invalid",
-    "type-recursive",
-    "type-undefined",
-    "unit-contradiction",
-    "unit-implausible",
-    "unit-needs-three-axes",
-    "unit-unknown",
-    "unit-unnamed",
-    "unknown-format",
-    "unsupported",
-    "wrong-format",
-]
+    "changed", "checksum-wrong", "chunk-damaged", "column-not-numbers", "columns-ambiguous", "columns-unnamed",
+    "cut-off", "damaged", "dates-ambiguous", "dates-unreadable", "dates-without-times", "decimal-comma", "empty",
+    "encrypted", "files-missing", "header-damaged", "header-mismatch", "incomplete", "index-damaged",
+    "integers-too-large", "is-directory", "line-ends", "line-too-long", "message-damaged", "message-encoding",
+    "no-array", "no-index", "no-inertial-data", "no-numbers", "no-recording", "no-time", "not-a-file",
+    "not-continued", "not-found", "not-readable", "not-text", "not-utf8", "python-objects", "rate-changes",
+    "rate-contradiction", "record-damaged", "row-invalid", "row-length", "sensor-ambiguous", "several-recordings",
+    "time-empty", "time-implausible", "time-order", "time-span", "too-large", "too-many", "type-invalid",
+    "type-recursive", "type-undefined", "unit-contradiction", "unit-implausible", "unit-needs-three-axes",
+    "unit-unknown", "unit-unnamed", "unknown-format", "unsupported", "wrong-format",
+]  # fmt: skip
 """Codes of the reasons why a file cannot be read. They do not change if the wording of a message changes."""
 
 _NOT_GIVEN: Any = object()
@@ -163,8 +111,8 @@ class GmwmError(Exception):
             message = f"{self._argument_name(self.prefix, dialect)}: {message}"
         if self.subject:
             message = f"{self.subject}: {message}"
-        message = shortened(printable(message))
-        advice = shortened(printable(render(self.advice, self.facts, dialect, self.options)))
+        message = shorten(printable(message))
+        advice = shorten(printable(render(self.advice, self.facts, dialect, self.options)))
         return f"{message}. {advice}" if advice else message
 
     def with_advice_of(self, cause: GmwmError) -> Self:

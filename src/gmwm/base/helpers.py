@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-MOST = 5
+MOST_HELPERS = 5
 """Largest number of helpers: with this process, one for each of six axes."""
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "POLARS_MAX_THREADS": "1"}
 """Variables of the environment with which the libraries use one thread in each process."""
@@ -80,7 +80,7 @@ class Helpers:
     def run(self, function: Callable[..., T], *args: Any) -> T:
         """Call a function in a helper if one is idle, otherwise here; both must be able to pickle the function, the
         arguments and the result. Raises the errors of the function."""
-        helper = self._taken()
+        helper = self._take()
         if helper is None:
             return function(*args)
         helper.begin(function, *args)
@@ -89,7 +89,7 @@ class Helpers:
     def begin(self, function: Callable[..., T], *args: Any) -> Callable[[], T]:
         """Begin a call in a helper if one is idle. Return a function that returns the result; without a helper, this
         function makes the call."""
-        helper = self._taken()
+        helper = self._take()
         if helper is None:
             return cache(partial(function, *args))
         helper.begin(function, *args)  # now, because the caller may change the arguments from here on
@@ -110,13 +110,13 @@ class Helpers:
 
         return result
 
-    def taken(self) -> list[Helper]:
+    def take_idle(self) -> list[Helper]:
         """Take all idle helpers away; calls are made in this process from here on."""
         with self._lock:
             idle, self._idle = self._idle, []
         return idle
 
-    def _taken(self) -> Helper | None:
+    def _take(self) -> Helper | None:
         with self._lock:
             return self._idle.pop() if self._idle else None
 
@@ -139,7 +139,7 @@ def helpers(*modules: str, count: int | None = None) -> Helpers:
     """Fork helpers, if the system can fork and this process has one thread. By default, there is one for each further
     processor."""
     alone = sys.platform == "linux" and len(os.listdir("/proc/self/task")) == 1
-    number = min(processors() - 1, MOST) if count is None else count
+    number = min(processors() - 1, MOST_HELPERS) if count is None else count
     return Helpers(number if alone else 0, modules)
 
 

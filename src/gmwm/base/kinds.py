@@ -26,62 +26,18 @@ _WORDS: Mapping[Any, str] = {
     str: "a string", float: "a number", int: "a whole number", bool: "true or false", NoneType: "null",
 }  # fmt: skip
 _KINDS: dict[type, Mapping[str, Any]] = {}
-_POSITIVE = frozenset(
-    [
-        "rate",
-        "samples",
-        "levels",
-        "counts",
-        "segments",
-        "strides",
-        "degrees_of_freedom",
-        "freedom",
-        "freedoms",
-        "length",
-        "blocks",
-        "comparisons",
-        "frequency",
-        "recordings",
-        "tau",
-    ]
-)
-_NOT_NEGATIVE = frozenset(
-    [
-        "variance",
-        "lower",
-        "upper",
-        "implied",
-        "decomposition",
-        "allan_deviation",
-        "density",
-        "model_error",
-        "filled",
-        "missing",
-        "duration",
-        "knocks",
-        "spikes",
-        "in_knocks",
-        "count",
-        "energy",
-        "df",
-        "rms",
-        "rms_low",
-        "rms_high",
-        "turn_on",
-        "turn_on_low",
-        "turn_on_high",
-        "width",
-        "error",
-        "errors",
-        "standard_errors",
-        "gravity_error",
-        "level_error",
-        "frequency_error",
-        "amplitude",
-        "amplitude_error",
-        "tau_error",
-    ]
-)
+_POSITIVE = frozenset([
+    "rate", "samples", "levels", "counts", "segments", "strides", "degrees_of_freedom", "freedom", "freedoms",
+    "length", "blocks", "comparisons",
+    "frequency", "recordings", "tau",
+])  # fmt: skip
+_NOT_NEGATIVE = frozenset([
+    "variance", "lower", "upper", "implied", "decomposition", "allan_deviation", "density", "model_error", "filled",
+    "missing", "duration", "knocks",
+    "spikes", "in_knocks", "count", "energy", "df", "rms", "rms_low", "rms_high", "turn_on", "turn_on_low",
+    "turn_on_high", "width", "error", "errors",
+    "standard_errors", "gravity_error", "level_error", "frequency_error", "amplitude", "amplitude_error", "tau_error",
+])  # fmt: skip
 _SHARES = ("confidence", "efficiency")
 _PROBABILITIES = ("pvalue", "pvalues", "p_value")
 _COVARIANCES = ("covariance", "wavelet", "weighting_matrix")
@@ -129,20 +85,6 @@ def require_kinds(found: Any, where: str, document: Document) -> None:
     `shares` of the class lists must be between 0 and 1. Counts, degrees of freedom, standard errors and other fields
     must be in the range that their name implies, and covariances must have no negative eigenvalue. No finite number may
     exceed `LARGEST`, and no count `LARGEST_COUNT`.
-
-    Parameters
-    ----------
-    found : dataclass
-        The result.
-    where : str
-        Name of the result in error messages.
-    document : Document
-        The kind of document that was read.
-
-    Raises
-    ------
-    ReadError
-        If a field is wrong; the message names it.
     """
     lengths = {}
     for name, kind in _hints(type(found)).items():

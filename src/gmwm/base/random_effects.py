@@ -13,8 +13,6 @@ import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector
 
-_STEPS = 100
-"""Largest number of Newton steps; the slowest sequence of tests/fleets/test_statistics.py takes 12."""
 _NODES = 48
 """Number of nodes of the integral over τ. A t distribution with 7 degrees of freedom is then accurate to four
 digits."""
@@ -74,7 +72,7 @@ def between_units(x: Matrix, s2: Matrix, target: Vector | None = None, start: Ve
     safe = np.where(open_, statistic, 1.0)
     spread2 = np.zeros(x.shape[:-1]) if start is None else np.array(start, dtype=np.float64)
     least = np.min(np.where(finite, s2, np.inf), axis=-1)
-    for _ in range(_STEPS):
+    for _ in range(100):  # the slowest sequence of tests/fleets/test_statistics.py takes 12 Newton steps
         w = finite / (spread2[..., None] + s2)
         off = x - (np.sum(w * x, axis=-1) / np.maximum(np.sum(w, axis=-1), np.finfo(float).tiny))[..., None]
         pull = w * off * off
@@ -98,13 +96,9 @@ def effects(x: Matrix, s2: Matrix, spread2: Vector | None = None, start: Vector 
         share = np.sum(w * w, axis=-1) / total**2
         variance = np.where(count > 1, 2 * (count - 1) / (total * (1 - share)) ** 2, np.inf)
         return Effects(
-            mean=mean,
-            error=1 / np.sqrt(total),
-            spread2=between2,
-            spread2_variance=variance,
-            error2_slope=share,
+            mean=mean, error=1 / np.sqrt(total), spread2=between2, spread2_variance=variance, error2_slope=share,
             count=count,
-        )
+        )  # fmt: skip
 
 
 def spread_limits(x: Matrix, s2: Matrix, confidence: float, freedom: Vector | None = None) -> tuple[Vector, Vector]:
@@ -118,7 +112,7 @@ def spread_limits(x: Matrix, s2: Matrix, confidence: float, freedom: Vector | No
     return low, high
 
 
-def predicted(
+def prediction_limits(
     x: Matrix, s2: Matrix, confidence: float, freedom: Vector | None = None, widened: Vector | None = None
 ) -> tuple[Vector, Vector]:
     """Return prediction limits for the true number of a further unit.
@@ -154,7 +148,7 @@ def predicted(
 
 
 def confidence_of_mean(x: Matrix, s2: Matrix, confidence: float) -> tuple[Vector, Vector]:
-    """Return confidence limits of μ that include the uncertainty of τ̂, in the same way as `predicted`.
+    """Return confidence limits of μ that include the uncertainty of τ̂, in the same way as `prediction_limits`.
 
     If the errors s_i are zero, this is the t interval μ̂ ± t_{n−1} τ̂ / √n.
     """

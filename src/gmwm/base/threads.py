@@ -67,14 +67,6 @@ def in_threads(
     dict of name to result
         The results, in the order of the items.
 
-    Raises
-    ------
-    GmwmError
-        The error of the first item that failed, in the order of the items, with the item's name as its subject. An
-        OptionError is raised as it is, because options are the same for all items.
-    KeyboardInterrupt
-        After Ctrl-C. No further item is started.
-
     Examples
     --------
     >>> in_threads(lambda name, number: number**2, {"two": 2, "three": 3})
@@ -82,7 +74,9 @@ def in_threads(
     """
     pool = ThreadPoolExecutor(max(1, min(len(items), threads or processors())))
     try:
-        futures = {pool.submit(copy_context().run, _named, work, name, item): name for name, item in items.items()}
+        futures = {
+            pool.submit(copy_context().run, _call_by_name, work, name, item): name for name, item in items.items()
+        }
         pending = set(futures)
         while pending:
             # After Polars has installed its handler of Ctrl-C, a wait without a timeout ignores Ctrl-C.
@@ -102,7 +96,7 @@ def processors() -> int:
     return os.cpu_count() or 1
 
 
-def _named(work: Callable[[str, Item], T], name: str, item: Item) -> T:
+def _call_by_name(work: Callable[[str, Item], T], name: str, item: Item) -> T:
     try:
         check_stop()
         return work(name, item)

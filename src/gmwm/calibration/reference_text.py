@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gmwm.base.remarks import texts
-from gmwm.base.tables import headed
+from gmwm.base.tables import table_with_rule
 from gmwm.choosing.datasheets.entry import Entry, significant
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def summary(found: ReferenceCheck) -> str:
     if in_file:
         about += f" Measured N and K are for a filter with a horizon of {found.horizon:g} s, as in exported files."
     about += " factor: reference / measured, or its upper limit."
-    parts = [texts([verdict])[0], "\n".join(headed(rows)), about, *texts(others)]
+    parts = [texts([verdict])[0], "\n".join(table_with_rule(rows)), about, *texts(others)]
     if found.unmatched:
         parts.append(f"The calibration does not have {', '.join(found.unmatched)}.")
     return "\n\n".join(parts)

@@ -23,24 +23,27 @@ from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.calibration.summary_text import summary
 from gmwm.cli.command import command
 from gmwm.cli.export import KalibrFile, kalibr_file
-from gmwm.cli.measuring import Chunked, Scheduler, Workers, memory_for, opened
+from gmwm.cli.measuring import Chunked, Scheduler, Workers, memory_for, open_recording
 from gmwm.cli.option_names import named_as_options
 from gmwm.cli.options import (
-    RESULT,
     AgainstOption,
     ChoiceWeighting,
     Confidence,
     CriterionName,
     Datasheet,
     Efficiency,
+    EstimationOption,
+    InputOption,
+    ResultOption,
     Searched,
     Seed,
     View,
     parse_models,
     parse_searched,
+    unit_system,
 )
-from gmwm.cli.output import NewFile, Outcome, file_names, made_directory, progress, text_file
-from gmwm.cli.read_options import INPUT, Axes, Files, chosen_names, document_of, names_of, only_file
+from gmwm.cli.output import NewFile, Outcome, file_names, make_directory, progress, text_file
+from gmwm.cli.read_options import Axes, Files, chosen_names, document_of, names_of, only_file
 from gmwm.cli.topics import each_topic, separate_topics
 from gmwm.measuring.regression.against import AUTO
 from gmwm.measuring.variance.biweight import EFFICIENCY
@@ -62,13 +65,11 @@ EXAMPLES = (
 
 Outliers = Annotated[
     Literal["auto", "yes", "no"],
-    typer.Option(
+    EstimationOption(
         help="Axes with the robust wavelet variance: auto, those where a test finds knocks or motion (5 % level for "
-        "all axes together; none if --within has a sinusoid); yes, all axes; no, none.",
-        rich_help_panel="Estimation",
+        "all axes together; none if --within has a sinusoid); yes, all axes; no, none."
     ),
 ]
-ROBUST: Mapping[str, Literal["auto"] | bool] = {"auto": "auto", "yes": True, "no": False}
 
 
 @command
@@ -79,14 +80,13 @@ def calibrate(
     within: Searched = SEARCHED,
     model: Annotated[
         list[str] | None,
-        typer.Option(
+        EstimationOption(
             "--model",
             "-m",
             help="Model to fit instead of comparing models: MODEL for all axes, gyro=MODEL or accel=MODEL for the "
             "three axes of a sensor, gyro_x=MODEL for one axis. Repeat the option for other axes; gmwm chooses the "
             "models of the axes that are not named.",
             metavar="[AXIS=]MODEL",
-            rich_help_panel="Estimation",
         ),
     ] = None,
     against: AgainstOption = AUTO,
@@ -118,28 +118,23 @@ def calibrate(
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option(
+        ResultOption(
             "--output",
             "-o",
             help="Write calibration.json, report.html, summary.txt, calibration.png and by_sensor.png to this "
             "directory, and imu.yaml for Kalibr if gyroscopes and accelerometers are calibrated.",
-            rich_help_panel=RESULT,
         ),
     ] = None,
     view: View = "wavelet",
     datasheet: Datasheet = False,
     details: Annotated[
         bool,
-        typer.Option(
-            help="Print all numbers of each axis, and why its model was chosen, not one line for each axis.",
-            rich_help_panel=RESULT,
-        ),
+        ResultOption(help="Print all numbers of each axis, and why its model was chosen, not one line for each axis."),
     ] = False,
     all_topics: Annotated[
         bool,
-        typer.Option(
-            help="Calibrate each IMU topic of a file that has several, and write each result to its own directory.",
-            rich_help_panel=INPUT,
+        InputOption(
+            help="Calibrate each IMU topic of a file that has several, and write each result to its own directory."
         ),
     ] = False,
 ) -> Outcome:
@@ -157,19 +152,10 @@ def calibrate(
     --view and --datasheet apply to the plots. Calibration.load reads calibration.json in Python;
     docs/calibration-format.md describes this file.
     """
-    if efficiency is not None and robust == "no":
-        raise OptionError(
-            "--efficiency applies only to the robust wavelet variance",
-            argument="efficiency",
-            got=efficiency,
-            advice="Leave {--efficiency} or {--robust=no} out.",
-        )
-    options = CalibrationOptions(
-        within=parse_searched(within), robust=ROBUST[robust], weighting=weighting, criterion=criterion,
-        confidence=confidence, efficiency=EFFICIENCY if efficiency is None else efficiency, seed=seed,
-        against=against, gravity=gravity, tilt=tilt,
+    options = calibration_options(
+        within=within, robust=robust, efficiency=efficiency, weighting=weighting, criterion=criterion,
+        confidence=confidence, seed=seed, against=against, gravity=gravity, tilt=tilt,
     )  # fmt: skip
-
     spread = scheduler is not None or workers is not None
     if spread:
         only_file(files, "--workers" if scheduler is None else "--scheduler")
@@ -177,10 +163,10 @@ def calibrate(
     processes = calibration_helpers(plots=output is not None)
 
     def one(readings: Sequence[ReadOptions], output: Path | None) -> Outcome:
-        load = partial(opened, chunked=chunked, spread=spread, whole=memory_for(against))
+        load = partial(open_recording, chunked=chunked, spread=spread, whole=memory_for(against))
         groups = [[load(file, topic) for file in files] for topic in readings]
         if output is not None:
-            made_directory(output)
+            make_directory(output)
         names = dict.fromkeys(name for group in groups for recording in group for name in recording.axes)
         axes = chosen_names(list(names), axis)
         models = stated if isinstance(stated, dict) else dict.fromkeys(axes, stated)
@@ -196,6 +182,18 @@ def calibrate(
     if all_topics:
         return each_topic(lambda topic, folder: one([topic], folder), only_file(files, "--all-topics"), reading, output)
     return one([reading], output)
+
+
+def calibration_options(*, within: str, robust: str, efficiency: float | None, **others: Any) -> CalibrationOptions:
+    """Return the options of a calibration from the values of --within, --robust, --efficiency and others."""
+    if efficiency is not None and robust == "no":
+        raise OptionError(
+            "--efficiency applies only to the robust wavelet variance", argument="efficiency", got=efficiency,
+            advice="Leave {--efficiency} or {--robust=no} out.",
+        )  # fmt: skip
+    outliers: dict[str, Literal["auto"] | bool] = {"auto": "auto", "yes": True, "no": False}
+    strength = EFFICIENCY if efficiency is None else efficiency
+    return CalibrationOptions(within=parse_searched(within), robust=outliers[robust], efficiency=strength, **others)
 
 
 def _unite(
@@ -221,7 +219,7 @@ def _unite(
             }
             group_options = replace(options, axes=axes, models=models)
             calibrations.append(
-                calibrated(data, group_options, helpers, scheduler=scheduler, workers=workers).of_file(*files)
+                run_calibration(data, group_options, helpers, scheduler=scheduler, workers=workers).of_file(*files)
             )
     return calibrations[0].combined(*calibrations[1:])
 
@@ -245,18 +243,13 @@ def _outcome(
     kalibr = KalibrFile() if output is None else kalibr_file(found, output)
     written = file_names((*files_of_calibration, *kalibr.files))
     return Outcome(
-        command="calibrate",
-        document={**document, **document_of(files), "written": written},
-        text=summary(found, Dialect.SHELL, details=details),
-        all_text=text,
-        files=(*files_of_calibration, *kalibr.files),
-        together=True,
-        obsolete=kalibr.obsolete,
-        remarks=kalibr.remarks,
-    )
+        command="calibrate", document={**document, **document_of(files), "written": written},
+        text=summary(found, Dialect.SHELL, details=details), all_text=text,
+        files=(*files_of_calibration, *kalibr.files), together=True, obsolete=kalibr.obsolete, remarks=kalibr.remarks,
+    )  # fmt: skip
 
 
-def calibrated(
+def run_calibration(
     recording: Imu | Stream | Mapping[str, Imu | Stream],
     options: CalibrationOptions,
     helpers: Helpers,
@@ -285,17 +278,7 @@ def calibrated(
 def calibration_helpers(
     *, plots: bool = False, before: str = "gmwm.calibration.calibrate_recordings", count: int | None = None
 ) -> Helpers:
-    """Fork helpers that calibrate.
-
-    Parameters
-    ----------
-    plots : bool
-        Whether the helpers import the modules that draw plots, while they have no work.
-    before : str
-        Module to import before the fork, so that no helper needs to import it.
-    count : int, optional
-        Number of helpers. Default: one for each further processor.
-    """
+    """Fork helpers that calibrate."""
     import_module("scipy.special")  # for the tests of each axis
     import_module(before)
     return helpers_of(*(("gmwm.showing.plots.imu", "gmwm.showing.plots.matplotlib") if plots else ()), count=count)
@@ -305,7 +288,7 @@ def pictures(found: Calibration, view: Literal["wavelet", "allan"], datasheet: b
     """Draw the plots of a calibration: the content of each file."""
     from gmwm.showing.plots.matplotlib import render
 
-    system: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
+    system = unit_system(datasheet)
     return {
         name: render(found.plot(split=split, view=view, units=system), ".png")
         for name, split in (("calibration.png", True), ("by_sensor.png", False))

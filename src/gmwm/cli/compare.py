@@ -11,8 +11,8 @@ import typer
 
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
-from gmwm.cli.options import RESULT, Datasheet, Efficiency, View
-from gmwm.cli.output import NewFile, Outcome, calibration_file, table_text, tell
+from gmwm.cli.options import Datasheet, Efficiency, EstimationOption, Plot, View, unit_system
+from gmwm.cli.output import Outcome, calibration_file, plot_file, table_text, tell
 from gmwm.cli.read_options import Axes, chosen_axes, load
 from gmwm.recording.options import ReadOptions
 
@@ -30,23 +30,16 @@ EXAMPLES = (
 @command
 def compare(
     files: Annotated[
-        list[Path],
-        typer.Argument(help="One or more recordings, each in any supported format.", metavar="FILE…"),
+        list[Path], typer.Argument(help="One or more recordings, each in any supported format.", metavar="FILE…")
     ],
     reading: ReadOptions,
     axis: Axes = None,
-    classical: Annotated[
-        bool, typer.Option("--classical", help="Show only the classical curve.", rich_help_panel="Estimation")
-    ] = False,
-    robust: Annotated[
-        bool, typer.Option("--robust", help="Show only the robust curve.", rich_help_panel="Estimation")
-    ] = False,
+    classical: Annotated[bool, EstimationOption("--classical", help="Show only the classical curve.")] = False,
+    robust: Annotated[bool, EstimationOption("--robust", help="Show only the robust curve.")] = False,
     efficiency: Efficiency = None,
     view: View = "wavelet",
     datasheet: Datasheet = False,
-    plot: Annotated[
-        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
-    ] = None,
+    plot: Plot = None,
 ) -> Outcome:
     """Compare the classical and robust wavelet variances of one or several recordings.
 
@@ -66,13 +59,11 @@ def compare(
         )
     if efficiency is not None and classical and not robust:
         raise OptionError(
-            "--efficiency applies only to the robust curve",
-            argument="efficiency",
-            got=efficiency,
+            "--efficiency applies only to the robust curve", argument="efficiency", got=efficiency,
             advice="Leave {--efficiency} or {--classical} out.",
-        )
+        )  # fmt: skip
     kinds = [kind for kind, chosen in (("classical", classical), ("robust", robust)) if chosen or classical == robust]
-    system: UnitSystem = "datasheet" if datasheet else "si"
+    system = unit_system(datasheet)
     curves: dict[str, dict[str, WaveletVariance]] = {}
     for file, name in zip(files, _names(files), strict=True):
         signals = chosen_axes(load(file, reading), axis)
@@ -84,11 +75,9 @@ def compare(
                     tell(remark.about(f"{axis_name}, {label}"))
     axes = {a: {label: wv.to_dict() for label, wv in group.items()} for a, group in curves.items()}
     return Outcome(
-        command="compare",
-        document={"files": list(map(str, files)), "axes": axes},
-        text=_curves_text(curves, view, system),
-        files=() if plot is None else (NewFile(plot, partial(_draw, curves, view, system), "plotting"),),
-    )
+        command="compare", document={"files": list(map(str, files)), "axes": axes},
+        text=_curves_text(curves, view, system), files=plot_file(plot, partial(_draw, curves, view, system)),
+    )  # fmt: skip
 
 
 def _names(files: Sequence[Path]) -> list[str]:

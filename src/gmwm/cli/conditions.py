@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from gmwm.base.errors import OptionError, ReadError
-from gmwm.cli.output import NewFile, Outcome, json_text, made_directory, text_file
+from gmwm.cli.output import Outcome, json_text, make_directory, plot_file, text_file
 from gmwm.cli.read_options import chosen_names, load
 from gmwm.recording.options import ReadOptions
 
@@ -24,7 +24,7 @@ _EXPECTED = "a table with the columns start, stop and the condition, for example
 
 
 @dataclass(frozen=True)
-class Table:
+class ConditionTable:
     """The parts of a recording during which a condition, such as the temperature or the rate, had a known value.
 
     Attributes
@@ -39,14 +39,8 @@ class Table:
     parts: Mapping[float, list[tuple[float, float]]]
 
     @classmethod
-    def read(cls, path: Path) -> Table:
-        """Read a CSV file with the columns start, stop and the condition.
-
-        Raises
-        ------
-        ReadError
-            If the file cannot be read, has other columns or wrong times, or parts overlap.
-        """
+    def read(cls, path: Path) -> ConditionTable:
+        """Read a CSV file with the columns start, stop and the condition."""
         try:
             rows = [row for row in csv.reader(path.read_text(encoding="utf-8-sig").splitlines()) if row]
         except (OSError, UnicodeDecodeError) as error:
@@ -97,20 +91,14 @@ def as_varies(texts: Sequence[str]) -> dict[str, str]:
 
 
 def require_unused(conditions: bool, *, varies: bool, **others: bool) -> None:
-    """Check that no option is given that cannot be combined with --conditions, or that needs it.
-
-    Raises
-    ------
-    OptionError
-        If --varies is given without --conditions, or one of `others` with it.
-    """
+    """Check that no option is given that cannot be combined with --conditions, or that needs it."""
     if varies and not conditions:
         raise OptionError("--varies needs --conditions", argument="varies", advice="Add {--conditions}.")
     if conditions and (name := next((name for name, present in others.items() if present), None)):
         raise OptionError(argument=name, expected="left out with --conditions", advice="Leave it out.")
 
 
-def fitted_conditions(
+def fit_conditions(
     file: Path, reading: ReadOptions, model: Model, table: Path, varies: Sequence[str], axis: Sequence[str] | None,
     *, weighting: Literal["diagonal", "optimal", "identity"] | None, robust: bool, efficiency: float, certify: bool,
     plot: Path | None, output: Path | None,
@@ -120,13 +108,13 @@ def fitted_conditions(
     from gmwm.cli.parallel import over_axes
     from gmwm.fitting.estimation.varies import parsed as parsed_functions
 
-    sums, conditions = as_varies(varies), Table.read(table)
+    sums, conditions = as_varies(varies), ConditionTable.read(table)
     _, named = parsed_functions(sums)
     if named not in ("condition", conditions.condition):
         raise OptionError(argument="varies", expected=f"functions of {conditions.condition}, as in {table}", got=named)
     recording = load(file, reading)
     if output is not None:
-        made_directory(output)
+        make_directory(output)
     parts = conditions.of(recording)
     names = chosen_names(recording.axes, axis)
     if plot is not None and len(names) > 1:
@@ -148,13 +136,10 @@ def fitted_conditions(
         "file": str(file), "model": str(model), "conditions": str(table),
         "axes": {name: condition_fit.to_dict() for name, condition_fit in fits.items()},
     }  # fmt: skip
-    files = []
-    if output is not None:
-        files.append(text_file(output / "fits.json", json_text("fit", content) + "\n"))
+    files = [] if output is None else [text_file(output / "fits.json", json_text("fit", content) + "\n")]
     for name, condition_fit in fits.items():
-        targets = [output / f"fit_{name}.png"] if output is not None else []
-        for path in [*targets, *([plot] if plot is not None else [])]:
-            files.append(NewFile(path, partial(_draw, condition_fit), f"plotting {path.name}"))
+        for path in (None if output is None else output / f"fit_{name}.png", plot):
+            files += plot_file(path, partial(_draw, condition_fit))
     text = "\n\n".join(f"{name}: {condition_fit.summary()}" for name, condition_fit in fits.items())
     return Outcome(command="fit", document=content, text=text, files=tuple(files))
 

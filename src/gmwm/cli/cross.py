@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import Annotated
 
 from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Chunked, opened, tell_inspection
-from gmwm.cli.options import RESULT, Efficiency
-from gmwm.cli.output import NewFile, Outcome, progress, text_file
+from gmwm.cli.measuring import Chunked, open_recording, tell_inspection
+from gmwm.cli.options import Efficiency, EstimationOption, Plot, ResultOption
+from gmwm.cli.output import Outcome, plot_file, progress, text_file
 from gmwm.cli.read_options import Axes, File, chosen_names
 from gmwm.recording.options import ReadOptions
 
-if TYPE_CHECKING:
-    from gmwm.applications.several import CrossCovariance
-
-EXAMPLES = (
-    "gmwm cross static.csv --axis gyro --plot cross.png",
-    "gmwm cross static.csv --robust --csv cross.csv",
-)
+EXAMPLES = ("gmwm cross static.csv --axis gyro --plot cross.png", "gmwm cross static.csv --robust --csv cross.csv")
 
 
 @command
@@ -31,27 +22,17 @@ def cross(
     reading: ReadOptions,
     axis: Axes = None,
     robust: Annotated[
-        bool,
-        typer.Option(
-            "--robust", help="Use robust estimates, which are insensitive to knocks.", rich_help_panel="Estimation"
-        ),
+        bool, EstimationOption("--robust", help="Use robust estimates, which are insensitive to knocks.")
     ] = False,
     efficiency: Efficiency = None,
     chunked: Chunked = "auto",
     size: Annotated[
-        float,
-        typer.Option(
-            help="Significance level: probability of any false detection in all tests together.",
-            rich_help_panel="Estimation",
-        ),
+        float, EstimationOption(help="Significance level: probability of any false detection in all tests together.")
     ] = 0.05,
     csv: Annotated[
-        Path | None,
-        typer.Option(help="Write the correlations of all pairs and scales to this CSV file.", rich_help_panel=RESULT),
+        Path | None, ResultOption(help="Write the correlations of all pairs and scales to this CSV file.")
     ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
-    ] = None,
+    plot: Plot = None,
 ) -> Outcome:
     """Test whether the axes of a recording share noise, at which scales, and how much.
 
@@ -62,28 +43,15 @@ def cross(
     """
     from gmwm.applications.several import cross
 
-    recording = opened(file, reading, chunked)
+    recording = open_recording(file, reading, chunked)
     axes = chosen_names(recording.axes, axis)
     with progress("measuring"):
         result = cross(
             recording, axes=axes, robust=robust, efficiency=0.6 if efficiency is None else efficiency, size=size
         )
     tell_inspection(recording)
-    files = [] if csv is None else [text_file(csv, _csv_text(result))]
-    if plot is not None:
-        files.append(NewFile(plot, partial(_draw, result), "plotting"))
+    files = () if csv is None else (text_file(csv, result.to_frame().write_csv()),)
     return Outcome(
-        command="cross",
-        document={"file": str(file), **result.to_dict()},
-        text=result.summary(Dialect.SHELL),
-        files=tuple(files),
-    )
-
-
-def _draw(found: CrossCovariance, path: Path) -> None:
-    found.plot(path=path)
-
-
-def _csv_text(found: CrossCovariance) -> str:
-    """Format the correlations as CSV, with one line for each pair of axes and scale."""
-    return found.to_frame().write_csv()
+        command="cross", document={"file": str(file), **result.to_dict()}, text=result.summary(Dialect.SHELL),
+        files=files + plot_file(plot, lambda path: result.plot(path=path)),
+    )  # fmt: skip

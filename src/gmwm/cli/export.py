@@ -15,10 +15,10 @@ from gmwm.base.errors import DataError, MissingTheoryError, OptionError, ReadErr
 from gmwm.base.remarks import Remark
 from gmwm.choosing.datasheets.effective import HORIZON
 from gmwm.cli.command import command
-from gmwm.cli.noise_source import GivenText, given
+from gmwm.cli.noise_source import GivenText, read_given
 from gmwm.cli.option_names import named_as_options
-from gmwm.cli.options import RESULT
-from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, made_directory, text_file
+from gmwm.cli.options import ResultOption
+from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, make_directory, text_file
 from gmwm.cli.read_options import document_of
 from gmwm.showing.exporters import export_formats
 
@@ -48,15 +48,14 @@ def export(
     ] = None,
     source: GivenText = None,
     format: Annotated[
-        str | None,
-        typer.Option(help=f"Format: {', '.join(export_formats())}. Default: {DEFAULT}.", metavar="NAME"),
+        str | None, typer.Option(help=f"Format: {', '.join(export_formats())}. Default: {DEFAULT}.", metavar="NAME")
     ] = None,
     axes: Annotated[
         Literal["worst", "mean", "each"] | None,
         typer.Option(
             help="How to combine the axes of a sensor: use the largest value (worst), the root mean square (mean), or "
             "one value for each axis (each) if the format allows it. Default: worst for filters, each for simulators "
-            "and messages.",
+            "and messages."
         ),
     ] = None,
     inflation: Annotated[
@@ -72,8 +71,7 @@ def export(
         ),
     ] = f"{HORIZON:g}s",
     rate: Annotated[
-        float | None,
-        typer.Option(help="Sampling rate (Hz) in the other program. Default: the rate of the recording."),
+        float | None, typer.Option(help="Sampling rate (Hz) in the other program. Default: the rate of the recording.")
     ] = None,
     duration: Annotated[
         str | None,
@@ -84,13 +82,9 @@ def export(
         ),
     ] = None,
     output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="Write to this file. Default: print the text.", rich_help_panel=RESULT),
+        Path | None, ResultOption("--output", "-o", help="Write to this file. Default: print the text.")
     ] = None,
-    all: Annotated[
-        Path | None,
-        typer.Option("--all", help="Write one file in each format to this directory.", rich_help_panel=RESULT),
-    ] = None,
+    all: Annotated[Path | None, ResultOption("--all", help="Write one file in each format to this directory.")] = None,
 ) -> Outcome:
     """Write the noise of a calibrated unit in the format of another program.
 
@@ -101,13 +95,10 @@ def export(
     """
     if all is not None and (format is not None or output is not None):
         raise OptionError(
-            "--all writes every format",
-            argument="all",
-            got=str(all),
-            advice="Leave {--format} and {--output} out.",
+            "--all writes every format", argument="all", got=str(all), advice="Leave {--format} and {--output} out."
         )
     seconds = parse_length(horizon, "horizon")
-    choice: _Choice = {
+    choice: _ExportArguments = {
         "axes": axes, "inflation": inflation, "horizon": seconds, "rate": rate,
         "duration": None if duration is None else parse_length(duration, "duration"),
     }  # fmt: skip
@@ -118,7 +109,7 @@ def export(
     files, calibration = _source(calibrations, source, rate) if fitted is None else (calibrations or [], fitted)
     with named_as_options({"axes": "--axes"}):
         if all is not None:
-            return _all(calibration, files, made_directory(all, "all"), choice)
+            return _all(calibration, files, make_directory(all, "all"), choice)
         return _one(calibration, files, output=output, name=written, choice=choice)
 
 
@@ -129,26 +120,18 @@ def _source(calibrations: list[Path] | None, source: str | None, rate: float | N
 
     if (source is None) == (not calibrations):
         raise OptionError(
-            "exactly one of CALIBRATION and --from is needed",
-            argument="calibrations",
-            got=source,
+            "exactly one of CALIBRATION and --from is needed", argument="calibrations", got=source,
             advice="Pass a calibration.json, or noise without a recording with {--from}.",
-        )
+        )  # fmt: skip
     if source is not None:
-        return [Path(source)], given_calibration(given(source, rate))
+        return [Path(source)], given_calibration(read_given(source, rate))
     files = [calibration_file(path) for path in calibrations or ()]
     first, *others = [Calibration.load(file) for file in files]
     return files, first.combined(*others)
 
 
 def _fits_source(files: Sequence[Path], format: str | None) -> Calibration | None:
-    """Return the fits of a fits.json as a calibration; None if none of the files is a fits.json.
-
-    Raises
-    ------
-    OptionError
-        If other files are given too, or the format needs more than the models.
-    """
+    """Return the fits of a fits.json as a calibration; None if none of the files is a fits.json."""
     from gmwm import Fit
     from gmwm.cli.plan import fits_in
     from gmwm.showing.exporters.given import fitted_calibration
@@ -159,12 +142,10 @@ def _fits_source(files: Sequence[Path], format: str | None) -> Calibration | Non
     if len(files) > 1 or format not in allowed:
         raise OptionError(
             "a fits.json of gmwm fit can only be written by itself and as state space, because it has one model and no "
-            "comparison with others",
-            argument="format",
-            got=format or "--all",
+            "comparison with others", argument="format", got=format or "--all",
             advice=f"Use one file with {{--format}} {', '.join(allowed)}, or pass the calibration.json of "
             "`gmwm calibrate`.",
-        )
+        )  # fmt: skip
     recording, fits = fits_in(files[0])
     return fitted_calibration({axis: Fit.from_dict(content) for axis, content in fits.items()}, recording or "")
 
@@ -180,7 +161,7 @@ def _is_fits(path: Path) -> bool:
     return isinstance(content, dict) and content.get("command") == "fit"
 
 
-class _Choice(TypedDict):
+class _ExportArguments(TypedDict):
     """Keyword arguments of `gmwm.exporters.export` that the options of the command set."""
 
     axes: Literal["worst", "mean", "each"] | None
@@ -190,7 +171,9 @@ class _Choice(TypedDict):
     duration: float | None
 
 
-def _one(found: Calibration, files: Sequence[Path], output: Path | None, name: str, choice: _Choice) -> Outcome:
+def _one(
+    found: Calibration, files: Sequence[Path], output: Path | None, name: str, choice: _ExportArguments
+) -> Outcome:
     """Return the outcome of an export in one format, which is written to `output` or, if that is None, printed."""
     from gmwm.showing.exporters import export as exported
     from gmwm.showing.exporters.api import require_extension
@@ -200,26 +183,22 @@ def _one(found: Calibration, files: Sequence[Path], output: Path | None, name: s
     text = exported(found, None, name, **choice)
     new = () if output is None else (text_file(output, text),)
     return Outcome(
-        command="export",
-        document={**document_of(files), "format": name, "text": text, "written": file_names(new)},
-        text="" if new else text,
-        files=new,
-    )
+        command="export", document={**document_of(files), "format": name, "text": text, "written": file_names(new)},
+        text="" if new else text, files=new,
+    )  # fmt: skip
 
 
-def _all(found: Calibration, files: Sequence[Path], folder: Path, choice: _Choice) -> Outcome:
+def _all(found: Calibration, files: Sequence[Path], folder: Path, choice: _ExportArguments) -> Outcome:
     """Write every format that the calibration allows. For each other format, a remark gives the reason."""
     from gmwm.showing.exporters import export_all
 
     written, refused = export_all(found, folder, **choice)
     paths = tuple(written.values())
     return Outcome(
-        command="export",
-        document={**document_of(files), "written": list(map(str, paths)), "left_out": refused},
-        written=paths,
-        closing=f"\nWrote {len(paths)} of {len(paths) + len(refused)} formats.",
+        command="export", document={**document_of(files), "written": list(map(str, paths)), "left_out": refused},
+        written=paths, closing=f"\nWrote {len(paths)} of {len(paths) + len(refused)} formats.",
         remarks=tuple(_reasons(refused)),
-    )
+    )  # fmt: skip
 
 
 def _reasons(left: Mapping[str, str]) -> Iterator[Remark]:

@@ -10,27 +10,36 @@ import typer
 
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.cli.command import command
-from gmwm.cli.conditions import fitted_conditions, require_unused
-from gmwm.cli.likelihood_output import LIKELIHOOD, Judged, asked_again, judged, likelihood_fits, likelihoods_text
+from gmwm.cli.conditions import fit_conditions, require_unused
+from gmwm.cli.likelihood_output import (
+    LIKELIHOOD,
+    LikelihoodResult,
+    asked_again,
+    judge_fits,
+    likelihood_fits,
+    likelihoods_text,
+)
 from gmwm.cli.likelihood_output import as_dict as likelihood_as_dict
-from gmwm.cli.measuring import Chunked, measured_together, memory_for, needs_memory, opened_together
+from gmwm.cli.measuring import Chunked, measure_together, memory_for, needs_memory, open_together
 from gmwm.cli.options import (
-    RESULT,
     AgainstOption,
     Datasheet,
     Efficiency,
+    EstimationOption,
     Filter,
+    ResultOption,
     Robust,
     TransformName,
     View,
     checked_confidence,
     chosen_efficiency,
+    unit_system,
 )
 from gmwm.cli.output import (
     NewFile,
     Outcome,
     json_text,
-    made_directory,
+    make_directory,
     progress,
     table_text,
     tell,
@@ -80,31 +89,28 @@ def fit(
     against: AgainstOption = NONE,
     conditions: Annotated[
         Path | None,
-        typer.Option(
+        EstimationOption(
             help="CSV table of the parts of the recording at which a condition had a known value. Its columns are "
             "start and stop (s from the first sample) and the condition, for example start,stop,rate. One model is "
             "fitted to all parts.",
             metavar="TABLE",
-            rich_help_panel="Estimation",
         ),
     ] = None,
     varies: Annotated[
         list[str] | None,
-        typer.Option(
+        EstimationOption(
             help="With --conditions: how the variance of a term depends on the condition, as a sum of known functions "
             "with unknown coefficients, for example 'WN: 1 + rate**2' or 'WN: hats(-20, 20, 60)'. "
             "Repeat the option for other terms.",
             metavar="TERM: SUM",
-            rich_help_panel="Estimation",
         ),
     ] = None,
     weighting: Annotated[
         Literal["diagonal", "optimal", "identity"] | None,
-        typer.Option(
+        EstimationOption(
             help="Weights of the levels in the fit: inverse variances (diagonal), inverse covariance matrix (optimal), "
             "or equal weights (identity). Default: diagonal, but optimal for processes with several shape parameters "
-            "such as AR(2).",
-            rich_help_panel="Estimation",
+            "such as AR(2)."
         ),
     ] = None,
     filter: Filter = "haar",
@@ -113,61 +119,42 @@ def fit(
     efficiency: Efficiency = None,
     likelihood: Annotated[
         bool,
-        typer.Option(
+        EstimationOption(
             *LIKELIHOOD,
             help="Refine the wavelet fit by maximum likelihood, and print both. Outliers affect the likelihood.",
-            rich_help_panel="Estimation",
         ),
     ] = False,
     certify: Annotated[
         bool,
-        typer.Option(
-            "--certify/--no-certify",
-            help="Compute a certificate that the fit is the global optimum.",
-            rich_help_panel="Estimation",
-        ),
+        EstimationOption("--certify/--no-certify", help="Compute a certificate that the fit is the global optimum."),
     ] = True,
     start_draws: Annotated[
         int | None,
-        typer.Option(
+        EstimationOption(
             "--start-draws",
             help="Start from the best of this number of random parameter values instead of the usual search. Only for "
             "comparisons with the original method. --seed sets the random numbers.",
             metavar="DRAWS",
             min=1,
-            rich_help_panel="Estimation",
         ),
     ] = None,
     confidence: Annotated[
-        float,
-        typer.Option(
-            callback=checked_confidence,
-            help="Level of the confidence intervals.",
-            metavar="LEVEL",
-            rich_help_panel=RESULT,
-        ),
+        float, ResultOption(callback=checked_confidence, help="Level of the confidence intervals.", metavar="LEVEL")
     ] = 0.95,
     bootstrap_draws: Annotated[
         int | None,
-        typer.Option(
+        ResultOption(
             "--bootstrap-draws",
             help="Compute the intervals and the goodness-of-fit test from this number of simulated records, for "
             "example 500, instead of from theory. Intervals at 95 % need at least 39 records.",
             metavar="DRAWS",
-            rich_help_panel=RESULT,
         ),
     ] = None,
-    seed: Annotated[
-        int, typer.Option(help="Seed of the bootstrap and of the random draws.", min=0, rich_help_panel=RESULT)
-    ] = 0,
+    seed: Annotated[int, ResultOption(help="Seed of the bootstrap and of the random draws.", min=0)] = 0,
     chunked: Chunked = "auto",
-    plot: Annotated[
-        Path | None,
-        typer.Option(help="Plot the fits to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
-    ] = None,
+    plot: Annotated[Path | None, ResultOption(help="Plot the fits to this .png, .pdf or .svg file.")] = None,
     output: Annotated[
-        Path | None,
-        typer.Option(help="Write fits.json and a plot of each fit to this directory.", rich_help_panel=RESULT),
+        Path | None, ResultOption(help="Write fits.json and a plot of each fit to this directory.")
     ] = None,
     view: View = "wavelet",
     datasheet: Datasheet = False,
@@ -192,7 +179,7 @@ def fit(
         transform=transform != "modwt", chunked=chunked == "yes",
     )  # fmt: skip
     if conditions is not None:
-        return fitted_conditions(
+        return fit_conditions(
             only_file(files, "--conditions"), reading, model=parsed, table=conditions, varies=varies or [], axis=axis,
             weighting=weighting, robust=robust, efficiency=strength, certify=certify, plot=plot, output=output,
         )  # fmt: skip
@@ -200,10 +187,10 @@ def fit(
         only_file(files, LIKELIHOOD[0])
     how = _interval_method(confidence, bootstrap_draws, seed)
     memory = memory_for(against, needs_memory(filter, transform))
-    recordings = opened_together(files, reading, chunked, whole=LIKELIHOOD[0] if likelihood else memory)
+    recordings = open_together(files, reading, chunked, whole=LIKELIHOOD[0] if likelihood else memory)
     if output is not None:
-        made_directory(output)
-    signals = measured_together(
+        make_directory(output)
+    signals = measure_together(
         recordings, axis, robust=robust, efficiency=strength, against=against, filter=filter, transform=transform
     )
     fits = fit_axes(
@@ -215,7 +202,7 @@ def fit(
     carried = {}
     if likelihood and isinstance(recording := next(iter(recordings.values())), Imu):
         covariates = {name: asked_again(axis_fit.regression, recording.temperature) for name, axis_fit in fits.items()}
-        carried = judged(likelihood_fits(fits, chosen_axes(recording, axis), parsed, covariates), confidence)
+        carried = judge_fits(likelihood_fits(fits, chosen_axes(recording, axis), parsed, covariates), confidence)
     content = {**document_of(files), "model": str(parsed), "axes": _axes_document(fits, carried, how)}
     parts = [*replicates_text(fits), fits_text(fits, how), *([likelihoods_text(carried)] if carried else [])]
     return Outcome(
@@ -231,7 +218,7 @@ def _tell_curves(fits: Mapping[str, Fit]) -> None:
             tell(remark.about(name))
 
 
-def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, Judged]) -> Iterator[Remark]:
+def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, LikelihoodResult]) -> Iterator[Remark]:
     """Yield the remarks about the wavelet fits and the maximum-likelihood fits."""
     for name, axis_fit in fits.items():
         yield from (remark.about(name) for remark in axis_fit.diagnostics.remarks)
@@ -239,7 +226,9 @@ def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, Judged]) -> Iterator
         yield from (remark.about(f"{name}, by maximum likelihood") for remark in likelihood_fit.fit.remarks)
 
 
-def _axes_document(fits: Mapping[str, Fit], carried: Mapping[str, Judged], how: IntervalMethod) -> dict[str, Any]:
+def _axes_document(
+    fits: Mapping[str, Fit], carried: Mapping[str, LikelihoodResult], how: IntervalMethod
+) -> dict[str, Any]:
     """Return the fit of each axis with its intervals and tests, as plain values for JSON."""
     from gmwm.fitting.inference.summary import inference
 
@@ -272,13 +261,7 @@ def _files(
 
 
 def _interval_method(confidence: float, draws: int | None, seed: int) -> IntervalMethod:
-    """Return the method for intervals and tests: theory, or a bootstrap if `draws` is given.
-
-    Raises
-    ------
-    OptionError
-        If there are too few simulated records for the confidence level.
-    """
+    """Return the method for intervals and tests: theory, or a bootstrap if `draws` is given."""
     from gmwm.fitting.inference.bootstrap import as_draws
     from gmwm.fitting.inference.summary import IntervalMethod
 
@@ -318,7 +301,7 @@ def _picture(fits: Mapping[str, Fit], path: Path, view: Literal["wavelet", "alla
     """Return a file with a plot of one fit and its terms, or of several fits with a panel for each."""
     from gmwm.showing.plots.imu import plot_imu
 
-    units: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
+    units = unit_system(datasheet)
 
     def draw(target: Path) -> None:
         if len(fits) == 1:

@@ -14,25 +14,24 @@ from gmwm.applications.fleets.storage import TABLE
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.threads import processors
-from gmwm.calibration.options import SEARCHED, CalibrationOptions
-from gmwm.cli.calibrate import ROBUST, Outliers, calibration_helpers
+from gmwm.calibration.options import SEARCHED
+from gmwm.cli.calibrate import Outliers, calibration_helpers, calibration_options
 from gmwm.cli.command import command
-from gmwm.cli.measuring import MACHINES
 from gmwm.cli.options import (
-    RESULT,
     AgainstOption,
     ChoiceWeighting,
     Confidence,
     CriterionName,
     Efficiency,
+    InputOption,
+    ParallelOption,
+    ResultOption,
     Searched,
     Seed,
-    parse_searched,
 )
 from gmwm.cli.output import NewFile, Outcome, file_names, progress, text_file
-from gmwm.cli.read_options import INPUT, Axes
+from gmwm.cli.read_options import Axes
 from gmwm.measuring.regression.against import AUTO
-from gmwm.measuring.variance.biweight import EFFICIENCY
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -58,22 +57,20 @@ def fleet(
     ],
     output: Annotated[
         Path,
-        typer.Option(
+        ResultOption(
             "--output",
             "-o",
             help="Write units/<unit>.json, fleet.json, fleet.parquet, summary.txt and fleet.png to this directory. "
             "Units whose results are already in this directory are skipped.",
-            rich_help_panel=RESULT,
         ),
     ],
     reading: ReadOptions,
     pattern: Annotated[
         str | None,
-        typer.Option(
+        InputOption(
             help="Pattern of the files to read, such as '*.csv' for names or 'lot 7/*.csv' for paths in the folder. "
             "Default: all recordings.",
             metavar="PATTERN",
-            rich_help_panel=INPUT,
         ),
     ] = None,
     axis: Axes = None,
@@ -87,28 +84,25 @@ def fleet(
     seed: Seed = 0,
     scheduler: Annotated[
         str | None,
-        typer.Option(
+        ParallelOption(
             help="Address of a Dask scheduler, such as tcp://10.0.0.5:8786. Its workers need the files at the same "
             "paths. Default: this machine.",
             metavar="ADDRESS",
-            rich_help_panel=MACHINES,
         ),
     ] = None,
     workers: Annotated[
         int | None,
-        typer.Option(
+        ParallelOption(
             help="Number of worker processes on this machine; 0 uses only the main process. Default: one for each "
             "processor.",
             min=0,
-            rich_help_panel=MACHINES,
         ),
     ] = None,
     retries: Annotated[
         int,
-        typer.Option(
+        ParallelOption(
             help="Number of further attempts for a unit after an error of the file system or the loss of a worker.",
             min=0,
-            rich_help_panel=MACHINES,
         ),
     ] = 2,
 ) -> Outcome:
@@ -122,11 +116,10 @@ def fleet(
     """
     from gmwm.applications.fleets.engine import calibrate_fleet
 
-    _check(folder, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers)
-    options = CalibrationOptions(
-        within=parse_searched(within), robust=ROBUST[robust], weighting=weighting, criterion=criterion,
-        confidence=confidence, efficiency=EFFICIENCY if efficiency is None else efficiency, seed=seed,
-        against=against,
+    _check(folder, scheduler=scheduler, workers=workers)
+    options = calibration_options(
+        within=within, robust=robust, efficiency=efficiency, weighting=weighting, criterion=criterion,
+        confidence=confidence, seed=seed, against=against,
         axes=[part.strip() for text in axis or () for part in text.split(",")] or None,
     )  # fmt: skip
     count = processors() if workers is None else workers
@@ -150,38 +143,23 @@ def fleet(
         NewFile(output / "fleet.png", lambda path: result.plot(path=path), "plotting"),
     )
     return Outcome(
-        command="fleet",
-        document={**_document(result), "written": [*map(str, done), *file_names(files)]},
-        text=summary,
-        files=files,
-        written=done,
-        remarks=tuple(_trouble(result)),
-    )
+        command="fleet", document={**_document(result), "written": [*map(str, done), *file_names(files)]},
+        text=summary, files=files, written=done, remarks=tuple(_trouble(result)),
+    )  # fmt: skip
 
 
-def _check(folder: Path, *, robust: str, efficiency: float | None, scheduler: str | None, workers: int | None) -> None:
+def _check(folder: Path, *, scheduler: str | None, workers: int | None) -> None:
     """Raise an OptionError if options exclude each other, or if `folder` is a file."""
-    if efficiency is not None and robust == "no":
-        raise OptionError(
-            "--efficiency applies only to the robust wavelet variance",
-            argument="efficiency",
-            got=efficiency,
-            advice="Leave {--efficiency} or {--robust=no} out.",
-        )
     if workers is not None and scheduler is not None:
         raise OptionError(
-            "--workers starts processes on this machine, but a scheduler has its own workers",
-            argument="workers",
-            got=workers,
-            advice="Leave {--workers} or {--scheduler} out.",
-        )
+            "--workers starts processes on this machine, but a scheduler has its own workers", argument="workers",
+            got=workers, advice="Leave {--workers} or {--scheduler} out.",
+        )  # fmt: skip
     if folder.is_file():
         raise OptionError(
-            f"{folder} is a file, not a folder of recordings",
-            argument="folder",
-            got=str(folder),
+            f"{folder} is a file, not a folder of recordings", argument="folder", got=str(folder),
             advice="Use {gmwm calibrate} for one recording.",
-        )
+        )  # fmt: skip
 
 
 def _document(found: Fleet) -> dict[str, object]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,13 +12,12 @@ from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
-from gmwm.cli.options import RESULT
-from gmwm.cli.output import NewFile, Outcome, progress, text_file
+from gmwm.cli.options import Plot, ResultOption
+from gmwm.cli.output import NewFile, Outcome, plot_file, progress, text_file
 from gmwm.cli.read_options import Axes, chosen_names
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.applications.several import VirtualSensor
     from gmwm.recording.signals import Imu
 
 EXAMPLES = (
@@ -63,24 +61,17 @@ def fuse(
     ] = False,
     apply: Annotated[
         list[Path] | None,
-        typer.Option(
+        ResultOption(
             help="Apply the weights or the filter to this recording of the same array, for example one in motion. "
             "Repeat the option if there is a file for each unit.",
             metavar="FILE",
-            rich_help_panel=RESULT,
         ),
     ] = None,
     output: Annotated[
-        Path | None,
-        typer.Option(help="Write the fused recording to this .csv or .parquet file.", rich_help_panel=RESULT),
+        Path | None, ResultOption(help="Write the fused recording to this .csv or .parquet file.")
     ] = None,
-    csv: Annotated[
-        Path | None,
-        typer.Option(help="Write the predicted wavelet deviations to this CSV file.", rich_help_panel=RESULT),
-    ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
-    ] = None,
+    csv: Annotated[Path | None, ResultOption(help="Write the predicted wavelet deviations to this CSV file.")] = None,
+    plot: Plot = None,
 ) -> Outcome:
     """Fuse the parallel axes of several units into one virtual sensor with less noise.
 
@@ -104,14 +95,10 @@ def fuse(
         # Files of several units are in the same order, but their names differ.
         fused = virtual.apply(dict(zip(units, moving.values(), strict=False)) if apply and len(apply) > 1 else moving)
         new.append(NewFile(output, fused.write, "writing"))
-    if plot is not None:
-        new.append(NewFile(plot, partial(_draw, virtual), "plotting"))
     return Outcome(
-        command="fuse",
-        document={"files": list(map(str, files)), **virtual.to_dict()},
-        text=virtual.summary(Dialect.SHELL),
-        files=tuple(new),
-    )
+        command="fuse", document={"files": list(map(str, files)), **virtual.to_dict()},
+        text=virtual.summary(Dialect.SHELL), files=(*new, *plot_file(plot, lambda path: virtual.plot(path=path))),
+    )  # fmt: skip
 
 
 def _load(files: list[Path], reading: ReadOptions, axis: list[str] | None) -> dict[str, Imu]:
@@ -124,7 +111,3 @@ def _load(files: list[Path], reading: ReadOptions, axis: list[str] | None) -> di
     return {
         name: Imu({a: imu[a] for a in chosen_names(imu.axes, axis)}) for name, imu in units.items()
     }  # fmt: skip
-
-
-def _draw(virtual: VirtualSensor, path: Path) -> None:
-    virtual.plot(path=path)

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
-
-import typer
 
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Chunked, memory_for, opened
-from gmwm.cli.options import RESULT, AgainstOption
-from gmwm.cli.output import NewFile, Outcome, progress
+from gmwm.cli.measuring import Chunked, memory_for, open_recording
+from gmwm.cli.options import AgainstOption, ResultOption
+from gmwm.cli.output import Outcome, plot_file, progress
 from gmwm.cli.read_options import File
 from gmwm.measuring.inspection.result import text
 from gmwm.measuring.regression.against import AUTO, TEMPERATURE, TIME, Against
@@ -40,16 +37,12 @@ def info(
     against: AgainstOption = AUTO,
     noise_against: Annotated[
         Literal["temperature", "time"] | None,
-        typer.Option(
+        ResultOption(
             help="Test whether the noise of each axis depends on the temperature or on time, at each scale and for "
-            "each term of the noise model.",
-            rich_help_panel=RESULT,
+            "each term of the noise model."
         ),
     ] = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option(help="Plot all axes over time to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
-    ] = None,
+    plot: Annotated[Path | None, ResultOption(help="Plot all axes over time to this .png, .pdf or .svg file.")] = None,
 ) -> Outcome:
     """Inspect a recording, and report whether it can be used for a calibration.
 
@@ -63,7 +56,7 @@ def info(
     from gmwm.measuring.inspection import inspect
 
     memory = "--plot" if plot is not None else "--noise-against" if noise_against is not None else memory_for(against)
-    recording = opened(file, reading, chunked, whole=memory)
+    recording = open_recording(file, reading, chunked, whole=memory)
     with progress("inspecting"):
         inspection = inspect(recording, against=against)
     changes = _noise_changes(recording, noise_against) if noise_against and isinstance(recording, Imu) else {}
@@ -71,16 +64,11 @@ def info(
     if noise_against is not None:
         document["noise_against"] = {axis: change.to_dict() for axis, change in changes.items()}
     below = "".join(f"\n\n{change.summary()}" for change in changes.values())
-    files = []
-    if plot is not None and isinstance(recording, Imu):
-        files.append(NewFile(plot, partial(_draw, recording), f"plotting {plot.name}"))
     return Outcome(
-        command="info",
-        document=document,
-        text=text(inspection, Dialect.SHELL) + below,
+        command="info", document=document, text=text(inspection, Dialect.SHELL) + below,
         all_text=text(inspection, Dialect.SHELL, every=True) + below,
-        files=tuple(files),
-    )
+        files=plot_file(plot, lambda path: recording.plot(path=path)) if isinstance(recording, Imu) else (),
+    )  # fmt: skip
 
 
 def _noise_changes(recording: Imu, condition: str) -> dict[str, NoiseAgainst]:
@@ -91,16 +79,10 @@ def _noise_changes(recording: Imu, condition: str) -> dict[str, NoiseAgainst]:
         covariates: Against = TIME
     elif recording.temperature is None:
         raise OptionError(
-            "the recording has no temperature",
-            argument="noise_against",
-            got=condition,
+            "the recording has no temperature", argument="noise_against", got=condition,
             advice="Name its column with {--columns=temperature:…}, or use {--noise-against=time}.",
-        )
+        )  # fmt: skip
     else:
         covariates = {TEMPERATURE: recording.temperature}
     with progress("noise against conditions"):
         return {axis: noise_against(signal, covariates) for axis, signal in recording.signals.items()}
-
-
-def _draw(recording: Imu, path: Path) -> None:
-    recording.plot(path=path)

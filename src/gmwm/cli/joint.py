@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -12,13 +10,13 @@ from gmwm.base.durations import parse_length
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
-from gmwm.cli.options import RESULT
-from gmwm.cli.output import NewFile, Outcome, progress
+from gmwm.cli.options import Plot
+from gmwm.cli.output import Outcome, plot_file, progress
 from gmwm.cli.read_options import Axes, File, chosen_axes, load
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.applications.several import JointFit
+    pass
 
 EXAMPLES = (
     "gmwm joint static.csv --axis gyro --model 'shared(RW) + WN'",
@@ -48,8 +46,7 @@ def joint(
         ),
     ] = None,
     certify: Annotated[
-        bool,
-        typer.Option("--certify", help="Prove by branch and bound that no other correlation times fit better."),
+        bool, typer.Option("--certify", help="Prove by branch and bound that no other correlation times fit better.")
     ] = False,
     certify_within: Annotated[
         str,
@@ -58,9 +55,7 @@ def joint(
             metavar="TIME",
         ),
     ] = "60s",
-    plot: Annotated[
-        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
-    ] = None,
+    plot: Plot = None,
 ) -> Outcome:
     """Fit one model to several axes at once, including the noise that the axes share.
 
@@ -82,13 +77,10 @@ def joint(
         time = parse_length(certify_within) if certify else False
         joint_fit = fit_joint(model, signals, levels=parse_levels(levels), certify=time)
     tell_inspection(recording)
-    files = [] if plot is None else [NewFile(plot, partial(_draw, joint_fit), "plotting")]
     return Outcome(
-        command="joint",
-        document={"file": str(file), **joint_fit.to_dict()},
-        text=joint_fit.summary(),
-        files=tuple(files),
-    )
+        command="joint", document={"file": str(file), **joint_fit.to_dict()}, text=joint_fit.summary(),
+        files=plot_file(plot, lambda path: joint_fit.plot(path=path)),
+    )  # fmt: skip
 
 
 def parse_levels(text: str | None) -> int | list[int] | None:
@@ -103,7 +95,3 @@ def parse_levels(text: str | None) -> int | list[int] | None:
     if first.isdecimal() and (not dash or last.isdecimal()):
         return int(first) if not dash else list(range(int(first), int(last) + 1))
     raise OptionError(argument="levels", expected="a number or a range such as 9-17", got=text)
-
-
-def _draw(found: JointFit, path: Path) -> None:
-    found.plot(path=path)

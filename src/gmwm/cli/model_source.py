@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,6 +11,7 @@ import typer
 
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.cli.likelihood_output import LIKELIHOOD, likelihood_fits
+from gmwm.cli.options import EstimationOption
 
 if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
@@ -32,16 +33,15 @@ FromFits = Annotated[
     Path | None,
     typer.Option(
         help="Instead of --model: the fits.json of gmwm fit or the calibration.json of gmwm calibrate. It can come "
-        "from this recording, or from another recording of the same unit at the same rate.",
+        "from this recording, or from another recording of the same unit at the same rate."
     ),
 ]
 ByLikelihood = Annotated[
     bool,
-    typer.Option(
+    EstimationOption(
         *LIKELIHOOD,
         help="Fit the model by maximum likelihood, starting from the wavelet fit. With --from-fits, use the "
         "maximum-likelihood fit in the file.",
-        rich_help_panel="Estimation",
     ),
 ]
 
@@ -76,7 +76,7 @@ class AxisModel:
         return {"model": str(self.values), "parameters": dict(self.values.parameters), "values": self.origin}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ModelSource:
     """The options that define the model. They are checked before the recording is read.
 
@@ -84,63 +84,38 @@ class ModelSource:
     which these fits belong, if it is known.
     """
 
-    model: Model | None
-    fits: Mapping[str, Any]
-    fits_file: str
-    fitted_file: str | None
     likelihood: bool
     robust: bool
     efficiency: float
+    model: Model | None = None
+    fits: Mapping[str, Any] = field(default_factory=dict)
+    fits_file: str = ""
+    fitted_file: str | None = None
 
 
 def model_source(
     model: str | None, from_fits: Path | None, likelihood: bool, robust: bool = False, efficiency: float = 0.6
 ) -> ModelSource:
-    """Check the options that define the model.
-
-    Raises
-    ------
-    OptionError
-        If not exactly one of --model and --from-fits is given, or --robust is combined with --from-fits.
-    """
+    """Check the options that define the model."""
     from gmwm import Model
     from gmwm.cli.plan import fits_in
 
     if (model is None) == (from_fits is None):
         raise OptionError(
-            "exactly one of --model and --from-fits is needed",
-            argument="model",
-            got=model,
+            "exactly one of --model and --from-fits is needed", argument="model", got=model,
             advice="Write a model with {--model}, or pass a fits.json or calibration.json with {--from-fits}.",
-        )
+        )  # fmt: skip
     if from_fits is not None:
         if robust:
             raise OptionError(
                 "--robust applies to fitting a model, but the models of --from-fits are fitted already",
-                argument="robust",
-                got=robust,
-                advice="Leave {--robust} or {--from-fits} out.",
-            )
+                argument="robust", got=robust, advice="Leave {--robust} or {--from-fits} out.",
+            )  # fmt: skip
         fitted, fits = fits_in(from_fits)
-        return ModelSource(
-            model=None,
-            fits=fits,
-            fits_file=str(from_fits),
-            fitted_file=fitted,
-            likelihood=likelihood,
-            robust=robust,
-            efficiency=efficiency,
-        )
-    parsed = Model.parse(str(model))
-    return ModelSource(
-        model=parsed,
-        fits={},
-        fits_file="",
-        fitted_file=None,
-        likelihood=likelihood,
-        robust=robust,
-        efficiency=efficiency,
-    )
+        origin: dict[str, Any] = {"fits": fits, "fits_file": str(from_fits), "fitted_file": fitted}
+    else:
+        origin = {"model": Model.parse(str(model))}
+    return ModelSource(likelihood=likelihood, robust=robust, efficiency=efficiency, **origin)
 
 
 def axis_models(source: ModelSource, signals: Mapping[str, Signal], file: Path) -> dict[str, AxisModel]:
@@ -179,10 +154,8 @@ def axes_of(source: ModelSource, signals: Mapping[str, Signal], chosen: bool) ->
     if not fitted:
         raise OptionError(
             f"the fits and the recording have no axis in common: {source.fits_file} has {', '.join(source.fits)}, the "
-            f"recording has {', '.join(signals)}",
-            argument="from_fits",
-            got=source.fits_file,
-        )
+            f"recording has {', '.join(signals)}", argument="from_fits", got=source.fits_file,
+        )  # fmt: skip
     return fitted
 
 

@@ -18,9 +18,9 @@ from gmwm.base.remarks import Remark
 from gmwm.base.text import counted
 from gmwm.cli.command import command
 from gmwm.cli.growing_source import Idle, growing_source, interruptible, remarks_on_end
-from gmwm.cli.noise_source import GivenText, given
-from gmwm.cli.options import RESULT, Json
-from gmwm.cli.output import NewFile, Outcome, file_names, tell
+from gmwm.cli.noise_source import GivenText, read_given
+from gmwm.cli.options import Json, ResultOption
+from gmwm.cli.output import NewFile, Outcome, file_names, plot_file, tell
 from gmwm.cli.read_options import Axes, chosen_names, names_of
 from gmwm.recording.options import ReadOptions
 
@@ -35,9 +35,6 @@ EXAMPLES = (
     "gmwm monitor a.csv b.csv c.csv --from-fits results",
     "gmwm monitor unit.bag --from-fits fits.json --reference good.bag --axis gyro",
 )
-
-CHANGED = 1
-"""Exit code if the monitor reported at least one event."""
 
 
 @command
@@ -55,7 +52,7 @@ def monitor(
         Path | None,
         typer.Option(
             help="Noise models of the sensor: the calibration.json of gmwm calibrate, the fits.json of gmwm fit, or "
-            "the folder of one of them.",
+            "the folder of one of them."
         ),
     ] = None,
     source: GivenText = None,
@@ -63,7 +60,7 @@ def monitor(
         Path | None,
         typer.Option(
             help="Recording of the healthy sensor at rest, from which the baseline of the control charts is computed. "
-            "Default: the baseline in calibration.json.",
+            "Default: the baseline in calibration.json."
         ),
     ] = None,
     every: Annotated[
@@ -80,15 +77,9 @@ def monitor(
     idle: Idle = None,
     plot: Annotated[
         Path | None,
-        typer.Option(
-            help="Plot the signals with the events, and the control charts, to this .png, .pdf or .svg file.",
-            rich_help_panel=RESULT,
-        ),
+        ResultOption(help="Plot the signals with the events, and the control charts, to this .png, .pdf or .svg file."),
     ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="Write a summary to this .html file.", rich_help_panel=RESULT),
-    ] = None,
+    output: Annotated[Path | None, ResultOption("--output", "-o", help="Write a summary to this .html file.")] = None,
     json: Json = False,
 ) -> Outcome:
     """Report when a sensor at rest has changed: noise, level, drift, hum, spikes, frozen values, lost samples.
@@ -126,21 +117,14 @@ def monitor(
         )
         _print_events(_watch(stream, trace), json)
     remarks = ended()
-    monitors = []
-    if plot is not None:
-        monitors.append(NewFile(plot, lambda path: trace.plot(path=path), f"plotting {plot.name}"))
+    new = plot_file(plot, lambda path: trace.plot(path=path))
     if output is not None:
-        monitors.append(NewFile(output, trace.report, f"writing {output.name}"))
+        new += (NewFile(output, trace.report, f"writing {output.name}"),)
     summary = trace.to_dict()
     return Outcome(
-        command="monitor",
-        document={"file": file, **summary, "written": file_names(monitors)},
-        text=trace.summary(),
-        files=tuple(monitors),
-        remarks=remarks,
-        status=CHANGED if trace.events else 0,
-        in_one_line=True,
-    )
+        command="monitor", document={"file": file, **summary, "written": file_names(new)}, text=trace.summary(),
+        files=new, remarks=remarks, status=int(bool(trace.events)), in_one_line=True,
+    )  # fmt: skip
 
 
 @contextmanager
@@ -155,11 +139,9 @@ def _open(
     if file != "-" and not follow:
         if idle is not None:
             raise OptionError(
-                "--idle needs a file that is being written",
-                argument="idle",
-                got=idle,
+                "--idle needs a file that is being written", argument="idle", got=idle,
                 advice="Add {--follow}, or leave {--idle} out.",
-            )
+            )  # fmt: skip
         yield stream_file(file, reading), tuple
         return
     with growing_source(file) as (take, name), interruptible() as stopped:
@@ -181,10 +163,8 @@ def _trace(
     if not both:
         raise OptionError(
             f"the models and the recording have no axis in common: {origin} has {', '.join(models)}, the recording "
-            f"has {', '.join(stream.axes)}",
-            argument="from_fits",
-            got=str(origin),
-        )
+            f"has {', '.join(stream.axes)}", argument="from_fits", got=str(origin),
+        )  # fmt: skip
     names = chosen_names(both, axes)
     check_rate(stream.rate, rate)
     reference_baselines: Mapping[str, Baseline] | None = None
@@ -222,17 +202,17 @@ def _side_by_side(
     both = [axis for axis in models if all(axis in stream.axes for stream in streams.values())]
     events: list[UnitEvent] = []
 
-    def noted() -> Iterator[UnitEvent]:
+    def record() -> Iterator[UnitEvent]:
         for event in redundant(models, streams, every, axes=chosen_names(both, axes)):
             events.append(event)
             yield event
 
-    _print_events(noted(), json)
+    _print_events(record(), json)
     return Outcome(
         command="monitor",
         document={"files": files, "axes": both, "every": every, "events": [event.to_dict() for event in events]},
         text=f"{counted(len(events), 'event') if events else 'no event'} of {counted(len(files), 'unit')}",
-        status=CHANGED if events else 0,
+        status=int(bool(events)),
         in_one_line=True,
     )
 
@@ -247,11 +227,9 @@ class Origin:
     def __post_init__(self) -> None:
         if (self.fits is None) == (self.source is None):
             raise OptionError(
-                "exactly one of --from-fits and --from is needed",
-                argument="from_fits",
-                got=self.source,
+                "exactly one of --from-fits and --from is needed", argument="from_fits", got=self.source,
                 advice="Pass a calibration with {--from-fits}, or the numbers of a datasheet with {--from}.",
-            )
+            )  # fmt: skip
 
     def __str__(self) -> str:
         return str(self.fits or self.source)
@@ -263,7 +241,7 @@ def _models(origin: Origin, rate: float) -> tuple[Mapping[str, Any], float]:
     Noise from --from has no rate of its own, so it gets the rate of the recording.
     """
     if origin.source is not None:
-        return given(origin.source, rate).models, rate
+        return read_given(origin.source, rate).models, rate
     assert origin.fits is not None
     models = _fit_models(origin.fits)
     return models, next(iter(models.values())).wavelet_variance.rate

@@ -46,7 +46,7 @@ class NoiseSource:
     rate: float | None = None
 
 
-def given(text: str, rate: float | None, option: str = "--from") -> Given:
+def read_given(text: str, rate: float | None, option: str = "--from") -> Given:
     """Read noise from a datasheet or a file of another program. Error messages name the shell option."""
     from gmwm.files.importers import given_noise
 
@@ -73,15 +73,7 @@ def calibration_in(text: str) -> Calibration | None:
 
 
 def noise_of(text: str, rate: float | None, option: str = "SOURCE") -> NoiseSource:
-    """Read the noise of a sensor from a calibration, from fits, or from a datasheet or file of another program.
-
-    Raises
-    ------
-    OptionError
-        If `text` is none of these.
-    ReadError
-        If the file contains neither fits nor the noise parameters of another program.
-    """
+    """Read the noise of a sensor from a calibration, from fits, or from a datasheet or file of another program."""
     from gmwm import Fit
     from gmwm.cli.plan import fits_in
 
@@ -89,5 +81,5 @@ def noise_of(text: str, rate: float | None, option: str = "SOURCE") -> NoiseSour
     if path.is_dir() or path.suffix == ".json":
         _, fits = fits_in(path)
         return NoiseSource({axis: Fit.from_dict(content) for axis, content in fits.items()}, rate)
-    noise = given(text, rate, option)
+    noise = read_given(text, rate, option)
     return NoiseSource(noise.models, noise.rate)

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import codecs
 import json
-import math
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, TextIO
+from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 import typer
 
 from gmwm.base.atomic_files import write_text, written_together
 from gmwm.base.errors import FitWarning, GmwmError, GmwmWarning, OptionError
 from gmwm.base.remarks import Dialect, Remark, Severity, brief
-from gmwm.base.remarks.rendering import MOST
+from gmwm.base.remarks.rendering import MOST_REMARKS
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True)
@@ -117,15 +119,11 @@ def finish(outcome: Outcome, warned: Warned, *, json: bool, every: bool = False)
 
 
 def _write_files(outcome: Outcome) -> None:
-    if not outcome.together or not outcome.files:
+    together = outcome.together and outcome.files
+    with written_together(outcome.files[0].path.parent) if together else nullcontext() as folder:
         for file in outcome.files:
             with progress(file.label) if file.label else nullcontext():
-                file.write(file.path)
-        return
-    with written_together(outcome.files[0].path.parent) as room:
-        for file in outcome.files:
-            with progress(file.label) if file.label else nullcontext():
-                file.write(room / file.path.name)
+                file.write(file.path if folder is None else folder / file.path.name)
         for path in outcome.obsolete:
             path.unlink(missing_ok=True)
 
@@ -133,6 +131,27 @@ def _write_files(outcome: Outcome) -> None:
 def text_file(path: Path, text: str) -> NewFile:
     """Return a file to write that contains a text."""
     return NewFile(path, lambda target: write_text(target, text))
+
+
+def plot_file(path: Path | None, draw: Callable[[Path], object]) -> tuple[NewFile, ...]:
+    """Return the file of the option --plot; an empty tuple if the option is not given."""
+    return () if path is None else (NewFile(path, draw, f"plotting {path.name}"),)
+
+
+def csv_file(
+    path: Path | None, head: str, tables: Iterable[tuple[Sequence[str], Sequence[ArrayLike]]]
+) -> tuple[NewFile, ...]:
+    """Return the file of the option --csv. Each table has texts, which begin its rows, and columns of equal length."""
+    if path is None:
+        return ()
+    import numpy as np
+
+    rows = [
+        ",".join([*texts, *map(str, row)])
+        for texts, columns in tables
+        for row in zip(*(np.asarray(column).tolist() for column in columns), strict=True)
+    ]
+    return (text_file(path, "\n".join([head, *rows]) + "\n"),)
 
 
 def file_names(files: Sequence[NewFile]) -> list[str]:
@@ -176,31 +195,14 @@ def json_text(command: str, content: Mapping[str, Any], *, escaped: bool = False
     }
     """
     from gmwm import __version__
+    from gmwm.base.plain import plain
 
-    document = _plain({"gmwm": __version__, "command": command, **content})
+    document = plain({"gmwm": __version__, "command": command, **content})
     return json.dumps(document, allow_nan=False, ensure_ascii=escaped, indent=None if in_one_line else 1)
 
 
-def _plain(value: Any) -> Any:
-    """Convert a value to types that JSON has: arrays to lists, NumPy numbers to numbers, NaN and infinities to None."""
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
 def table_text(
-    columns: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    *,
-    title: str = "",
-    texts: int = 1,
-    rules: Sequence[int] = (),
+    columns: Sequence[str], rows: Sequence[Sequence[str]], *, title: str = "", texts: int = 1, rules: Sequence[int] = ()
 ) -> str:
     """Format a table with column headings. The table is as wide as its contents: no cell is wrapped or truncated.
 
@@ -220,13 +222,9 @@ def table_text(
     from rich.table import Table
 
     table = Table(
-        title=title or None,
-        title_justify="left",
-        title_style="bold",
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
+        title=title or None, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False,
         padding=(0, 1),
-    )
+    )  # fmt: skip
     for k, column in enumerate(columns):
         table.add_column(column, justify="left" if k < texts else "right", no_wrap=True)
     for k, row in enumerate(rows):
@@ -239,13 +237,7 @@ def table_text(
 
 
 def units_text(units: Mapping[str, str]) -> str:
-    """Format the units of parameters in one line, with each parameter name once.
-
-    Parameters
-    ----------
-    units : mapping of str to str
-        Unit of each parameter, by its full name such as "GM[1].sigma2".
-    """
+    """Format the units of parameters in one line, with each parameter name once."""
     of = {name.rpartition(".")[2]: unit for name, unit in units.items() if unit}
     # If two parameters with the same short name have different units, such as σ² of GM and of AR1, use full names.
     if len(set(of.items())) != len({(name.rpartition(".")[2], unit) for name, unit in units.items() if unit}):
@@ -271,13 +263,13 @@ class Warned:
             return
         self._shown = True
         remarks = [remark for remark in self.remarks if remark.severity is not Severity.INFO or self._every]
-        most = len(remarks) if self._every else MOST
+        most = len(remarks) if self._every else MOST_REMARKS
         for text in brief(remarks, Dialect.SHELL, rest="--all-remarks", most=most):
             print(f"warning: {one_line(text)}", file=sys.stderr)
 
 
 @contextmanager
-def collected_warnings(*, every: bool = False) -> Iterator[Warned]:
+def collect_warnings(*, every: bool = False) -> Iterator[Warned]:
     """Collect the remarks of all GmwmWarnings in the block, and print them at its end, even if the block fails.
 
     A FitWarning is not collected, because the text of the command already shows its remark.
@@ -307,7 +299,7 @@ def collected_warnings(*, every: bool = False) -> Iterator[Warned]:
 
 
 def tell(remark: Remark) -> None:
-    """Add a remark to the warnings of the command. `collected_warnings` prints it."""
+    """Add a remark to the warnings of the command. `collect_warnings` prints it."""
     warnings.warn(GmwmWarning(remark), stacklevel=2)
 
 
@@ -325,7 +317,7 @@ def calibration_file(path: Path) -> Path:
     return path / "calibration.json" if path.is_dir() else path
 
 
-def made_directory(path: Path, argument: str = "output") -> Path:
+def make_directory(path: Path, argument: str = "output") -> Path:
     """Create a directory and its parents if they do not exist, and return the path."""
     if path.exists() and not path.is_dir():
         raise OptionError(

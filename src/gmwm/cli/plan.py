@@ -14,9 +14,9 @@ from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.units import SI_UNIT
 from gmwm.cli.command import command
-from gmwm.cli.noise_source import GivenText, given
-from gmwm.cli.options import RESULT
-from gmwm.cli.output import NewFile, Outcome, progress, tell
+from gmwm.cli.noise_source import GivenText, read_given
+from gmwm.cli.options import Plot
+from gmwm.cli.output import Outcome, plot_file, progress, tell
 
 if TYPE_CHECKING:
     import numpy as np
@@ -55,26 +55,23 @@ def plan(
         Path | None,
         typer.Option(
             help="Instead of MODEL: the fits.json of gmwm fit or the calibration.json of gmwm calibrate for a pilot "
-            "recording.",
+            "recording."
         ),
     ] = None,
     source: GivenText = None,
     axis: Annotated[str | None, typer.Option(help="Axis to use from --from-fits or --from.")] = None,
     rate: Annotated[float | None, typer.Option(help="Sampling rate (Hz). Not needed with --from-fits.")] = None,
     accuracy: Annotated[
-        str,
-        typer.Option(help="Desired relative standard error, as 0.1 or 10%; at most 0.5.", metavar="SHARE"),
+        str, typer.Option(help="Desired relative standard error, as 0.1 or 10%; at most 0.5.", metavar="SHARE")
     ] = "0.1",
     weighting: Annotated[
         Literal["diagonal", "optimal"] | None,
         typer.Option(
             help="Weights of the planned fit: inverse variances (diagonal) or inverse covariance matrix (optimal). "
-            "Default: diagonal, but optimal for processes with several shape parameters such as AR(2).",
+            "Default: diagonal, but optimal for processes with several shape parameters such as AR(2)."
         ),
     ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
-    ] = None,
+    plot: Plot = None,
 ) -> Outcome:
     """Plan how long to record: print the standard error of each parameter for several durations.
 
@@ -85,12 +82,10 @@ def plan(
     """
     if sum(source_given is not None for source_given in (model, from_fits, source)) != 1:
         raise OptionError(
-            "exactly one of MODEL, --from-fits and --from is needed",
-            argument="model",
-            got=model,
+            "exactly one of MODEL, --from-fits and --from is needed", argument="model", got=model,
             advice="Write a model with its values, or pass a fits.json or calibration.json with {--from_fits}, or the "
             "numbers of a datasheet with {--from}.",
-        )
+        )  # fmt: skip
     seconds, share = parse_length(duration), parse_share(accuracy)
     origin: dict[str, Any] = {}
     unit, curve = "", None
@@ -111,14 +106,11 @@ def plan(
             "--axis applies only to --from-fits and --from", argument="axis", got=axis, advice="Leave {--axis} out."
         )
     design, needed = _plan(str(model), seconds, rate=rate, accuracy=share, weighting=weighting, unit=unit, curve=curve)
-    drawn = () if plot is None else (NewFile(plot, lambda path: design.plot(accuracy=share, path=path), "plotting"),)
     return Outcome(
-        command="plan",
-        document={**origin, **design.to_dict(), "accuracy": share, "needed": needed},
-        text=design.summary(share),
-        files=drawn,
+        command="plan", document={**origin, **design.to_dict(), "accuracy": share, "needed": needed},
+        text=design.summary(share), files=plot_file(plot, lambda path: design.plot(accuracy=share, path=path)),
         in_text=design.remarks,
-    )
+    )  # fmt: skip
 
 
 def _given_axis(source: str, axis: str | None, rate: float | None) -> tuple[str, str, float]:
@@ -126,7 +118,7 @@ def _given_axis(source: str, axis: str | None, rate: float | None) -> tuple[str,
 
     `axis` can be None if all axes have the same model.
     """
-    noise = given(source, rate)
+    noise = read_given(source, rate)
     models = {name: str(model) for name, model in noise.models.items()}
     if axis is None and len(set(models.values())) == 1:
         axis = next(iter(models))
@@ -141,10 +133,8 @@ def _pilot_rate(found: Mapping[str, Any], rate: float | None, file: Path) -> flo
     if rate is not None and abs(rate / pilot_rate - 1) > 1e-3:
         raise OptionError(
             f"--rate {rate:g} differs from the rate in {file}, {pilot_rate:g} Hz, for which its values are",
-            argument="rate",
-            got=rate,
-            advice="Leave {--rate} out.",
-        )
+            argument="rate", got=rate, advice="Leave {--rate} out.",
+        )  # fmt: skip
     return pilot_rate
 
 
@@ -182,20 +172,7 @@ def pilot(path: Path, axis: str | None) -> tuple[str, dict[str, Any]]:
 
 
 def fits_in(path: Path) -> tuple[str | None, dict[str, Any]]:
-    """Read the fits from a fits.json or calibration.json, or from the one of these files that a folder contains.
-
-    Returns
-    -------
-    recording : str or None
-        Path of the recording that was fitted, if it is known.
-    fits : dict of str to dict
-        The fit of each axis, in the form of `Fit.to_dict`.
-
-    Raises
-    ------
-    ReadError
-        If there is no such file, it has no fits, or the folder contains both files.
-    """
+    """Read the fits from a fits.json or calibration.json, or from the one of these files that a folder contains."""
     if path.is_dir():
         candidates = [path / name for name in ("calibration.json", "fits.json") if (path / name).is_file()]
         if not candidates:
@@ -235,13 +212,7 @@ def _not_fits(path: Path, why: str) -> ReadError:
 
 
 def _fits(content: Any) -> tuple[str | None, dict[str, Any]]:
-    """Return the recording and the fit of each axis in a fits.json or calibration.json.
-
-    Raises
-    ------
-    ReadError
-        If any part of the document is missing or wrong.
-    """
+    """Return the recording and the fit of each axis in a fits.json or calibration.json."""
     from gmwm import Calibration, Fit
     from gmwm.calibration.document import FORMAT
     from gmwm.fitting.likelihood import LikelihoodFit

@@ -6,27 +6,24 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from gmwm.base.errors import OptionError
 from gmwm.choosing.selection.options import SLOW, RankingOptions
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Chunked, axes_together, measured_together, memory_for, opened_together
+from gmwm.cli.measuring import Chunked, axes_together, measure_together, memory_for, open_together
 from gmwm.cli.options import (
-    RESULT,
     AgainstOption,
     ChoiceWeighting,
     Confidence,
     CriterionName,
     Efficiency,
+    ResultOption,
     Robust,
     Seed,
     Within,
     chosen_efficiency,
     parse_within,
 )
-from gmwm.cli.output import NewFile, Outcome, file_names, json_text, made_directory, text_file
-from gmwm.cli.read_options import Axes, Files, document_of
+from gmwm.cli.output import NewFile, Outcome, file_names, json_text, make_directory, text_file
+from gmwm.cli.read_options import Axes, Files, document_of, require_one_axis
 from gmwm.measuring.regression.against import NONE
 from gmwm.recording.options import ReadOptions
 
@@ -58,20 +55,14 @@ def select(
     confidence: Confidence = 0.95,
     seed: Seed = 0,
     chunked: Chunked = "auto",
-    limit: Annotated[
-        int, typer.Option(help="Number of models to print for each axis.", min=1, rich_help_panel=RESULT)
-    ] = 10,
+    limit: Annotated[int, ResultOption(help="Number of models to print for each axis.", min=1)] = 10,
     plot: Annotated[
-        Path | None,
-        typer.Option(help="Plot the best models of one axis to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
+        Path | None, ResultOption(help="Plot the best models of one axis to this .png, .pdf or .svg file.")
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            help="Write rankings.json and a plot of the best models of each axis to this directory.",
-            rich_help_panel=RESULT,
+        ResultOption(
+            "--output", "-o", help="Write rankings.json and a plot of the best models of each axis to this directory."
         ),
     ] = None,
 ) -> Outcome:
@@ -87,18 +78,12 @@ def select(
     """
     largest, strength = parse_within(within), chosen_efficiency(robust, efficiency)
     options = RankingOptions(weighting=weighting, criterion=criterion, confidence=confidence, seed=seed)
-    recordings = opened_together(files, reading, chunked, whole=memory_for(against))
+    recordings = open_together(files, reading, chunked, whole=memory_for(against))
     names = axes_together(recordings, axis)
-    if plot is not None and len(names) > 1:
-        raise OptionError(
-            f"--plot needs one axis, but {', '.join(names)} are selected",
-            argument="plot",
-            got=names,
-            advice="Select one with {--axis}, or plot all with {--output}.",
-        )
+    require_one_axis(names, plot, "Select one with {--axis}, or plot all with {--output}.")
     if output is not None:
-        made_directory(output)
-    measured = measured_together(recordings, axis, robust=robust, efficiency=strength, against=against)
+        make_directory(output)
+    measured = measure_together(recordings, axis, robust=robust, efficiency=strength, against=against)
     rankings = _rank(largest, measured, options=options, robust=robust, efficiency=strength)
     axes = {name: ranking.to_dict() for name, ranking in rankings.items()}
     content = {**document_of(files), "within": within, "axes": axes}

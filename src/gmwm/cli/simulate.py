@@ -11,7 +11,7 @@ import typer
 from gmwm.base.durations import parse_length
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
-from gmwm.cli.noise_source import GivenText, given
+from gmwm.cli.noise_source import GivenText, read_given
 from gmwm.cli.options import parse_models
 from gmwm.cli.output import Outcome, progress
 
@@ -56,8 +56,7 @@ def simulate(
     ] = False,
     source: GivenText = None,
     rate: Annotated[
-        float | None,
-        typer.Option(help="Sampling rate (Hz). Default: 100, or the rate in the file of --from."),
+        float | None, typer.Option(help="Sampling rate (Hz). Default: 100, or the rate in the file of --from.")
     ] = None,
     seed: Annotated[
         int, typer.Option(help="Seed of the simulation. The same seed gives the same recording.", min=0)
@@ -66,7 +65,7 @@ def simulate(
         Path | None,
         typer.Option(
             help="Also write the simulated process of each term to this .csv or .parquet file, in columns such as "
-            "'gyro_x WN \\[rad/s]'.",
+            "'gyro_x WN \\[rad/s]'."
         ),
     ] = None,
 ) -> Outcome:
@@ -81,12 +80,10 @@ def simulate(
 
     if sum((reference, bool(model), source is not None)) != 1:
         raise OptionError(
-            "exactly one of --model, --reference and --from is needed",
-            argument="model",
-            got=model,
+            "exactly one of --model, --reference and --from is needed", argument="model", got=model,
             advice="Write a model with {--model}, the numbers of a datasheet with {--from}, or simulate the unit of "
             "the demo with {--reference}.",
-        )
+        )  # fmt: skip
     seconds = parse_length(duration)
     # Check the output files before the simulation, which can take minutes.
     if components is not None and table_path(components).resolve() == output.resolve():
@@ -140,8 +137,8 @@ def _write(
 def _given_at(source: str, rate: float | None) -> Given:
     """Return the noise of --from, at 100 Hz if neither the file nor the user gives the sampling rate."""
     try:
-        return given(source, rate)
+        return read_given(source, rate)
     except OptionError as error:
         if error.argument != "rate" or rate is not None:
             raise
-    return given(source, 100.0)
+    return read_given(source, 100.0)

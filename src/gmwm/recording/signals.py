@@ -143,11 +143,9 @@ class Signal(Plotted):
             )
         if not present.any():
             raise DataError(
-                f"all {vector.size} samples of {axis or 'the signal'} are missing",
-                argument="values",
-                got=vector,
+                f"all {vector.size} samples of {axis or 'the signal'} are missing", argument="values", got=vector,
                 advice="Check the column that the signal was read from.",
-            )
+            )  # fmt: skip
         edges = runs_of(present)
         ends = np.cumsum([0, *(edges[:, 1] - edges[:, 0])]).tolist()
         starts = (start + edges[:, 0] / rate).tolist()
@@ -462,9 +460,9 @@ class Imu(Plotted):
         >>> part.segments, part["gyro_x"].starts
         (((0, 30), (30, 70)), (2.0, 6.0))
         """
-        from gmwm.recording.time_ranges import cut
+        from gmwm.recording.time_ranges import between_times
 
-        return cut(self, start, stop, skip)
+        return between_times(self, start, stop, skip)
 
     def write(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
         """Write the recording to a file; the suffix of the path chooses the format: .csv, .parquet or .imu.

@@ -13,7 +13,7 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, GmwmWarning, OptionError
 from gmwm.base.remarks import Quantity, Remark
-from gmwm.base.template import joined
+from gmwm.base.template import join_names
 from gmwm.base.text import moment
 from gmwm.base.time_base import TimeBase
 from gmwm.recording.chunks import Samples
@@ -25,7 +25,7 @@ rounding of times in float64 (1e-7 of a sample at 1 kHz after a year), and small
 types. Pinned by tests/test_cuts.py."""
 
 
-def cut(
+def between_times(
     imu: Imu, start: float | None = None, stop: float | None = None, skip: Sequence[tuple[float, float]] = ()
 ) -> Imu:
     """Return the part of a recording between two times; see `Imu.between`."""
@@ -115,22 +115,14 @@ class Trimmer:
             return values[parts[0]] if len(parts) == 1 else np.concatenate([values[part] for part in parts])
 
         return Samples(
-            {axis: of(values) for axis, values in samples.values.items()},
-            samples.rate,
-            first=first,
-            segment=max(segment + (runs[0][0] == first), 0),
-            runs=tuple(runs),
+            {axis: of(values) for axis, values in samples.values.items()}, samples.rate, first=first,
+            segment=max(segment + (runs[0][0] == first), 0), runs=tuple(runs),
             temperature=None if samples.temperature is None else of(samples.temperature),
-        )
+        )  # fmt: skip
 
     def time_base(self, base: TimeBase) -> TimeBase:
         """Return the time base of the kept samples. Call it after the last batch. `base` is the time base of the whole
         recording.
-
-        Raises
-        ------
-        DataError
-            If no segment of at least 8 samples is left, or a range to skip is after the end of the recording.
         """
         require_some(max(self._sizes, default=0), self._kept, self._clock.end)
         require_inside(self._kept, self._clock.end, self._rate)
@@ -161,13 +153,7 @@ class _Elapsed:
 def kept_ranges(
     start: float | None, stop: float | None, skip: Sequence[tuple[float, float]]
 ) -> list[tuple[float, float]]:
-    """Return the ranges of time that are kept (s), in order.
-
-    Raises
-    ------
-    OptionError
-        If a time is negative or not a number, or a range ends before it begins.
-    """
+    """Return the ranges of time that are kept (s), in order."""
     begin, end = _seconds(0.0 if start is None else start, "start"), math.inf
     if stop is not None:
         end = _seconds(stop, "stop")
@@ -186,14 +172,9 @@ def kept_ranges(
 def require_some(longest: int, kept: Sequence[tuple[float, float]], end: float) -> None:
     """Require that the longest segment that is kept has at least `MINIMUM_SAMPLES` samples. The recording lasts until
     `end` (s).
-
-    Raises
-    ------
-    DataError
-        If the longest segment has fewer than `MINIMUM_SAMPLES` samples.
     """
     if longest < MINIMUM_SAMPLES:
-        requested = joined(range_texts(kept)) or "nothing"
+        requested = join_names(range_texts(kept)) or "nothing"
         raise DataError(
             f"no segment of {MINIMUM_SAMPLES} samples or more is left of the recording, which lasts {moment(end)}; "
             f"wanted is {requested}",
@@ -202,13 +183,7 @@ def require_some(longest: int, kept: Sequence[tuple[float, float]], end: float) 
 
 
 def require_inside(kept: Sequence[tuple[float, float]], end: float, rate: float) -> None:
-    """Require that skipped ranges begin before the end of the recording (s), and warn if only `stop` is after it.
-
-    Raises
-    ------
-    DataError
-        If a range to skip begins after the end.
-    """
+    """Require that skipped ranges begin before the end of the recording (s), and warn if only `stop` is after it."""
     for (_, begin), (last, _) in pairwise(kept):
         if begin >= end:
             raise DataError(

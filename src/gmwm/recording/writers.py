@@ -40,42 +40,25 @@ def write(imu: Imu | Signal, path: str | os.PathLike[str], *, format: str | None
 
 
 def _recording(given: object) -> Imu:
-    """Return the recording to write.
-
-    Raises
-    ------
-    OptionError
-        If `given` is neither an Imu nor a Signal of one of the six axes.
-    """
+    """Return the recording to write."""
     if isinstance(given, Imu):
         return given
     if isinstance(given, Signal) and given.axis in AXES:
         return Imu({given.axis: given})
     if isinstance(given, Signal):
         raise OptionError(
-            argument="imu",
-            expected=f"an Imu or a Signal whose axis is one of {', '.join(AXES)}",
-            got=given,
+            argument="imu", expected=f"an Imu or a Signal whose axis is one of {', '.join(AXES)}", got=given,
             advice="Name the axis: `gmwm.Imu.from_arrays({example}, signal.rate)`.",
             example="{'gyro_x': signal.values}",
-        )
+        )  # fmt: skip
     raise OptionError(
-        argument="imu",
-        expected="an Imu",
-        got=given,
-        advice="Make one from arrays: `gmwm.Imu.from_arrays({example}, rate)`.",
-        example="{'gyro_x': x}",
-    )
+        argument="imu", expected="an Imu", got=given,
+        advice="Make one from arrays: `gmwm.Imu.from_arrays({example}, rate)`.", example="{'gyro_x': x}",
+    )  # fmt: skip
 
 
 def table_path(path: str | os.PathLike[str]) -> Path:
-    """Return the path of a table, which ends in .csv or .parquet.
-
-    Raises
-    ------
-    OptionError
-        If the path has another extension.
-    """
+    """Return the path of a table, which ends in .csv or .parquet."""
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:
         raise OptionError(argument="path", expected=f"a path that ends in {' or '.join(SUFFIXES)}", got=target.name)

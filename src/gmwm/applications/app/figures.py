@@ -44,8 +44,6 @@ HANDLE = 8
 """Half of the width (CSS pixels) of a handle, with which users drag the curve of a term."""
 RATE = "beta"
 """Name of the parameter that is the inverse correlation time of a process."""
-EVEN = 50.0
-"""Largest misfit (%) for which the axis of the misfit is linear."""
 IMPLIED_DOTS = replace(IMPLIED, symbol="circle")
 Drawn = dict[str, Any]
 """A Plotly figure as a dictionary, which `dcc.Graph` can draw."""
@@ -180,7 +178,7 @@ def spectra(axes: Mapping[str, PowerSpectrum], units: UnitSystem) -> Panel:
 # --- a model ----------------------------------------------------------------------------------------
 
 
-def fitted(fit: Fit, session: Session, width: float) -> Drawn:
+def fit_figure(fit: Fit, session: Session, width: float) -> Drawn:
     """Return the figure of a fit. The curve of each term has a handle with which users can drag it."""
     figure = plotly_figure(fit_panel(fit, view=session.view, units=session.units), width, 380)
     shown = view_for(fit.wavelet_variance, session.view, session.units)
@@ -246,11 +244,12 @@ def misfit(fit: Fit, view: ViewName, units: UnitSystem) -> Panel:
     line = Line(times, judged, stroke=IMPLIED_DOTS, label="Model / data − 1", layer=FRONT)
     ends = np.array([times[0], times[-1]])
     zero = Line(ends, np.zeros(2), stroke=Stroke(OBSERVED.colour, 0.9), label="")
-    y = signed_axis(judged, "Model / data − 1 (%)", linear=1.0, even=EVEN, least=2.0)
+    # The axis of the misfit is linear up to 50 %.
+    y = signed_axis(judged, "Model / data − 1 (%)", linear=1.0, even=50.0, least=2.0)
     return Panel(time_axis(times, shown.time_label), y, (band, zero, line))
 
 
-def compared(ranking: Ranking, view: ViewName, units: UnitSystem) -> Panel:
+def ranking_panel(ranking: Ranking, view: ViewName, units: UnitSystem) -> Panel:
     """Return a panel with the distances of the best models of a ranking from the data at each scale."""
     panel = ranking_figure(ranking, view=view, units=units).rows[0][1]
     assert panel is not None

@@ -9,9 +9,6 @@ from typing import IO
 
 from gmwm.base.errors import OptionError, ReadError
 
-CHUNK = 1 << 20
-"""Number of bytes of a dropped file that are copied at once."""
-
 
 @dataclass(frozen=True)
 class Folders:
@@ -29,28 +26,13 @@ class Folders:
     dropped: Path
 
     def file(self, text: str) -> Path:
-        """Return the path that a text names. A relative path starts in `root`.
-
-        Raises
-        ------
-        OptionError
-            If the path is outside both folders, for example through a symbolic link.
-        ReadError
-            If the path does not exist.
-        """
+        """Return the path that a text names. A relative path starts in `root`."""
         return self._inside(text)
 
     def entries(self, text: str) -> tuple[str, list[str], list[str]]:
         """Return the path of a folder relative to `root`, the names of its folders, and the names of its files.
 
         Hidden files and links to files outside `root` are left out.
-
-        Raises
-        ------
-        OptionError
-            If the folder is outside both folders.
-        ReadError
-            If the path is not a folder.
         """
         folder = self._inside(text)
         if not folder.is_dir():
@@ -91,5 +73,5 @@ class Folders:
 
 
 def _blocks(content: IO[bytes]) -> Iterator[bytes]:
-    while block := content.read(CHUNK):
+    while block := content.read(1 << 20):
         yield block

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 import threading
-import traceback
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from typing import Any, Literal
@@ -14,8 +12,6 @@ from gmwm.base.threads import stoppable
 State = Literal["running", "done", "failed", "cancelled"]
 QUICK = 0.3
 """Time (s) to wait for a result before the progress of a job is shown, so that short jobs show none."""
-CHECK = 0.05
-"""Time (s) between two checks for a cancellation while a job waits for another job."""
 
 
 class Cancelled(BaseException):
@@ -53,13 +49,7 @@ class Job:
         self._thread.start()
 
     def step(self, text: str, done: float = 0, total: float = 0) -> None:
-        """Report progress: a description of the step, and the finished and total amounts of work if known.
-
-        Raises
-        ------
-        Cancelled
-            If the job was cancelled.
-        """
+        """Report progress: a description of the step, and the finished and total amounts of work if known."""
         self.check()
         self.text, self.share = text, min(done / total, 1.0) if total > 0 else None
 
@@ -78,16 +68,8 @@ class Job:
         return self._ended.wait(seconds)
 
     def result_for(self, other: Job) -> Any:
-        """Wait for the result of this job in another job, and return it. The other job shows the progress of this one.
-
-        Raises
-        ------
-        Cancelled
-            If either job is cancelled.
-        Exception
-            The error of this job, if it failed.
-        """
-        while not self.join(CHECK):
+        """Wait for the result of this job in another job, and return it. The other job shows its progress."""
+        while not self.join(0.05):  # check for a cancellation every 0.05 s
             other.step(f"{self.title}: {self.text}" if self.text else self.title)
         if self.state == "cancelled":
             raise Cancelled
@@ -159,7 +141,7 @@ class Jobs:
                 other.cancel()
             while len(of_kind) >= kept:
                 of_kind.popitem(last=False)[1].cancel()
-            job = of_kind[key] = Job(title, work, self._ended)
+            job = of_kind[key] = Job(title, work, self._count_end)
             return job
 
     def running(self) -> list[Job]:
@@ -178,13 +160,8 @@ class Jobs:
             for of_kind in self._jobs.values():
                 for key in [key for key, job in of_kind.items() if job.state in ("failed", "cancelled")]:
                     del of_kind[key]
-        self._ended()
+        self._count_end()
 
-    def _ended(self) -> None:
+    def _count_end(self) -> None:
         with self._lock:
             self.revision += 1
-
-
-def report_bug(error: Exception) -> None:
-    """Print the traceback of an error that is a bug, not an error message of gmwm."""
-    traceback.print_exception(error, file=sys.stderr)

@@ -26,8 +26,6 @@ from gmwm.measuring.inspection import inspect
 from gmwm.measuring.variance.axes_result import WaveletVariances
 from gmwm.recording.signals import Imu
 
-FITS = 64
-"""Number of fits that are kept, so that removing a term and adding it again takes no time."""
 CUTS = ("start", "stop", "skip", "gaps")
 """Options for reading that leave samples out."""
 
@@ -65,7 +63,7 @@ class Workspace:
             job.step(path.name)
             return gmwm.stream(path, **reading) if is_large(path) else gmwm.read(path, **reading)
 
-        return self.jobs.ask("recording", (*_stamp(path), _key(reading)), "Reading", work, alone=False)
+        return self.jobs.ask("recording", (*_stamp(path), repr(reading)), "Reading", work, alone=False)
 
     def overview(self, session: Session) -> Job:
         """Reduce the recording for a plot over time, including the samples that the session leaves out."""
@@ -80,7 +78,7 @@ class Workspace:
                 recording = self.recording(session).result_for(job)
             return overview(recording, lambda n: job.step(_length(n, recording)))
 
-        return self.jobs.ask("overview", self._recorded(session, cut=False), "Drawing", work)
+        return self.jobs.ask("overview", self._recording_key(session, cut=False), "Drawing", work)
 
     def inspection(self, session: Session) -> Job:
         """Inspect the recording."""
@@ -126,8 +124,9 @@ class Workspace:
             choice: ModelChoice = self.search(session, axis).result_for(job)
             return final_fit(choice.ranking.recommended.model, choice.with_error, options.weighting)
 
-        key = self._of_axis(session, axis, session.models.get(axis))
-        return self.jobs.ask("fit", key, f"Fitting {axis}", work, kept=FITS)
+        key = self._axis_key(session, axis, session.models.get(axis))
+        # Removing a term and adding it again takes no time.
+        return self.jobs.ask("fit", key, f"Fitting {axis}", work, kept=64)
 
     def search(self, session: Session, axis: str) -> Job:
         """Search for the model of an axis like `gmwm calibrate`."""
@@ -137,7 +136,7 @@ class Workspace:
             measured = self._axis(session, axis, job)
             return choose_model(measured.curve(options), measured.spectrum, options, check=job.check)
 
-        return self.jobs.ask("search", self._of_axis(session, axis), f"Comparing models of {axis}", work, kept=12)
+        return self.jobs.ask("search", self._axis_key(session, axis), f"Comparing models of {axis}", work, kept=12)
 
     def calibration(self, session: Session) -> Job:
         """Calibrate all axes like `gmwm calibrate`."""
@@ -150,14 +149,14 @@ class Workspace:
             )  # fmt: skip
             return calibration.of_file(path)
 
-        more = (session.robust, session.confidence, _key(session.models))
+        more = (session.robust, session.confidence, repr(session.models))
         return self._of_recording("calibration", session, "Calibrating", work, *more)
 
     def _of_recording(self, kind: str, session: Session, title: str, work: Any, *more: Hashable) -> Job:
         def begin(job: Job) -> Any:
             return work(self.recording(session).result_for(job), job)
 
-        return self.jobs.ask(kind, (*self._recorded(session), *more), title, begin)
+        return self.jobs.ask(kind, (*self._recording_key(session), *more), title, begin)
 
     def _axis(self, session: Session, axis: str, job: Job) -> MeasuredAxis:
         measured: MeasuredAxis | GmwmError = self.data(session).result_for(job)[axis]
@@ -165,12 +164,12 @@ class Workspace:
             raise measured
         return measured
 
-    def _recorded(self, session: Session, *, cut: bool = True) -> tuple[Hashable, ...]:
+    def _recording_key(self, session: Session, *, cut: bool = True) -> tuple[Hashable, ...]:
         reading = dict(session.reading) if cut else _uncut(session.reading)
-        return (*_stamp(self.path(session)), _key(reading))
+        return (*_stamp(self.path(session)), repr(reading))
 
-    def _of_axis(self, session: Session, axis: str, *more: Hashable) -> tuple[Hashable, ...]:
-        return (*self._recorded(session), session.robust, session.confidence, axis, *more)
+    def _axis_key(self, session: Session, axis: str, *more: Hashable) -> tuple[Hashable, ...]:
+        return (*self._recording_key(session), session.robust, session.confidence, axis, *more)
 
 
 def _uncut(reading: Mapping[str, Any]) -> dict[str, Any]:
@@ -185,7 +184,3 @@ def _stamp(path: Path) -> tuple[str, int, int]:
     """Return path, time of change and size of a file, which identify its content."""
     state = path.stat()
     return str(path), state.st_mtime_ns, state.st_size
-
-
-def _key(values: Any) -> str:
-    return repr(values)

@@ -107,7 +107,7 @@ class Message:
             return named
         return named | set(_fields(self.sentence_for(facts), self.advice_for(facts), self.detail)) - {"subjects"}
 
-    def shared(self, facts: Mapping[str, Fact]) -> set[str]:
+    def constant_facts(self, facts: Mapping[str, Fact]) -> set[str]:
         """Return the names of the facts that must be equal for all subjects in one sentence."""
         chosen = {text.by for text in (self.sentence, self.advice) if isinstance(text, Choice)}
         return chosen | set(_fields(self.sentence_for(facts), self.advice_for(facts))) - {"subjects"}
@@ -126,13 +126,7 @@ def _fields(*templates: str) -> Iterator[str]:
 
 @cache
 def message(code: str) -> Message:
-    """Return the entry of a code in the registry. Only this entry is parsed: the whole file takes 50 ms.
-
-    Raises
-    ------
-    KeyError
-        If the code is not registered.
-    """
+    """Return the entry of a code in the registry. Only this entry is parsed: the whole file takes 50 ms."""
     return _parse(_tables()[code])[code]
 
 
@@ -160,17 +154,12 @@ def _parse(text: str) -> dict[str, Message]:
 
 def _message(code: str, entry: Mapping[str, Any]) -> Message:
     return Message(
-        code=code,
-        section=entry["section"],
-        severity=Severity[entry["severity"].upper()],
-        sentence=_text(entry["sentence"]),
-        advice=_text(entry.get("advice", "")),
-        detail=entry.get("detail", ""),
+        code=code, section=entry["section"], severity=Severity[entry["severity"].upper()],
+        sentence=_text(entry["sentence"]), advice=_text(entry.get("advice", "")), detail=entry.get("detail", ""),
         meaning=entry.get("meaning", "").strip(),
         example={name: as_fact(value) for name, value in entry.get("example", {}).items()},
-        raises=tuple(entry.get("raises", ())),
-        spoils=tuple(entry.get("spoils", ())),
-    )
+        raises=tuple(entry.get("raises", ())), spoils=tuple(entry.get("spoils", ())),
+    )  # fmt: skip
 
 
 def _text(value: str | Mapping[str, str]) -> Text:

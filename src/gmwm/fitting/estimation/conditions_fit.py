@@ -12,7 +12,7 @@ import numpy as np
 
 from gmwm.base.errors import OptionError
 from gmwm.base.plotting import Plotted
-from gmwm.base.tables import aligned
+from gmwm.base.tables import align
 from gmwm.base.text import Summarised, p_relation
 from gmwm.fitting.estimation.varies import parsed
 from gmwm.measuring.variance.result import WaveletVariance
@@ -149,7 +149,7 @@ class ConditionsFit(Summarised, Plotted):
             low, high = one.interval()
             interval = "undetermined" if math.isinf(high) else f"{low:.4g} … {high:.4g}"
             rows.append((name, f"{one.value:.4g}", f"acts as {one.acts_as}" if one.acts_as else interval))
-        lines = [f"{self.structure} at {self.condition} {conditions}", *aligned(rows)]
+        lines = [f"{self.structure} at {self.condition} {conditions}", *align(rows)]
         if self.lower_bound is not None:
             gap = (self.objective - self.lower_bound) / self.objective if self.objective > 0 else 0.0
             lines.append(

@@ -12,7 +12,7 @@ import numpy as np
 
 from gmwm.base.errors import GmwmError, MissingTheoryError, ModelError
 from gmwm.base.remarks import Dialect, Remark, texts
-from gmwm.base.tables import aligned
+from gmwm.base.tables import align
 from gmwm.fitting.inference.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap, least_draws
 from gmwm.fitting.inference.goodness import GoodnessOfFit, goodness_of_fit
 from gmwm.fitting.inference.intervals import Interval, Method, confidence_intervals
@@ -192,7 +192,7 @@ def summary(
 def table_text(table: list[Row], level: float) -> list[str]:
     """Format the rows of parameters as aligned columns with a header."""
     heads = Row("parameter", "estimate", interval=f"{100 * level:g} % interval", error="error", unit="unit")
-    return aligned([astuple(row) for row in (heads, *table)], right={1, 2, 3})
+    return align([astuple(row) for row in (heads, *table)], right={1, 2, 3})
 
 
 def head(fit: Fit, how: IntervalMethod) -> list[str]:

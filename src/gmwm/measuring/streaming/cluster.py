@@ -24,30 +24,23 @@ from gmwm.files.readers.builder import RowSummary
 from gmwm.files.readers.parts import Part, PartReader
 from gmwm.files.readers.streams import FileRows, Stream
 from gmwm.measuring.streaming.passes import AxisCurves, Change, measure
-from gmwm.measuring.streaming.scheduling import connected, library
+from gmwm.measuring.streaming.scheduling import connect, library
 from gmwm.measuring.variance.accumulate import WaveletAccumulator
 from gmwm.measuring.variance.open_segments import SegmentedAccumulator, exact_levels
 from gmwm.measuring.variance.second_pass import SecondPass
-from gmwm.recording.batches import Batch, gathered
+from gmwm.recording.batches import Batch, gather
 from gmwm.recording.gaps import is_short
 from gmwm.recording.signals import Signal
 
 if TYPE_CHECKING:
     from distributed import Client
 
-A_THREAD = 4
-"""Default number of parts for each thread of the cluster. With several parts, a slow worker does not delay the others
-much."""
 PART_MEMORY = 64 << 20
 """Default limit of the size of a worker's result for a part (bytes). It is a choice; six axes have 19 exact levels."""
-END_BYTES = 16
-"""Bytes of a result for each of 2^exact samples. The result contains the samples at both ends of the part."""
 PART_BYTES = 4 << 30
 """Default for the largest size of a part (bytes). If a worker is lost, this much must be read again."""
 RETRIES = 2
 """Number of retries of a part after an error that is not caused by the content of the file."""
-AHEAD = 2
-"""Number of parts for each thread that are submitted at once."""
 
 G = TypeVar("G", WaveletAccumulator, SecondPass)
 
@@ -55,10 +48,11 @@ G = TypeVar("G", WaveletAccumulator, SecondPass)
 def part_levels(axes: int) -> int:
     """Return the default number of exact levels, for which the result of a worker for a part has at most `PART_MEMORY`
     bytes."""
-    return exact_levels(axes, PART_MEMORY, END_BYTES)
+    # The result has the samples at both ends: 16 bytes for each of 2^exact samples.
+    return exact_levels(axes, PART_MEMORY, 16)
 
 
-def spread(
+def measure_in_parts(
     stream: Stream,
     curves: Mapping[str, AxisCurves],
     *,
@@ -90,19 +84,8 @@ def spread(
         pass the count continues, up to twice the number of samples.
     prepare : callable, optional
         Function that is applied to each batch before it is measured. It can be pickled.
-
-    Raises
-    ------
-    ReadError, DataError
-        In the same cases as `gmwm.read`. The error describes the first problem in the file.
-    OptionError
-        If an option has an invalid value, or the scheduler does not answer.
-    MissingDependencyError
-        If Dask is not installed.
-    GmwmError
-        If workers die repeatedly on the same part, or the connection to the scheduler is lost.
     """
-    with connected(scheduler, workers) as client:
+    with connect(scheduler, workers) as client:
         crew = _Crew(
             client,
             stream,
@@ -194,7 +177,7 @@ def _measure(part: Part, begin: _Begin[G]) -> _Measured[G] | GmwmError:
     axes = {axis: create(part.first) for axis, create in begin.axes.items()}
     try:
         measured = {axis: _PartMeasurement(accumulator, begin.changes[axis]) for axis, accumulator in axes.items()}
-        batches = gathered(reader.samples(), tuple(axes), part.found.rate)
+        batches = gather(reader.samples(), tuple(axes), part.found.rate)
         measure(batches if begin.prepare is None else map(begin.prepare, batches), measured, threads=1)
     except GmwmError as error:
         return error
@@ -214,7 +197,8 @@ class _Crew:
         self._source, self._dask, self._distributed = stream.source, import_module("dask"), library()
         if parts is None:
             path = None if not isinstance(stream._rows, FileRows) else stream._rows.path
-            parts = max(A_THREAD * self._threads(), (path.stat().st_size if path else 0) // PART_BYTES)
+            # With several parts for each thread, a slow worker does not delay the others much.
+            parts = max(4 * self._threads(), (path.stat().st_size if path else 0) // PART_BYTES)
         self._parts: tuple[Part, ...] = stream.parts(parts)
         self._whole: tuple[Part, ...] = stream.parts(1)
 
@@ -227,15 +211,15 @@ class _Crew:
         """
         if not axes:
             return {}
-        result = self._measured(axes)
+        result = self._measure_parts(axes)
         if result is None:
             self._parts, self._samples = self._whole, 0
-            result = self._measured(axes)
+            result = self._measure_parts(axes)
         assert result is not None
         self.summary = result.summary
         return result.axes
 
-    def _measured(self, axes: Mapping[str, Callable[[int], G]]) -> _Measured[G] | None:
+    def _measure_parts(self, axes: Mapping[str, Callable[[int], G]]) -> _Measured[G] | None:
         """Measure all parts and merge them in order; None if they cannot be measured one by one."""
         arrived: queue.SimpleQueue[int] = queue.SimpleQueue()
         running: dict[int, Any] = {}
@@ -246,7 +230,8 @@ class _Crew:
         begin = self._hold(_Begin(axes, self._changes, self._prepare))
         try:
             while joined is None or merged < len(self._parts):
-                while submitted < min(len(self._parts), merged + AHEAD * self._threads()):
+                # Two parts for each thread are submitted at once.
+                while submitted < min(len(self._parts), merged + 2 * self._threads()):
                     running[submitted] = self._ask(submitted, begin, arrived)
                     submitted += 1
                 k = _next(arrived)

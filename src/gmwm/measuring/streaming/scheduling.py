@@ -24,7 +24,7 @@ workers."""
 
 
 @contextmanager
-def connected(scheduler: str | Client | None = None, workers: int | None = None) -> Iterator[Client]:
+def connect(scheduler: str | Client | None = None, workers: int | None = None) -> Iterator[Client]:
     """Connect to a Dask scheduler, or to worker processes that are started on this machine.
 
     Processes that are started here end with the block. A client that is passed is not closed.
@@ -37,23 +37,9 @@ def connected(scheduler: str | Client | None = None, workers: int | None = None)
     workers : int, optional
         Number of worker processes with one thread each; by default the number of processors.
 
-    Raises
-    ------
-    MissingDependencyError
-        If distributed is not installed.
-    OptionError
-        If no scheduler answers, or both `scheduler` and `workers` are given.
-    GmwmError
-        If worker processes do not start.
-
-    Warns
-    -----
-    GmwmWarning
-        If a scheduler has no workers yet.
-
     Examples
     --------
-    >>> with connected("127.0.0.1") as client:
+    >>> with connect("127.0.0.1") as client:
     ...     client.submit(sum, [1, 2]).result()
     Traceback (most recent call last):
     gmwm.base.errors.OptionError: scheduler must be an address such as tcp://10.0.0.5:8786; got '127.0.0.1'
@@ -92,13 +78,7 @@ def _quiet() -> Iterator[None]:
 
 
 def library() -> Any:
-    """Import the package distributed.
-
-    Raises
-    ------
-    MissingDependencyError
-        If the package is not installed.
-    """
+    """Import the package distributed."""
     try:
         import distributed
     except ImportError as error:
@@ -131,13 +111,7 @@ def _processes(distributed: Any, workers: int, folder: str) -> Any:
 
 
 def _client(distributed: Any, address: object) -> Any:
-    """Connect to the scheduler at an address.
-
-    Raises
-    ------
-    OptionError
-        If `address` has another form, or no scheduler answers.
-    """
+    """Connect to the scheduler at an address."""
     if not isinstance(address, str) or not address.partition("://")[2]:
         raise OptionError(argument="scheduler", expected="an address such as tcp://10.0.0.5:8786", got=address)
     try:

@@ -63,8 +63,12 @@ def register(app: Dash, desk: Desk) -> None:
     changes(app, desk, [Input("format", "value"), Input("rule", "value")], choose, errors=("export", "axes"))
     restores(app, desk, ("format", "rule"), lambda session: [session.export, session.rule or ""])
     draws(app, desk, tab="download", place="preview", draw=_preview)
-    draws(app, desk, tab="download", place="shell", draw=lambda session, _, __: _shell(session, desk))
-    draws(app, desk, tab="download", place="python", draw=lambda session, _, __: _python(session, desk))
+    for name, lines in (("shell", shell_lines), ("python", python_lines)):
+
+        def draw(session: Session, _: Any, __: Any, name: str = name, lines: Any = lines) -> Any:
+            return _block("\n".join(lines(_own(session, desk))), name)
+
+        draws(app, desk, tab="download", place=name, draw=draw)
 
     def fetch(*given: Any) -> tuple[Any, str]:
         *clicks, data, page = given
@@ -83,7 +87,7 @@ def register(app: Dash, desk: Desk) -> None:
     )(fetch)  # fmt: skip
 
 
-def exported(found: Calibration, session: Session) -> str:
+def export_text(found: Calibration, session: Session) -> str:
     """Return the text of the file in the chosen export format.
 
     Raises an error if the calibration lacks a number that the format needs.
@@ -105,13 +109,13 @@ def _file(wanted: str, session: Session, workspace: Workspace) -> tuple[str, str
         raise OptionError("the calibration was cancelled", advice="Start it again above.")
     calibration: Calibration = job.value
     if wanted == "get-report":
-        return "report.html", _written(calibration.report, "report.html")
+        return "report.html", _file_text(calibration.report, "report.html")
     if wanted == "get-json":
-        return "calibration.json", _written(calibration.save, "calibration.json")
-    return file_name(session), exported(calibration, session)
+        return "calibration.json", _file_text(calibration.save, "calibration.json")
+    return file_name(session), export_text(calibration, session)
 
 
-def _written(write: Callable[[Path], Any], name: str) -> str:
+def _file_text(write: Callable[[Path], Any], name: str) -> str:
     with tempfile.TemporaryDirectory(prefix="gmwm-app-") as folder:
         path = Path(folder, name)
         write(path)
@@ -120,26 +124,14 @@ def _written(write: Callable[[Path], Any], name: str) -> str:
 
 def _preview(session: Session, workspace: Workspace, width: float) -> Any:
     return of_job(
-        workspace.calibration(session), lambda found: _block(exported(found, session), file_name(session))
+        workspace.calibration(session), lambda found: _block(export_text(found, session), file_name(session))
     )  # fmt: skip
-
-
-def _shell(session: Session, desk: Desk) -> Any:
-    return _lines(shell_lines(_own(session, desk)), "shell")
-
-
-def _python(session: Session, desk: Desk) -> Any:
-    return _lines(python_lines(_own(session, desk)), "python")
 
 
 def _own(session: Session, desk: Desk) -> Session:
     """Return the session with the name of a dropped file instead of the path of its temporary copy."""
     path = Path(session.file)
     return session.with_(file=path.name) if path.is_relative_to(desk.folders.dropped) else session
-
-
-def _lines(lines: list[str], name: str) -> Any:
-    return _block("\n".join(lines), name)
 
 
 def _block(text: str, name: str) -> Any:

@@ -20,8 +20,6 @@ TABS = {
     "download": ("Download", download),
 }
 UNITS = {"datasheet": "deg/h, mg", "si": "rad/s, m/s²"}
-POLL = 400
-"""Time (ms) between two requests of the page for the state of its jobs."""
 
 SHOW_TAB = """
 function(...args) {
@@ -49,7 +47,7 @@ def layout(desk: Desk) -> Any:
             dcc.Store(id="time-unit", data=1.0),
             dcc.Store(id="model-shown"),
             *(dcc.Store(id=digest_of(place)) for place in desk.places),
-            dcc.Interval(id="poll", interval=POLL),
+            dcc.Interval(id="poll", interval=400),  # milliseconds
             dcc.Download(id="file"),
             html.Header(
                 [
@@ -134,10 +132,10 @@ def register(app: Dash, desk: Desk) -> None:
         prevent_initial_call=True,
     )(stop)  # fmt: skip
 
-    def opened(data: dict[str, Any]) -> str:
+    def file_shown(data: dict[str, Any]) -> str:
         return desk.session(data).file or "No recording is open"
 
-    app.callback(Output("opened", "children"), Input("session", "data"))(opened)
+    app.callback(Output("opened", "children"), Input("session", "data"))(file_shown)
     changes(app, desk, [Input("units", "value")], lambda session, units: session.with_(units=units), errors=("file",))
     restores(app, desk, ("units",), lambda session: [session.units])
     for _, module in TABS.values():

@@ -8,7 +8,7 @@ from typing import Any
 from dash import ALL, Dash, Input, Output, State, html, no_update
 
 from gmwm.applications.app.desk import Desk
-from gmwm.applications.app.figures import axis_at, compared, fitted, misfit, movable, plotly_figure
+from gmwm.applications.app.figures import axis_at, fit_figure, misfit, movable, plotly_figure, ranking_panel
 from gmwm.applications.app.jobs import QUICK
 from gmwm.applications.app.page.render import changes, draws, triggers
 from gmwm.applications.app.page.widgets import button, graph, menu, of_job, remarks, table, text_input
@@ -17,6 +17,7 @@ from gmwm.applications.app.terms import adding, held_at, holding, removing, repl
 from gmwm.applications.app.workspace import Workspace
 from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import GmwmError
+from gmwm.base.text import p_text
 from gmwm.choosing.selection.search import ModelChoice
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.inference.model_error import relative_misfit
@@ -25,11 +26,6 @@ from gmwm.measuring.inspection.findings import covariates_text, effect_text
 from gmwm.recording.signals import Imu
 from gmwm.showing.plots.labels import axis_title
 from gmwm.theory.processes import registry
-
-LISTED = 12
-"""Largest number of models in the table of compared models."""
-SMALL = 0.001
-"""Smallest p-value that is shown as a number. Smaller p-values are shown as an upper limit."""
 
 
 def panel() -> list[Any]:
@@ -49,10 +45,7 @@ def panel() -> list[Any]:
         ),
         html.P(id="error-model", className="error", role="alert"),
         html.Div(
-            [
-                button("Use for all axes of the sensor", "spread"),
-                button("Let gmwm choose", "choose"),
-            ],
+            [button("Use for all axes of the sensor", "spread"), button("Let gmwm choose", "choose")],
             className="controls",
         ),
         html.Div(id="fit"),
@@ -104,20 +97,7 @@ def register(app: Dash, desk: Desk) -> None:
 
 
 def _apply_change(session: Session, workspace: Workspace, hit: Any, value: Any, *, typed: str, term: str) -> Session:
-    """Return the session after an action of the user on this tab.
-
-    Parameters
-    ----------
-    session, workspace
-    hit : str or dict
-        Identifier of the component with which the action was done.
-    value : object
-        New value of the component.
-    typed : str
-        Text in the field of the model.
-    term : str
-        Process that is selected in the menu.
-    """
+    """Return the session after an action of the user on this tab."""
     axis = axis_of(session, workspace)
     kind = hit["type"] if isinstance(hit, dict) else hit
     if kind == "axis":
@@ -204,11 +184,6 @@ def _axes(session: Session, workspace: Workspace, width: float) -> Any:
     return of_job(workspace.recording(session), show)
 
 
-def _with_fit(session: Session, workspace: Workspace, show: Any) -> Any:
-    """Return the component that `show` makes from the fit of the shown axis, or the state of the fit."""
-    return of_job(workspace.fit(session, axis_of(session, workspace)), show)
-
-
 def _chips(session: Session, workspace: Workspace, width: float) -> Any:
     def show(fit: Fit) -> list[Any]:
         return [
@@ -216,7 +191,7 @@ def _chips(session: Session, workspace: Workspace, width: float) -> Any:
             for term in fit.model.terms
         ]
 
-    return _with_fit(session, workspace, show)
+    return of_job(workspace.fit(session, axis_of(session, workspace)), show)
 
 
 def _fit(session: Session, workspace: Workspace, width: float) -> Any:
@@ -224,7 +199,7 @@ def _fit(session: Session, workspace: Workspace, width: float) -> Any:
     chosen = "your model" if axis in session.models else "the model that gmwm recommends"
 
     def show(fit: Fit) -> list[Any]:
-        figure = fitted(fit, session, min(width, 1360) - 40)
+        figure = fit_figure(fit, session, min(width, 1360) - 40)
         residual = plotly_figure(misfit(fit, session.view, session.units), width - 40, 210)
         return [
             html.H2(f"{axis_title(axis)}: {chosen}"),
@@ -238,7 +213,7 @@ def _fit(session: Session, workspace: Workspace, width: float) -> Any:
             remarks(fit.remarks),
         ]
 
-    return _with_fit(session, workspace, show)
+    return of_job(workspace.fit(session, axis_of(session, workspace)), show)
 
 
 def _regression_note(fit: Fit, session: Session, workspace: Workspace) -> str:
@@ -299,11 +274,9 @@ def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
 
     def show(choice: ModelChoice) -> list[Any]:
         ranking, listed = choice.ranking, []
-        for candidate in ranking.distinct[:LISTED]:
+        for candidate in ranking.distinct[:12]:
             mark = "recommended" if candidate.recommended else "as good" if candidate.equivalent else ""
-            pvalue = (
-                "" if candidate.pvalue is None else "< 0.001" if candidate.pvalue < SMALL else f"{candidate.pvalue:.3f}"
-            )
+            pvalue = "" if candidate.pvalue is None else p_text(candidate.pvalue)
             use = button(
                 "Use", {"type": "use", "model": candidate.structure}, "small", title=f"Use {candidate.structure}"
             )
@@ -311,7 +284,8 @@ def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
         return [
             table(["Model", "", "WIC − best", "p of the fit", ""], listed, "numbers ranking"),
             graph(
-                plotly_figure(compared(ranking, session.view, session.units), min(width, 1360) - 40, 260), "compared",
+                plotly_figure(ranking_panel(ranking, session.view, session.units), min(width, 1360) - 40, 260),
+                "compared",
                 f"Distances of the best models of {axis_title(axis)} from the data",
             ),
         ]  # fmt: skip
