@@ -3,7 +3,8 @@
 //   Σ x^i = (1 - x^n) / (1 - x),   Σ i x^i = (x Σ x^i - n x^n) / (1 - x),
 //   Σ a^i b^(n-1-i) = (b^n - a^n) / (b - a),   Σ i a^i b^(n-1-i) = (a Σ a^i b^(n-1-i) - n a^n) / (b - a).
 // The denominators come from the decays. If x^n or (a/b)^n is near 1, terms cancel, and a series about the middle is
-// used. Products of a power of i and an exponential follow from summation by parts.
+// used. Products of a power of i and an exponential follow from summation by parts, and products of an echo (see
+// gmwm/lag_pieces.hpp) from the same sums.
 #include "gmwm/lag_sums.hpp"
 
 #include <algorithm>
