@@ -17,7 +17,7 @@ from gmwm.measuring.inspection.wander import CourseProfile, Likelihood
 Kind = Literal["exponential", "linear", "quadratic"]
 
 _FEWEST = 48
-"""Smallest number of blocks for the test; tests/test_inspection_trends.py counts false alarms at 70 and 256 blocks."""
+"""Smallest number of blocks for the test (tests/test_inspection_trends.py: false alarms at 70 and 256 blocks)."""
 _SIZE = 0.01
 """Significance level of the test (docs/validation/trends.md)."""
 _TAIL = (8.5, 0.4)

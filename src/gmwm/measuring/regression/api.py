@@ -27,7 +27,7 @@ FURTHER = 0.01
 """The automatic choice adds a column if the p-value of its t test is below this level."""
 DIFFERS = 4.0
 """A remark is made if the coefficients from long scales and from all scales differ by more than this number of standard
-errors of the former (tests/regression/test_reading_noise.py)."""
+errors of the former."""
 OPTIMISM = 2.0
 """The variances of the coefficients are too small by a factor of about 1 + OPTIMISM/(3 + degrees of freedom), because
 the weights come from the same data. Chosen in simulations with other seeds than docs/validation/regression.md."""
@@ -36,7 +36,7 @@ FEWEST = 2.0
 data can neither show nor exclude a slow process; an effect of five standard errors would then not be significant."""
 _ROUNDS = 4
 """Number of rounds that estimate noise, weights and coefficients in turn. The third one changes a standard error by
-less than 1 % (tests/regression)."""
+less than 1 %."""
 
 
 def regress(signal: Signal, covariates: Covariates, *, automatic: bool = False) -> Regression:
