@@ -18,7 +18,7 @@ from gmwm.measuring.covariance.ratio import ratio_errors, ratio_law
 from gmwm.measuring.outliers.bursts import Bursts
 from gmwm.measuring.outliers.dependence import Dependence
 from gmwm.measuring.outliers.screening import NOTHING_REPLACED, Replaced, Screen, screened
-from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import as_size
 from gmwm.recording.signals import Signal
@@ -344,8 +344,8 @@ def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVarianc
     if isinstance(x, WaveletVariance) or (pair and not all(isinstance(part, WaveletVariance) for part in x)):
         raise DataError(argument="x", expected="a signal, or a pair (classical, robust) of wavelet variances", got=x)
     if not pair:
-        classical = signal_wavelet_variance(x, rate)
-        return classical, signal_wavelet_variance(x, rate, robust=True, efficiency=efficiency)
+        classical = wavelet_variance(x, rate)
+        return classical, wavelet_variance(x, rate, robust=True, efficiency=efficiency)
     if len(x) != 2 or x[0].robust or not x[1].robust:
         kinds = ", ".join("robust" if part.robust else "classical" for part in x)
         raise DataError(argument="x", expected="a pair (classical, robust) of wavelet variances", got=kinds)

@@ -27,20 +27,10 @@ Against = str | ArrayLike | Signal | Mapping[str, ArrayLike | Signal] | None
 
 @dataclass(frozen=True)
 class CovariateTerm:
-    """One covariate of a regression, with the form of its effect.
-
-    Attributes
-    ----------
-    name, degree : str, int
-        Name of the covariate ("time" and "warmup" are computed from the times of the samples), and degree of a
-        polynomial.
-    lag : bool
-        Whether the rate of change of the covariate is also a column, for a sensor that follows it with a delay.
-    knots : int
-        Number of inner knots of a natural cubic spline; 0 for a polynomial.
-    exact : bool
-        Whether the covariate is known without error at every sample. All scales are then used.
-    """
+    """One covariate of a regression, with the form of its effect: a polynomial of some `degree`, or a natural cubic
+    spline with `knots` inner knots. "time" and "warmup" are computed from the times of the samples. With `lag`, the
+    rate of change is also a column, for a sensor that follows the covariate with a delay. An `exact` covariate is known
+    without error at every sample; all scales are then used."""
 
     name: str
     degree: int = 1

@@ -38,16 +38,9 @@ class Sketch:
     """Histogram of the |W| of one level: the number and the sum of the |W| in each bin, as integers.
 
     A sketch needs 2 kB of memory per octave between the smallest and the largest |W|, about 60 kB. A bin can hold up to
-    5·10^11 coefficients without overflow.
-
-    Attributes
-    ----------
-    zeros, beyond : int
-        Numbers of zero values (less than 2^-1029) and of infinite values.
-    first : int
-        Number of the first octave. Octave e contains 2^(e − 1023) ≤ |W| < 2^(e − 1022).
-    counts, sums : (128 m,) arrays
-        Number of values in each bin of m octaves, and the sum of (|W| − lower edge) / bin width, in units of 2^-24.
+    5·10^11 coefficients. `zeros` and `beyond` are the numbers of zero values (below 2^-1029) and of infinite values.
+    Octave e, from `first` on, contains 2^(e − 1023) ≤ |W| < 2^(e − 1022). `counts` and `sums` (128 m,) are the number
+    of values in each bin of m octaves, and the sum of (|W| − lower edge) / bin width in units of 2^-24.
 
     >>> w = np.random.default_rng(1).normal(size=100_000)
     >>> part = Sketch.of(w[:30_000]).merge(Sketch.of(w[30_000:]))
