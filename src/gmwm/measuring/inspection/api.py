@@ -141,9 +141,7 @@ class FirstPass:
         recording = self._batches.recording
         base = recording.time_base or TimeBase(recording.rate, start=self._segments.starts[0])
         return RecordingStatistics(
-            source=recording.source,
-            remarks=recording.remarks,
-            base=base,
+            source=recording.source, remarks=recording.remarks, base=base,
             extent=Extent.of(
                 recording.rate,
                 self._segments.ranges,
@@ -152,9 +150,8 @@ class FirstPass:
                 gaps_known=self._segments.gaps_known,
             ),
             resolutions={axis: step_of(sample.values()) for axis, sample in self._samples.items()},
-            values=self._batches.values,
-            temperature=self._temperature,
-        )
+            values=self._batches.values, temperature=self._temperature,
+        )  # fmt: skip
 
 
 class RecordingStatistics:

@@ -360,11 +360,9 @@ def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVarianc
     if differ or not np.array_equal(classical.levels, robust.levels):
         what = differ[0] if differ else "levels"
         raise DataError(
-            f"the two wavelet variances are of different recordings: their {what} differ",
-            argument="x",
-            got=what,
+            f"the two wavelet variances are of different recordings: their {what} differ", argument="x", got=what,
             advice="Compute both wavelet variances from the same recording.",
-        )
+        )  # fmt: skip
     if rate is not None and rate != robust.rate:
         raise OptionError(argument="rate", expected=f"{robust.rate:g} Hz, as that of the wavelet variances", got=rate)
     return classical, robust

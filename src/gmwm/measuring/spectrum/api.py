@@ -117,11 +117,9 @@ def psd(
     if isinstance(x, Signal):
         if rate is not None and as_rate(rate) != x.rate:
             raise OptionError(
-                f"the rate of the signal is {x.rate:g} Hz; got {rate:g} Hz",
-                argument="rate",
-                got=rate,
+                f"the rate of the signal is {x.rate:g} Hz; got {rate:g} Hz", argument="rate", got=rate,
                 advice="Leave {--rate} out.",
-            )
+            )  # fmt: skip
         signal = x.fill_gaps() if fill_gaps else x
         segments, rate, unit, axis = signal.segment_values(), x.rate, x.unit, x.axis
     else:

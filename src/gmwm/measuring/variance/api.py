@@ -190,11 +190,9 @@ def wavelet_variance(
     deepest = deepest_level(n, wavelet, transform)
     if deepest < 1:
         raise DataError(
-            f"the filter {wavelet.name} needs at least {wavelet.length} samples without a gap; got {n}",
-            argument="x",
-            got=n,
-            advice="Use {--filter=haar}, or a longer recording.",
-        )
+            f"the filter {wavelet.name} needs at least {wavelet.length} samples without a gap; got {n}", argument="x",
+            got=n, advice="Use {--filter=haar}, or a longer recording.",
+        )  # fmt: skip
     levels = as_level_count(levels, deepest, n)
 
     numbers = np.arange(1, levels + 1, dtype=np.int64)

@@ -105,23 +105,15 @@ class Blocks:
         if tails.size < _KEPT:
             tails = np.concatenate([self.tails, middle, tails])[-_KEPT:]
         return Blocks(
-            step=self.step,
-            first=self.first,
-            last=later.last,
-            before=self.before,
-            after=later.after,
-            heads=heads,
-            tails=tails,
-            squares=self.squares + later.squares + squares,
-            count=self.count + later.count + count,
+            step=self.step, first=self.first, last=later.last, before=self.before, after=later.after, heads=heads,
+            tails=tails, squares=self.squares + later.squares + squares, count=self.count + later.count + count,
             total=self.total + sum(middle) + later.total,
             moment=self.moment
             + sum(middle) * (self.last - self.first)
             + later.moment
             + later.total * (later.first - self.first),
-            part=part,
-            resolution=max(self.resolution, later.resolution, resolution),
-        )
+            part=part, resolution=max(self.resolution, later.resolution, resolution),
+        )  # fmt: skip
 
     @property
     def rise(self) -> float | None:

@@ -90,19 +90,15 @@ class SegmentState:
                 if collector is not None:
                     statistics = _merge(statistics, collector.across(total, level))
         return SegmentState(
-            exact=self.exact,
-            start=self.start,
-            count=self.count + later.count,
-            reference=self.reference,
+            exact=self.exact, start=self.start, count=self.count + later.count, reference=self.reference,
             head=self.head if self.head.size == reach else np.concatenate([self.head, head])[:reach],
-            tail=tail if tail.size == reach else np.concatenate([self.tail, tail])[-reach:],
-            squares=squares,
+            tail=tail if tail.size == reach else np.concatenate([self.tail, tail])[-reach:], squares=squares,
             blocks=tuple(
                 a.followed_by(b.shift(offset, later.start, later.stop), collector)
                 for a, b in zip(self.blocks, later.blocks, strict=True)
             ),
             statistics=statistics,
-        )
+        )  # fmt: skip
 
     def sums(self, levels: int) -> tuple[Vector, NDArray[np.int64]]:
         """Return Σ W² (J,) and the number of coefficients used (J,) at levels 1 … J."""

@@ -303,12 +303,10 @@ class _Bins:
         with np.errstate(over="ignore", under="ignore"):
             squares = np.concatenate([mean - deviation, mean + deviation]) ** 2
         return cls(
-            np.concatenate([[0.0], mean, [np.inf]]),
-            np.concatenate([[0.0], half, [0.0]]),
-            ends=np.cumsum(np.concatenate([[sketch.zeros], counts, [sketch.beyond]])),
-            squares=squares,
+            np.concatenate([[0.0], mean, [np.inf]]), np.concatenate([[0.0], half, [0.0]]),
+            ends=np.cumsum(np.concatenate([[sketch.zeros], counts, [sketch.beyond]])), squares=squares,
             weights=np.concatenate([number, number]) / 2.0,
-        )
+        )  # fmt: skip
 
     def biweight_sums(self, limit: float) -> tuple[float, float]:
         """Compute Σ v q³ and Σ v q⁴, with v = min(W²/limit, 1) and q = 1 − v. Zero and infinite values contribute 0."""
