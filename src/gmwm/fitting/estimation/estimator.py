@@ -23,7 +23,7 @@ from gmwm.fitting.estimation.starts import Sampled
 from gmwm.fitting.estimation.weighting import Weighting, usual_weighting, weighting_matrix, weighting_remarks
 from gmwm.measuring.regression.against import Against, Asked
 from gmwm.measuring.regression.api import regressed_variance
-from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY, require_robust
 from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
@@ -334,7 +334,7 @@ def _measured(data: Curve, rate: float | None, robust: bool, efficiency: float, 
             )
         wv = _as_measured(data, robust, efficiency)
     else:
-        wv = signal_wavelet_variance(data, rate, robust=robust, efficiency=efficiency)
+        wv = wavelet_variance(data, rate, robust=robust, efficiency=efficiency)
     if not np.any(wv.variance > 0):
         raise ModelError(
             "the signal is constant: its wavelet variance is zero at every level",
