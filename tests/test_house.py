@@ -110,7 +110,7 @@ def _without_type_checking(tree: ast.Module) -> list[ast.stmt]:
 @pytest.mark.slow
 def test_methods_have_the_parameters_of_the_functions_that_they_call() -> None:
     pairs = dict(delegating_methods())
-    assert {"InferenceMethods.plot", "KalmanMethods.smooth", "Imu.between", "Stream.parts"} <= set(pairs)
+    assert {"Fit.plot", "KalmanMethods.smooth", "Imu.between", "Stream.parts"} <= set(pairs)
     assert len(pairs) > 35
     for name, (method, function) in pairs.items():
         own, theirs = (list(inspect.signature(one).parameters.values())[1:] for one in (method, function))

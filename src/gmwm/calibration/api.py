@@ -32,9 +32,9 @@ from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.several import Part, Together, measured_together, regression_of, worst
 from gmwm.choosing.datasheets import datasheet
 from gmwm.files.readers.streams import Stream
+from gmwm.fitting.estimation.goodness import GoodnessOfFit, usable_levels
+from gmwm.fitting.estimation.model_error import nearly_fitted, relative_misfit
 from gmwm.fitting.estimation.result import Fit
-from gmwm.fitting.inference.goodness import GoodnessOfFit, usable_levels
-from gmwm.fitting.inference.model_error import nearly_fitted, relative_misfit
 from gmwm.fitting.inference.planning import SEEN, relative_errors
 from gmwm.measuring.inspection import Inspection
 from gmwm.measuring.outliers import Verdict

@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.choosing.selection.search import Searched, given_curve, given_model, search, within_family
-from gmwm.fitting.estimation.estimator import as_fit
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.reweighting import settle
 from gmwm.measuring.spectrum import PowerSpectrum
@@ -43,7 +42,7 @@ def final_fit(model: Model, wv: WaveletVariance, weighting: str) -> Fit:
 
     The function issues no Python warnings, because threads share the warning filters. The fit contains the remarks.
     """
-    return as_fit(settle(model, wv, weighting, certify=True), wv, weighting)
+    return Fit.of(settle(model, wv, weighting, certify=True), wv, weighting)
 
 
 def given_fit(model: Model, wv: WaveletVariance, options: CalibrationOptions) -> Fit:

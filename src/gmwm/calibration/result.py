@@ -21,10 +21,10 @@ from gmwm.calibration.summary_text import summary
 from gmwm.choosing.datasheets import Datasheet
 from gmwm.choosing.replicates import Replicates
 from gmwm.choosing.selection import Ranking
+from gmwm.fitting.estimation.goodness import GoodnessOfFit
+from gmwm.fitting.estimation.intervals import Interval
+from gmwm.fitting.estimation.model_error import RelativeMisfit
 from gmwm.fitting.estimation.result import Fit
-from gmwm.fitting.inference.goodness import GoodnessOfFit
-from gmwm.fitting.inference.intervals import Interval
-from gmwm.fitting.inference.model_error import RelativeMisfit
 from gmwm.measuring.outliers import Verdict
 from gmwm.measuring.regression.result import Regression
 from gmwm.measuring.spectrum import PowerSpectrum

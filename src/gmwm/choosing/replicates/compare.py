@@ -14,10 +14,10 @@ from gmwm.base.random_effects import effects, predicted, spread_limits
 from gmwm.choosing.datasheets import Datasheet, Entry, datasheet
 from gmwm.choosing.replicates.level_ratios import level_ratios
 from gmwm.choosing.replicates.result import RecordingNumber, Replicates
+from gmwm.fitting.estimation.intervals import parameters_by_name, with_quick_intervals
 from gmwm.fitting.estimation.recordings import Deviations, deviations, stepped
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.weighting import precision
-from gmwm.fitting.inference.intervals import parameters_by_name, with_quick_intervals
 from gmwm.measuring.covariance import Design, covariance
 from gmwm.measuring.variance.result import WaveletVariance
 

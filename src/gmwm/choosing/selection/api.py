@@ -24,12 +24,12 @@ from gmwm.choosing.selection.structure import (
     without_drift,
     without_values,
 )
+from gmwm.fitting.estimation.criterion import Criterion, covariance_trace, implied_by_refits, optimism, problem_of
 from gmwm.fitting.estimation.estimator import measured
+from gmwm.fitting.estimation.intervals import Method
 from gmwm.fitting.estimation.linearised import columns_of
 from gmwm.fitting.estimation.result import Fit
-from gmwm.fitting.inference.criterion import Criterion, covariance_trace, implied_by_refits, optimism, problem_of
-from gmwm.fitting.inference.intervals import Method
-from gmwm.fitting.inference.simulated_curves import simulated_variances
+from gmwm.fitting.estimation.simulated_curves import simulated_variances
 from gmwm.measuring.covariance import Design
 from gmwm.measuring.regression.against import Against
 from gmwm.measuring.variance.result import WaveletVariance

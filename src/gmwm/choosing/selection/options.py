@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from gmwm.fitting.inference.intervals import Method
+from gmwm.fitting.estimation.intervals import Method
 from gmwm.recording.options import as_confidence, as_whole_number, one_of
 
 Weights = Literal["optimal", "diagonal"]

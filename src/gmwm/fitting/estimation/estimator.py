@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Matrix
 from gmwm.base.errors import DataError, FitWarning, ModelError, OptionError
-from gmwm.base.remarks import Quantity, Remark
 from gmwm.fitting.estimation.conditions import fit_conditions
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit
-from gmwm.fitting.estimation.problem import pose, to_find
-from gmwm.fitting.estimation.result import Diagnostics, Fit
+from gmwm.fitting.estimation.problem import pose
+from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.reweighting import REWEIGHTED, First, Settled, settle
-from gmwm.fitting.estimation.solver import estimated, final, solve, solve_near, solve_sampled
+from gmwm.fitting.estimation.solver import final, solve, solve_sampled
 from gmwm.fitting.estimation.starts import Sampled
 from gmwm.fitting.estimation.weighting import Weighting, usual_weighting, weighting_matrix, weighting_remarks
 from gmwm.measuring.regression.against import Against, Asked
@@ -28,17 +26,8 @@ from gmwm.measuring.variance.biweight import EFFICIENCY, require_robust
 from gmwm.measuring.variance.pooling import pooled
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
-from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.equivalence import likeness
 from gmwm.theory.processes.model import Model, as_model
-
-NEAR = 1e-6
-"""Relative change of the fitted curve below which `refitted` stops. It is smaller than the relative standard error
-√(2/N) of ν̂² for the longest recording that `gmwm.plan` accepts, which has 2⁴⁰ samples."""
-AGAIN = 2
-"""Largest number of iterations of `refitted`, each of which ends with a search. Only models that do not describe the
-data need more (tests/estimation/test_weights.py)."""
 
 Curve = WaveletVariance | Signal | ArrayLike
 """A recording, or its wavelet variance."""
@@ -242,20 +231,6 @@ def _fitted_conditions(
     return fit_conditions(model, curves, varies or {}, weighting=chosen, certify=certify)
 
 
-def refitted(fit: Fit, wv: WaveletVariance) -> Fit:
-    """Fit the model of a fit to data that are almost the same as the data of the fit.
-
-    The weighting is the same, except that "diagonal" replaces "identity" and a matrix of the user.
-    """
-    if fit.weighting not in REWEIGHTED:
-        return _fitted(fit.model, wv, "diagonal", certify=False)
-    settled = settle(
-        fit.model, wv, fit.weighting, certify=False, start=fit.model, fixed=NEAR, returns=AGAIN,
-        first=solve_near, search=not any(len(to_find(process)) > 1 for process in fit.model.processes),
-    )  # fmt: skip
-    return as_fit(settled, wv, fit.weighting)
-
-
 def _draws(start: Sampled, wv: WaveletVariance, data: OneOrSeveral) -> First:
     """Return the solver that starts from random draws.
 
@@ -273,20 +248,16 @@ def _fitted(
     model: Model, wv: WaveletVariance, weighting: Weighting, *, certify: bool, first: First | None = None
 ) -> Fit:
     if isinstance(weighting, str) and weighting in REWEIGHTED:
-        return as_fit(settle(model, wv, weighting, certify=certify, first=first), wv, weighting)
+        return Fit.of(settle(model, wv, weighting, certify=certify, first=first), wv, weighting)
     matrix = weighting_matrix(weighting, wv)
     problem = pose(model, wv, matrix)
     solution = solve(problem, certify=certify) if first is None else final(problem, first(problem), certify=certify)
     settled = Settled(problem, solution, weighting_remarks(matrix, wv))
-    return as_fit(settled, wv, weighting if isinstance(weighting, str) else "matrix")
+    return Fit.of(settled, wv, weighting if isinstance(weighting, str) else "matrix")
 
 
 def measured(
-    data: OneOrSeveral,
-    rate: float | None,
-    robust: bool,
-    efficiency: float,
-    against: Against = None,
+    data: OneOrSeveral, rate: float | None, robust: bool, efficiency: float, against: Against = None
 ) -> WaveletVariance:
     """Return the wavelet variance to which a model is fitted.
 
@@ -361,62 +332,3 @@ def _as_measured(wv: WaveletVariance, robust: bool, efficiency: float) -> Wavele
             advice="Leave {--efficiency} out, or pass the signal.",
         )
     return wv
-
-
-def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
-    """Return the `Fit` for a solved problem, with its terms sorted."""
-    problem, solution = settled.problem, settled.solution
-    processes = estimated(problem, solution, wv.slope).processes
-    model = Model(processes).sorted(wv.rate)
-    label = {id(process): term for term, process in zip(model.terms, model.processes, strict=True)}
-    found = {label[id(processes[place])]: term for place, term in zip(problem.shaped, solution.terms, strict=True)}
-    free = (*problem.linear, *problem.shaped)
-    acts_as = {name: term.acts_as for name, term in sorted(found.items()) if term.acts_as is not None}
-    zero = tuple(sorted(label[id(processes[place])] for place in free if processes[place].scale == 0))
-    remarks = (*_of_terms(model, acts_as, zero, wv=wv, matrix=problem.matrix), *settled.remarks)
-    diagnostics = Diagnostics(
-        acts_as=acts_as, not_supported=zero, nodes=solution.nodes, start=solution.start, remarks=remarks
-    )
-    decomposition = model.decomposition(wv.levels, wv.rate, wv.filter)
-    return Fit(
-        wavelet_variance=wv,
-        model=model,
-        parameters={name: v for name, v in model.parameters.items() if v is not None},
-        objective=solution.objective,
-        lower_bound=solution.lower_bound,
-        relaxed_bound=solution.relaxed_bound,
-        implied=np.asarray(sum(decomposition.values()), dtype=np.float64),
-        decomposition=decomposition,
-        weighting=weighting,
-        weighting_matrix=problem.matrix,
-        diagnostics=diagnostics,
-    )
-
-
-def _of_terms(
-    model: Model, acts_as: Mapping[str, str], zero: Sequence[str], *, wv: WaveletVariance, matrix: Matrix
-) -> Iterator[Remark]:
-    """Yield remarks about terms that act as another process, terms that are zero, and the parameters of other terms."""
-    processes = dict(zip(model.terms, model.processes, strict=True))
-    for term, name in acts_as.items():
-        like = likeness(
-            processes[term], name, levels=wv.levels, rate=wv.rate, filter=find_filter(wv.filter), matrix=matrix
-        )
-        if like is None:
-            yield Remark.of("acts-as", wv.axis, term=term, process=name, known="no")
-        else:
-            parameter = like.scale_parameter()
-            yield Remark.of(
-                "acts-as",
-                wv.axis,
-                term=term,
-                process=name,
-                known="yes",
-                parameter=f"{like.name}.{parameter.name}",
-                amount=Quantity(like.value(parameter.name), parameter.unit(wv.unit)),
-            )
-    for term in zero:
-        yield Remark.of("term-zero", wv.axis, term=term)
-    for term, process in processes.items():
-        if process.scale > 0 and term not in acts_as:
-            yield from (remark.about(wv.axis) for remark in process.remarks(term, wv.samples, wv.rate))

@@ -1,9 +1,11 @@
-"""Result of a fit, with the estimates, the objective and its bounds, and the data."""
+"""Result of a fit: estimates with their errors, intervals and tests, the objective with its bounds, and the data."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,21 +13,41 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.errors import ModelError
 from gmwm.base.kinds import Document, require_kinds
-from gmwm.base.remarks import Remark
+from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import Named
-from gmwm.fitting.estimation.inference_methods import InferenceMethods
+from gmwm.fitting.estimation import asymptotic, criterion, goodness, intervals
+from gmwm.fitting.estimation.bootstrap import bootstrap as simulate_fits
+from gmwm.fitting.estimation.problem import to_find
+from gmwm.fitting.estimation.reweighting import REWEIGHTED, Settled, settle
+from gmwm.fitting.estimation.solver import estimated, solve_near
 from gmwm.fitting.estimation.starts import Start
+from gmwm.fitting.estimation.summary import as_html
+from gmwm.fitting.estimation.summary import summary as describe
 from gmwm.measuring.regression.result import Regression
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.theory.processes.kalman_methods import KalmanMethods
-from gmwm.theory.processes.model import Model
+from gmwm.theory.filters import find_filter
+from gmwm.theory.processes.equivalence import likeness
+from gmwm.theory.processes.model import KalmanMethods, Model
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
+
+    from gmwm.applications.navigation import Budget
+    from gmwm.choosing.datasheets.sheet import Datasheet
+    from gmwm.choosing.replicates import Replicates
+    from gmwm.showing.plots.view import UnitSystem, ViewName
 
 _HOW_WRITTEN = "Pass the values that `Fit.to_dict()` returned."
 
 
+NEAR = 1e-6
+"""Relative change of the fitted curve below which `Fit.refit` stops. It is smaller than the relative standard error
+√(2/N) of ν̂² for the longest recording that `gmwm.plan` accepts, which has 2⁴⁰ samples."""
+AGAIN = 2
+"""Largest number of iterations of `Fit.refit`, each of which ends with a search. Only models that do not describe the
+data need more (tests/estimation/test_weights.py)."""
 GIVEN = "given"
 """Attribute `weighting` of a `Fit` whose parameters were given and not estimated from data."""
 
@@ -78,7 +100,7 @@ class Diagnostics:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Fit(InferenceMethods, KalmanMethods):
+class Fit(KalmanMethods):
     """Model that was fitted to a wavelet variance.
 
     Attributes
@@ -129,6 +151,49 @@ class Fit(InferenceMethods, KalmanMethods):
         freeze(self.implied)
         freeze(self.weighting_matrix)
 
+    @classmethod
+    def of(cls, settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
+        """Return the fit to `wv` for a solved problem (`settled`) and a kind of `weighting`, with sorted terms."""
+        problem, solution = settled.problem, settled.solution
+        processes = estimated(problem, solution, wv.slope).processes
+        model = Model(processes).sorted(wv.rate)
+        label = {id(process): term for term, process in zip(model.terms, model.processes, strict=True)}
+        found = {label[id(processes[place])]: term for place, term in zip(problem.shaped, solution.terms, strict=True)}
+        free = (*problem.linear, *problem.shaped)
+        acts_as = {name: term.acts_as for name, term in sorted(found.items()) if term.acts_as is not None}
+        zero = tuple(sorted(label[id(processes[place])] for place in free if processes[place].scale == 0))
+        remarks = (*_of_terms(model, acts_as, zero, wv=wv, matrix=problem.matrix), *settled.remarks)
+        diagnostics = Diagnostics(
+            acts_as=acts_as, not_supported=zero, nodes=solution.nodes, start=solution.start, remarks=remarks
+        )
+        decomposition = model.decomposition(wv.levels, wv.rate, wv.filter)
+        return cls(
+            wavelet_variance=wv,
+            model=model,
+            parameters={name: v for name, v in model.parameters.items() if v is not None},
+            objective=solution.objective,
+            lower_bound=solution.lower_bound,
+            relaxed_bound=solution.relaxed_bound,
+            implied=np.asarray(sum(decomposition.values()), dtype=np.float64),
+            decomposition=decomposition,
+            weighting=weighting,
+            weighting_matrix=problem.matrix,
+            diagnostics=diagnostics,
+        )
+
+    def refit(self, wv: WaveletVariance) -> Fit:
+        """Fit the model to data `wv` that are almost the same as the data of this fit.
+
+        The weighting is the same, except that "diagonal" replaces "identity" and a matrix of the user.
+        """
+        if self.weighting not in REWEIGHTED:
+            return Fit.of(settle(self.model, wv, "diagonal", certify=False), wv, "diagonal")
+        settled = settle(
+            self.model, wv, self.weighting, certify=False, start=self.model, fixed=NEAR, returns=AGAIN,
+            first=solve_near, search=not any(len(to_find(process)) > 1 for process in self.model.processes),
+        )  # fmt: skip
+        return Fit.of(settled, wv, self.weighting)
+
     @property
     def gap(self) -> float | None:
         """Largest relative decrease of the objective that other parameter values can reach; None without a certificate.
@@ -167,6 +232,184 @@ class Fit(InferenceMethods, KalmanMethods):
     def remarks(self) -> tuple[Remark, ...]:
         """Remarks about the terms, the weights and the wavelet variance that limit the use of the fit."""
         return (*self.diagnostics.remarks, *self.wavelet_variance.remarks)
+
+    sandwich = cached_property(asymptotic.sandwich)
+    standard_errors = cached_property(asymptotic.standard_errors)
+    confidence_intervals = intervals.confidence_intervals
+    goodness_of_fit = goodness.goodness_of_fit
+    wic = criterion.wic
+    bootstrap = simulate_fits
+    summary = describe
+    _repr_html_ = as_html
+
+    @property
+    def covariance(self) -> Matrix:
+        """Covariance (p, p) of the estimates, Cov θ̂ = B V Bᵀ with B = (DᵀΩD)⁻¹DᵀΩ and D = ∂ν²/∂θ.
+
+        The rows and columns are the parameters of `standard_errors`, in the same order. Raises the errors of
+        `sandwich`.
+        """
+        return self.sandwich.covariance
+
+    @cached_property
+    def replicates(self) -> Replicates | None:
+        """Comparison of the recordings with each other, for a fit to several recordings; None for a single recording.
+
+        It has a test whether the parameters of the recordings are equal, a test that uses no model, the datasheet
+        numbers of each recording, their spread, and a model for a navigation filter. Standard errors,
+        `confidence_intervals` and the datasheet include the spread; the bootstrap does not.
+
+        Examples
+        --------
+        >>> from gmwm import RW, WN, fit, wavelet_variance
+        >>> model = WN(sigma2=4.0) + RW(gamma2=1e-3)
+        >>> days = [wavelet_variance(model.simulate(20_000, 100.0, rng=k), 100.0) for k in (1, 2, 3)]
+        >>> found = fit(WN() + RW(), days).replicates
+        >>> found.differs, found["N"].apart < 0.05
+        (False, True)
+        """
+        from gmwm.choosing.replicates.compare import compared
+
+        return compared(self)
+
+    def datasheet(self, level: float = 0.95) -> Datasheet:
+        """Convert the fit to datasheet numbers N, Q, B, K, R, T_c and q_c, with confidence intervals.
+
+            N = √(σ²Δt)   Q = √(q2) Δt   K = √(γ²f)   R = ωf   T_c = 1/β   q_c = √(2βσ²_GM)
+            B = √(b2) of a flicker term, or else min over τ of the Allan deviation of the model / √(2 ln 2/π)
+            A = √(2P) and f_0 of a line
+
+        Here σ², q2, γ², ω, β, σ²_GM, b2, P and f_0 are the parameters of the processes, f is the sampling rate, and Δt
+        = 1/f. If the model has a flicker term that is not zero, B is the coefficient of that term, as IEEE Std 952
+        defines it. Otherwise B is computed from the minimum of the Allan deviation of the model without its lines. This
+        second kind of B includes the contributions of N and K at the minimum and is at least as large as the first
+        kind, so do not compare the two. If the flicker term is estimated as zero, its upper limit is given as B_f.
+
+        If a term acts as another process on these data, it is added to that process: a Gauss-Markov term that acts as
+        white noise adds to N², and a Gauss-Markov term that acts as a random walk adds to K². A process that the model
+        does not contain gives no number. An AR1 with φ > 0 gives T_c and q_c of the Gauss-Markov process that has the
+        same samples.
+
+        Intervals are computed on the logarithmic scale by the delta method with the joint covariance of the estimates.
+        If a number depends on one parameter only, its interval is the transformed interval of that parameter. R has a
+        sign, and its interval is R ± z SE. If a term is zero or cannot be distinguished from zero, its number is an
+        upper limit, as in `Fit.confidence_intervals`. B is an upper limit too if the data show no minimum.
+
+        The unit of the wavelet variance determines whether the sensor is a gyroscope or an accelerometer. If the unit
+        is unknown, the numbers are in "u", the unit of the data, and have no datasheet units.
+
+        Parameters
+        ----------
+        level : float
+            Confidence level, between 0 and 1.
+
+        Returns
+        -------
+        Datasheet
+            Mapping of symbol to `Entry`, which has the number in SI and in datasheet units.
+
+        Raises
+        ------
+        OptionError
+            If `level` is not between 0 and 1.
+
+        References
+        ----------
+        IEEE Std 952-1997, annex C.
+
+        Examples
+        --------
+        >>> import gmwm
+        >>> x = (gmwm.WN(sigma2=1e-6) + gmwm.RW(gamma2=1e-12)).simulate(100_000, 100.0, rng=1)
+        >>> found = gmwm.fit(gmwm.WN() + gmwm.RW(), gmwm.Signal(x, 100.0, "rad/s")).datasheet()
+        >>> list(found)
+        ['N', 'B', 'K']
+        >>> found["N"].low < 1e-4 < found["N"].high
+        True
+        >>> found["N"].in_units("datasheet")[3]
+        'deg/√h'
+        """
+        from gmwm.choosing.datasheets import datasheet
+
+        return datasheet(self, level)
+
+    def budget(self, duration: float | str, *, rest: float | str = 0.0, level: float = 0.95) -> Budget:
+        """Compute the growth of the errors of unaided inertial navigation that the noise of this axis causes.
+
+        See `gmwm.navigation.budget` for the equations and their approximations, and for several axes.
+
+        Parameters
+        ----------
+        duration : float or str
+            Time of navigation (s), or text such as "60s" or "10min".
+        rest : float or str
+            Time at rest before the start (s).
+        level : float
+            Confidence level of the intervals, from 0.5 to below 1.
+
+        Returns
+        -------
+        Budget
+
+        Raises
+        ------
+        OptionError
+            If an option is out of range, or the axis is not named gyro_x … accel_z.
+        ModelError
+            If the axis is not in rad/s or m/s².
+        MissingTheoryError
+            If a term has no state-space form.
+        """
+        from gmwm.applications.navigation.api import budget_of_fit
+
+        return budget_of_fit(self, duration, rest=rest, level=level)
+
+    def plot(
+        self,
+        *,
+        view: ViewName = "wavelet",
+        units: UnitSystem = "si",
+        decomposition: bool | None = None,
+        label: str | None = None,
+        color: str | None = None,
+        ax: Axes | None = None,
+        path: str | os.PathLike[str] | None = None,
+    ) -> MatplotlibFigure:
+        """Draw the data with their confidence band, the curve that the model implies, and the curve of each term.
+
+        Parameters
+        ----------
+        view : "wavelet" or "allan"
+            Quantity to draw: the wavelet variance ν² against the scale τ (s), or the Allan deviation √(2ν²) against the
+            averaging time τ/2 (s).
+        units : "si" or "datasheet"
+            Units of the plot: rad/s and m/s², or deg/h and mg.
+        decomposition : bool, optional
+            Whether to draw the curves of the terms. By default they are drawn unless `label` or `color` is given.
+        label : str, optional
+            Name of the fit in the legend. Use it to draw several fits on the same axes, as in
+            `monday.plot(ax=ax, label="monday")`. Each fit then has its own colour and symbol.
+        color : str, optional
+            Matplotlib colour such as "#D55E00"; by default a colour that no earlier fit has.
+        ax : matplotlib Axes, optional
+            Axes to draw on; by default the axes of a new figure.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown, if the data do not support it, or if an earlier fit on `ax` has another unit.
+        """
+        from gmwm.showing.plots.fit import plot_fit
+
+        return plot_fit(
+            self, view=view, units=units, decomposition=decomposition, label=label, color=color, ax=ax, path=path
+        )
 
     def to_frame(self, level: float = 0.95) -> DataFrame:
         """Return the estimates as a Polars data frame with the columns parameter, value, low, high and unit.
@@ -291,3 +534,32 @@ def _curve(values: Any, levels: int) -> Vector:
             f"a curve has shape {curve.shape}, and the data have {levels} levels", argument="values", got=values
         )
     return curve
+
+
+def _of_terms(
+    model: Model, acts_as: Mapping[str, str], zero: Sequence[str], *, wv: WaveletVariance, matrix: Matrix
+) -> Iterator[Remark]:
+    """Yield remarks about terms that act as another process, terms that are zero, and the parameters of other terms."""
+    processes = dict(zip(model.terms, model.processes, strict=True))
+    for term, name in acts_as.items():
+        like = likeness(
+            processes[term], name, levels=wv.levels, rate=wv.rate, filter=find_filter(wv.filter), matrix=matrix
+        )
+        if like is None:
+            yield Remark.of("acts-as", wv.axis, term=term, process=name, known="no")
+        else:
+            parameter = like.scale_parameter()
+            yield Remark.of(
+                "acts-as",
+                wv.axis,
+                term=term,
+                process=name,
+                known="yes",
+                parameter=f"{like.name}.{parameter.name}",
+                amount=Quantity(like.value(parameter.name), parameter.unit(wv.unit)),
+            )
+    for term in zero:
+        yield Remark.of("term-zero", wv.axis, term=term)
+    for term, process in processes.items():
+        if process.scale > 0 and term not in acts_as:
+            yield from (remark.about(wv.axis) for remark in process.remarks(term, wv.samples, wv.rate))

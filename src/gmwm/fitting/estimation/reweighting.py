@@ -325,8 +325,7 @@ def reciprocal(variance: Vector, model: Model) -> Vector:
 
 def _no_noise(model: Model) -> ModelError:
     return ModelError(
-        f"{model.structure} as estimated has no noise at some level",
-        advice="Add a term to the model, for example WN.",
+        f"{model.structure} as estimated has no noise at some level", advice="Add a term to the model, for example WN."
     )
 
 

@@ -18,9 +18,9 @@ from gmwm.base.errors import ModelError, OptionError
 from gmwm.base.remarks import Quantity, Remark, texts
 from gmwm.base.tables import aligned
 from gmwm.base.text import Named, Summarised, counted, duration_text
+from gmwm.fitting.estimation.asymptotic import sandwich_of
 from gmwm.fitting.estimation.problem import pose
 from gmwm.fitting.estimation.weighting import precision, usual_weighting
-from gmwm.fitting.inference.asymptotic import sandwich_of
 from gmwm.fitting.inference.losses import NONE, Losses
 from gmwm.measuring.covariance import covariance
 from gmwm.measuring.variance.result import WaveletVariance

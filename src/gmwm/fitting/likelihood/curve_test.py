@@ -6,7 +6,7 @@ import numpy as np
 
 from gmwm.base.errors import DataError, MissingTheoryError
 from gmwm.base.remarks import Quantity, Remark
-from gmwm.fitting.inference.goodness import usable_levels
+from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.likelihood.result import LikelihoodFit
 from gmwm.measuring.covariance import Design
 from gmwm.measuring.covariance.api import variances

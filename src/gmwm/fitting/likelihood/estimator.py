@@ -197,10 +197,7 @@ def _all_held(model: Model) -> Model:
 
 
 def _started(
-    wanted: Model,
-    record: Record,
-    start: Fit | LikelihoodFit | Model | str | None,
-    regressed: Regressed | None = None,
+    wanted: Model, record: Record, start: Fit | LikelihoodFit | Model | str | None, regressed: Regressed | None = None
 ) -> Model:
     """Return the model with starting values from `start` or, by default, from a fit to the wavelet variance."""
     if regressed is not None:

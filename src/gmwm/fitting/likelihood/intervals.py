@@ -10,7 +10,7 @@ import numpy as np
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import ModelError
-from gmwm.fitting.inference.intervals import Interval, about, free_shape, parameters_by_name
+from gmwm.fitting.estimation.intervals import Interval, about, free_shape, parameters_by_name
 from gmwm.fitting.likelihood.estimator import inverted, jacobian
 from gmwm.fitting.likelihood.problem import Problem
 from gmwm.fitting.likelihood.search import Search

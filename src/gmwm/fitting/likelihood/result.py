@@ -16,19 +16,18 @@ from gmwm.base.errors import ModelError
 from gmwm.base.kinds import Document, require_kinds
 from gmwm.base.remarks import Remark
 from gmwm.base.text import Named
-from gmwm.fitting.inference.asymptotic import why_no_error
+from gmwm.fitting.estimation.asymptotic import why_no_error
 from gmwm.fitting.likelihood.record import Record
 from gmwm.measuring.regression.result import Regression
 from gmwm.measuring.variance.api import wavelet_variance as measure
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.theory.processes.kalman_methods import KalmanMethods
-from gmwm.theory.processes.model import Model
+from gmwm.theory.processes.model import KalmanMethods, Model
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    from gmwm.fitting.inference.intervals import Interval
+    from gmwm.fitting.estimation.intervals import Interval
     from gmwm.fitting.likelihood.intervals import Method
     from gmwm.showing.plots.view import UnitSystem, ViewName
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.text import counted, p_relation
-from gmwm.fitting.inference.intervals import Interval
-from gmwm.fitting.inference.summary import (
+from gmwm.fitting.estimation.intervals import Interval
+from gmwm.fitting.estimation.summary import (
     Row,
     estimate_text,
     interval_text,

@@ -209,12 +209,7 @@ def smooth_tracks(
 
 
 def predict_tracks(
-    model: Modelled,
-    data: Signal | ArrayLike,
-    steps: int,
-    rate: float | None = None,
-    *,
-    mean: float | None = None,
+    model: Modelled, data: Signal | ArrayLike, steps: int, rate: float | None = None, *, mean: float | None = None
 ) -> Tracks:
     """Predict the latent processes after the end of a recording; see `Model.predict`."""
     steps = as_whole_number(steps, "steps", 1)

@@ -60,11 +60,7 @@ def band_numbers(
     return tuple(numbers)
 
 
-_TITLES = {
-    "f_b": "bandwidth at half the power",
-    "f_r": "resonance frequency",
-    "Q_r": "quality factor of the resonance",
-}
+_TITLES = {"f_b": "bandwidth at half the power", "f_r": "resonance frequency", "Q_r": "quality factor of the resonance"}
 
 
 def _at_zero(density: Density) -> float:

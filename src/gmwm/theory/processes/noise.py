@@ -199,10 +199,7 @@ class QN(Process):
         """Return the state space with the states e_t and e_{t−1}, in which e_t is treated as Gaussian."""
         q2 = self.scale
         return StateSpace(
-            F=[[0.0, 0.0], [1.0, 0.0]],
-            Q=[[q2, 0.0], [0.0, 0.0]],
-            H=[1.0, -1.0],
-            P0=[[q2, 0.0], [0.0, q2]],
+            F=[[0.0, 0.0], [1.0, 0.0]], Q=[[q2, 0.0], [0.0, 0.0]], H=[1.0, -1.0], P0=[[q2, 0.0], [0.0, q2]]
         )
 
     def simulate(

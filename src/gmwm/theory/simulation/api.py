@@ -237,10 +237,7 @@ def _length(rate: float, duration: float | None, samples: int | None) -> int:
     if (duration is None) == (samples is None):
         what = "no length is given" if duration is None else "two lengths are given, a duration and a number of samples"
         raise OptionError(
-            what,
-            argument="duration",
-            got=duration,
-            advice="Pass either {--duration} (s) or {--samples}.",
+            what, argument="duration", got=duration, advice="Pass either {--duration} (s) or {--samples}."
         )
     if duration is not None:
         if not (math.isfinite(duration) and duration > 0):

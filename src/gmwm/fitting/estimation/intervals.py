@@ -11,10 +11,10 @@ import numpy as np
 
 from gmwm.base.arrays import Matrix
 from gmwm.base.errors import OptionError
+from gmwm.fitting.estimation.asymptotic import no_noise, sandwich_of
+from gmwm.fitting.estimation.bootstrap import DRAWS, as_draws, bootstrap, least_draws
 from gmwm.fitting.estimation.reweighting import REWEIGHTED, reciprocal
 from gmwm.fitting.estimation.weighting import precision
-from gmwm.fitting.inference.asymptotic import no_noise, sandwich_of
-from gmwm.fitting.inference.bootstrap import DRAWS, as_draws, bootstrap, least_draws
 from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.covariance import Design, covariances
 from gmwm.recording.options import as_confidence, one_of
@@ -51,7 +51,59 @@ def confidence_intervals(
     draws: int = DRAWS,
     rng: int | np.random.Generator = 0,
 ) -> dict[str, Interval]:
-    """Compute a confidence interval for every estimated parameter; see `Fit.confidence_intervals`."""
+    """Compute a confidence interval (low, high) for every estimated parameter, by name.
+
+    With the estimate θ̂, its standard error SE and the normal quantile z:
+
+    - The interval of a variance or a correlation time is θ̂ exp(±z SE/θ̂), which is symmetric for the logarithm.
+    - The interval of φ of an AR1 is symmetric for artanh φ.
+    - The interval of the slope ω of a drift, which has a sign, is ω̂ ± z SE.
+    - If the data do not exclude that a white noise, a random walk or a drift is zero, the interval is from 0 to an
+      upper limit (for a drift, from −limit to limit). This one-sided limit of a 95 % interval has the level 97.5 %.
+    - If the data do not determine a parameter, the interval is (0, inf).
+
+    Parameters
+    ----------
+    level : float
+        Confidence level, between 0 and 1.
+    method : "asymptotic" or "bootstrap"
+        Source of the intervals: the exact covariance of the wavelet variance, or quantiles of the estimates from
+        `draws` simulated recordings.
+    covariance : (J, J) array, optional
+        Covariance V that replaces the covariance of the fitted model, for example from `empirical_covariance`; only
+        with method="asymptotic". It must belong to the wavelet variance that was fitted. The empirical covariance
+        of data with outliers belongs to the classical estimate, not to a robust fit.
+    draws : int
+        Number of simulated recordings, at least 2 / (1 − level) − 1, which is 39 for 95 %.
+    rng : int or numpy.random.Generator
+        Source of the draws; the same integer gives the same result.
+
+    Returns
+    -------
+    dict of name to (low, high)
+        Intervals, in the units of the parameters.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown or out of range, or `covariance` is not a covariance matrix of J levels.
+    ModelError
+        If the model has no noise at some level.
+    MissingTheoryError
+        If the covariance of a process is unknown.
+
+    References
+    ----------
+    Guerrier, Skaloud, Stebler and Victoria-Feser (2013), JASA 108, 1021-1030, theorem 2.
+
+    Examples
+    --------
+    >>> from gmwm import WN, RW, fit
+    >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(20_000, 100.0, rng=1)
+    >>> low, high = fit(WN() + RW(), x, rate=100.0).confidence_intervals()["WN.sigma2"]
+    >>> low < 4.0 < high
+    True
+    """
     level = as_confidence(level, "level")
     one_of(method, "method", get_args(Method))
     seed = as_seed(rng) if method == "bootstrap" else 0

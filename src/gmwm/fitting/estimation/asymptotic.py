@@ -76,7 +76,18 @@ class Sandwich:
 
 
 def sandwich(fit: Fit) -> Sandwich:
-    """Compute the covariance of the estimates of a fit; see `Fit.sandwich`."""
+    """Covariance of the estimates by the sandwich formula.
+
+    The object also has the names of the estimated parameters, their relative standard errors, and the covariance V
+    of the wavelet variance.
+
+    Raises
+    ------
+    ModelError
+        If the model has no noise at some level.
+    MissingTheoryError
+        If the covariance of a process is unknown.
+    """
     design, acts_as = Design.of(fit.wavelet_variance), fit.diagnostics.acts_as
     wavelet = noise_covariance(fit.model, design)
     found = sandwich_of(fit.model, design, matrix=fit.weighting_matrix, wavelet=wavelet, acts_as=acts_as)
@@ -143,7 +154,11 @@ def _unseen(model: Model, design: Design) -> list[Vector]:
 
 
 def standard_errors(fit: Fit) -> dict[str, float]:
-    """Return the standard errors by name; see `Fit.standard_errors`."""
+    """Standard error of each estimated parameter, by name, in the unit of the parameter.
+
+    A parameter that is fixed, zero or at an end of its domain has no standard error. Looking it up raises a
+    KeyError that states the reason. Raises the errors of `sandwich`.
+    """
     errors = fit.sandwich.errors
     return Named(errors, "standard error of", why_no_error(fit.model, errors, fit.diagnostics.acts_as))
 

@@ -13,9 +13,9 @@ import numpy as np
 from gmwm.base.errors import GmwmError, MissingTheoryError, ModelError
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.tables import aligned
-from gmwm.fitting.inference.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap, least_draws
-from gmwm.fitting.inference.goodness import GoodnessOfFit, goodness_of_fit
-from gmwm.fitting.inference.intervals import Interval, Method, confidence_intervals
+from gmwm.fitting.estimation.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap, least_draws
+from gmwm.fitting.estimation.goodness import GoodnessOfFit, goodness_of_fit
+from gmwm.fitting.estimation.intervals import Interval, Method, confidence_intervals
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.validation import as_seed
 
@@ -180,7 +180,31 @@ def summary(
     draws: int = DRAWS,
     rng: int | np.random.Generator = 0,
 ) -> str:
-    """Return the text of `Fit.summary`."""
+    """Describe the fit in text.
+
+    Parameters
+    ----------
+    level : float
+        Confidence level of the intervals, between 0 and 1.
+    method : "asymptotic" or "bootstrap"
+        Source of the intervals and the test: theory, or `draws` simulated recordings.
+    draws : int
+        Number of simulated recordings.
+    rng : int or numpy.random.Generator
+        Source of the draws; the same integer gives the same result.
+
+    Returns
+    -------
+    str
+        Text with the model, the number of samples, the rate, the levels and the weighting; the objective with its
+        bounds; the goodness-of-fit test; a table of the parameters with estimate, interval, relative standard error
+        and unit; and the remarks.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown or out of range.
+    """
     how = IntervalMethod(level, method, draws, as_seed(rng))
     intervals, missing = intervals_if_known(fit, how)
     table = rows(fit, intervals, how)
@@ -220,7 +244,7 @@ def head(fit: Fit, how: IntervalMethod) -> list[str]:
 
 
 def as_html(fit: Fit) -> str:
-    """Return the summary as HTML with a table of the parameters."""
+    """Return the summary as HTML with a table of the parameters, for notebooks."""
     how = IntervalMethod()
     intervals, missing = intervals_if_known(fit, how)
     words = texts(without_axis(missing, *fit.diagnostics.remarks), Dialect.HTML)

@@ -15,12 +15,11 @@ import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.errors import GmwmError
-from gmwm.fitting.estimation.estimator import as_fit
+from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.linearised import columns_of, relative_jacobian, unexplained
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.reweighting import nearly_settled
 from gmwm.fitting.estimation.weighting import precision, square_root
-from gmwm.fitting.inference.goodness import usable_levels
 from gmwm.measuring.covariance import Design, covariance
 from gmwm.measuring.covariance.api import variances
 from gmwm.measuring.variance.result import WaveletVariance
@@ -176,7 +175,7 @@ def nearly_fitted(model: Model, wv: WaveletVariance, weighting: str) -> Fit:
 
     The fit has no certificate of the global optimum.
     """
-    return as_fit(nearly_settled(model, wv, weighting)[0], wv, weighting)
+    return Fit.of(nearly_settled(model, wv, weighting)[0], wv, weighting)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector
+from gmwm.fitting.estimation.asymptotic import noise_covariance
+from gmwm.fitting.estimation.bootstrap import DRAWS, bootstrap
+from gmwm.fitting.estimation.intervals import Method
 from gmwm.fitting.estimation.linearised import COLLINEAR
 from gmwm.fitting.estimation.problem import Problem, pose, unit_shape
 from gmwm.fitting.estimation.solver import estimated, solve
 from gmwm.fitting.estimation.weighting import Weights
-from gmwm.fitting.inference.asymptotic import noise_covariance
-from gmwm.fitting.inference.bootstrap import DRAWS, bootstrap
-from gmwm.fitting.inference.intervals import Method
 from gmwm.measuring.covariance import Design
 from gmwm.recording.options import one_of
 from gmwm.theory.filters import WaveletFilter
@@ -67,7 +67,48 @@ class Criterion:
 def wic(
     fit: Fit, method: Method = "asymptotic", *, draws: int = DRAWS, rng: int | np.random.Generator = 0
 ) -> Criterion:
-    """Compute the wavelet information criterion of a fit; see `Fit.wic`."""
+    """Compute the wavelet information criterion, which is the expected loss of the fit on another recording.
+
+    Values of several models are only comparable for the same Ω; `gmwm.rank` and `gmwm.select` ensure this.
+
+    Parameters
+    ----------
+    method : "asymptotic" or "bootstrap"
+        Source of the optimism, the amount by which the fit to the data has a smaller loss than to another
+        recording. For "asymptotic" it is 2 tr[ΩDH⁻¹DᵀΩV] with H = DᵀΩD − Σ_k [Ω(ν̂ − ν)]_k ∂²ν_k/∂θ∂θᵀ. For
+        "bootstrap" it is
+        2 Σ_jk Ω_jk Cov(ν̂_j*, ν_k(θ̂*)) over `draws` recordings (*) that are simulated from the fit.
+    draws : int
+        Number of simulated recordings.
+    rng : int or numpy.random.Generator
+        Source of the draws; the same integer gives the same result.
+
+    Returns
+    -------
+    Criterion
+        Value of the criterion, and the loss and the optimism, whose sum it is.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown or out of range.
+    ModelError
+        If the model has no noise at some level.
+    MissingTheoryError
+        If the covariance of a process is unknown ("asymptotic"), or a process cannot be simulated ("bootstrap").
+
+    References
+    ----------
+    Efron (2004), The estimation of prediction error, JASA 99, 619-632; equation 5 of Balamuta, Guerrier, Molinari
+    and Yang.
+
+    Examples
+    --------
+    >>> from gmwm import RW, WN, fit
+    >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-2)).simulate(20_000, 100.0, rng=1)
+    >>> round(fit(WN() + RW(), x, rate=100.0, weighting="optimal").wic().optimism)  # two for each parameter
+    4
+    """
     one_of(method, "method", get_args(Method))
     if method == "bootstrap":
         drawn = bootstrap(fit, draws, rng)
