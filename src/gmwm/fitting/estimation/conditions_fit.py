@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from gmwm.base.arrays import Vector
+from gmwm.base.documents import plain
 from gmwm.base.errors import OptionError
 from gmwm.base.tables import aligned
 from gmwm.base.text import Summarised, p_relation
@@ -212,15 +213,14 @@ class ConditionsFit(Summarised):
         """Return the result as plain numbers, lists and strings for JSON."""
         return {
             "condition": self.condition, "model": self.structure, "varies": dict(self.varies),
-            "estimates": {
-                name: {
-                    "value": one.value,
-                    "standard_error": one.error if math.isfinite(one.error) else None,
-                    "interval": [end if math.isfinite(end) else None for end in one.interval()],
-                    "acts_as": one.acts_as,
-                }
-                for name, one in self.estimates.items()
-            },
+            "estimates": plain(
+                {
+                    name: {"value": one.value, "standard_error": one.error, "interval": one.interval(),
+                           "acts_as": one.acts_as}
+                    for name, one in self.estimates.items()
+                },
+                math.inf,
+            ),
             "objective": self.objective, "lower_bound": self.lower_bound, "weighting": self.weighting,
             "goodness_of_fit": {"statistic": self.statistic, "df": self.df, "pvalue": self.pvalue},
             "pvalue_constant": self.pvalue_constant,

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.documents import Documented
 from gmwm.fitting.estimation.asymptotic import noise_covariance
 from gmwm.fitting.estimation.bootstrap import DRAWS, bootstrap
 from gmwm.fitting.estimation.intervals import Method
@@ -37,7 +38,7 @@ criterion with the bootstrap."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Criterion:
+class Criterion(Documented):
     """Expected loss of a fitted model on another recording of the same kind, WIC = loss + optimism.
 
     Attributes
@@ -53,15 +54,12 @@ class Criterion:
     loss: float
     optimism: float
     method: Method
+    document_keys = ("value", "loss", "optimism", "method")
 
     @property
     def value(self) -> float:
         """Sum of the loss and the optimism; smaller is better."""
         return self.loss + self.optimism
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the criterion as plain numbers and strings for JSON."""
-        return {"value": self.value, "loss": self.loss, "optimism": self.optimism, "method": self.method}
 
 
 def wic(

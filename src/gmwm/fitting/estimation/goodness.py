@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import freeze
+from gmwm.base.documents import Documented
 from gmwm.base.errors import ModelError
 from gmwm.base.text import Summarised, counted
 from gmwm.fitting.estimation.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap
@@ -29,7 +30,7 @@ LEAST_FREEDOM = 3.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class GoodnessOfFit(Summarised):
+class GoodnessOfFit(Documented, Summarised):
     """Test of the hypothesis that the data come from the fitted model.
 
     Attributes
@@ -58,17 +59,6 @@ class GoodnessOfFit(Summarised):
 
     def __post_init__(self) -> None:
         freeze(self.levels)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the test as plain numbers, lists and strings for JSON."""
-        return {
-            "statistic": self.statistic,
-            "df": self.df,
-            "pvalue": self.pvalue,
-            "levels": self.levels.tolist(),
-            "left_out": list(self.left_out),
-            "method": self.method,
-        }
 
     def summary(self) -> str:
         """Describe the test in one line."""

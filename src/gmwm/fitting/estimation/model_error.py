@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.documents import Documented
 from gmwm.base.errors import GmwmError
 from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.linearised import columns_of, relative_jacobian, unexplained
@@ -41,7 +42,7 @@ _HALVINGS = 24
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RelativeMisfit:
+class RelativeMisfit(Documented):
     """Relative difference between the wavelet variances of a model and of the data.
 
     Attributes
@@ -69,20 +70,6 @@ class RelativeMisfit:
     def __post_init__(self) -> None:
         for array in (self.distance, self.error, self.judged):
             freeze(array)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the misfit as plain numbers and lists for JSON."""
-        return {
-            "distance": self.distance.tolist(), "error": self.error.tolist(), "judged": self.judged.tolist(),
-            "largest": self.largest, "rms": self.rms, "tau": self.tau,
-        }  # fmt: skip
-
-    @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> RelativeMisfit:
-        """Restore a misfit from `values`, the output of `to_dict`."""
-        arrays = {name: np.array(values[name], dtype=np.float64) for name in ("distance", "error")}
-        judged = np.array(values["judged"], dtype=np.bool_)
-        return cls(**{**values, **arrays, "judged": judged})
 
 
 MANY = 30.0

@@ -6,13 +6,14 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.documents import Documented
 from gmwm.base.errors import ModelError
-from gmwm.base.kinds import Document, require_kinds
+from gmwm.base.kinds import Document
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import Named
 from gmwm.fitting.estimation import asymptotic, criterion, goodness, intervals
@@ -39,9 +40,6 @@ if TYPE_CHECKING:
     from gmwm.choosing.replicates import Replicates
     from gmwm.showing.plots.view import UnitSystem, ViewName
 
-_HOW_WRITTEN = "Pass the values that `Fit.to_dict()` returned."
-
-
 NEAR = 1e-6
 """Relative change of the fitted curve below which `Fit.refit` stops. It is smaller than the relative standard error
 √(2/N) of ν̂² for the longest recording that `gmwm.plan` accepts, which has 2⁴⁰ samples."""
@@ -53,7 +51,7 @@ GIVEN = "given"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Diagnostics:
+class Diagnostics(Documented):
     """Diagnostics of a fit, with the terms that the data do not determine, the search and remarks.
 
     Attributes
@@ -75,32 +73,11 @@ class Diagnostics:
     nodes: int
     start: Start | None = None
     remarks: tuple[Remark, ...] = ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the diagnostics as plain numbers, lists and strings for JSON."""
-        return {
-            "acts_as": dict(self.acts_as),
-            "not_supported": list(self.not_supported),
-            "search_nodes": self.nodes,
-            "start": None if self.start is None else self.start.to_dict(),
-            "remarks": [remark.to_dict() for remark in self.remarks],
-        }
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> Diagnostics:
-        """Restore the diagnostics from `values`, the output of `to_dict`."""
-        start = values["start"]
-        return cls(
-            acts_as=dict(values["acts_as"]),
-            not_supported=tuple(values["not_supported"]),
-            nodes=int(values["search_nodes"]),
-            start=None if start is None else Start.from_dict(start),
-            remarks=tuple(Remark.from_dict(remark) for remark in values["remarks"]),
-        )
+    document_keys = ("acts_as", "not_supported", "search_nodes=nodes", "start", "remarks")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Fit(KalmanMethods):
+class Fit(Documented, KalmanMethods):
     """Model that was fitted to a wavelet variance.
 
     Attributes
@@ -144,6 +121,11 @@ class Fit(KalmanMethods):
     weighting: str
     weighting_matrix: Matrix
     diagnostics: Diagnostics
+    document = Document("fit", "Pass the values that `Fit.to_dict()` returned.")
+    document_keys = (
+        "model", "parameters", "units", "objective", "lower_bound", "relaxed_bound", "implied", "decomposition",
+        "weighting", "weighting_matrix", "undetermined", "*diagnostics", "wavelet_variance",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", Named(self.parameters, "parameter"))
@@ -435,105 +417,32 @@ class Fit(KalmanMethods):
         ]
         return DataFrame(rows)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fit as plain numbers, lists and strings for JSON."""
-        return {
-            "model": str(self.model),
-            "parameters": dict(self.parameters),
-            "units": self.units(),
-            "objective": self.objective,
-            "lower_bound": self.lower_bound,
-            "relaxed_bound": self.relaxed_bound,
-            "implied": self.implied.tolist(),
-            "decomposition": {term: part.tolist() for term, part in self.decomposition.items()},
-            "weighting": self.weighting,
-            "weighting_matrix": self.weighting_matrix.tolist(),
-            "undetermined": list(self.undetermined),
-            **self.diagnostics.to_dict(),
-            "wavelet_variance": self.wavelet_variance.to_dict(),
-        }
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> Fit:
-        """Restore a fit from the output of `to_dict`. All numbers are exactly the same.
-
-        Parameters
-        ----------
-        values : mapping
-            Output of `to_dict`, which may have been written to JSON and read again, or one axis of a fits.json file.
-
-        Returns
-        -------
-        Fit
-
-        Raises
-        ------
-        ReadError
-            If a value is missing, or has the wrong type or size.
-
-        Examples
-        --------
-        >>> from gmwm import RW, WN, fit
-        >>> found = fit(WN() + RW(), (WN(sigma2=4.0) + RW(gamma2=1.0)).simulate(1000, 100.0, rng=1), rate=100.0)
-        >>> Fit.from_dict(found.to_dict()).parameters == found.parameters
-        True
-        """
-        document = Document("fit", _HOW_WRITTEN)
-        with document.reading():
-            found = cls._from_dict(values)
-        require_kinds(found, "", document)
-        return found
-
-    @classmethod
-    def _from_dict(cls, values: Mapping[str, Any]) -> Fit:
-        wv = WaveletVariance.from_dict(values["wavelet_variance"])
-        model = Model.parse(values["model"])
-        parameters = {name: value for name, value in model.parameters.items() if value is not None}
-        if parameters != values["parameters"] or len(parameters) < len(model.names):
+    def require_consistent(self) -> None:
+        """Raise ModelError if the parameters, the curves or the weights do not belong to the model and the data."""
+        parameters = {name: value for name, value in self.model.parameters.items() if value is not None}
+        if parameters != self.parameters or len(parameters) < len(self.model.names):
             raise ModelError(
-                f"the parameters do not match the model {model}", argument="parameters", got=values["parameters"]
+                f"the parameters do not match the model {self.model}", argument="parameters", got=self.parameters
             )
-        decomposition = {term: _curve(part, len(wv)) for term, part in values["decomposition"].items()}
-        if tuple(decomposition) != model.terms:
+        if (terms := tuple(self.decomposition)) != self.model.terms:
             raise ModelError(
-                f"the decomposition has the terms {', '.join(decomposition)}, and the model is {model}",
-                argument="decomposition",
-                got=tuple(decomposition),
-            )
-        matrix = np.array(values["weighting_matrix"], dtype=np.float64)
-        if matrix.shape != (len(wv), len(wv)):
+                f"the decomposition has the terms {', '.join(terms)}, and the model is {self.model}",
+                argument="decomposition", got=terms,
+            )  # fmt: skip
+        levels = len(self.wavelet_variance)
+        for curve in (self.implied, *self.decomposition.values()):
+            if curve.shape != (levels,):
+                raise ModelError(
+                    f"a curve has shape {curve.shape}, and the data have {levels} levels", argument="values", got=curve
+                )
+        if (shape := self.weighting_matrix.shape) != (levels, levels):
             raise ModelError(
-                f"the weighting matrix has shape {matrix.shape}, and the data have {len(wv)} levels",
-                argument="weighting_matrix",
-                got=matrix.shape,
-            )
-        lower = values["lower_bound"]
-        return cls(
-            wavelet_variance=wv,
-            model=model,
-            parameters=parameters,
-            objective=float(values["objective"]),
-            lower_bound=None if lower is None else float(lower),
-            relaxed_bound=float(values["relaxed_bound"]),
-            implied=_curve(values["implied"], len(wv)),
-            decomposition=decomposition,
-            weighting=str(values["weighting"]),
-            weighting_matrix=matrix,
-            diagnostics=Diagnostics.from_dict(values),
-        )
+                f"the weighting matrix has shape {shape}, and the data have {levels} levels",
+                argument="weighting_matrix", got=shape,
+            )  # fmt: skip
 
     def __repr__(self) -> str:
         return f"Fit({self.model.structure}, objective {self.objective:.6g})"
-
-
-def _curve(values: Any, levels: int) -> Vector:
-    """Check that an array has one number for each level, and return it."""
-    curve = np.array(values, dtype=np.float64)
-    if curve.shape != (levels,):
-        raise ModelError(
-            f"a curve has shape {curve.shape}, and the data have {levels} levels", argument="values", got=values
-        )
-    return curve
 
 
 def _of_terms(

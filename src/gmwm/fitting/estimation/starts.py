@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
-from typing import Any, Literal, get_args
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.base.errors import OptionError
+from gmwm.base.documents import Documented
 from gmwm.fitting.estimation.atoms import grid
 from gmwm.fitting.estimation.problem import Problem
 from gmwm.fitting.estimation.variable_projection import Coordinates, Point, Surface
@@ -88,7 +88,7 @@ class Sampled:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Start:
+class Start(Documented):
     """Starting point of a fit, with the objective there.
 
     Attributes
@@ -119,24 +119,6 @@ class Start:
             return f"from the convex relaxation, objective {self.objective:.6g} there"
         which = "the given one" if self.how == "given" else f"objective {self.objective:.6g} there"
         return f"best of the optima reached from {self.tried} starting points ({which})"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the start as plain numbers and strings for JSON."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> Start:
-        """Restore a start from `values`, the output of `to_dict`."""
-        default = values["default"]
-        how: How = values["how"]
-        if how not in get_args(How):
-            raise OptionError(argument="how", expected=f"one of {', '.join(get_args(How))}", got=how)
-        return cls(
-            how=how,
-            tried=int(values["tried"]),
-            objective=float(values["objective"]),
-            default=None if default is None else float(default),
-        )
 
 
 # --- scan, for processes with several shape parameters ----------------------------------------------------

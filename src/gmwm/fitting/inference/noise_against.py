@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, FitWarning, OptionError
 from gmwm.base.text import Summarised
 from gmwm.base.time_base import begins_of, times_of
@@ -68,7 +68,7 @@ class Slope:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class NoiseAgainst(Summarised):
+class NoiseAgainst(Documented, Summarised):
     """Dependence of the noise of an axis on a condition.
 
     Attributes
@@ -127,15 +127,6 @@ class NoiseAgainst(Summarised):
                 "those of the levels."
             )
         return "\n".join(lines)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the slopes as plain numbers, lists and strings for JSON."""
-        return {
-            "axis": self.axis, "condition": self.condition, "unit": self.unit, "range": list(self.range),
-            "levels": self.levels.tolist(), "tau": self.tau.tolist(), "slopes": [vars(one) for one in self.slopes],
-            "pvalue": self.pvalue, "terms": {name: vars(one) for name, one in self.terms.items()},
-            "pvalue_terms": self.pvalue_terms,
-        }  # fmt: skip
 
     def __repr__(self) -> str:
         return f"NoiseAgainst({self.axis or 'signal'}, {self.condition}, p = {self.pvalue:.2g})"

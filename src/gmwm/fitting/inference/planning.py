@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector, as_rate, freeze
+from gmwm.base.documents import plain
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.base.remarks import Quantity, Remark, texts
 from gmwm.base.tables import aligned
@@ -260,9 +261,7 @@ class Plan(Summarised):
             "weighting": self.weighting,
             "duration": self.duration,
             "planned": self.at(self.duration),
-            "durations": self.durations.tolist(),
-            "errors": {name: curve.tolist() for name, curve in self.errors.items()},
-            "losses": {"filled": self.losses.filled, "segments": list(self.losses.segments)},
+            **{name: plain(getattr(self, name)) for name in ("durations", "errors", "losses")},
         }
 
     def __repr__(self) -> str:

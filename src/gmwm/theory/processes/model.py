@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.base.documents import write_as_text
 from gmwm.base.errors import ModelError
 from gmwm.recording.signals import Signal
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
@@ -558,6 +559,8 @@ class Model(KalmanMethods):
                 missing=tuple(missing),
             )
 
+
+write_as_text(Model, Model.parse)
 
 ModelLike = Model | Process | str
 """Types that are accepted as a model."""
