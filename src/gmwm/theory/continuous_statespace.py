@@ -188,11 +188,8 @@ def _driven(space: StateSpace, rate: float) -> tuple[Matrix, Matrix] | None:
 
 def _keeps_its_range(space: StateSpace) -> bool:
     """Return whether F maps the range of Q into itself. This is necessary, because continuous noise spreads within a
-    step.
-
-    It is not so for an autoregression of order 2 or more, whose noise enters one state and reaches the other states one
-    step later.
-    """
+    step. It is not so for an autoregression of order 2 or more, whose noise enters one state and reaches the other
+    states one step later."""
     root = np.sqrt(np.diag(_sizes(space.Q)))
     scaled = space.F * root / root[:, None]
     size, axes = np.linalg.eigh(space.Q / _sizes(space.Q))

@@ -99,13 +99,8 @@ def sandwich(fit: Fit) -> Sandwich:
 
 
 def noise_covariance(model: Model, design: Design) -> Matrix:
-    """Return the covariance V (J, J) of the wavelet variance of a model that has noise at every level.
-
-    Raises
-    ------
-    ModelError
-        If the model has no noise at some level.
-    """
+    """Return the covariance V (J, J) of the wavelet variance of a model that has noise at every level. Raises
+    ModelError if the model has no noise at some level."""
     wavelet = covariance(model, design)
     if not np.all(np.diag(wavelet) > 0):
         raise no_noise(model)
@@ -123,12 +118,10 @@ def no_noise(model: Model) -> ModelError:
 def sandwich_of(
     model: Model, design: Design, matrix: Matrix, wavelet: Matrix, acts_as: Mapping[str, str] | None = None
 ) -> Sandwich:
-    """Compute the covariance of estimates from the weighting matrix Ω = `matrix` and the covariance V = `wavelet`.
-
-    The shape of a term that acts as another process is left out, and the parameters of the term are not reported. A
-    term that is estimated as zero may have a positive true value, and the other terms would then be smaller. Its scale
-    is therefore treated as free, which makes the standard errors of the other terms larger and conservative.
-    """
+    """Compute the covariance of estimates from the weighting matrix Ω = `matrix` and the covariance V = `wavelet`. The
+    shape of a term that acts as another process is left out, and the parameters of the term are not reported. A term
+    that is estimated as zero may have a positive true value, and the other terms would then be smaller. Its scale is
+    therefore treated as free, which makes the standard errors of the other terms larger and conservative."""
     columns, reported = columns_of(model, acts_as or {})
     values = sizes_of(model, columns)
     slopes = np.column_stack([relative_jacobian(model, design, columns), *_unseen(model, design)])

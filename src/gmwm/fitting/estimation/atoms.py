@@ -35,12 +35,10 @@ midpoint is not representative."""
 @dataclass(frozen=True, eq=False)
 class Grid:
     """Nodes of a table, and the wavelet variances of a process at these nodes. They depend on neither data nor weights.
-
     `nodes` has the search coordinates of the nodes, one branch after another, and `owner` the index of the branch of
     each node. A cell lies between two neighbouring nodes. `spacing` is the width of each cell, and zero for a cell that
     joins two branches. `values` and `slopes` are the wavelet variances at the nodes and their derivatives, and
-    `middle_values` the wavelet variances at the midpoints of the cells.
-    """
+    `middle_values` the wavelet variances at the midpoints of the cells."""
 
     branches: tuple[Branch, ...]
     owner: NDArray[np.int64]
@@ -65,11 +63,9 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Curve of unit vectors for the global search.
-
-    `values` and `slopes` are the vectors at the nodes and their derivatives with respect to the position in cells.
-    `margins` bounds the interpolation error in each cell; −1 marks a cell that joins two branches.
-    """
+    """Curve of unit vectors for the global search. `values` and `slopes` are the vectors at the nodes and their
+    derivatives with respect to the position in cells. `margins` bounds the interpolation error in each cell; −1 marks a
+    cell that joins two branches."""
 
     values: Matrix
     slopes: Matrix
@@ -83,10 +79,8 @@ Place = tuple[Branch, float]
 def shape_at(
     process: type[Process], parameters: Matrix, levels: NDArray[np.int64], rate: float, filter: WaveletFilter
 ) -> Matrix:
-    """Return the wavelet variances (n, J) of a process with scale coefficient 1 for n sets of nonlinear parameters.
-
-    The levels (J,) may belong to several measured curves, one after another.
-    """
+    """Return the wavelet variances (n, J) of a process with scale coefficient 1 for n sets of nonlinear parameters. The
+    levels (J,) may belong to several measured curves, one after another."""
     if np.all(levels[1:] > levels[:-1]):
         return process.shape(parameters, levels, rate, filter)
     ascending, place = np.unique(levels, return_inverse=True)
@@ -139,18 +133,14 @@ def _grid(process: type[Process], levels: tuple[int, ...], samples: int, rate: f
 
 
 def grid(process: type[Process], levels: NDArray[np.int64], samples: int, rate: float, filter: WaveletFilter) -> Grid:
-    """Tabulate the wavelet variance of `process` over its search domain for a recording of `samples` samples.
-
-    The table is cached.
-    """
+    """Tabulate the wavelet variance of `process` over its search domain for a recording of `samples` samples. The table
+    is cached."""
     return _grid(process, tuple(int(j) for j in levels), samples=samples, rate=rate, filter=filter)
 
 
 def unit_curve(values: Matrix, slopes: Matrix, root: Matrix) -> tuple[Matrix, Matrix]:
-    """Multiply the rows of `values` by L = `root`, and scale them to length one.
-
-    Returns these unit vectors, and their derivatives from the derivatives `slopes` of the rows.
-    """
+    """Multiply the rows of `values` by L = `root`, and scale them to length one. Returns these unit vectors, and their
+    derivatives from the derivatives `slopes` of the rows."""
     weighted = values @ root.T
     length = np.linalg.norm(weighted, axis=1, keepdims=True)
     unit = weighted / length
@@ -185,10 +175,8 @@ def close_up(
     filter: WaveletFilter,
     root: Matrix,
 ) -> tuple[Table, Vector]:
-    """Tabulate one cell of a given width around each place, with exact values at its ends.
-
-    Returns the table, and the search coordinates (n, 2) of the ends of the cells.
-    """
+    """Tabulate one cell of a given width around each place, with exact values at its ends. Returns the table, and the
+    search coordinates (n, 2) of the ends of the cells."""
     starts = [min(max(u - width / 2, branch.low), branch.high - width) for branch, u in places]
     ends = np.array([[start, start + width] for start in starts])
     parameters = np.concatenate([branch.values(end) for (branch, _), end in zip(places, ends, strict=True)])

@@ -52,11 +52,8 @@ amount, the process is reported to act as the process at that end."""
 
 @dataclass(frozen=True)
 class Term:
-    """Fitted process with free shape parameters.
-
-    `values` are its nonlinear parameters, `scale` is its scale coefficient, and `acts_as` is the name of the process
-    that the data cannot distinguish from it, or None.
-    """
+    """Fitted process with free shape parameters. `values` are its nonlinear parameters, `scale` is its scale
+    coefficient, and `acts_as` is the name of the process that the data cannot distinguish from it, or None."""
 
     values: tuple[float, ...]
     scale: float
@@ -77,19 +74,9 @@ class Optimum:
 
 @dataclass(frozen=True)
 class Found:
-    """Result of a global search. All objectives are in the unit of the problem.
-
-    Attributes
-    ----------
-    best : Optimum
-        Global optimum.
-    bound, relaxed : float
-        Lower bounds on the objective, from branch and bound and from the convex relaxation.
-    table : float
-        Objective of the best candidate on the tabulated curve.
-    nodes : int
-        Number of nodes of the search tree.
-    """
+    """Result of a global search. All objectives are in the unit of the problem. `best`: global optimum. `bound`,
+    `relaxed`: lower bounds on the objective, from branch and bound and from the convex relaxation. `table`: objective
+    of the best candidate on the tabulated curve. `nodes`: number of nodes of the search tree."""
 
     best: Optimum
     bound: float
@@ -120,11 +107,8 @@ class Search:
         return Found(self.settled(best), bound, relaxed, table=least, nodes=nodes)
 
     def branch_and_bound(self, *, certify: bool) -> tuple[list[tuple[float, Vector]], float, float, int]:
-        """Search the tabulated curve.
-
-        Returns the objectives and positions of local optima, the best first, then the lower bound, the bound of the
-        convex relaxation, and the number of nodes.
-        """
+        """Search the tabulated curve. Returns the objectives and positions of local optima, the best first, then the
+        lower bound, the bound of the convex relaxation, and the number of nodes."""
         curve = table(self.grid, self.problem.root)
         return _core.cone_search(
             self.problem.target, self.fixed, self.positive, curve.values, curve.slopes, curve.margins,
@@ -132,10 +116,8 @@ class Search:
         )  # fmt: skip
 
     def _starts(self) -> Vector:
-        """Return the positions of the starting values of the model on the tabulated curve.
-
-        The array is empty unless every curved process has a starting value.
-        """
+        """Return the positions of the starting values of the model on the tabulated curve. The array is empty unless
+        every curved process has a starting value."""
         name = self.curved_class.nonlinear_parameters()[0].name
         positions = []
         for place in self.problem.curved:
@@ -193,11 +175,9 @@ class Search:
         return sharp if self.problem.as_low(sharp.objective, best.objective, SETTLED) else best
 
     def followed(self, places: list[Place], *, ends: bool = False) -> Optimum:
-        """Return the local optimum nearest to `places`, the optimum of the problem with slightly different weights.
-
-        One Newton step is used if it is sufficient. If `ends`, a subclass also finds the ends of the branches that the
-        data cannot distinguish from the places.
-        """
+        """Return the local optimum nearest to `places`, the optimum of the problem with slightly different weights. One
+        Newton step is used if it is sufficient. If `ends`, a subclass also finds the ends of the branches that the data
+        cannot distinguish from the places."""
         start = self.at(places)
         there = self._sharpened(start, 1, FOLLOWED)
         return self.polished(places) if there is start and places else there
@@ -226,10 +206,8 @@ class Search:
         return best
 
     def terms(self, best: Optimum, *, ends: bool = True) -> tuple[Term, ...]:
-        """Return the curved processes of an optimum with their parameters.
-
-        If `ends`, they include the process that the data cannot distinguish from each of them.
-        """
+        """Return the curved processes of an optimum with their parameters. If `ends`, they include the process that the
+        data cannot distinguish from each of them."""
         problem, places = self.problem, best.places
         curved = shapes(self.curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
         scales = problem.scales(curved, best.weights[len(problem.linear) :])

@@ -40,17 +40,9 @@ LEAST_FREEDOM = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Stack:
-    """Measured curves of all conditions, one after another, and the terms of a model that describes them.
-
-    Attributes
-    ----------
-    model : Model
-        Model to fit.
-    curves : tuple of WaveletVariance
-        Measured curve of each of S conditions.
-    factors : mapping of index to (m, S) array
-        For the index of each process that varies, the values φ_m(c_s) of its functions at the conditions c_s.
-    """
+    """Measured curves of all conditions, one after another, and the terms of a model that describes them. `model`:
+    model to fit. `curves`: measured curve of each of S conditions. `factors`: for the index of each process that
+    varies, the values φ_m(c_s) of its functions at the conditions c_s."""
 
     model: Model
     curves: tuple[WaveletVariance, ...]
@@ -147,12 +139,9 @@ class Stack:
         )
 
     def slopes(self, solution: Solution) -> tuple[list[tuple[int, str | int]], Matrix]:
-        """Return the names and the columns of the derivatives of the curves.
-
-        The first columns are ∂ν²/∂s for the linear coefficients s. The others belong to the terms with free shapes and
-        are relative to the values of their parameters. There is no column for the shape of a term that acts as another
-        process or is zero.
-        """
+        """Return the names and the columns of the derivatives of the curves. The first columns are ∂ν²/∂s for the
+        linear coefficients s. The others belong to the terms with free shapes and are relative to the values of their
+        parameters. There is no column for the shape of a term that acts as another process or is zero."""
         _, shaped, _ = by_kind(self.model)
         names: list[tuple[int, str | int]] = list(self.rows)
         columns = list(self.shapes)
@@ -316,10 +305,8 @@ def _goodness(solved: Solved, weighting: str) -> tuple[float, int, float]:
 
 
 def _no_change(solved: Solved, weighting: str) -> float:
-    """Return the p-value of the hypothesis that no term varies with the condition.
-
-    The statistic is the part of the residuals of a constant model that the functions explain.
-    """
+    """Return the p-value of the hypothesis that no term varies with the condition. The statistic is the part of the
+    residuals of a constant model that the functions explain."""
     from scipy.special import gammaincc
 
     short = _short(solved.stack)
@@ -331,10 +318,7 @@ def _no_change(solved: Solved, weighting: str) -> float:
 
 def _left(solved: Solved, further: Matrix | None = None) -> tuple[float, int]:
     """Return the weighted sum of squares of the residuals that some columns do not explain, and the rank of the
-    columns.
-
-    The columns are the derivatives with respect to the parameters, and the columns `further`.
-    """
+    columns. The columns are the derivatives with respect to the parameters, and the columns `further`."""
     stack = solved.stack
     root = square_root(precision(stack.covariance(solved.models)))
     _, columns = stack.slopes(solved.solution)

@@ -118,11 +118,8 @@ def wic(
 
 def optimism(fit: Fit, wavelet: Matrix, weights: Weights | None = None) -> float:
     """Compute the optimism 2 tr[ΩDH⁻¹DᵀΩV] by first-order theory; `wavelet` is the covariance V (J, J) of ν̂².
-
-    `weights` are the weights of the fit, if other fits share them.
-
-    D = ∂ν²/∂θ, and H = DᵀΩD − Σ_k [Ω(ν̂ − ν)]_k ∂²ν_k/∂θ∂θᵀ.
-    """
+    `weights` are the weights of the fit, if other fits share them. D = ∂ν²/∂θ, and H = DᵀΩD − Σ_k [Ω(ν̂ − ν)]_k
+    ∂²ν_k/∂θ∂θᵀ."""
     wv = fit.wavelet_variance
     root = (Weights(fit.weighting_matrix) if weights is None else weights).root
     design = Design.of(wv)
@@ -183,10 +180,8 @@ def _of_process(
     pull: Vector,
     free: NDArray[np.intp],
 ) -> tuple[Matrix, Matrix]:
-    """Return the derivatives of `_derivatives` for one process.
-
-    The first parameter is the scale coefficient; the others are the nonlinear parameters with the indices `free`.
-    """
+    """Return the derivatives of `_derivatives` for one process. The first parameter is the scale coefficient; the
+    others are the nonlinear parameters with the indices `free`."""
     if not process.nonlinear_parameters():
         return unit_shape(type(process).standard(), levels, rate, filter)[:, None], np.zeros((1, 1))
     at = process.nonlinear
@@ -210,10 +205,8 @@ def _of_process(
 
 
 def covariance_trace(variances: Matrix, implied: Matrix, matrix: Matrix) -> float:
-    """Compute the optimism 2 tr[Cov(ν̂*, ν(θ̂*)) Ω] from B simulated recordings.
-
-    `variances` (B, J) has their wavelet variances ν̂*, and `implied` (B, J) those of the models fitted to them.
-    """
+    """Compute the optimism 2 tr[Cov(ν̂*, ν(θ̂*)) Ω] from B simulated recordings. `variances` (B, J) has their wavelet
+    variances ν̂*, and `implied` (B, J) those of the models fitted to them."""
     centred = variances - variances.mean(axis=0)
     fitted = implied - implied.mean(axis=0)
     return float(2 * np.einsum("bj,jk,bk->", fitted, matrix, centred) / (len(variances) - 1))
@@ -223,10 +216,8 @@ def implied_by_refits(
     problem: Problem, known: Vector, variances: Matrix, progress: Callable[[int], None] | None = None
 ) -> Matrix:
     """Return the wavelet variances ν(θ̂*) (B, J) of the models fitted to the wavelet variances `variances` (B, J).
-
     `problem` has the model and the weights. `known` (J,) is the wavelet variance of the processes that are entirely
-    fixed.
-    """
+    fixed."""
     rows = np.empty_like(variances)
     for k, variance in enumerate(variances):
         drawn = problem.observing(variance - known)

@@ -151,11 +151,9 @@ def _intervals(
 
 
 def with_quick_intervals(fit: Fit, level: float) -> Fit:
-    """Return a copy of a fit with quickly computed intervals, for models that have little weight in a comparison.
-
-    The upper limit of a scale coefficient ĉ is then ĉ + z SE(ĉ), without iteration. The fit itself is not changed, so
-    that its intervals stay exact.
-    """
+    """Return a copy of a fit with quickly computed intervals, for models that have little weight in a comparison. The
+    upper limit of a scale coefficient ĉ is then ĉ + z SE(ĉ), without iteration. The fit itself is not changed, so that
+    its intervals stay exact."""
     key = (level, "asymptotic", DRAWS, 0)
     if key in fit.__dict__.get("_intervals", {}):
         return fit
@@ -222,11 +220,9 @@ def parameters_by_name(model: Model) -> dict[str, Parameter]:
 
 
 def about(parameter: Parameter, value: float, reach: float) -> Interval:
-    """Return the confidence interval of a parameter for an estimate `value` and a half width `reach`.
-
-    The interval is symmetric after a transformation (logarithm or artanh) that keeps its ends inside the domain of the
-    parameter; for a parameter that can be any real number it is value ± reach.
-    """
+    """Return the confidence interval of a parameter for an estimate `value` and a half width `reach`. The interval is
+    symmetric after a transformation (logarithm or artanh) that keeps its ends inside the domain of the parameter; for a
+    parameter that can be any real number it is value ± reach."""
     if parameter.domain == "real":
         return value - reach, value + reach
     if parameter.domain == "between":
@@ -277,13 +273,11 @@ def _no_covariance(what: str, got: object) -> OptionError:
 
 
 def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> float:
-    """Return the upper limit of a scale parameter.
-
-    If the parameter had this value, an estimate as small as the actual one would have the probability (1 − level)/2.
-    The scale coefficient c of the limit solves c = ĉ + z SE(c), where ĉ is the estimate. SE(c) is the standard error
-    for a model with this c, because the standard error increases with c. In addition, no process can exceed the data: c
-    times its wavelet variance is at most the upper chi-square limit of each of the J levels, at (1 − level)/(2J).
-    """
+    """Return the upper limit of a scale parameter. If the parameter had this value, an estimate as small as the actual
+    one would have the probability (1 − level)/2. The scale coefficient c of the limit solves c = ĉ + z SE(c), where ĉ
+    is the estimate. SE(c) is the standard error for a model with this c, because the standard error increases with c.
+    In addition, no process can exceed the data: c times its wavelet variance is at most the upper chi-square limit of
+    each of the J levels, at (1 − level)/(2J)."""
     wv = fit.wavelet_variance
     process = fit.model.processes[fit.model.terms.index(term)]
     name = f"{term}.{parameter.name}"
@@ -321,10 +315,8 @@ def _spread(fit: Fit, name: str) -> float:
 
 
 def _fixed_point(tried: list[tuple[float, float]]) -> float:
-    """Return the fixed point of the line through the last two points (x, f(x)).
-
-    The last f(x) is returned if there is only one point, or if the line is too steep.
-    """
+    """Return the fixed point of the line through the last two points (x, f(x)). The last f(x) is returned if there is
+    only one point, or if the line is too steep."""
     x, value = tried[-1]
     if len(tried) < 2 or tried[0][0] == x:
         return value

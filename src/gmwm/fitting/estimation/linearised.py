@@ -24,11 +24,8 @@ NO_COEFFICIENT = 1e-8
 
 
 def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matrix:
-    """Compute the covariance B V Bᵀ (p, p) of parameters, with B = (DᵀΩD)⁻¹DᵀΩ.
-
-    `slopes` is the Jacobian D (J, p), `matrix` is Ω and `wavelet` is V. The variance of a parameter that the Jacobian
-    does not determine is infinite.
-    """
+    """Compute the covariance B V Bᵀ (p, p) of parameters, with B = (DᵀΩD)⁻¹DᵀΩ. `slopes` is the Jacobian D (J, p),
+    `matrix` is Ω and `wavelet` is V. The variance of a parameter that the Jacobian does not determine is infinite."""
     if slopes.shape[1] == 0:
         return np.zeros((0, 0))
     root = square_root(matrix)
@@ -41,10 +38,8 @@ def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matr
 
 
 def parameter_gain(weighted: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
-    """Return the pseudoinverse (p, J) of a weighted Jacobian LD (J, p), and a mask of undetermined parameters.
-
-    The mask (p,) marks the parameters that the Jacobian does not determine.
-    """
+    """Return the pseudoinverse (p, J) of a weighted Jacobian LD (J, p), and a mask of undetermined parameters. The mask
+    (p,) marks the parameters that the Jacobian does not determine."""
     length = np.linalg.norm(weighted, axis=0)
     seen = length > 0
     left, strength, right = np.linalg.svd(weighted[:, seen] / length[seen], full_matrices=False)
@@ -58,10 +53,7 @@ def parameter_gain(weighted: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
 
 def unexplained(left: Vector, slopes: Matrix) -> tuple[float, int]:
     """Return the squared length of the part of a vector that is orthogonal to some columns, and the rank of the
-    columns.
-
-    `left` is the vector (J,), and `slopes` has the columns (J, p).
-    """
+    columns. `left` is the vector (J,), and `slopes` has the columns (J, p)."""
     length = np.linalg.norm(slopes, axis=0)
     axes, strength, _ = np.linalg.svd(slopes[:, length > 0] / length[length > 0], full_matrices=False)
     clear = strength > COLLINEAR * strength.max(initial=0.0)
@@ -70,10 +62,8 @@ def unexplained(left: Vector, slopes: Matrix) -> tuple[float, int]:
 
 
 def columns_of(model: Model, acts_as: Mapping[str, str]) -> tuple[list[str], set[str]]:
-    """Return the names of the parameters that are estimated, and the set of those that are reported.
-
-    The shape of a term that acts as another process is not estimated, and its scale is not reported.
-    """
+    """Return the names of the parameters that are estimated, and the set of those that are reported. The shape of a
+    term that acts as another process is not estimated, and its scale is not reported."""
     columns, reported = [], set()
     for term, process in zip(model.terms, model.processes, strict=True):
         if process.scale == 0:

@@ -43,22 +43,11 @@ _HALVINGS = 24
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RelativeMisfit(Documented):
-    """Relative difference between the wavelet variances of a model and of the data.
-
-    Attributes
-    ----------
-    distance : (J,) array
-        Relative difference d at each level, ν²/ν̂² − 1, with the wavelet variance ν² of the model and ν̂² of the data.
-    error : (J,) array
-        Relative standard error s of the data at each level.
-    judged : (J,) bool array
-        Mask of the levels with more than 30 degrees of freedom, which are judged.
-    largest, rms : float
-        Largest and root-mean-square difference over the judged levels, after the part that chance explains is
-        subtracted: √max(d² − s², 0).
-    tau : float
-        Scale (s) of the largest difference.
-    """
+    """Relative difference between the wavelet variances of a model and of the data. `distance` (J,): relative
+    difference d at each level, ν²/ν̂² − 1, with the wavelet variance ν² of the model and ν̂² of the data. `error` (J,):
+    relative standard error s of the data at each level. `judged` (J,): mask of the levels with more than 30 degrees of
+    freedom, which are judged. `largest`, `rms`: largest and root-mean-square difference over the judged levels, after
+    the part that chance explains is subtracted: √max(d² − s², 0). `tau`: scale (s) of the largest difference."""
 
     distance: Vector
     error: Vector
@@ -94,18 +83,10 @@ def relative_misfit(fit: Fit) -> RelativeMisfit:
 
 
 def implausible_levels(fit: Fit, size: float = IMPLAUSIBLE) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Return a mask (J,) of the coarse levels that differ from the model by more than chance explains.
-
-    Levels with at most 30 degrees of freedom are tested. Each test uses a chi-square distribution with the mean and the
-    variance that the model implies.
-
-    Parameters
-    ----------
-    fit : Fit
-        Fit whose levels are tested.
-    size : float
-        Probability that at least one level of a recording of the model is marked.
-    """
+    """Return a mask (J,) of the coarse levels that differ from the model by more than chance explains. Levels with at
+    most 30 degrees of freedom are tested. Each test uses a chi-square distribution with the mean and the variance that
+    the model implies. `fit`: fit whose levels are tested. `size`: probability that at least one level of a recording of
+    the model is marked."""
     from scipy.special import gammainc, gammaincc
 
     wv = fit.wavelet_variance
@@ -121,25 +102,10 @@ def implausible_levels(fit: Fit, size: float = IMPLAUSIBLE) -> np.ndarray[Any, n
 
 
 def model_error(fit: Fit) -> float:
-    """Estimate the relative error τ of a fitted model.
-
-    It is 0 if chance explains the difference from the data. The model is then fitted with the weights that follow from
-    τ, and τ is estimated from this fit.
-
-    Parameters
-    ----------
-    fit : Fit
-        Fit whose weights follow from its own model ("optimal" or "diagonal").
-
-    Returns
-    -------
-    float
-        Relative error τ, at most 1.
-
-    References
-    ----------
-    Paule and Mandel (1982), Consensus values and weighting factors, J. Res. NBS 87, 377-385.
-    """
+    """Estimate the relative error τ of a fitted model. It is 0 if chance explains the difference from the data. The
+    model is then fitted with the weights that follow from τ, and τ is estimated from this fit. `fit`: fit whose weights
+    follow from its own model ("optimal" or "diagonal"). Returns relative error τ, at most 1. Source: Paule and Mandel
+    (1982), Consensus values and weighting factors, J. Res. NBS 87, 377-385."""
     error = Distance.of(fit).error()
     for _ in range(_ROUNDS if error else 0):
         try:
@@ -158,28 +124,16 @@ def having_error(wv: WaveletVariance, error: float) -> WaveletVariance:
 
 
 def nearly_fitted(model: Model, wv: WaveletVariance, weighting: str) -> Fit:
-    """Fit a model with weights that have converged to a few per cent, to compare models.
-
-    The fit has no certificate of the global optimum.
-    """
+    """Fit a model with weights that have converged to a few per cent, to compare models. The fit has no certificate of
+    the global optimum."""
     return Fit.of(nearly_settled(model, wv, weighting)[0], wv, weighting)
 
 
 @dataclass(frozen=True, eq=False)
 class Distance:
-    """Difference between a fit and its data at the J levels that the goodness-of-fit test uses.
-
-    Attributes
-    ----------
-    left : (J,) array
-        Residuals ν̂² − ν², in unit².
-    scatter : (J, J) array
-        Covariance V of ν̂², including the excess of the data.
-    slopes : (J, p) array
-        Derivatives of ν² with respect to the logarithms of the parameters.
-    curve : (J,) array
-        Fitted wavelet variance ν².
-    """
+    """Difference between a fit and its data at the J levels that the goodness-of-fit test uses. `left` (J,): residuals
+    ν̂² − ν², in unit². `scatter` (J, J): covariance V of ν̂², including the excess of the data. `slopes` (J, p):
+    derivatives of ν² with respect to the logarithms of the parameters. `curve` (J,): fitted wavelet variance ν²."""
 
     left: Vector
     scatter: Matrix
@@ -205,19 +159,15 @@ class Distance:
 
     @property
     def surely(self) -> float:
-        """p-value of the test if every level counted as a degree of freedom.
-
-        It is at least the p-value of any model whose terms are a part of the fitted model.
-        """
+        """p-value of the test if every level counted as a degree of freedom. It is at least the p-value of any model
+        whose terms are a part of the fitted model."""
         from scipy.special import gammaincc
 
         return float(gammaincc(self.left.size / 2, self.statistic(0.0) / 2))
 
     def statistic(self, error: float) -> float:
-        """Compute the chi-square statistic for a model with a relative error.
-
-        The part of the residuals that a change of the parameters explains is left out.
-        """
+        """Compute the chi-square statistic for a model with a relative error. The part of the residuals that a change
+        of the parameters explains is left out."""
         root = square_root(precision(self.scatter + np.diag((error * self.curve) ** 2)))
         return unexplained(root @ self.left, root @ self.slopes)[0]
 

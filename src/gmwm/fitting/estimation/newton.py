@@ -21,12 +21,10 @@ CURVATURE_STEP = 1e-3
 def sharpened(
     problem: Problem, curved_class: type[Process], places: list[Place], weights: Vector, steps: int, reach: float
 ) -> list[Place] | None:
-    """Refine the places of a local optimum by at most `steps` Newton steps; return None if the steps diverge.
-
-    The objective |target − Σ w a − Σ x g(u)|² is minimised over the weights w and x and the places u together, where a
-    are the unit vectors of the linear processes and g(u) those of the curved processes. Weights that are zero stay
-    zero, places at an end of their branch stay there, and no step of a place may be longer than `reach`.
-    """
+    """Refine the places of a local optimum by at most `steps` Newton steps; return None if the steps diverge. The
+    objective |target − Σ w a − Σ x g(u)|² is minimised over the weights w and x and the places u together, where a are
+    the unit vectors of the linear processes and g(u) those of the curved processes. Weights that are zero stay zero,
+    places at an end of their branch stay there, and no step of a place may be longer than `reach`."""
     linear = len(problem.linear)
     moving = np.array([b.low < u < b.high for b, u in places], dtype=bool)
     if not moving.any() or np.any(weights[linear:] <= 0):
@@ -56,11 +54,8 @@ def sharpened(
 def _step(
     target: Vector, fixed: Matrix, value: Matrix, slope: Matrix, bend: Matrix, x: Vector, moving: Vector
 ) -> Vector | None:
-    """Return the Newton step of all weights, followed by the steps of the places that `moving` marks.
-
-    `value`, `slope` and `bend` are the unit vectors of the curved processes and their first two derivatives, and `x`
-    are the weights.
-    """
+    """Return the Newton step of all weights, followed by the steps of the places that `moving` marks. `value`, `slope`
+    and `bend` are the unit vectors of the curved processes and their first two derivatives, and `x` are the weights."""
     rows = np.concatenate([fixed, value])
     residual = target - x @ rows
     weight = x[fixed.shape[0] :, None]
@@ -78,10 +73,8 @@ def _step(
 
 
 def _curved(problem: Problem, curved_class: type[Process], places: list[Place]) -> tuple[Matrix, Matrix, Matrix]:
-    """Return the wavelet variances (n, J) of the curved processes at places, and their first two derivatives.
-
-    The derivatives are with respect to the search coordinate, and all three arrays are multiplied by L.
-    """
+    """Return the wavelet variances (n, J) of the curved processes at places, and their first two derivatives. The
+    derivatives are with respect to the search coordinate, and all three arrays are multiplied by L."""
     count, d = len(places), CURVATURE_STEP
     points = [(b, np.array([u + shift])) for shift in (0.0, d, -d) for b, u in places]
     parameters = np.concatenate([b.values(u) for b, u in points])

@@ -27,28 +27,16 @@ Pinned by tests/estimation/test_last_places.py.
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Problem of estimating the non-negative scales of all processes and the shapes of some.
-
-    The objective (ν̂ − ν)ᵀ Ω (ν̂ − ν) equals `unit`² |target − Σ c a − Σ x g|². The vectors a belong to processes of
-    known shape and the vectors g to processes of free shape; all have length one. The coefficients c and x are
-    proportional to the scales. `unit` is a power of two, so that data scaled by a power of two give exactly the same
-    problem.
-
-    Attributes
-    ----------
-    linear : tuple of int
-        Indices, in the model, of the processes without a free shape parameter.
-    curved : tuple of int
-        Indices of the processes with one free shape parameter that branch and bound searches; all are of one class.
-    free : tuple of int
-        Indices of the other processes, whose shapes are found from starting values; sorted by name.
-    shapes : (n linear, J) array
-        Wavelet variances of the linear processes for scale coefficient 1.
-    observed : (J,) array, in the signal's unit²
-        Measured ν̂² minus the wavelet variance of the processes whose parameters are all fixed.
-    weights : Weights
-        Weighting matrix Ω and its root L. Problems that share this object share what depends on Ω only.
-    """
+    """Problem of estimating the non-negative scales of all processes and the shapes of some. The objective (ν̂ − ν)ᵀ Ω
+    (ν̂ − ν) equals `unit`² |target − Σ c a − Σ x g|². The vectors a belong to processes of known shape and the vectors
+    g to processes of free shape; all have length one. The coefficients c and x are proportional to the scales. `unit`
+    is a power of two, so that data scaled by a power of two give exactly the same problem. `linear`: indices, in the
+    model, of the processes without a free shape parameter. `curved`: indices of the processes with one free shape
+    parameter that branch and bound searches; all are of one class. `free`: indices of the other processes, whose shapes
+    are found from starting values; sorted by name. `shapes` (n linear, J): wavelet variances of the linear processes
+    for scale coefficient 1. `observed` (J,): measured ν̂² minus the wavelet variance of the processes whose parameters
+    are all fixed. `weights`: weighting matrix Ω and its root L. Problems that share this object share what depends on Ω
+    only."""
 
     model: Model
     levels: NDArray[np.int64]
@@ -97,11 +85,8 @@ class Problem:
 
     def as_low(self, objective: float, least: float, share: float) -> bool:
         """Return whether an objective exceeds `least` by at most a relative `share` plus the rounding error of the
-        residual.
-
-        If the data equal the curve of a model, objectives are squared rounding errors. Without the second part, the
-        order of summation would decide which one is smaller.
-        """
+        residual. If the data equal the curve of a model, objectives are squared rounding errors. Without the second
+        part, the order of summation would decide which one is smaller."""
         return objective <= (1 + share) * (sqrt(least) + self.rounding) ** 2
 
     def under(self, matrix: Matrix) -> Problem:
@@ -121,22 +106,15 @@ class Problem:
         return np.ascontiguousarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
     def scales(self, shapes: Matrix, weights: Vector) -> Vector:
-        """Return the scale coefficients of processes from the coefficients (c or x) of their unit vectors.
-
-        `shapes` has the wavelet variances of the processes for scale coefficient 1.
-        """
+        """Return the scale coefficients of processes from the coefficients (c or x) of their unit vectors. `shapes` has
+        the wavelet variances of the processes for scale coefficient 1."""
         return np.asarray(weights * self.unit / np.linalg.norm(shapes @ self.root.T, axis=1))
 
 
 def pose(model: Model, wv: WaveletVariance, matrix: Matrix | Weights) -> Problem:
-    """Return the problem of fitting `model` to `wv` with the weighting matrix Ω, or with shared weights.
-
-    Raises
-    ------
-    ModelError
-        If the model has no free parameter, or more free parameters than there are levels; if a scale is fixed while a
-        shape parameter of the same process is free; or if the wavelet filter removes one of the processes.
-    """
+    """Return the problem of fitting `model` to `wv` with the weighting matrix Ω, or with shared weights. Raises
+    ModelError if the model has no free parameter, or more free parameters than there are levels; if a scale is fixed
+    while a shape parameter of the same process is free; or if the wavelet filter removes one of the processes."""
     linear, shaped, held = by_kind(model)
     curved, free = searched(model, shaped)
     count = len(linear) + sum(1 + len(to_find(model.processes[place])) for place in shaped)
@@ -184,13 +162,8 @@ def weighed(observed: Vector, weights: Weights) -> tuple[float, Vector]:
 
 
 def unit_shape(process: Process, levels: NDArray[np.int64], rate: float, filter: WaveletFilter) -> Vector:
-    """Return the wavelet variance (J,), for scale coefficient 1, of a process with a known shape.
-
-    Raises
-    ------
-    ModelError
-        If the wavelet variance is zero at every level.
-    """
+    """Return the wavelet variance (J,), for scale coefficient 1, of a process with a known shape. Raises ModelError if
+    the wavelet variance is zero at every level."""
     return _unit_shape(process, tuple(levels.tolist()), rate, filter)
 
 
@@ -215,11 +188,8 @@ def to_find(process: Process) -> tuple[int, ...]:
 
 def searched(model: Model, shaped: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Divide the processes with a free shape, at the indices `shaped`, into those that branch and bound searches and
-    others.
-
-    The search covers one class of processes. If the model has several such classes, the class with the most terms is
-    searched.
-    """
+    others. The search covers one class of processes. If the model has several such classes, the class with the most
+    terms is searched."""
     kinds = {place: type(model.processes[place]) for place in shaped}
     with_search = [kind for kind in kinds.values() if len(kind.nonlinear_parameters()) == 1 and kind.search(1024, 1.0)]
     chosen = max(with_search, key=lambda kind: (with_search.count(kind), kind.name), default=None)

@@ -49,26 +49,13 @@ a spread."""
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Deviations:
     """Deviations of the recordings from a pooled fit, and the test that all recordings have the same parameters.
-
-    Attributes
-    ----------
-    recordings : tuple of str
-        Names of the R recordings.
-    names : tuple of str
-        Names of the p parameters that the data determine.
-    values : (R, p) array
-        Deviations δ_r, relative to the estimate; NaN if a recording does not determine a parameter.
-    covariances : (R, p, p) array
-        Covariance of δ_r without a spread between recordings; the variance is infinite where the deviation is NaN.
-    model_error : float
-        Relative difference between the recordings at each level that the parameters do not describe. The weights and
-        the covariances of the deviations account for it; the test does not.
-    statistic : float
-        Statistic H of the test. It is the statistic of the goodness-of-fit test of a fit with the same parameters for
-        all recordings, minus the sum of the statistics of fits with separate parameters for each recording.
-    df : int
-        Degrees of freedom of H.
-    """
+    `recordings`: names of the R recordings. `names`: names of the p parameters that the data determine. `values` (R,
+    p): deviations δ_r, relative to the estimate; NaN if a recording does not determine a parameter. `covariances` (R,
+    p, p): covariance of δ_r without a spread between recordings; the variance is infinite where the deviation is NaN.
+    `model_error`: relative difference between the recordings at each level that the parameters do not describe. The
+    weights and the covariances of the deviations account for it; the test does not. `statistic`: statistic H of the
+    test. It is the statistic of the goodness-of-fit test of a fit with the same parameters for all recordings, minus
+    the sum of the statistics of fits with separate parameters for each recording. `df`: degrees of freedom of H."""
 
     recordings: tuple[str, ...]
     names: tuple[str, ...]
@@ -111,13 +98,11 @@ class Deviations:
 
     @property
     def of_mean(self) -> Matrix:
-        """Covariance (p, p) that the spread between recordings adds to the covariance of the pooled estimate.
-
-        With it, intervals are as wide as intervals that include the uncertainty of the estimated spread, whether a test
-        finds a spread or not. For equally accurate recordings, they are at least as wide as the t interval of their
-        mean, which holds for any spread. For recordings without a spread, this is four times the width without the
-        addition for two recordings, twice for three, and 1.3 times for five (docs/validation/recordings.md).
-        """
+        """Covariance (p, p) that the spread between recordings adds to the covariance of the pooled estimate. With it,
+        intervals are as wide as intervals that include the uncertainty of the estimated spread, whether a test finds a
+        spread or not. For equally accurate recordings, they are at least as wide as the t interval of their mean, which
+        holds for any spread. For recordings without a spread, this is four times the width without the addition for two
+        recordings, twice for three, and 1.3 times for five (docs/validation/recordings.md)."""
         information = np.sum(np.where(np.isfinite(self.values), 1 / self.variances, 0.0), axis=0)
         known = information > 0
         half = half_widths(self.values.T[known], self.variances.T[known])
@@ -129,9 +114,7 @@ class Deviations:
 
 def half_widths(x: Matrix, s2: Matrix) -> Vector:
     """Return the half widths (m,) of the 95 % confidence intervals of the means of m samples; see `Deviations.of_mean`.
-
-    `x` (m, n) has the n values of each sample, and `s2` (m, n) their variances without a spread between them.
-    """
+    `x` (m, n) has the n values of each sample, and `s2` (m, n) their variances without a spread between them."""
     alone = effects(x, s2, spread2=np.zeros(len(x)))
     half = NormalDist().inv_cdf((1 + LEVEL) / 2) * alone.error
     several = alone.count > 1
@@ -142,13 +125,8 @@ def half_widths(x: Matrix, s2: Matrix) -> Vector:
 
 
 def deviations(fit: Fit) -> Deviations:
-    """Compute the deviations of the recordings from a pooled fit; the result is stored with the fit.
-
-    Parameters
-    ----------
-    fit : Fit
-        Fit to several recordings, which are in `fit.wavelet_variance.recordings`.
-    """
+    """Compute the deviations of the recordings from a pooled fit; the result is stored with the fit. `fit`: fit to
+    several recordings, which are in `fit.wavelet_variance.recordings`."""
     if "_deviations" not in fit.__dict__:
         fit.__dict__["_deviations"] = _deviations(fit)
     found: Deviations = fit.__dict__["_deviations"]
@@ -156,19 +134,9 @@ def deviations(fit: Fit) -> Deviations:
 
 
 class _Part(NamedTuple):
-    """Data of the K usable levels of one recording r.
-
-    Attributes
-    ----------
-    place : int
-        Index of the recording.
-    curve, left, apart : (K,) arrays
-        Fitted curve, and the differences of the curve of the recording from the fitted curve and from the pooled curve.
-    scatter : (K, K) array
-        Covariance V_r.
-    slopes : (K, p) array
-        Derivatives D_r.
-    """
+    """Data of the K usable levels of one recording r. `place`: index of the recording. `curve`, `left`, `apart` (K,):
+    fitted curve, and the differences of the curve of the recording from the fitted curve and from the pooled curve.
+    `scatter` (K, K): covariance V_r. `slopes` (K, p): derivatives D_r."""
 
     place: int
     curve: Vector
@@ -230,13 +198,10 @@ def _parts(fit: Fit, names: list[str]) -> list[_Part]:
 
 
 def _error_between(parts: list[_Part]) -> float:
-    """Return the relative difference between the recordings at each level that the parameters do not describe.
-
-    It is 0 unless a test finds such a difference, for example in the shape of the noise at high frequencies. Without
-    it, the precise first levels would then determine the deviations of all parameters. It is chosen so that the
-    chi-square statistic of the part of the differences that the parameters do not describe equals its degrees of
-    freedom.
-    """
+    """Return the relative difference between the recordings at each level that the parameters do not describe. It is 0
+    unless a test finds such a difference, for example in the shape of the noise at high frequencies. Without it, the
+    precise first levels would then determine the deviations of all parameters. It is chosen so that the chi-square
+    statistic of the part of the differences that the parameters do not describe equals its degrees of freedom."""
     from scipy.special import gammaincc
 
     if len(parts) < 2:
@@ -261,11 +226,9 @@ def _error_between(parts: list[_Part]) -> float:
 
 
 def spread_of_mean(fit: Fit) -> Matrix:
-    """Return what the spread between recordings adds to the covariance of the wavelet variance, (J, J) in unit⁴.
-
-    The spread changes the parameters, so it moves the curve in the directions of its derivatives. The goodness-of-fit
-    test does not depend on it.
-    """
+    """Return what the spread between recordings adds to the covariance of the wavelet variance, (J, J) in unit⁴. The
+    spread changes the parameters, so it moves the curve in the directions of its derivatives. The goodness-of-fit test
+    does not depend on it."""
     found = deviations(fit)
     slopes = relative_jacobian(fit.model, Design.of(fit.wavelet_variance), found.names)
     return np.asarray(slopes @ found.of_mean @ slopes.T)

@@ -90,40 +90,17 @@ def settle(
     search: bool = True,
     returns: int = RETURNS,
 ) -> Settled:
-    """Iterate estimate and weights until they agree.
-
-    The iteration starts with weights from the data. The global search then uses the final weights, so that the estimate
-    is the proven optimum of the objective with the recorded Ω.
-
+    """Iterate estimate and weights until they agree. The iteration starts with weights from the data. The global search
+    then uses the final weights, so that the estimate is the proven optimum of the objective with the recorded Ω.
     Estimate and weights may fail to agree, for example if two estimates alternate because each implies weights that
     lead to the other. The final weights are then computed without the model, from the mixture of all processes with the
-    largest likelihood.
-
-    Parameters
-    ----------
-    weighting : "diagonal" or "optimal"
-        Weights 1 / V_jj, or V⁻¹.
-    certify : bool
-        Whether to compute the lower bound on the objective.
-    start : Model, optional
-        Model near the estimate, from which the first weights are computed.
-    fixed : float
-        Relative change of the curve below which the iteration ends.
-    first : callable, optional
-        Function that replaces the first global search.
-    search : bool
-        Whether to search again with the final weights. This is not needed if `start` is an estimate from almost the
-        same data.
-    returns : int
-        Largest number of iterations to convergence, each of which ends with a search.
-
-    Raises
-    ------
-    MissingTheoryError
-        If the weighting is "optimal" and the covariance of a process is unknown.
-    ModelError
-        If the weighting is "optimal" and the model has no noise at some level.
-    """
+    largest likelihood. `weighting`: weights 1 / V_jj, or V⁻¹. `certify`: whether to compute the lower bound on the
+    objective. `start`: model near the estimate, from which the first weights are computed. `fixed`: relative change of
+    the curve below which the iteration ends. `first`: function that replaces the first global search. `search`: whether
+    to search again with the final weights. This is not needed if `start` is an estimate from almost the same data.
+    `returns`: largest number of iterations to convergence, each of which ends with a search. Raises MissingTheoryError
+    if the weighting is "optimal" and the covariance of a process is unknown. Raises ModelError if the weighting is
+    "optimal" and the model has no noise at some level."""
 
     def finish(problem: Problem, solution: Solution) -> Solution:
         return final(problem, solution, certify=certify) if search else resume(problem, solution)
@@ -154,11 +131,9 @@ def settle(
 
 @dataclass(frozen=True, eq=False)
 class _Iterated:
-    """Problem with iterated weights, and its solution.
-
-    `change` and `expected` are the relative changes of the curve in the last iteration and, as expected, in the next
-    one. `reason` says why the model gives no weights; None if it does.
-    """
+    """Problem with iterated weights, and its solution. `change` and `expected` are the relative changes of the curve in
+    the last iteration and, as expected, in the next one. `reason` says why the model gives no weights; None if it
+    does."""
 
     problem: Problem
     solution: Solution
@@ -170,10 +145,8 @@ class _Iterated:
 def _iterated(
     problem: Problem, solution: Solution, wv: WaveletVariance, weighting: str, *, design: Design, fixed: float
 ) -> _Iterated:
-    """Iterate weights and estimate until the relative change of the curve is at most `fixed`, or until they diverge.
-
-    A compiled kernel is used if it knows the covariance of every process.
-    """
+    """Iterate weights and estimate until the relative change of the curve is at most `fixed`, or until they diverge. A
+    compiled kernel is used if it knows the covariance of every process."""
     search = search_for_weights(problem, design) if weighting == "diagonal" else None
     if search is not None:
         options = np.array([PRIOR, fixed, FAR, CUTOFF, ROUNDS, HOPE, MIXED], dtype=np.float64)
@@ -205,11 +178,9 @@ def _iterated(
 
 
 def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[Settled, Matrix]:
-    """Fit a model with weights that have nearly converged, to compare models.
-
-    The second result is the covariance V (J, J) from which the weights are computed. The last fits are cached, because
-    a search for a model and the ranking after it begin with the same fit.
-    """
+    """Fit a model with weights that have nearly converged, to compare models. The second result is the covariance V (J,
+    J) from which the weights are computed. The last fits are cached, because a search for a model and the ranking after
+    it begin with the same fit."""
     return _nearly_settled(model.processes, wv, weighting)
 
 
@@ -239,12 +210,10 @@ def _weights_of_the_data(weighting: str, wv: WaveletVariance, design: Design) ->
 
 
 class _Ahead:
-    """Acceleration of the fixed-point iteration by Anderson mixing of the logarithms of the parameters.
-
-    An iteration maps the parameters x of a model to the estimates g with the weights of this model. The next model is
-    the combination of the last estimates whose residual g − x would be smallest if the map were linear (Anderson 1965,
-    J. ACM 12, 547-560).
-    """
+    """Acceleration of the fixed-point iteration by Anderson mixing of the logarithms of the parameters. An iteration
+    maps the parameters x of a model to the estimates g with the weights of this model. The next model is the
+    combination of the last estimates whose residual g − x would be smallest if the map were linear (Anderson 1965, J.
+    ACM 12, 547-560)."""
 
     def __init__(self) -> None:
         self.given: dict[str, float] = {}
@@ -281,27 +250,11 @@ def _logarithms(model: Model) -> dict[str, float]:
 
 def implied_weights(weighting: str, model: Model, design: Design, observed: Vector | None = None) -> Matrix:
     """Compute the weights Ω that a model implies, from the covariance V of the wavelet variance under the model.
-
-    Parameters
-    ----------
-    weighting : "diagonal" or "optimal"
-        Weights 1 / V_jj, or V⁻¹.
-    model : Model
-        Model whose parameters all have values.
-    design : Design
-        Design of the wavelet variance.
-    observed : (J,) array, optional
-        Data ν̂². V is then scaled from the curve ν² of the model to ν̄² = (ην̂² + 1000ν²)/(η + 1000), where η are the
-        degrees of freedom. This changes little if the model is correct, and makes V larger where the model is below the
-        data.
-
-    Raises
-    ------
-    ModelError
-        If the model has no noise at some level.
-    MissingTheoryError
-        If the covariance of a process is unknown.
-    """
+    `weighting`: weights 1 / V_jj, or V⁻¹. `model`: model whose parameters all have values. `design`: design of the
+    wavelet variance. `observed` (J,): data ν̂². V is then scaled from the curve ν² of the model to ν̄² = (ην̂² +
+    1000ν²)/(η + 1000), where η are the degrees of freedom. This changes little if the model is correct, and makes V
+    larger where the model is below the data. Raises ModelError if the model has no noise at some level. Raises
+    MissingTheoryError if the covariance of a process is unknown."""
     if weighting == "optimal":
         return precision(drawn_covariance(model, design, observed))
     scale = _drawn_scale(model, design, observed)
@@ -309,13 +262,8 @@ def implied_weights(weighting: str, model: Model, design: Design, observed: Vect
 
 
 def reciprocal(variance: Vector, model: Model) -> Vector:
-    """Return the weights 1 / V_jj (J,) for the variances V_jj (J,) under a model.
-
-    Raises
-    ------
-    ModelError
-        If the model has no noise at some level.
-    """
+    """Return the weights 1 / V_jj (J,) for the variances V_jj (J,) under a model. Raises ModelError if the model has no
+    noise at some level."""
     with np.errstate(over="ignore", divide="ignore"):
         weights = 1 / variance
     if not np.all(np.isfinite(weights)):

@@ -58,12 +58,9 @@ TOGETHER = 0.03
 
 @dataclass(frozen=True)
 class Solution:
-    """Optimum of an estimation problem.
-
-    It has the scales of the linear processes, the terms with free shapes and their places, and the objective with its
-    bounds. `point` and `curvature` are the coordinates and the second derivatives at the optimum if the problem has
-    free processes.
-    """
+    """Optimum of an estimation problem. It has the scales of the linear processes, the terms with free shapes and their
+    places, and the objective with its bounds. `point` and `curvature` are the coordinates and the second derivatives at
+    the optimum if the problem has free processes."""
 
     objective: float
     lower_bound: float | None
@@ -80,12 +77,10 @@ class Solution:
 
 
 def solve(problem: Problem, *, certify: bool, quick: bool = False, near: Solution | None = None) -> Solution:
-    """Find the optimum of a problem from deterministic starting points.
-
-    Without free processes, it is the global optimum, with a certificate if `certify`. Otherwise it is the best of the
-    local optima that descents from the points of a scan and from the solution `near` reach. If `quick`, only the best
-    points of the scan are used, which is enough if the weights will change.
-    """
+    """Find the optimum of a problem from deterministic starting points. Without free processes, it is the global
+    optimum, with a certificate if `certify`. Otherwise it is the best of the local optima that descents from the points
+    of a scan and from the solution `near` reach. If `quick`, only the best points of the scan are used, which is enough
+    if the weights will change."""
     if problem.free:
         return _scanned(problem, quick=quick, near=near)
     square = problem.unit**2
@@ -120,10 +115,8 @@ def solve(problem: Problem, *, certify: bool, quick: bool = False, near: Solutio
 
 
 def solve_near(problem: Problem) -> Solution:
-    """Find the optimum near the values in the model, without a scan.
-
-    This is sufficient if the values were estimated from almost the same data.
-    """
+    """Find the optimum near the values in the model, without a scan. This is sufficient if the values were estimated
+    from almost the same data."""
     if not problem.free:
         return solve(problem, certify=False)
     surface = Surface(problem)
@@ -137,10 +130,8 @@ def solve_near(problem: Problem) -> Solution:
 
 
 def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solution:
-    """Find the local optimum that is nearest to the solution of the problem with slightly different weights.
-
-    If `ends`, also find the process that the data cannot distinguish from each curved term.
-    """
+    """Find the local optimum that is nearest to the solution of the problem with slightly different weights. If `ends`,
+    also find the process that the data cannot distinguish from each curved term."""
     if solution.point is not None:
         return _resumed(problem, solution, ends=ends)
     if problem.curved_class is None:
@@ -176,10 +167,8 @@ def solve_sampled(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
 
 def final(problem: Problem, solution: Solution, *, certify: bool) -> Solution:
     """Solve the problem with the final weights, by the global search or from the optimum that random draws led to.
-
     After random draws, the bounds are those of the global search, because the draws may have missed the global optimum.
-    `Start.default` then has the objective that the global search reaches with the same weights.
-    """
+    `Start.default` then has the objective that the global search reaches with the same weights."""
     if solution.start.how != "sampled":
         return solve(problem, certify=certify, near=solution)
     followed = resume(problem, solution, ends=True)
@@ -223,11 +212,9 @@ def _scanned(problem: Problem, *, quick: bool, near: Solution | None) -> Solutio
 def _lowest(
     problem: Problem, surface: Surface, points: list[Point], *, count: int = FOLLOWED, known: Projection | None = None
 ) -> tuple[int | None, Projection] | None:
-    """Return the best local optimum that descents from points reach, with the index of its point.
-
-    After a few steps, the better half of the descents continues for a few more steps, and then the best `count` of them
-    are followed to the end. If the `known` optimum is better, it is returned with the index None.
-    """
+    """Return the best local optimum that descents from points reach, with the index of its point. After a few steps,
+    the better half of the descents continues for a few more steps, and then the best `count` of them are followed to
+    the end. If the `known` optimum is better, it is returned with the index None."""
     steps = SCOUTED if len(surface.frees) == 1 else SCOUTED_BESIDE
     scouts = [(k, found) for k, point in enumerate(points) if (found := surface.downhill(point, steps)) is not None]
     scouts.sort(key=lambda scout: scout[1].objective)
@@ -295,10 +282,8 @@ def _resumed(problem: Problem, solution: Solution, *, ends: bool) -> Solution:
 
 
 def _at_rest(surface: Surface, found: Projection) -> bool:
-    """Return whether the gradient is zero up to rounding errors.
-
-    Each component must be at most 1e-10 of the product of the lengths of the vectors whose inner product it is.
-    """
+    """Return whether the gradient is zero up to rounding errors. Each component must be at most 1e-10 of the product of
+    the lengths of the vectors whose inner product it is."""
     slopes = surface.slopes(found)
     gradient = -slopes @ found.residual
     able = surface.moving(found, gradient)
@@ -307,10 +292,8 @@ def _at_rest(surface: Surface, found: Projection) -> bool:
 
 
 def _solution(problem: Problem, surface: Surface, found: Projection, start: Start, *, ends: bool = True) -> Solution:
-    """Return the solution for an optimum.
-
-    If `ends`, it includes the process that the data cannot distinguish from each curved term.
-    """
+    """Return the solution for an optimum. If `ends`, it includes the process that the data cannot distinguish from each
+    curved term."""
     linear = len(problem.linear)
     u, z = surface.split(found.point)
     terms: tuple[Term, ...] = ()
@@ -340,10 +323,8 @@ def _solution(problem: Problem, surface: Surface, found: Projection, start: Star
 
 
 def estimated(problem: Problem, solution: Solution, slope: float | None) -> Model:
-    """Return the model with the values of a solution, in the same order of terms.
-
-    A parameter with a sign gets the sign of the `slope` of the data, if the slope is known.
-    """
+    """Return the model with the values of a solution, in the same order of terms. A parameter with a sign gets the sign
+    of the `slope` of the data, if the slope is known."""
     processes = list(problem.model.processes)
     for place, scale in zip(problem.linear, solution.scales, strict=True):
         processes[place] = _with_scale(processes[place], float(scale), slope)

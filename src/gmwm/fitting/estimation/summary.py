@@ -78,10 +78,8 @@ def test_in_words(fit: Fit, how: IntervalMethod) -> tuple[GoodnessOfFit | None, 
 
 
 def inference(fit: Fit, how: IntervalMethod) -> dict[str, Any]:
-    """Return the intervals, the standard errors and the test as plain numbers and strings for JSON.
-
-    None replaces a number that is infinite, and a test that cannot be computed.
-    """
+    """Return the intervals, the standard errors and the test as plain numbers and strings for JSON. None replaces a
+    number that is infinite, and a test that cannot be computed."""
     intervals, _ = intervals_if_known(fit, how)
     test, _ = test_in_words(fit, how)
     return {
@@ -135,10 +133,8 @@ def without_axis(*remarks: Remark | None) -> list[Remark]:
 
 
 def short_values(fit: Fit, how: IntervalMethod) -> dict[str, str]:
-    """Return a short text for each parameter.
-
-    It is the estimate with its relative standard error, an upper limit, or the process as which the term acts.
-    """
+    """Return a short text for each parameter. It is the estimate with its relative standard error, an upper limit, or
+    the process as which the term acts."""
     intervals, _ = intervals_if_known(fit, how)
     shown = {}
     for row in rows(fit, intervals, how):
@@ -252,10 +248,8 @@ def as_html(fit: Fit) -> str:
 
 
 def table_html(head: Sequence[str], rows: Iterable[Row], words: Iterable[str]) -> str:
-    """Return HTML with a title and facts (`head`), a table of parameters with 95 % intervals (`rows`), and remarks.
-
-    The remarks (`words`) are HTML already.
-    """
+    """Return HTML with a title and facts (`head`), a table of parameters with 95 % intervals (`rows`), and remarks. The
+    remarks (`words`) are HTML already."""
     cells = "".join(
         f"<tr><td>{escape(row.name)}</td><td>{escape(row.estimate)}</td><td>{escape(row.interval)}</td>"
         f"<td>{escape(row.error)}</td><td>{escape(row.unit)}</td></tr>"

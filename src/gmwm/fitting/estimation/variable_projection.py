@@ -53,10 +53,8 @@ _COMPLEX = 1e-30
 
 
 class Coordinates:
-    """Coordinates of one free process.
-
-    They are the joint coordinates of its class, or one coordinate for each free parameter if some parameters are fixed.
-    """
+    """Coordinates of one free process. They are the joint coordinates of its class, or one coordinate for each free
+    parameter if some parameters are fixed."""
 
     def __init__(self, process: Process) -> None:
         self.kind = type(process)
@@ -84,9 +82,7 @@ class Coordinates:
 
     def with_slopes(self, z: Vector) -> tuple[Matrix, Matrix]:
         """Return the nonlinear parameters (1, q) at one point z (d,), and their derivatives (q, d) with respect to z.
-
-        The derivatives are computed by complex steps.
-        """
+        The derivatives are computed by complex steps."""
         moved = self.values(z + 1j * _COMPLEX * np.eye(z.size))
         return np.ascontiguousarray(moved[:1].real), np.asarray(moved.imag.T / _COMPLEX)
 
@@ -127,11 +123,8 @@ class Coordinates:
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """Point in the space of all shapes.
-
-    `branches` has the branch of each curved process. `x` has the search coordinates u of the curved processes, followed
-    by the coordinates of the free processes.
-    """
+    """Point in the space of all shapes. `branches` has the branch of each curved process. `x` has the search
+    coordinates u of the curved processes, followed by the coordinates of the free processes."""
 
     branches: tuple[Branch, ...]
     x: Vector
@@ -140,10 +133,8 @@ class Point:
 @dataclass(frozen=True, eq=False)
 class Projection:
     """Smallest objective for given shapes, with the non-negative weights of the linear, curved and free processes.
-
     `units` are the unit vectors of the processes, `lengths` the lengths of the weighted wavelet variances of the curved
-    and free processes, and `residual` is the target minus the weighted sum of the unit vectors.
-    """
+    and free processes, and `residual` is the target minus the weighted sum of the unit vectors."""
 
     objective: float
     point: Point
@@ -219,10 +210,8 @@ class Surface:
         return np.concatenate([np.empty((0, problem.levels.size)), *rows])
 
     def curved_alone(self, z: list[Vector]) -> Search:
-        """Return the search for the curved processes if the free processes have the fixed coordinates `z`.
-
-        Free processes whose wavelet variance is zero are left out.
-        """
+        """Return the search for the curved processes if the free processes have the fixed coordinates `z`. Free
+        processes whose wavelet variance is zero are left out."""
         problem, found = self.problem, self.free_shapes(z)
         assert problem.curved_class is not None
         seen = np.any(found > 0, axis=1)
@@ -237,10 +226,8 @@ class Surface:
         return shapes(curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
 
     def slopes(self, found: Projection) -> Matrix:
-        """Return the derivatives (d, J) of Σ weight · unit vector with respect to every coordinate.
-
-        The lengths by which the unit vectors are scaled are treated as constants.
-        """
+        """Return the derivatives (d, J) of Σ weight · unit vector with respect to every coordinate. The lengths by
+        which the unit vectors are scaled are treated as constants."""
         problem, first = self.problem, len(self.fixed)
         u, z = self.split(found.point)
         branches = found.point.branches
@@ -266,10 +253,8 @@ class Surface:
         return np.asarray((np.concatenate(rows) @ problem.root.T) * share[:, None])
 
     def moving(self, found: Projection, gradient: Vector) -> NDArray[np.bool_]:
-        """Return a mask of the coordinates that can change.
-
-        The process must have a weight, and a step against the gradient must not leave the branch.
-        """
+        """Return a mask of the coordinates that can change. The process must have a weight, and a step against the
+        gradient must not leave the branch."""
         first, count = len(self.fixed), len(found.point.branches)
         free = [np.full(f.size, w > 0) for f, w in zip(self.frees, found.weights[first + count :], strict=True)]
         able = np.concatenate([found.weights[first : first + count] > 0, *free])
@@ -328,11 +313,9 @@ class Surface:
         return np.asarray(slopes - (slopes @ basis) @ basis.T)
 
     def sharpened(self, best: Projection, known: Curvature | None = None) -> tuple[Projection, Curvature | None]:
-        """Return the optimum after Newton steps, and the last second derivatives.
-
-        Steps that increase the objective are rejected. The same second derivatives are used until the steps converge
-        slowly. `known` are the second derivatives of the problem with slightly different weights.
-        """
+        """Return the optimum after Newton steps, and the last second derivatives. Steps that increase the objective are
+        rejected. The same second derivatives are used until the steps converge slowly. `known` are the second
+        derivatives of the problem with slightly different weights."""
         square, before, computed = self.problem.unit**2, np.inf, 0
         for _ in range(NEWTON_STEPS):
             gradient = -self.slopes(best) @ best.residual
@@ -365,10 +348,8 @@ class Surface:
         return best, known
 
     def _hessian(self, best: Projection, able: NDArray[np.bool_]) -> Matrix | None:
-        """Return the Hessian for the coordinates that `able` marks, by differences of gradients.
-
-        It is None if it is not positive definite.
-        """
+        """Return the Hessian for the coordinates that `able` marks, by differences of gradients. It is None if it is
+        not positive definite."""
         count, step = int(np.count_nonzero(able)), 1e-4
         if count == 0:
             return None

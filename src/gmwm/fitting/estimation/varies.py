@@ -27,30 +27,17 @@ class Function:
 
 @dataclass(frozen=True)
 class Varies:
-    """Functions φ_m of the condition c in the variance Σ_m s_m φ_m(c) of a term.
-
-    Attributes
-    ----------
-    condition : str
-        Name of the condition; "" if the functions do not name it.
-    functions : tuple of Function
-        Functions φ_m.
-    """
+    """Functions φ_m of the condition c in the variance Σ_m s_m φ_m(c) of a term. `condition`: name of the condition; ""
+    if the functions do not name it. `functions`: functions φ_m."""
 
     condition: str
     functions: tuple[Function, ...]
 
     @classmethod
     def parse(cls, text: str) -> Varies:
-        """Parse the text of a sum such as "1 + rate**2".
+        """Parse the text of a sum such as "1 + rate**2". Raises OptionError if the text is not a sum of known
+        functions.
 
-        Raises
-        ------
-        OptionError
-            If the text is not a sum of known functions.
-
-        Examples
-        --------
         >>> [one.text for one in Varies.parse("1 + rate^2").functions]
         ['1', 'rate^2']
         """
@@ -78,12 +65,7 @@ class Varies:
 
     def at(self, conditions: Vector, term: str) -> Matrix:
         """Return the values φ_m(c_s) (m, s) of the functions at the conditions c_s (s,). `term` is named in errors.
-
-        Raises
-        ------
-        ModelError
-            If a function is negative at a condition, or the conditions cannot separate the functions.
-        """
+        Raises ModelError if a function is negative at a condition, or the conditions cannot separate the functions."""
         rows = np.array([one.of(conditions) for one in self.functions])
         for one, row in zip(self.functions, rows, strict=True):
             if np.any(row < 0):
@@ -102,13 +84,8 @@ class Varies:
 
 
 def parsed(varies: Mapping[str, str]) -> tuple[dict[str, Varies], str]:
-    """Parse the sum of functions that describes the variance of each term, and find the name of the condition.
-
-    Raises
-    ------
-    OptionError
-        If a sum cannot be parsed, or two sums name different conditions.
-    """
+    """Parse the sum of functions that describes the variance of each term, and find the name of the condition. Raises
+    OptionError if a sum cannot be parsed, or two sums name different conditions."""
     if not isinstance(varies, Mapping):
         raise OptionError(argument="varies", expected="a mapping such as {'WN': '1 + rate**2'}", got=varies)
     found = {term: Varies.parse(text) for term, text in varies.items()}
@@ -123,10 +100,8 @@ def _power(power: int) -> Callable[[Vector], Vector]:
 
 
 def _hats(inside: str, text: str) -> list[Function]:
-    """Return one piecewise linear function for each number in hats(…).
-
-    It is 1 at this number and 0 at the others, and constant outside their range.
-    """
+    """Return one piecewise linear function for each number in hats(…). It is 1 at this number and 0 at the others, and
+    constant outside their range."""
     try:
         places = np.array([float(word) for word in inside.split(",")])
     except ValueError:

@@ -13,17 +13,9 @@ from gmwm.measuring.variance.result import WaveletVariance
 
 @dataclass(frozen=True)
 class Losses:
-    """Gaps of a planned recording, which repeat the gaps of a pilot recording.
+    """Gaps of a planned recording, which repeat the gaps of a pilot recording. `filled`: share of the samples that are
+    filled. `segments`: lengths of the segments of the pilot recording; () if all its gaps are filled or it has no gaps.
 
-    Attributes
-    ----------
-    filled : float
-        Share of the samples that are filled.
-    segments : tuple of int
-        Lengths of the segments of the pilot recording; () if all its gaps are filled or it has no gaps.
-
-    Examples
-    --------
     >>> Losses(segments=(500, 1500)).design(1200, 100.0)[0].segments, Losses(segments=(500, 1500)).shortest(512)
     ((500, 700), 1012)
     """
@@ -40,13 +32,8 @@ class Losses:
         return bool(self.filled or self.segments)
 
     def shortest(self, least: int) -> int:
-        """Return the length (samples) of the shortest recording with a segment of `least` samples.
-
-        Raises
-        ------
-        OptionError
-            If all segments are shorter than `least` samples.
-        """
+        """Return the length (samples) of the shortest recording with a segment of `least` samples. Raises OptionError
+        if all segments are shorter than `least` samples."""
         before = 0
         for length in self.segments:
             if length >= least:
@@ -60,10 +47,8 @@ class Losses:
         return least
 
     def design(self, samples: int, rate: float) -> tuple[Design, float]:
-        """Return the design of a recording of `samples` samples, and a factor by which its covariance is multiplied.
-
-        If the segments are repeated m times, the design has one repetition, and the factor is 1/m.
-        """
+        """Return the design of a recording of `samples` samples, and a factor by which its covariance is multiplied. If
+        the segments are repeated m times, the design has one repetition, and the factor is 1/m."""
         filled, share, segments = round(self.filled * samples), 1.0, self.segments
         if not segments:
             return Design(np.arange(1, samples.bit_length()), samples, rate, filled=filled), share

@@ -284,10 +284,8 @@ class Plan(Summarised):
         return self._known[samples]
 
     def _needed(self, k: int, accuracy: float) -> float:
-        """Return the number of samples from which the relative error of parameter k is at most `accuracy`.
-
-        It is infinite if it exceeds the horizon.
-        """
+        """Return the number of samples from which the relative error of parameter k is at most `accuracy`. It is
+        infinite if it exceeds the horizon."""
 
         def enough(samples: int) -> bool:
             return bool(self._at(samples)[k] <= accuracy)
@@ -390,10 +388,8 @@ def plan(
 def relative_errors(
     model: Model, samples: int, rate: float, weighting: Literal["diagonal", "optimal"], losses: Losses = NONE
 ) -> tuple[tuple[str, ...], Vector]:
-    """Return the names of the p free parameters, and their relative standard errors (p,), for a recording.
-
-    The recording has `samples` samples and the gaps `losses`.
-    """
+    """Return the names of the p free parameters, and their relative standard errors (p,), for a recording. The
+    recording has `samples` samples and the gaps `losses`."""
     design, share = losses.design(samples, rate)
     wavelet = share * covariance(model, design)
     found = sandwich_of(model, design, _weights(wavelet, weighting), wavelet)
@@ -414,10 +410,8 @@ def _weights(wavelet: Matrix, weighting: Literal["diagonal", "optimal"]) -> Matr
 
 
 def _free(model: Model, rate: float) -> int:
-    """Return the number of free parameters of a model.
-
-    Raises ModelError if a parameter has no value or a term is zero.
-    """
+    """Return the number of free parameters of a model. Raises ModelError if a parameter has no value or a term is
+    zero."""
     missing = {
         term: [parameter for parameter, value in process.values.items() if value is None]
         for term, process in zip(model.terms, model.processes, strict=True)
@@ -463,10 +457,8 @@ def _require_range(model: Model, samples: int, rate: float) -> None:
 
 
 def samples_of(duration: float, rate: float, free: int, losses: Losses = NONE) -> int:
-    """Return the number of samples of a recording of `duration` (s).
-
-    Raises OptionError unless the recording has more levels than `free`, the number of free parameters.
-    """
+    """Return the number of samples of a recording of `duration` (s). Raises OptionError unless the recording has more
+    levels than `free`, the number of free parameters."""
     known = isinstance(duration, int | float | np.number) and not isinstance(duration, bool)
     if not (known and math.isfinite(duration) and duration > 0):
         raise OptionError(argument="duration", expected="a positive number (s)", got=duration)

@@ -29,19 +29,9 @@ for the degrees of freedom of the standard errors."""
 
 @dataclass(frozen=True, eq=False)
 class Regressed:
-    """A recording together with the columns of a regression on conditions.
-
-    Attributes
-    ----------
-    signal : Signal
-        The recording.
-    covariates : Covariates
-        The conditions.
-    first : Regression
-        A first regression by wavelet levels. Its estimate of the time constant of a warm-up is used in the columns.
-    record : Record
-        The recording for the Kalman filter, with the columns.
-    """
+    """A recording together with the columns of a regression on conditions. `signal`: the recording. `covariates`: the
+    conditions. `first`: a first regression by wavelet levels. Its estimate of the time constant of a warm-up is used in
+    the columns. `record`: the recording for the Kalman filter, with the columns."""
 
     signal: Signal
     covariates: Covariates
@@ -50,13 +40,8 @@ class Regressed:
 
     @classmethod
     def of(cls, data: Signal | ArrayLike, rate: float | None, record: Record, asked: Asked) -> Regressed:
-        """Compute the regression columns at every sample of a recording.
-
-        Raises
-        ------
-        DataError, OptionError
-            If a covariate cannot be used.
-        """
+        """Compute the regression columns at every sample of a recording. Raises DataError or OptionError if a covariate
+        cannot be used."""
         signal = data if isinstance(data, Signal) else Signal(as_vector(data, "data"), as_rate(rate))
         covariates = Covariates.of(asked.terms, dict(asked.arrays or {}), signal)
         first = regress(signal, covariates)

@@ -32,43 +32,18 @@ from gmwm.theory.processes.parameter import Fixed
 def loglikelihood(
     model: Model | Process | str, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None
 ) -> float:
-    """Compute the exact Gaussian log-likelihood of a recording under a model with known parameter values.
+    """Compute the exact Gaussian log-likelihood of a recording under a model with known parameter values. log p(x) = −½
+    [N log 2π + Σ log S_t + Σ v_t²/S_t], with v_t the innovations of a Kalman filter and S_t their variances. Unknown
+    levels (the mean of the recording, the initial value of a random walk) have a flat prior and are integrated out, as
+    in an exact diffuse initialisation. The slope of a drift has the value that the model states. `model`: the model,
+    with values of all parameters. `data`: the recording. Gaps of a signal are treated as missing samples; in an array,
+    NaN is a missing sample. `rate`: sampling rate (Hz); needed only if `data` is an array. `mean`: mean of the
+    recording if it is known, for example 0 for simulated noise; unknown by default. Returns natural logarithm of the
+    density of the observed samples. Raises ModelError if a parameter has no value, or the model predicts a sample
+    exactly. Raises MissingTheoryError if a term has no state-space form. Raises DataError or OptionError if the data or
+    the rate cannot be used. Source: Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed.,
+    chapters 5 and 7.
 
-    log p(x) = −½ [N log 2π + Σ log S_t + Σ v_t²/S_t], with v_t the innovations of a Kalman filter and S_t their
-    variances. Unknown levels (the mean of the recording, the initial value of a random walk) have a flat prior and are
-    integrated out, as in an exact diffuse initialisation. The slope of a drift has the value that the model states.
-
-    Parameters
-    ----------
-    model : Model, Process or str
-        The model, with values of all parameters.
-    data : Signal or (N,) array
-        The recording. Gaps of a signal are treated as missing samples; in an array, NaN is a missing sample.
-    rate : float, optional
-        Sampling rate (Hz); needed only if `data` is an array.
-    mean : float, optional
-        Mean of the recording if it is known, for example 0 for simulated noise; unknown by default.
-
-    Returns
-    -------
-    float
-        Natural logarithm of the density of the observed samples.
-
-    Raises
-    ------
-    ModelError
-        If a parameter has no value, or the model predicts a sample exactly.
-    MissingTheoryError
-        If a term has no state-space form.
-    DataError, OptionError
-        If the data or the rate cannot be used.
-
-    References
-    ----------
-    Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., chapters 5 and 7.
-
-    Examples
-    --------
     >>> from gmwm import Model
     >>> white = Model.parse("WN(sigma2=1.0)")
     >>> x = white.simulate(1000, 100.0, rng=1)
@@ -298,12 +273,9 @@ def _renamed(name: str, terms: dict[str, str]) -> str:
 
 
 def _level(problem: Problem, level: Level, best: Model) -> tuple[float | None, float | None]:
-    """Return the estimated mean of the recording and its standard error.
-
-    Both are None if the mean is known, or if a random walk of the model includes it.
-
-    If the variance of the random walk is estimated as zero, its constant level is the mean.
-    """
+    """Return the estimated mean of the recording and its standard error. Both are None if the mean is known, or if a
+    random walk of the model includes it. If the variance of the random walk is estimated as zero, its constant level is
+    the mean."""
     if problem.mean is None:
         zero = {term for term, process in zip(best.terms, best.processes, strict=True) if process.scale == 0}
         for k, regressor in enumerate(problem.regressors):

@@ -76,13 +76,8 @@ class _Profile:
         self.fit, self.z = fit, z
 
     def has(self, name: str) -> bool:
-        """Return whether a profile interval exists for a parameter, which must depend on one coordinate only.
-
-        Raises
-        ------
-        ModelError
-            If the fit was read from a file, which does not hold the recording.
-        """
+        """Return whether a profile interval exists for a parameter, which must depend on one coordinate only. Raises
+        ModelError if the fit was read from a file, which does not hold the recording."""
         if self.fit.record is None:
             raise ModelError(
                 f"the profile interval of {name} needs the recording, and the fit was read from a file",
@@ -159,9 +154,7 @@ class _Profile:
 
     def _along(self, best: Vector, k: int) -> Vector:
         """Return the direction of the profile of coordinate k at the maximum, and set `reach` to its standard error.
-
-        The direction is I⁻¹e_k / (I⁻¹)_kk, with I the information matrix and e_k the unit vector of the coordinate.
-        """
+        The direction is I⁻¹e_k / (I⁻¹)_kk, with I the information matrix and e_k the unit vector of the coordinate."""
         gone = {k for k, c in enumerate(self.problem.coordinates) if c.shape is None and best[k] == -math.inf}
         terms = {self.problem.coordinates[i].term for i in gone}
         active = [i for i, c in enumerate(self.problem.coordinates) if c.term not in terms]
@@ -176,10 +169,8 @@ class _Profile:
         return along
 
     def _limit_from_zero(self, k: int, name: str, best: Vector) -> float | None:
-        """Return the upper limit of the scale of a term that is zero at the maximum.
-
-        At this scale, the profile is z²/2 below the maximum.
-        """
+        """Return the upper limit of the scale of a term that is zero at the maximum. At this scale, the profile is z²/2
+        below the maximum."""
         at = best.copy()
         at[k] = self.problem.faint(best, k, self.fit.model, 1e-3)
         found = self.problem.evaluate(at, [k])
@@ -205,10 +196,8 @@ class _Profile:
 
     def _root(self, z: Vector, k: int) -> tuple[float, Vector]:
         """Return the square root of the deviance, and the coordinates of the maximum with coordinate k held at its
-        value.
-
-        The deviance is twice the difference between the maximum of the log-likelihood and its profile at coordinate k.
-        """
+        value. The deviance is twice the difference between the maximum of the log-likelihood and its profile at
+        coordinate k."""
         found = Search(self.problem, held=(k,), tolerance=_GAIN, revive=False).run(z)
         if found is None:
             return math.inf, z

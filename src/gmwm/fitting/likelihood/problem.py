@@ -56,17 +56,8 @@ class Evaluation:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A likelihood as a function of coordinates, for a model with starting values and a recording.
-
-    Attributes
-    ----------
-    model : Model
-        The model with starting values of all parameters.
-    record : Record
-        The recording.
-    mean : float or None
-        Mean of the recording if it is known.
-    """
+    """A likelihood as a function of coordinates, for a model with starting values and a recording. `model`: the model
+    with starting values of all parameters. `record`: the recording. `mean`: mean of the recording if it is known."""
 
     model: Model
     record: Record
@@ -182,11 +173,8 @@ class Problem:
         return np.array(out).reshape(-1, 2)
 
     def faint(self, z: Vector, k: int, model: Model, share: float) -> float:
-        """Return a value for scale coordinate k at which its term is negligible.
-
-        The wavelet variance of the term is then at most the fraction `share` of the wavelet variance of the model, at
-        every level.
-        """
+        """Return a value for scale coordinate k at which its term is negligible. The wavelet variance of the term is
+        then at most the fraction `share` of the wavelet variance of the model, at every level."""
         levels, at = max(int(math.log2(self.record.observed)), 1), z.copy()
         at[k] = 0.0
         own = self.at_point(at).processes[self.coordinates[k].term].wavelet_variance(levels, self.rate)
@@ -261,12 +249,8 @@ def _inverse(gram: Matrix) -> Matrix:
 
 
 def standardised(problem: Problem, model: Model) -> tuple[Vector, int]:
-    """Return the standardised innovations (N,) and the number of fitted regression coefficients.
-
-    The innovations are NaN where a sample is missing.
-
-    The coefficients are estimated from the whole recording.
-    """
+    """Return the standardised innovations (N,) and the number of fitted regression coefficients. The innovations are
+    NaN where a sample is missing. The coefficients are estimated from the whole recording."""
     system = assemble(model, problem.rate)
     value, level = _likelihood(system, problem.series, problem.regressors)
     if not math.isfinite(value):

@@ -21,27 +21,12 @@ tests/likelihood/test_loglikelihood.py."""
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Equally spaced samples of one axis, with optional columns of a regression.
-
-    Attributes
-    ----------
-    values : (N,) array, in `unit`
-        Samples; NaN where a sample is missing.
-    rate : float
-        Sampling rate (Hz).
-    unit, axis : str
-        Unit of the samples and name of the axis, or "".
-    start : float
-        Time of the first sample (s).
-    centre : float
-        A number near the values, subtracted before squares are computed to avoid cancellation.
-    columns : (p, N) array
-        Columns of a regression on conditions, scaled to standard deviation 1; none by default.
-    scales : (p,) array
-        Standard deviations of the columns before they were scaled.
-    names : tuple of str
-        Names of the columns.
-    """
+    """Equally spaced samples of one axis, with optional columns of a regression. `values` (N,): samples; NaN where a
+    sample is missing. `rate`: sampling rate (Hz). `unit`, `axis`: unit of the samples and name of the axis, or "".
+    `start`: time of the first sample (s). `centre`: a number near the values, subtracted before squares are computed to
+    avoid cancellation. `columns` (p, N): columns of a regression on conditions, scaled to standard deviation 1; none by
+    default. `scales` (p,): standard deviations of the columns before they were scaled. `names`: names of the
+    columns."""
 
     values: Vector
     rate: float
@@ -72,10 +57,8 @@ class Record:
         return np.asarray(self.start + np.arange(self.values.size) / self.rate)
 
     def signal(self) -> Signal:
-        """Return the recording as a signal with its short gaps filled, for its wavelet variance.
-
-        If most samples are in segments that are too short, missing samples are interpolated linearly instead.
-        """
+        """Return the recording as a signal with its short gaps filled, for its wavelet variance. If most samples are in
+        segments that are too short, missing samples are interpolated linearly instead."""
         signal = Signal.from_missing(self.values, self.rate, self.unit, self.axis).fill_gaps()
         kept = sum(b - a for a, b in signal.segments if b - a >= MINIMUM_SAMPLES)
         if 2 * kept >= len(signal):
@@ -86,31 +69,12 @@ class Record:
 
 
 def as_record(data: Signal | ArrayLike, rate: float | None, *, name: str = "data") -> Record:
-    """Make a recording for the Kalman filter from a signal or an array.
-
-    Parameters
-    ----------
-    data : Signal or (N,) array
-        Gaps between the segments of a signal become missing samples. Their number follows from the time stamps; if the
-        clock was set back, it is 1. In an array, NaN or a masked value is a missing sample.
-    rate : float, optional
-        Sampling rate (Hz); needed only if `data` is an array.
-    name : str
-        Name of the argument, for error messages.
-
-    Returns
-    -------
-    Record
-
-    Raises
-    ------
-    DataError
-        If fewer than 8 samples are observed, if a value is infinite, or if the gaps are much longer than the recording.
-    ModelError
-        If all samples are equal.
-    OptionError
-        If the rate is missing, or differs from the rate of the signal.
-    """
+    """Make a recording for the Kalman filter from a signal or an array. `data`: gaps between the segments of a signal
+    become missing samples. Their number follows from the time stamps; if the clock was set back, it is 1. In an array,
+    NaN or a masked value is a missing sample. `rate`: sampling rate (Hz); needed only if `data` is an array. `name`:
+    name of the argument, for error messages. Raises DataError if fewer than 8 samples are observed, if a value is
+    infinite, or if the gaps are much longer than the recording. Raises ModelError if all samples are equal. Raises
+    OptionError if the rate is missing, or differs from the rate of the signal."""
     if isinstance(data, Signal):
         if rate is not None and as_rate(rate) != data.rate:
             raise OptionError(

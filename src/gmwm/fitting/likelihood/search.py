@@ -36,23 +36,10 @@ information about it, are below this value."""
 
 @dataclass(frozen=True, eq=False)
 class Maximum:
-    """A local maximum of the likelihood.
-
-    Attributes
-    ----------
-    z : (q,) array
-        Coordinates; −inf for the scale of a term that is zero.
-    active : tuple of int
-        Numbers of the coordinates that are not at a bound and do not belong to a term that is zero.
-    at_end : mapping of coordinate to side
-        Shape coordinates that are at a bound, with −1 for the lower bound and 1 for the upper one.
-    evaluation : Evaluation
-        The last evaluation of the likelihood.
-    evaluations : int
-        Number of evaluations.
-    converged : bool
-        Whether the search converged.
-    """
+    """A local maximum of the likelihood. `z` (q,): coordinates; −inf for the scale of a term that is zero. `active`:
+    numbers of the coordinates that are not at a bound and do not belong to a term that is zero. `at_end`: shape
+    coordinates that are at a bound, with −1 for the lower bound and 1 for the upper one. `evaluation`: the last
+    evaluation of the likelihood. `evaluations`: number of evaluations. `converged`: whether the search converged."""
 
     z: Vector
     active: tuple[int, ...]
@@ -66,21 +53,10 @@ Progress = Callable[[int, float], None]
 
 
 class Search:
-    """A search for a local maximum of a likelihood.
-
-    Parameters
-    ----------
-    problem : Problem
-        The likelihood.
-    held : tuple of int
-        Numbers of the coordinates that do not change.
-    progress : callable, optional
-        Function that is called after each evaluation with the number of evaluations and the log-likelihood.
-    tolerance : float
-        The search ends when the expected increase of the log-likelihood is smaller than this.
-    revive : bool
-        Whether to try at the end to add terms again that became zero.
-    """
+    """A search for a local maximum of a likelihood. `problem`: the likelihood. `held`: numbers of the coordinates that
+    do not change. `progress`: function that is called after each evaluation with the number of evaluations and the
+    log-likelihood. `tolerance`: the search ends when the expected increase of the log-likelihood is smaller than this.
+    `revive`: whether to try at the end to add terms again that became zero."""
 
     def __init__(
         self,
@@ -146,10 +122,8 @@ class Search:
         return found
 
     def _climb(self, z: Vector) -> tuple[Vector, Evaluation | None, bool]:
-        """Climb to a local maximum with steps d = (I + μ diag I)⁻¹ g (gradient g, information matrix I, damping μ).
-
-        The steps end when the expected increase of the log-likelihood is below the tolerance or its rounding error.
-        """
+        """Climb to a local maximum with steps d = (I + μ diag I)⁻¹ g (gradient g, information matrix I, damping μ). The
+        steps end when the expected increase of the log-likelihood is below the tolerance or its rounding error."""
         active = self._active(z)
         now = self._evaluate(z, active)
         if now is None:
@@ -242,10 +216,8 @@ class Search:
         return z
 
     def _apart(self, z: Vector) -> Vector:
-        """Separate the starting values of repeated terms with the same shape.
-
-        Terms with equal values have equal gradients and would remain equal during the search.
-        """
+        """Separate the starting values of repeated terms with the same shape. Terms with equal values have equal
+        gradients and would remain equal during the search."""
         z = z.copy()
         seen: list[tuple[type, Vector]] = []
         for term, process in enumerate(self.problem.model.processes):
@@ -259,12 +231,10 @@ class Search:
         return z
 
     def _back(self, z: Vector, now: Evaluation, term: int) -> tuple[Vector, Evaluation, bool] | None:
-        """Return the maximum with a term added that was zero, or None if the likelihood does not increase.
-
-        The term is first added with a negligible scale. With the gradient g and the information I for the logarithm of
-        the scale, the expected increase of the log-likelihood is g²/2I. If the term has one shape parameter, the whole
-        range of this parameter is tried.
-        """
+        """Return the maximum with a term added that was zero, or None if the likelihood does not increase. The term is
+        first added with a negligible scale. With the gradient g and the information I for the logarithm of the scale,
+        the expected increase of the log-likelihood is g²/2I. If the term has one shape parameter, the whole range of
+        this parameter is tried."""
         k = self.scales.get(term)
         if k is None or k in self.held:
             return None
@@ -290,10 +260,8 @@ class Search:
         return None
 
     def _places(self, z: Vector, term: int) -> list[Vector]:
-        """Return points (q,) at which to try a term.
-
-        They cover the range of its shape parameter if it has one; otherwise the present shape is the only point.
-        """
+        """Return points (q,) at which to try a term. They cover the range of its shape parameter if it has one;
+        otherwise the present shape is the only point."""
         mine = [i for i, c in enumerate(self.problem.coordinates) if c.term == term and c.shape is not None]
         if len(mine) != 1:
             return [z.copy()]
@@ -309,11 +277,9 @@ class Search:
 
 
 def boxed(information: Matrix, gradient: Vector, low: Vector, high: Vector, damping: float) -> Vector:
-    """Return the step d between `low` and `high` that maximises g·d − ½ dᵀ(I + μ diag I)d, by an active-set method.
-
-    g is the gradient, I the information matrix and μ the damping. A coordinate that would leave the bounds is held at
-    its bound, and released if the gradient there points inwards.
-    """
+    """Return the step d between `low` and `high` that maximises g·d − ½ dᵀ(I + μ diag I)d, by an active-set method. g
+    is the gradient, I the information matrix and μ the damping. A coordinate that would leave the bounds is held at its
+    bound, and released if the gradient there points inwards."""
     size = np.sqrt(np.diag(information))
     size = np.where(size > 0, size, 1.0)
     scaled = information / np.outer(size, size)

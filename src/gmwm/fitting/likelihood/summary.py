@@ -39,10 +39,8 @@ def in_words(
     residuals: Residuals | None = None,
     missing: Remark | None = None,
 ) -> str:
-    """Write the summary of a fit from intervals and residuals that are already computed.
-
-    `missing` is a remark that states why there are no intervals.
-    """
+    """Write the summary of a fit from intervals and residuals that are already computed. `missing` is a remark that
+    states why there are no intervals."""
     words = texts(without_axis(missing, *fit.remarks))
     lines = [*head(fit, residuals), "", *table_text(rows(fit, intervals), level)]
     return "\n".join([*lines, "", *words] if words else lines)
@@ -67,10 +65,8 @@ def intervals_if_known(
 
 
 def own_residuals(fit: LikelihoodFit) -> Residuals | None:
-    """Return the residuals of the fitted recording, or None if the fit was read from a file.
-
-    The effect of conditions is subtracted from the recording.
-    """
+    """Return the residuals of the fitted recording, or None if the fit was read from a file. The effect of conditions
+    is subtracted from the recording."""
     if fit.record is None:
         return None
     record = fit.record if fit.regression is None else fit.record.without(fit.regression.estimates)
@@ -141,10 +137,8 @@ def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[Row]:
 
 
 def short_values(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> dict[str, str]:
-    """Return a short text for each parameter of a fit.
-
-    The text is the estimate with its relative standard error, an upper limit, or the process that the term acts as.
-    """
+    """Return a short text for each parameter of a fit. The text is the estimate with its relative standard error, an
+    upper limit, or the process that the term acts as."""
     shown = {}
     for row in rows(fit, intervals):
         value = fit.parameters[row.name]

@@ -320,10 +320,8 @@ def _sums(problem: Problem, system: System) -> tuple[list[str], Matrix, Matrix]:
 
 
 def wanders(process: Process, rate: float) -> bool:
-    """Return whether a process is part of the bias.
-
-    This holds if its correlation time is longer than one sample and it is not a sinusoid.
-    """
+    """Return whether a process is part of the bias. This holds if its correlation time is longer than one sample and it
+    is not a sinusoid."""
     time = process.correlation_time(rate)
     return process.line(rate) is None and (time is None or time * rate > 1.0)
 

@@ -30,9 +30,7 @@ def half_period(n: int) -> int:
 
 def amplitudes(autocovariance: Callable[[Vector], Vector], half: int) -> Vector:
     """Compute the square roots (M + 1,) of the eigenvalues of the circulant matrix of r(0), …, r(M), with M = `half`.
-
-    Negative eigenvalues are set to zero: for the autocovariances of all callers they are rounding errors.
-    """
+    Negative eigenvalues are set to zero: for the autocovariances of all callers they are rounding errors."""
     return np.asarray(np.sqrt(np.maximum(_eigenvalues(autocovariance, half), 0.0)))
 
 
@@ -42,14 +40,9 @@ def _eigenvalues(autocovariance: Callable[[Vector], Vector], half: int) -> Vecto
 
 
 def safe_amplitudes(autocovariance: Callable[[Vector], Vector], n: int) -> Vector:
-    """Compute `amplitudes` for n samples of any autocovariance; M is doubled until no eigenvalue is negative.
-
-    Raises
-    ------
-    MissingTheoryError
-        If negative eigenvalues remain for a matrix of 2^22 rows. Either the function is not an autocovariance, or it
-        decays too slowly.
-    """
+    """Compute `amplitudes` for n samples of any autocovariance; M is doubled until no eigenvalue is negative. Raises
+    MissingTheoryError if negative eigenvalues remain for a matrix of 2^22 rows. Either the function is not an
+    autocovariance, or it decays too slowly."""
     half = half_period(n)
     while half <= LARGEST:
         eigenvalues = _eigenvalues(autocovariance, half)

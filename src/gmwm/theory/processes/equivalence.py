@@ -18,32 +18,14 @@ def likeness(
     filter: WaveletFilter = HAAR,
     matrix: Matrix | None = None,
 ) -> Process | None:
-    """Return the process `name` whose wavelet variance is closest to the wavelet variance ν² of `process`.
-
-    Its scale coefficient is c = sᵀΩν² / sᵀΩs, where s is its wavelet variance for scale coefficient 1. For example, a
+    """Return the process `name` whose wavelet variance is closest to the wavelet variance ν² of `process`. Its scale
+    coefficient is c = sᵀΩν² / sᵀΩs, where s is its wavelet variance for scale coefficient 1. For example, a
     Gauss-Markov process whose correlation time is much longer than the recording is replaced by a random walk.
+    `process`: process whose parameters all have values. `name`: name of a registered process without shape parameters.
+    `levels` (J,): wavelet levels. `rate`: samples per second (Hz). `matrix` (J, J): weighting matrix Ω; by default all
+    levels have the same weight, relative to their variance. Returns none if `name` is not registered, has shape
+    parameters, or has a wavelet variance of zero at all levels.
 
-    Parameters
-    ----------
-    process : Process
-        Process whose parameters all have values.
-    name : str
-        Name of a registered process without shape parameters.
-    levels : (J,) int array
-        Wavelet levels.
-    rate : float
-        Samples per second (Hz).
-    filter : WaveletFilter
-    matrix : (J, J) array, optional
-        Weighting matrix Ω; by default all levels have the same weight, relative to their variance.
-
-    Returns
-    -------
-    Process or None
-        None if `name` is not registered, has shape parameters, or has a wavelet variance of zero at all levels.
-
-    Examples
-    --------
     >>> from gmwm.processes import GM
     >>> walk = likeness(GM(beta=1e-9, sigma2=1.0), "RW", np.arange(1, 13), rate=100.0)
     >>> f"{walk.name} {walk.scale:.3g}"

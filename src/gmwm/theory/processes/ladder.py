@@ -59,18 +59,12 @@ error below 1e-8."""
 
 @lru_cache(maxsize=256)
 def power_law(epsilon: float) -> tuple[StateSpace, ContinuousStateSpace]:
-    """Return the state spaces, in discrete and in continuous time, of power-law noise with ν_1² = 1, at 1 Hz.
-
-    In discrete time, the Gauss-Markov processes are averaged over each sampling interval, because the noise is. Their
-    mean depends on the noise within the interval, which is an additional state. The states are combinations of the
+    """Return the state spaces, in discrete and in continuous time, of power-law noise with ν_1² = 1, at 1 Hz. In
+    discrete time, the Gauss-Markov processes are averaged over each sampling interval, because the noise is. Their mean
+    depends on the noise within the interval, which is an additional state. The states are combinations of the
     Gauss-Markov processes with this noise, so that F is diagonal. In continuous time, white noise replaces the fastest
-    processes, because a discretisation samples the states and does not average them.
-
-    Parameters
-    ----------
-    epsilon : float
-        ε = α − 1, from −1 to 1.
-    """
+    processes, because a discretisation samples the states and does not average them. `epsilon`: ε = α − 1, from −1 to
+    1."""
     alpha = 1.0 + epsilon
     count = 1 + math.ceil((math.log(FASTEST) + (BAND + _BEYOND) * math.log(2.0)) / STEP)
     b = FASTEST * np.exp(-STEP * np.arange(count))
@@ -92,10 +86,8 @@ def power_law(epsilon: float) -> tuple[StateSpace, ContinuousStateSpace]:
 
 def _averaged(b: Vector, s2: Vector, white: float) -> StateSpace:
     """Return the state space of the sum of Gauss-Markov processes averaged over intervals of length 1, and white noise.
-
     The processes have the reciprocal correlation times `b` and the variances `s2`; the white noise has the variance
-    `white`.
-    """
+    `white`."""
     decay, lost = np.exp(-b), -np.expm1(-b)
     mean = lost / b
     direct = 2.0 * (b - lost) / b**2 - mean**2
@@ -119,19 +111,11 @@ def _averaged(b: Vector, s2: Vector, white: float) -> StateSpace:
 
 @lru_cache(maxsize=256)
 def matern(unit: float, nu: float) -> ContinuousStateSpace:
-    """Return the state space of a Matérn process of variance 1, at 1 Hz.
-
-    Its spectrum (β² + ω²)^(−ν−½) is the product of (β² + ω²)^(−p), 0 < p ≤ 1, which is a mixture of Gauss-Markov
-    processes, and of several factors 1/(β² + ω²). Each factor is a Gauss-Markov process that is driven by the output of
-    the factor before. For ν = ½, 3/2, 5/2, … the mixture is a single process, and the state space is exact.
-
-    Parameters
-    ----------
-    unit : float
-        β per sample.
-    nu : float
-        Smoothness, at most `SMOOTHEST`.
-    """
+    """Return the state space of a Matérn process of variance 1, at 1 Hz. Its spectrum (β² + ω²)^(−ν−½) is the product
+    of (β² + ω²)^(−p), 0 < p ≤ 1, which is a mixture of Gauss-Markov processes, and of several factors 1/(β² + ω²). Each
+    factor is a Gauss-Markov process that is driven by the output of the factor before. For ν = ½, 3/2, 5/2, … the
+    mixture is a single process, and the state space is exact. `unit`: β per sample. `nu`: smoothness, at most
+    `SMOOTHEST`."""
     from scipy.linalg import solve_continuous_lyapunov
 
     chain = max(0, math.ceil(nu - 0.5))
@@ -177,11 +161,9 @@ def _fast_variance(sine: float, step: float, *, top: float, p: float, unit: floa
 
 
 def started(process: Process, rate: float) -> StateSpace:
-    """Return the state space of a process in which power-law noise starts at zero, as a random walk does.
-
-    Power-law noise has no stationary distribution: in its state space, the initial variance of the slowest states
-    depends only on `BAND`.
-    """
+    """Return the state space of a process in which power-law noise starts at zero, as a random walk does. Power-law
+    noise has no stationary distribution: in its state space, the initial variance of the slowest states depends only on
+    `BAND`."""
     space = process.state_space(rate)
     if process.stationary or not process.approximate or not process.scale:
         return space
@@ -192,9 +174,8 @@ def started(process: Process, rate: float) -> StateSpace:
 
 
 def state_space_error(process: Process, rate: float) -> float:
-    """Return the largest relative error of the Allan deviation that the state space of a process implies.
-
-    The error is evaluated at averaging times of 1, 2, 4, …, 2^22 samples. It is 0 if the state space is exact.
+    """Return the largest relative error of the Allan deviation that the state space of a process implies. The error is
+    evaluated at averaging times of 1, 2, 4, …, 2^22 samples. It is 0 if the state space is exact.
 
     >>> from gmwm import FN
     >>> round(state_space_error(FN(b2=1.0), rate=100.0), 4)
@@ -208,17 +189,8 @@ def state_space_error(process: Process, rate: float) -> float:
 
 
 def approximated(model: Model, rate: float, axis: str = "") -> tuple[Remark, ...]:
-    """Return a remark on the terms of a model whose state space is an approximation, with the largest error.
-
-    Parameters
-    ----------
-    model : Model
-        Model with all values.
-    rate : float
-        Samples per second (Hz).
-    axis : str
-        Name of the axis.
-    """
+    """Return a remark on the terms of a model whose state space is an approximation, with the largest error. `model`:
+    model with all values. `rate`: samples per second (Hz). `axis`: name of the axis."""
     named = zip(model.terms, model.processes, strict=True)
     errors = {term: error for term, process in named if (error := state_space_error(process, rate))}
     if not errors:

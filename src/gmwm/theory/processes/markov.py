@@ -39,11 +39,9 @@ SEARCH_HIGH = 40.0
 
 @dataclass(frozen=True)
 class _Coordinate:
-    """Search coordinate u of λ = bend·(e^(u − low) − 1 + `least`), with bend = `SEARCH_BEND`/N and low = ln bend.
-
-    At the lower end of the range, λ = `least`·bend, the process is practically a random walk. For larger λ, u
-    approaches ln λ.
-    """
+    """Search coordinate u of λ = bend·(e^(u − low) − 1 + `least`), with bend = `SEARCH_BEND`/N and low = ln bend. At
+    the lower end of the range, λ = `least`·bend, the process is practically a random walk. For larger λ, u approaches
+    ln λ."""
 
     bend: float
     least: float
@@ -66,11 +64,8 @@ class _Coordinate:
 
 
 def _ar1_branch(samples: int, sign: float, low_acts_as: str | None) -> Branch:
-    """Return the search branch φ = ±e^(−λ) of an AR1 process.
-
-    Its smallest λ is larger than for Gauss-Markov processes, because the resolution of φ near 1 is limited in double
-    precision.
-    """
+    """Return the search branch φ = ±e^(−λ) of an AR1 process. Its smallest λ is larger than for Gauss-Markov processes,
+    because the resolution of φ near 1 is limited in double precision."""
     along = _Coordinate(SEARCH_BEND / samples, least=1e-3)
 
     def coordinate(phi: float) -> float | None:
@@ -117,10 +112,8 @@ class _Markov(Process, abstract=True):
         return np.asarray(-0.5 * s2 * (m * -math.expm1(-lam) / (1 - phi) - 2 * phi * power / (1 - phi) ** 2))
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Compute the generalised covariance A(m) (u²).
-
-        It is s²(φ^|m| − 1) for positive φ, which loses no digits for φ near 1, and s²φ^|m| for negative φ.
-        """
+        """Compute the generalised covariance A(m) (u²). It is s²(φ^|m| − 1) for positive φ, which loses no digits for φ
+        near 1, and s²φ^|m| for negative φ."""
         s2, sign, lam = self._pole(as_rate(rate))
         return s2 * np.expm1(-lam * np.abs(as_lags(lags))) if sign > 0 else self.autocovariance(lags, rate)
 
@@ -131,9 +124,7 @@ class _Markov(Process, abstract=True):
 
     def exponential_part(self, rate: float) -> tuple[float, float] | None:
         """Return s² and λ if `coefficient_covariance` is s² times `haar_covariance.exponential`; None for negative φ.
-
-        The kernel can then compute the covariances while it sums them.
-        """
+        The kernel can then compute the covariances while it sums them."""
         s2, sign, lam = self._pole(as_rate(rate))
         return (s2, lam) if sign > 0 else None
 
@@ -143,11 +134,8 @@ class _Markov(Process, abstract=True):
         return (sign * lam,)
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """Compute the Allan variance (u²) of clusters of n samples.
-
-        For positive φ it is twice the wavelet variance at the half-scale n, in closed form. For negative φ it follows
-        from the covariance of the running sum.
-        """
+        """Compute the Allan variance (u²) of clusters of n samples. For positive φ it is twice the wavelet variance at
+        the half-scale n, in closed form. For negative φ it follows from the covariance of the running sum."""
         s2, sign, lam = self._pole(as_rate(rate))
         if sign < 0:
             return super().allan_variance(clusters, rate)
@@ -169,10 +157,8 @@ class _Markov(Process, abstract=True):
         return StateSpace(F=sign * math.exp(-lam), Q=-s2 * math.expm1(-2.0 * lam), H=1.0, P0=s2)
 
     def continuous(self, rate: float) -> ContinuousStateSpace | None:
-        """Return the state space in continuous time with A = −λ/Δt and Qc = 2λs²/Δt; None if φ ≤ 0.
-
-        It is computed from λ, because ln φ loses digits for φ near 1.
-        """
+        """Return the state space in continuous time with A = −λ/Δt and Qc = 2λs²/Δt; None if φ ≤ 0. It is computed from
+        λ, because ln φ loses digits for φ near 1."""
         s2, sign, lam = self._pole(as_rate(rate))
         if sign < 0 or not math.isfinite(lam):
             return None
@@ -403,10 +389,8 @@ class GM(_Markov):
 
 
 def _bias(s2: float, beta: float, time: dict[str, float], walk: dict[str, float]) -> tuple[Physical, ...]:
-    """Return the correlation time T_c and the driving noise density q_c, with their derivatives `time` and `walk`.
-
-    For τ ≪ T_c the process acts as a random walk with K = q_c.
-    """
+    """Return the correlation time T_c and the driving noise density q_c, with their derivatives `time` and `walk`. For
+    τ ≪ T_c the process acts as a random walk with K = q_c."""
     return (
         Physical("T_c", "correlation time", 1.0 / beta, 1.0, signal_power=0, slopes=time),
         Physical("q_c", "driving noise density", math.sqrt(2.0 * beta * s2), -0.5, slopes=walk),

@@ -48,17 +48,9 @@ def find_class(name: str) -> type[Process] | None:
 
 @dataclass(frozen=True)
 class Coefficients:
-    """Coefficients of one polynomial, which are numbered from 1, such as phi1, phi2, ….
-
-    Parameters
-    ----------
-    name, symbol : str
-        Name and symbol of a coefficient without its number, such as "phi" and "φ".
-    order : str
-        Name of the order, which is the number of coefficients, such as "p".
-    description : str
-        Description of one coefficient.
-    """
+    """Coefficients of one polynomial, which are numbered from 1, such as phi1, phi2, …. `name`, `symbol`: name and
+    symbol of a coefficient without its number, such as "phi" and "φ". `order`: name of the order, which is the number
+    of coefficients, such as "p". `description`: description of one coefficient."""
 
     name: str
     symbol: str
@@ -82,11 +74,9 @@ class Coefficients:
 
 
 class Ordered(Process, abstract=True):
-    """Process with orders. A subclass defines the polynomials and the theory for all orders.
-
-    Create an instance from its orders, `AR(2)`, to estimate all parameters, or `AR(2, phi1=1.4, sigma2=fixed(1.0))`.
-    Alternatively, give the coefficients: `AR(phi=[1.4, -0.6], sigma2=1.0)`. All three are instances of `AR.of(2)`.
-    """
+    """Process with orders. A subclass defines the polynomials and the theory for all orders. Create an instance from
+    its orders, `AR(2)`, to estimate all parameters, or `AR(2, phi1=1.4, sigma2=fixed(1.0))`. Alternatively, give the
+    coefficients: `AR(phi=[1.4, -0.6], sigma2=1.0)`. All three are instances of `AR.of(2)`."""
 
     polynomials: ClassVar[tuple[Coefficients, ...]]
     """The polynomials, in the order of the arguments."""
@@ -123,13 +113,8 @@ class Ordered(Process, abstract=True):
 
     @classmethod
     def of(cls, *orders: int) -> type[Self]:
-        """Return the class of these orders.
-
-        Raises
-        ------
-        ModelError
-            If an order is missing, negative or too large, or all orders are zero.
-        """
+        """Return the class of these orders. Raises ModelError if an order is missing, negative or too large, or all
+        orders are zero."""
         ordered = cls.order_class
         key = ordered._checked_orders(orders)
         if key not in ordered._made:

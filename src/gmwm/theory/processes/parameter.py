@@ -194,18 +194,11 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Exponential:
-    """Form of a branch whose processes have exponential autocovariances, which a compiled kernel can search.
-
-    Parameters
-    ----------
-    bend, least : float
-        Constants of λ = `bend`·(e^(u − low) − 1 + `least`), where u is the search coordinate and `low` its lower end.
-    sign : float
-        1 for the autocovariance e^(−λ|k|), and −1 for (−1)^k e^(−λ|k|).
-    innovation : bool
-        True if the parameter is φ and scale coefficient 1 means innovation variance 1, as for `AR1`. False if the
-        parameter is λ times the rate and scale coefficient 1 means marginal variance 1, as for `GM`.
-    """
+    """Form of a branch whose processes have exponential autocovariances, which a compiled kernel can search. `bend`,
+    `least`: constants of λ = `bend`·(e^(u − low) − 1 + `least`), where u is the search coordinate and `low` its lower
+    end. `sign`: 1 for the autocovariance e^(−λ|k|), and −1 for (−1)^k e^(−λ|k|). `innovation`: true if the parameter is
+    φ and scale coefficient 1 means innovation variance 1, as for `AR1`. False if the parameter is λ times the rate and
+    scale coefficient 1 means marginal variance 1, as for `GM`."""
 
     bend: float
     least: float

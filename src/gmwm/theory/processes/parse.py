@@ -35,24 +35,9 @@ _LONGEST_TEXT = 10_000
 
 
 def parse_model(text: str) -> Model:
-    """Parse the text of a model.
+    """Parse the text of a model. `text`: sum of processes, in the grammar of the module docstring. Raises ModelError if
+    the text cannot be read, with the position of the error, or the processes cannot be summed.
 
-    Parameters
-    ----------
-    text : str
-        Sum of processes, in the grammar of the module docstring.
-
-    Returns
-    -------
-    Model
-
-    Raises
-    ------
-    ModelError
-        If the text cannot be read, with the position of the error, or the processes cannot be summed.
-
-    Examples
-    --------
     >>> parse_model("2*GM + WN(sigma2=fixed(1e-6))")
     Model('2*GM + WN(sigma2=fixed(1e-06))')
     >>> parse_model("AR1(0.9, fixed(0.1))")
@@ -169,10 +154,8 @@ class _Reader:
         return orders
 
     def _coefficients(self, ordered: type[Ordered]) -> dict[str, Any]:
-        """Read the arguments of a process that is written without leading orders.
-
-        The arguments are lists of coefficients, single parameters, or orders with a name.
-        """
+        """Read the arguments of a process that is written without leading orders. The arguments are lists of
+        coefficients, single parameters, or orders with a name."""
         given: dict[str, Any] = {}
         while not self._take(")"):
             if given:

@@ -26,17 +26,9 @@ covariance matrix of the wavelet variances is then below 1e-10."""
 
 @dataclass(frozen=True, eq=False)
 class ShortMemory:
-    """Autocovariance for scale coefficient 1, as the sum of a table and of exponentials Σ a e^(−λ|k|).
-
-    Attributes
-    ----------
-    autocovariance : (L + 1,) array
-        Table r(0), …, r(L) of the autocovariance without the exponentials.
-    amplitudes : tuple of float
-        Amplitude a of each exponential.
-    decays : tuple of float
-        Decay rate λ (per sample) of each exponential; a negative rate means (−1)^k e^(−|λ|k).
-    """
+    """Autocovariance for scale coefficient 1, as the sum of a table and of exponentials Σ a e^(−λ|k|). `autocovariance`
+    (L + 1,): table r(0), …, r(L) of the autocovariance without the exponentials. `amplitudes`: amplitude a of each
+    exponential. `decays`: decay rate λ (per sample) of each exponential; a negative rate means (−1)^k e^(−|λ|k)."""
 
     autocovariance: Vector
     amplitudes: tuple[float, ...] = ()
@@ -58,9 +50,7 @@ class ShortMemory:
 
 def trimmed(autocovariance: Vector) -> Vector | None:
     """Truncate an autocovariance at the lag beyond which it is negligible; return None if this lag is too large.
-
-    `autocovariance` must include this lag and some longer ones.
-    """
+    `autocovariance` must include this lag and some longer ones."""
     tails = np.cumsum(np.cumsum(autocovariance[:0:-1]))[::-1]
     least = NEGLIGIBLE * max(abs(float(autocovariance[0])), float(np.abs(tails).max(initial=0.0)))
     # tails[m] is −ρ(m), and r(m + 1) is a part of it.

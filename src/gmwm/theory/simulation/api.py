@@ -202,16 +202,8 @@ def simulate_signal(
 
 
 def models_by_axis(models: Mapping[str, ModelLike] | ModelLike) -> dict[str, Model]:
-    """Return the model of each axis, in the order of the axes, from the argument `models` of `simulate`.
-
-    Raises
-    ------
-    OptionError
-        If `models` is neither a model nor a mapping of axes or sensors to models, or if it is empty.
-
-    >>> models_by_axis({"gyro": "WN(sigma2=1.0)", "gyro_y": "QN(q2=2.0)"})
-    {'gyro_x': Model('WN(sigma2=1.0)'), 'gyro_y': Model('QN(q2=2.0)'), 'gyro_z': Model('WN(sigma2=1.0)')}
-    """
+    """Return the model of each axis, in the order of the axes, from the argument `models` of `simulate`. Raises
+    OptionError if `models` is neither a model nor a mapping of axes or sensors to models, or if it is empty."""
     if isinstance(models, str | Process | Model):
         return dict.fromkeys(AXES, as_model(models))
     if not isinstance(models, Mapping) or not models:
