@@ -20,10 +20,6 @@ from gmwm.theory.filters import WaveletFilter
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
 
-SPACING = 0.025
-"""Distance of the nodes in the search coordinate, which is 2.5 % of β for a Gauss-Markov process. The relative error of
-the cubics is about 1e-9. It is the only error of the lower bound of the search. tests/estimation/test_atoms.py pins the
-table."""
 SAFETY = 2.0
 """Factor by which the largest interpolation error at the midpoints of a cell and its neighbours is multiplied to bound
 the error everywhere in the cell."""
@@ -111,7 +107,10 @@ def _grid(process: type[Process], levels: tuple[int, ...], samples: int, rate: f
     number = np.asarray(levels, dtype=np.int64)
     owner, nodes, spacing, values, slopes, middles = [], [], [], [], [], []
     for index, branch in enumerate(branches):
-        cells = max(2, int(np.ceil((branch.high - branch.low) / SPACING)))
+        # Distance of the nodes in the search coordinate, which is 2.5 % of β for a Gauss-Markov process. The relative
+        # error of the cubics is about 1e-9. It is the only error of the lower bound of the search.
+        # tests/estimation/test_atoms.py pins the table.
+        cells = max(2, int(np.ceil((branch.high - branch.low) / 0.025)))
         u = np.linspace(branch.low, branch.high, 2 * cells + 1)
         value = shape_at(process, branch.values(u), number, rate=rate, filter=filter)
         slope = slope_at(process, branch.values(u[::2]), number, rate=rate, filter=filter) * branch.slope(u[::2])

@@ -19,7 +19,7 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.fitting.estimation.branch_and_bound import Term
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit, Estimate
-from gmwm.fitting.estimation.linearised import relative_covariance, unexplained
+from gmwm.fitting.estimation.linearised import relative_covariance, unexplained, usable_in
 from gmwm.fitting.estimation.problem import Problem, by_kind, searched, unit_shape, weighed
 from gmwm.fitting.estimation.reweighting import implied_weights
 from gmwm.fitting.estimation.solver import Solution, resume, solve
@@ -29,13 +29,6 @@ from gmwm.measuring.covariance import Design, covariance
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.model import Model
-
-_SETTLED = 1e-9
-"""Relative change of the fitted curves below which the iteration of estimate and weights ends."""
-_ROUNDS = 100
-"""Largest number of iterations."""
-LEAST_FREEDOM = 3.0
-"""Degrees of freedom above which the tests use a level, as in `Fit.goodness_of_fit`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,12 +232,13 @@ def _settled(stack: Stack, weighting: str, *, certify: bool) -> Solved:
     solution = solve(problem, certify=False, quick=True)
     models = stack.models(solution)
     before = stack.implied(models)
-    for _ in range(_ROUNDS):
+    for _ in range(100):
         problem = problem.under(stack.weights(weighting, models))
         solution = resume(problem, solution)
         models = stack.models(solution)
         after = stack.implied(models)
-        if np.max(np.abs(after - before) / np.maximum(after, before)) < _SETTLED:
+        # Relative change of the fitted curves below which the iteration of estimate and weights ends.
+        if np.max(np.abs(after - before) / np.maximum(after, before)) < 1e-9:
             break
         before = after
     solution = solve(problem, certify=certify, near=solution)
@@ -289,8 +283,7 @@ def _estimates(solved: Solved, functions: Mapping[str, Varies]) -> dict[str, Est
 
 def _short(stack: Stack) -> Stack:
     """Return the stack with only the levels that have enough degrees of freedom for a test."""
-    curves = [wv.first(int(np.count_nonzero(Design.of(wv).degrees_of_freedom > LEAST_FREEDOM)))
-              for wv in stack.curves]  # fmt: skip
+    curves = [wv.first(int(np.count_nonzero(usable_in(Design.of(wv))))) for wv in stack.curves]
     return replace(stack, curves=tuple(curves))
 
 

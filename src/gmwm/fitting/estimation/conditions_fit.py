@@ -16,14 +16,11 @@ from gmwm.base.documents import plain
 from gmwm.base.errors import OptionError
 from gmwm.base.tables import aligned
 from gmwm.base.text import Summarised, p_relation
+from gmwm.fitting.estimation.intervals import UNDETERMINED
 from gmwm.fitting.estimation.varies import parsed
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.model import Model
-
-_UNKNOWN = 14.0
-"""Half width of a confidence interval for the logarithm of a parameter above which the parameter is not determined. It
-is a factor of a million."""
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -66,7 +63,7 @@ class Estimate:
             Limits of the interval; (0, inf) if the data do not determine the parameter.
         """
         z = NormalDist().inv_cdf((1 + as_confidence(confidence)) / 2)
-        if not math.isfinite(self.error) or (self.shape and z * self.error > _UNKNOWN * self.value):
+        if not math.isfinite(self.error) or (self.shape and z * self.error > UNDETERMINED * self.value):
             return 0.0, math.inf
         if z * self.error >= self.value and not self.shape:
             return 0.0, self.value + z * self.error

@@ -31,11 +31,6 @@ from gmwm.theory.processes.base import Process
 if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
 
-BEND = 1e-4
-"""Relative step of the nonlinear parameters for second derivatives by central differences of first derivatives.
-ε^(1/4), with the machine precision ε, is the best order of magnitude. tests/inference/test_criterion.py compares the
-criterion with the bootstrap."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Criterion(Documented):
@@ -188,7 +183,10 @@ def _of_process(
     moved = [at]
     steps, room = np.empty(free.size), process.room(at.reshape(1, -1))[0]
     for i, k in enumerate(free):
-        steps[i] = BEND * room[k]
+        # Relative step of the nonlinear parameters for second derivatives by central differences of first derivatives.
+        # ε^(1/4), with the machine precision ε, is the best order of magnitude. tests/inference/test_criterion.py
+        # compares the criterion with the bootstrap.
+        steps[i] = 1e-4 * room[k]
         moved += [at + steps[i] * np.eye(at.size)[k], at - steps[i] * np.eye(at.size)[k]]
     shape = process.shape(at.reshape(1, -1), levels, rate, filter)[0]
     slope = np.empty((levels.size, 1 + free.size))

@@ -14,7 +14,7 @@ from gmwm.base.errors import ModelError
 from gmwm.base.text import Summarised, counted
 from gmwm.fitting.estimation.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap
 from gmwm.fitting.estimation.intervals import Method
-from gmwm.fitting.estimation.linearised import slopes_of, unexplained
+from gmwm.fitting.estimation.linearised import slopes_of, unexplained, usable_in
 from gmwm.fitting.estimation.reweighting import REWEIGHTED
 from gmwm.fitting.estimation.weighting import precision, square_root
 from gmwm.measuring.covariance import Design, covariance
@@ -23,10 +23,6 @@ from gmwm.recording.options import one_of
 
 if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
-
-LEAST_FREEDOM = 3.0
-"""Degrees of freedom M_j / 2^j above which a level is used. The test at the 5 % level then has this size
-(docs/validation/goodness.md). If all levels of a recording are available, the two coarsest are left out."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -183,11 +179,6 @@ def _too_few(fit: Fit, parameters: int, levels: int) -> ModelError:
 def usable_levels(wv: WaveletVariance) -> NDArray[np.bool_]:
     """Return a mask (J,) of the levels of a wavelet variance that have enough degrees of freedom for the test."""
     return usable_in(Design.of(wv))
-
-
-def usable_in(design: Design) -> NDArray[np.bool_]:
-    """Return a mask (J,) of the levels of a design that have enough degrees of freedom for the test."""
-    return np.asarray(design.degrees_of_freedom > LEAST_FREEDOM)
 
 
 def _statistic(fit: Fit) -> tuple[float, int]:

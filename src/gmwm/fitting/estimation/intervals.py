@@ -32,14 +32,9 @@ Interval = tuple[float, float]
 ROUNDING = 1e-8
 """Tolerance of the correlations in a covariance that a user passes. It allows for a matrix that was written with 8
 digits."""
-_UNKNOWN = 14.0
+UNDETERMINED = 14.0
 """Half width of a confidence interval for the logarithm of a parameter above which the parameter is not determined. It
 is a factor of a million."""
-_ROUNDS = 60
-"""Largest number of iterations for an upper limit. In every fit of tests/inference/test_inference_laws.py, `_SETTLED`
-ends the iteration earlier."""
-_SETTLED = 1e-4
-"""Relative accuracy of an upper limit; limits are shown with four digits."""
 
 
 def confidence_intervals(
@@ -230,7 +225,7 @@ def about(parameter: Parameter, value: float, reach: float) -> Interval:
         half, share = (high - low) / 2, (2 * value - low - high) / (high - low)
         centre, reach = math.atanh(share), reach / half / (1 - share * share)
         return low + half * (1 + math.tanh(centre - reach)), low + half * (1 + math.tanh(centre + reach))
-    if reach / value > _UNKNOWN:
+    if reach / value > UNDETERMINED:
         return 0.0, math.inf
     factor = math.exp(reach / value)
     return value / factor, value * factor
@@ -293,12 +288,14 @@ def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> floa
     scale = max(estimate, 1e-3 * float(np.min(fit.implied[seen] / shape[seen])))
     power, spread = parameter.scale_power or 1.0, _spread(fit, name)
     tried: list[tuple[float, float]] = []
-    for _ in range(_ROUNDS):
+    # Every fit of tests/inference/test_inference_laws.py ends earlier, by the relative accuracy below.
+    for _ in range(60):
         relative = _relative_error(fit, fit.model.with_values({name: process.value_from(scale)}), name)
         after = estimate + z * power * math.hypot(relative * scale, spread * estimate)
         if not after < largest:
             break
-        if abs(after - scale) <= _SETTLED * after:
+        # Limits are shown with four digits.
+        if abs(after - scale) <= 1e-4 * after:
             return process.value_from(after)
         tried.append((math.log(scale), math.log(after)))
         scale = min(math.exp(_fixed_point(tried[-2:])), largest)

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 COLLINEAR = 1e-9
 """Relative singular value of the Jacobian below which the data do not determine a direction of the parameters.
 Parameters with the same effect on the curve then have infinite standard errors (tests/inference/test_plan.py)."""
-NO_COEFFICIENT = 1e-8
-"""Value that replaces a coefficient of exactly zero, because errors are relative to the values of parameters."""
 
 
 def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matrix:
@@ -35,6 +33,15 @@ def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matr
     result[lost] = result[:, lost] = 0.0
     result[lost, lost] = np.inf
     return (result + result.T) / 2
+
+
+def usable_in(design: Design) -> NDArray[np.bool_]:
+    """Return a mask (J,) of the levels of a design that have enough degrees of freedom for a test.
+
+    At the threshold, a test at the 5 % level has this size (docs/validation/goodness.md and recordings.md).
+    If all levels of a recording are available, the two coarsest are left out.
+    """
+    return np.asarray(design.degrees_of_freedom > 3.0)
 
 
 def parameter_gain(weighted: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
@@ -100,4 +107,5 @@ def sizes_of(model: Model, names: list[str] | tuple[str, ...]) -> Vector:
     """Return the values of the parameters `names`, with `NO_COEFFICIENT` for a coefficient of exactly zero."""
     parameters = model.parameters
     values = np.array([parameters[name] for name in names], dtype=np.float64)
-    return np.where(values == 0, NO_COEFFICIENT, values)
+    # Value that replaces a coefficient of exactly zero, because errors are relative to the values of parameters.
+    return np.where(values == 0, 1e-8, values)

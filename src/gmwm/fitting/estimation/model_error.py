@@ -31,14 +31,6 @@ LARGEST = 1.0
 (tests/inference/test_model_error.py)."""
 IMPLAUSIBLE = 0.01
 """Significance level of the test of the coarse levels of one fit. It is 1 % because a unit has several axes."""
-SMALLEST = 1e-5
-"""Smallest error that is considered. It is far below the relative standard error of any level."""
-_ROUNDS = 2
-"""Largest number of fits with weights that follow from the error."""
-_SETTLED = 0.05
-"""Relative change of the error below which no further fit is needed."""
-_HALVINGS = 24
-"""Number of steps of the bisection for the error."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,13 +99,15 @@ def model_error(fit: Fit) -> float:
     follow from its own model ("optimal" or "diagonal"). Returns relative error τ, at most 1. Source: Paule and Mandel
     (1982), Consensus values and weighting factors, J. Res. NBS 87, 377-385."""
     error = Distance.of(fit).error()
-    for _ in range(_ROUNDS if error else 0):
+    # Largest number of fits with weights that follow from the error.
+    for _ in range(2 if error else 0):
         try:
             again = nearly_fitted(fit.model, having_error(fit.wavelet_variance, error), fit.weighting)
         except GmwmError:
             break
         before, error = error, Distance.of(replace(again, wavelet_variance=fit.wavelet_variance)).error()
-        if abs(error - before) <= _SETTLED * error:
+        # Relative change of the error below which no further fit is needed.
+        if abs(error - before) <= 0.05 * error:
             break
     return error
 
@@ -176,10 +170,11 @@ class Distance:
         anyway."""
         if self.freedom < 1 or self.statistic(0.0) <= self.freedom:
             return 0.0
-        low, high = SMALLEST, LARGEST
+        # Smallest error that is considered. It is far below the relative standard error of any level.
+        low, high = 1e-5, LARGEST
         if self.statistic(high) > self.freedom:
             return LARGEST
-        for _ in range(_HALVINGS):
+        for _ in range(24):
             middle = float(np.sqrt(low * high))
             low, high = (middle, high) if self.statistic(middle) > self.freedom else (low, middle)
         return float(np.sqrt(low * high))

@@ -12,11 +12,6 @@ from gmwm.fitting.estimation.atoms import Place, shape_at, slope_at
 from gmwm.fitting.estimation.problem import Problem
 from gmwm.theory.processes.base import Process
 
-SHARP = 1e-12
-"""Change of the search coordinate below which the iteration ends. It is near the rounding error of the parameter."""
-CURVATURE_STEP = 1e-3
-"""Step of the finite differences that give second derivatives. Their errors only slow the convergence."""
-
 
 def sharpened(
     problem: Problem, curved_class: type[Process], places: list[Place], weights: Vector, steps: int, reach: float
@@ -46,7 +41,9 @@ def sharpened(
         places = [(b, float(u + d)) for (b, u), d in zip(places, moves, strict=True)]
         if not np.all(np.abs(moves) <= reach) or any(not b.low <= u <= b.high for b, u in places):
             return None
-        if np.all(np.abs(moves) < SHARP):
+        # Change of the search coordinate below which the iteration ends. It is near the rounding error of the
+        # parameter.
+        if np.all(np.abs(moves) < 1e-12):
             break
     return places
 
@@ -75,7 +72,8 @@ def _step(
 def _curved(problem: Problem, curved_class: type[Process], places: list[Place]) -> tuple[Matrix, Matrix, Matrix]:
     """Return the wavelet variances (n, J) of the curved processes at places, and their first two derivatives. The
     derivatives are with respect to the search coordinate, and all three arrays are multiplied by L."""
-    count, d = len(places), CURVATURE_STEP
+    # Step of the finite differences that give second derivatives. Their errors only slow the convergence.
+    count, d = len(places), 1e-3
     points = [(b, np.array([u + shift])) for shift in (0.0, d, -d) for b, u in places]
     parameters = np.concatenate([b.values(u) for b, u in points])
     by_u = np.concatenate([b.slope(u) for b, u in points])

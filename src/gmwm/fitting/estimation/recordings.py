@@ -21,7 +21,7 @@ import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.random_effects import Effects, confidence_of_mean, effects
-from gmwm.fitting.estimation.linearised import columns_of, parameter_gain, relative_jacobian, unexplained
+from gmwm.fitting.estimation.linearised import columns_of, parameter_gain, relative_jacobian, unexplained, usable_in
 from gmwm.fitting.estimation.weighting import precision, square_root
 from gmwm.measuring.covariance import Design, covariance
 from gmwm.theory.processes.parameter import Parameter
@@ -29,15 +29,9 @@ from gmwm.theory.processes.parameter import Parameter
 if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
 
-LEAST_FREEDOM = 3.0
-"""Degrees of freedom above which a level is used, as in the goodness-of-fit test (docs/validation/recordings.md)."""
 SURE = 0.002
 """p-value below which recordings differ in a way that the parameters do not describe. It is the same as for the error
 of a model in `selection.search`."""
-SMALLEST = 1e-6
-"""Smallest relative difference between recordings, which is the relative standard error of ν̂² from 10¹² samples."""
-_HALVINGS = 40
-"""Number of steps of the bisection for this difference."""
 LONGEST = 5.0
 """Largest step of the logarithm of a shape parameter. A recording that needs a larger step does not determine the
 parameter."""
@@ -182,7 +176,7 @@ def _parts(fit: Fit, names: list[str]) -> list[_Part]:
     parts = []
     for k, wv in enumerate(fit.wavelet_variance.recordings.values()):
         design = Design.of(wv)
-        used = (design.degrees_of_freedom > LEAST_FREEDOM) & (wv.levels <= len(fit.wavelet_variance))
+        used = usable_in(design) & (wv.levels <= len(fit.wavelet_variance))
         design = design.only(used)
         if not np.any(used):
             continue
@@ -218,8 +212,9 @@ def _error_between(parts: list[_Part]) -> float:
     statistic, freedom = rest(0.0)
     if freedom <= 0 or gammaincc(freedom / 2, statistic / 2) >= SURE:
         return 0.0
-    low, high = SMALLEST, 1.0
-    for _ in range(_HALVINGS):
+    # Smallest relative difference between recordings, which is the relative standard error of ν̂² from 10¹² samples.
+    low, high = 1e-6, 1.0
+    for _ in range(40):
         middle = math.sqrt(low * high)
         low, high = (middle, high) if rest(middle)[0] > freedom else (low, middle)
     return high

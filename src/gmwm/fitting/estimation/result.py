@@ -40,12 +40,6 @@ if TYPE_CHECKING:
     from gmwm.choosing.replicates import Replicates
     from gmwm.showing.plots.view import UnitSystem, ViewName
 
-NEAR = 1e-6
-"""Relative change of the fitted curve below which `Fit.refit` stops. It is smaller than the relative standard error
-√(2/N) of ν̂² for the longest recording that `gmwm.plan` accepts, which has 2⁴⁰ samples."""
-AGAIN = 2
-"""Largest number of iterations of `Fit.refit`, each of which ends with a search. Only models that do not describe the
-data need more (tests/estimation/test_weights.py)."""
 GIVEN = "given"
 """Attribute `weighting` of a `Fit` whose parameters were given and not estimated from data."""
 
@@ -171,7 +165,11 @@ class Fit(Documented, KalmanMethods):
         if self.weighting not in REWEIGHTED:
             return Fit.of(settle(self.model, wv, "diagonal", certify=False), wv, "diagonal")
         settled = settle(
-            self.model, wv, self.weighting, certify=False, start=self.model, fixed=NEAR, returns=AGAIN,
+            # Relative change of the fitted curve below which `Fit.refit` stops. It is smaller than the relative
+            # standard error √(2/N) of ν̂² for the longest recording that `gmwm.plan` accepts, which has 2⁴⁰ samples.
+            # Largest number of iterations of `Fit.refit`, each of which ends with a search. Only models that do not
+            # describe the data need more (tests/estimation/test_weights.py).
+            self.model, wv, self.weighting, certify=False, start=self.model, fixed=1e-6, returns=2,
             first=solve_near, search=not any(len(to_find(process)) > 1 for process in self.model.processes),
         )  # fmt: skip
         return Fit.of(settled, wv, self.weighting)

@@ -50,17 +50,12 @@ coverage of their intervals.
 HOPE = 12
 """Number of iterations in which the change must fall to a half. If it does not, two estimates probably alternate. A
 convergence by a factor of 0.94 per iteration is still fast enough."""
-NEARLY = 3
-"""Number of iterations after which the weights have converged to a few per cent, which is sufficient to compare
-models."""
 MIXED = 5
 """Largest number of previous iterations that are combined into the next one."""
 CUTOFF = 1e-6
 """Relative singular value below which a direction of the combination counts as zero."""
 FAR = 0.7
 """Largest change of the logarithm of a parameter by the combination, which is a factor of two."""
-RETURNS = 4
-"""Largest number of iterations to convergence. A new one is needed if the global search then finds another optimum."""
 CLOSE = 1e-6
 """Relative change of the curve below which weights and estimate agree, if `fixed` is not larger."""
 
@@ -88,7 +83,8 @@ def settle(
     fixed: float = FIXED,
     first: First | None = None,
     search: bool = True,
-    returns: int = RETURNS,
+    # Largest number of iterations to convergence. A new one is needed if the global search then finds another optimum.
+    returns: int = 4,
 ) -> Settled:
     """Iterate estimate and weights until they agree. The iteration starts with weights from the data. The global search
     then uses the final weights, so that the estimate is the proven optimum of the objective with the recorded Ω.
@@ -190,7 +186,9 @@ def _nearly_settled(processes: tuple[Process, ...], wv: WaveletVariance, weighti
     design = Design.of(wv)
     problem = pose(model, wv, weighting_matrix("diagonal", wv))
     solution = solve(problem, certify=False, quick=True)
-    for _ in range(NEARLY):
+    # Number of iterations after which the weights have converged to a few per cent, which is sufficient to compare
+    # models.
+    for _ in range(3):
         at = estimated(problem, solution, wv.slope).sorted(wv.rate)
         wavelet = drawn_covariance(at, design, wv.variance)
         if not np.all(np.diag(wavelet) > 0):

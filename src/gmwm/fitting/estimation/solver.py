@@ -41,19 +41,8 @@ tests/estimation/test_arma_fits.py (two lines are both found)."""
 
 KEPT = 10
 """Number of points of a scan from which descents start."""
-KEPT_QUICK = 3
-"""Number of points of a scan from which descents start if the weights will change."""
-SCOUTED = 5
-"""Number of steps of each descent before the worse half of the descents is dropped; the others then continue for as
-many steps. If all descents are followed to the end, the objective is not smaller
-(tests/estimation/test_arma_fits.py)."""
-SCOUTED_BESIDE = 10
-"""The same number of steps if there are several free processes, because lines have many optima close to each other
-(test_two_lines_are_both_found)."""
 FOLLOWED = 3
 """Number of descents that are followed to the end."""
-TOGETHER = 0.03
-"""Difference of every coordinate below which two descents are treated as one."""
 
 
 @dataclass(frozen=True)
@@ -191,7 +180,8 @@ def _scanned(problem: Problem, *, quick: bool, near: Solution | None) -> Solutio
     """Return the best of the local optima that descents from the points of a scan reach."""
     surface = Surface(problem)
     alone = scans_alone(problem, surface)
-    points, tried = scanned_points(problem, surface, alone, KEPT_QUICK if quick else KEPT)
+    # Number of points of a scan from which descents start if the weights will change.
+    points, tried = scanned_points(problem, surface, alone, 3 if quick else KEPT)
     known = None if near is None or near.point is None else surface.downhill(near.point)
     found = _lowest(problem, surface, [point for _, point in points], count=1 if quick else FOLLOWED, known=known)
     if found is None:
@@ -215,7 +205,12 @@ def _lowest(
     """Return the best local optimum that descents from points reach, with the index of its point. After a few steps,
     the better half of the descents continues for a few more steps, and then the best `count` of them are followed to
     the end. If the `known` optimum is better, it is returned with the index None."""
-    steps = SCOUTED if len(surface.frees) == 1 else SCOUTED_BESIDE
+    # Number of steps of each descent before the worse half of the descents is dropped; the others then continue for as
+    # many steps. If all descents are followed to the end, the objective is not smaller
+    # (tests/estimation/test_arma_fits.py).
+    # The same number of steps if there are several free processes, because lines have many optima close to each other
+    # (test_two_lines_are_both_found).
+    steps = 5 if len(surface.frees) == 1 else 10
     scouts = [(k, found) for k, point in enumerate(points) if (found := surface.downhill(point, steps)) is not None]
     scouts.sort(key=lambda scout: scout[1].objective)
     halved = scouts[: max((len(scouts) + 1) // 2, count)]
@@ -239,7 +234,8 @@ def _lowest(
 
 def _together(one: Point, other: Point) -> bool:
     """Return whether two points are so close that descents from them reach the same optimum."""
-    return one.branches == other.branches and bool(np.all(np.abs(one.x - other.x) < TOGETHER))
+    # Difference of every coordinate below which two descents are treated as one.
+    return one.branches == other.branches and bool(np.all(np.abs(one.x - other.x) < 0.03))
 
 
 def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Projection) -> Projection:

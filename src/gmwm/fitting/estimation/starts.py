@@ -28,25 +28,8 @@ How = Literal["convex", "given", "scan", "sampled"]
 
 # tests/estimation/test_arma_fits.py and test_surface.py pin the sizes of the scan below: no other start, including
 # random draws, may reach a smaller objective (docs/validation/starts.md has the study).
-SCANNED = 64
-"""Number of points of a scan of one coordinate. It is multiplied by four for each additional coordinate, up to
-`MOST_SCANNED`."""
 MOST_SCANNED = 4096
 """Largest number of points of a scan."""
-ALONE = 256
-"""Number of points of a scan of one coordinate of a single process, while the other processes do not change. It is
-multiplied by four for each additional coordinate."""
-ROUNDS = 4
-"""Largest number of rounds in which each process in turn is moved to the best point of its scan."""
-ALIKE = 0.9999
-"""Inner product of two unit vectors above which their points are treated as one."""
-LEFT_FOR = 4
-"""Number of points of its scan to which each process is moved after the first descent."""
-LOOKED_AT = 256
-"""Number of the best points of a scan from which the points for descents are chosen, no two of them close to each
-other."""
-DICTIONARY = 48
-"""Number of places that represent a curved process during a scan."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +117,9 @@ def scanned_points(
     count = sum(free.size for free in surface.frees)
     # If a parameter is fixed, only a few points of the box belong to a valid process, so more points are needed.
     held = any(not free.together for free in surface.frees)
-    number = min(MOST_SCANNED, SCANNED * 4 ** (count - 1 + 2 * held))
+    # Number of points of a scan of one coordinate. It is multiplied by four for each additional coordinate, up to
+    # `MOST_SCANNED`.
+    number = min(MOST_SCANNED, 64 * 4 ** (count - 1 + 2 * held))
     share, columns = _even(number, count), []
     at = 0
     for free in surface.frees:
@@ -183,7 +168,8 @@ class Alone:
             objectives[k] = _core.nonnegative_least_squares(problem.target, rows)[1]
         chosen: list[int] = []
         for k in np.argsort(objectives, kind="stable").tolist():
-            if len(chosen) < count and all(self.units[k] @ self.units[other] < ALIKE for other in chosen):
+            # Inner product of two unit vectors above which their points are treated as one.
+            if len(chosen) < count and all(self.units[k] @ self.units[other] < 0.9999 for other in chosen):
                 chosen.append(k)
         return chosen
 
@@ -194,7 +180,9 @@ def scans_alone(problem: Problem, surface: Surface) -> list[Alone] | None:
         return None
     every = []
     for free in surface.frees:
-        values = _over_its_scan(free, _even(min(MOST_SCANNED, ALONE * 4 ** (free.size - 1)), free.size), problem)
+        # Number of points of a scan of one coordinate of a single process, while the other processes do not change. It
+        # is multiplied by four for each additional coordinate.
+        values = _over_its_scan(free, _even(min(MOST_SCANNED, 256 * 4 ** (free.size - 1)), free.size), problem)
         shapes = free.kind.shape(values, problem.levels, problem.rate, problem.filter)
         able = free.possible(values) & np.all(np.isfinite(shapes), axis=1) & np.any(shapes > 0, axis=1)
         if not able.any():
@@ -209,7 +197,8 @@ def _one_by_one(problem: Problem, surface: Surface, every: list[Alone]) -> list[
     coordinates miss."""
     base = _dictionary(problem)
     at: dict[int, int] = {}
-    for _ in range(ROUNDS):
+    # Largest number of rounds in which each process in turn is moved to the best point of its scan.
+    for _ in range(4):
         before = dict(at)
         for place, scan in enumerate(every):
             others = [every[k].units[row : row + 1] for k, row in at.items() if k != place]
@@ -227,7 +216,8 @@ def moved_points(problem: Problem, surface: Surface, every: list[Alone], point: 
     base, shapes = _dictionary(problem), surface.free_shapes(z)
     for place, scan in enumerate(every):
         here = [problem.weighted(shapes[k : k + 1]) for k in range(len(z)) if k != place and np.any(shapes[k] > 0)]
-        for row in scan.best(np.concatenate([base, *here]), problem, LEFT_FOR):
+        # Number of points of its scan to which each process is moved after the first descent.
+        for row in scan.best(np.concatenate([base, *here]), problem, 4):
             there = surface.frees[place].of(scan.values[row : row + 1])[0]
             yield _with_curved(problem, surface, [*z[:place], there, *z[place + 1 :]])
 
@@ -250,7 +240,9 @@ def _best(problem: Problem, surface: Surface, columns: list[Matrix], *, share: M
         objectives[k] = _core.nonnegative_least_squares(problem.target, rows)[1]
     near = 1.5 * len(share) ** (-1.0 / max(share.shape[1], 1))
     chosen: list[int] = []
-    for k in np.argsort(objectives, kind="stable")[:LOOKED_AT].tolist():
+    # Number of the best points of a scan from which the points for descents are chosen, no two of them close to each
+    # other.
+    for k in np.argsort(objectives, kind="stable")[:256].tolist():
         if not np.isfinite(objectives[k]) or len(chosen) == kept:
             break
         if all(np.abs(share[k] - share[other]).max() > near for other in chosen):
@@ -265,7 +257,8 @@ def _dictionary(problem: Problem) -> Matrix:
     values = grid(
         problem.curved_class, problem.levels, samples=problem.samples, rate=problem.rate, filter=problem.filter
     ).values
-    places = np.unique(np.linspace(0, len(values) - 1, DICTIONARY).astype(np.int64))
+    # Number of places that represent a curved process during a scan.
+    places = np.unique(np.linspace(0, len(values) - 1, 48).astype(np.int64))
     return np.concatenate([problem.fixed, problem.weighted(values[places])])
 
 

@@ -23,21 +23,6 @@ from gmwm.fitting.estimation.problem import Problem, to_find
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
 
-STEPS = 100
-"""Largest number of Levenberg-Marquardt steps."""
-ALIKE = 1e-9
-"""Relative decrease of the objective below which Levenberg-Marquardt steps end, because Newton steps then converge
-faster."""
-NEWTON_STEPS = 15
-"""Largest number of Newton steps."""
-HESSIANS = 6
-"""Largest number of times that Newton steps compute the second derivatives."""
-SLOW = 0.1
-"""Ratio of the length of a Newton step to the previous one above which the second derivatives are computed again."""
-SHARP = 1e-11
-"""Change of every coordinate below which Newton steps end."""
-NEAR = 0.3
-"""Longest Newton step that is accepted."""
 LONGEST = 2.0
 """Longest Levenberg-Marquardt step in a coordinate. It changes a correlation time by a factor of seven."""
 NOISE = 1e-12
@@ -45,10 +30,6 @@ NOISE = 1e-12
 FAR = 12.0
 """Distance by which a coordinate may leave the scanned range. It is a factor of 160 000, or extends a bounded domain up
 to 1 − 1e-12."""
-HELD_REACH = 5.0
-"""Largest coordinate in the scan of a bounded parameter of a process with fixed parameters. The scan then covers 0.9999
-of the domain. Pinned by tests/estimation/test_arma_fits.py (a thin set of processes)."""
-_DAMPED = 1e10
 _COMPLEX = 1e-30
 
 
@@ -100,7 +81,9 @@ class Coordinates:
         # The range of a bounded parameter extends close to its bounds, because fixed values may exclude other values.
         box = np.array([p.scanned(samples, rate) for p in self.parameters])
         share = np.array([p.domain == "between" for p in self.parameters])
-        return np.where(share[:, None], HELD_REACH * np.sign(box), box)
+        # Largest coordinate in the scan of a bounded parameter of a process with fixed parameters. The scan then covers
+        # 0.9999 of the domain. Pinned by tests/estimation/test_arma_fits.py (a thin set of processes).
+        return np.where(share[:, None], 5.0 * np.sign(box), box)
 
     def ends(self, samples: int, rate: float) -> Matrix:
         """Return the bounds (d, 2) of the coordinates, far beyond the scan."""
@@ -273,7 +256,7 @@ class Surface:
 
     # --- descent ----------------------------------------------------------------------------------------
 
-    def downhill(self, start: Point | Projection, steps: int = STEPS) -> Projection | None:
+    def downhill(self, start: Point | Projection, steps: int = 100) -> Projection | None:
         """Return the point that at most `steps` Levenberg-Marquardt steps reach; None if `start` is not valid."""
         best = start if isinstance(start, Projection) else self.at(start)
         if best is None:
@@ -289,7 +272,7 @@ class Surface:
             jacobian = self._projected(best, slopes[able])
             square = jacobian @ jacobian.T
             size = np.diag(square).copy()
-            while damping < _DAMPED:
+            while damping < 1e10:
                 step = np.zeros(best.point.x.size)
                 damped = square + damping * np.diag(size + np.finfo(float).tiny)
                 step[able] = np.clip(_solved(damped, -gradient[able]), -LONGEST, LONGEST)
@@ -302,7 +285,9 @@ class Surface:
                 break
             gain, best = 1.0 - better.objective / best.objective, better
             damping = max(damping / 10.0, 1e-9)
-            if gain < ALIKE:
+            # Relative decrease of the objective below which Levenberg-Marquardt steps end, because Newton steps then
+            # converge faster.
+            if gain < 1e-9:
                 break
         return best
 
@@ -317,7 +302,7 @@ class Surface:
         rejected. The same second derivatives are used until the steps converge slowly. `known` are the second
         derivatives of the problem with slightly different weights."""
         square, before, computed = self.problem.unit**2, np.inf, 0
-        for _ in range(NEWTON_STEPS):
+        for _ in range(15):
             gradient = -self.slopes(best) @ best.residual
             able = self.moving(best, gradient)
             ends = np.array(
@@ -325,7 +310,8 @@ class Surface:
             )
             able[: ends.size] &= ends
             if known is None or not np.array_equal(known.able, able):
-                if computed == HESSIANS or (hessian := self._hessian(best, able)) is None:
+                # Largest number of times that Newton steps compute the second derivatives.
+                if computed == 6 or (hessian := self._hessian(best, able)) is None:
                     break
                 known, computed, fresh = Curvature(able, square * hessian), computed + 1, True
             else:
@@ -333,16 +319,20 @@ class Surface:
             step = np.zeros(best.point.x.size)
             step[able] = _solved(known.hessian / square, -gradient[able])
             size = float(np.abs(step).max(initial=0.0))
-            there = self.at(self.moved(best.point, step)) if size < NEAR else None
+            # Longest Newton step that is accepted.
+            there = self.at(self.moved(best.point, step)) if size < 0.3 else None
             if there is None or not self.problem.as_low(there.objective, best.objective, NOISE):
                 if fresh:
                     break
                 known = None
                 continue
             best = there
-            if size < SHARP:
+            # Change of every coordinate below which Newton steps end.
+            if size < 1e-11:
                 break
-            if size > SLOW * before:
+            # Ratio of the length of a Newton step to the previous one above which the second derivatives are computed
+            # again.
+            if size > 0.1 * before:
                 known = None
             before = size
         return best, known

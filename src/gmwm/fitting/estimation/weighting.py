@@ -22,17 +22,6 @@ Weighting = Literal["diagonal", "optimal", "identity"] | ArrayLike
 """Weighting of the levels: "diagonal", "optimal", "identity", a (J,) diagonal or a (J, J) matrix."""
 
 
-WELL_KNOWN = 8.0
-"""Smallest degrees of freedom of the levels that `weighting_remarks` uses. The relative standard error of ν̂_j² is then
-at most 1/2. Pinned by tests/estimation/test_weights.py."""
-COVARIANCE_FACTOR = 5.0
-"""Largest factor between a weight and V_jj for which the weight looks like a variance
-(tests/estimation/test_weights.py)."""
-PRECISION_FACTOR = 1000.0
-"""Factor by which at least one weight must differ from 1 / V_jj. If V_jj is near 1 unit⁴, V_jj and 1 / V_jj cannot be
-distinguished."""
-
-
 def usual_weighting(model: Model) -> Literal["diagonal", "optimal"]:
     """Return the default weighting, "optimal" if a process has several free shape parameters, and else "diagonal".
     docs/validation/weighting.md has the study behind this choice."""
@@ -108,12 +97,18 @@ def weighting_remarks(matrix: Matrix, wv: WaveletVariance) -> tuple[Remark, ...]
     """Return a remark if the weights of a user look like a covariance that was not inverted. The diagonal of the
     weights must agree with the variances V_jj of the estimates at every level with enough degrees of freedom, and must
     differ much from 1 / V_jj at one of these levels."""
-    known = (wv.degrees_of_freedom >= WELL_KNOWN) & (wv.variance > 0) & (np.diag(matrix) > 0)
+    # Smallest degrees of freedom of the levels that `weighting_remarks` uses. The relative standard error of ν̂_j² is
+    # then at most 1/2. Pinned by tests/estimation/test_weights.py.
+    known = (wv.degrees_of_freedom >= 8.0) & (wv.variance > 0) & (np.diag(matrix) > 0)
     if np.count_nonzero(known) < 3 or not np.all(wv.variance > 0):
         return ()
     weights, variance = np.log(np.diag(matrix)[known]), np.log(sampling_variance(wv)[known])
-    like_covariance = np.all(np.abs(weights - variance) < math.log(COVARIANCE_FACTOR))
-    if like_covariance and np.any(np.abs(weights + variance) > math.log(PRECISION_FACTOR)):
+    # Largest factor between a weight and V_jj for which the weight looks like a variance
+    # (tests/estimation/test_weights.py).
+    like_covariance = np.all(np.abs(weights - variance) < math.log(5.0))
+    # Factor by which at least one weight must differ from 1 / V_jj. If V_jj is near 1 unit⁴, V_jj and 1 / V_jj cannot
+    # be distinguished.
+    if like_covariance and np.any(np.abs(weights + variance) > math.log(1000.0)):
         return (Remark.of("weights-are-covariance", wv.axis),)
     return ()
 

@@ -34,18 +34,9 @@ of recordings whose noise does not change (docs/validation/regression.md)."""
 LEAST_RANGE = 0.5
 """Smallest ratio of the variance of the means of the condition over a scale to the variance of the condition itself. If
 the ratio is smaller, the condition changes too much within one coefficient."""
-SHORTEST = 16
-"""Smallest length (samples) of the blocks in which knocks are clipped."""
 SUPPORTED = 4.0
 """Smallest ratio of a scale parameter to its standard error for which the slope of the term is estimated. The slope of
 a weaker term would be too uncertain."""
-PARTS = 4096
-"""Number of parts into which each level is divided. The mean square of each part is used, so that the cost does not
-depend on the length of the recording."""
-_ROUNDS = 20
-"""Largest number of iterations for a slope."""
-_SETTLED = 1e-10
-"""Step below which the iteration for a slope ends."""
 
 
 @dataclass(frozen=True)
@@ -189,7 +180,8 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
         raise OptionError(argument="signal", expected="a Signal, such as imu['gyro_x']", got=signal)
     term, covariates, values = _condition(signal, condition)
     rest = without(signal, regress(signal, covariates), covariates)
-    length = max(covariates.clock.length, SHORTEST)
+    # Smallest length (samples) of the blocks in which knocks are clipped.
+    length = max(covariates.clock.length, 16)
     blocks = Clock.of(signal.rate, signal.segments, signal.starts, length=length)
     rest = replace(rest, values=blocks.clipped(rest.values))
     wv = signal_wavelet_variance(rest)
@@ -292,7 +284,9 @@ def _parts(signal: Signal, values: Vector, level: int) -> tuple[NDArray[np.int64
         (haar(signal.values[a:b] - np.mean(signal.values[a:b]), level) ** 2, _running(values[a:b], 1 << level))
         for a, b in _long(signal, level)
     ]
-    length = max(sum(squares.size for squares, _ in pieces) // PARTS, 1)
+    # Number of parts into which each level is divided. The mean square of each part is used, so that the cost does not
+    # depend on the length of the recording.
+    length = max(sum(squares.size for squares, _ in pieces) // 4096, 1)
     counts, sums, means = [], [], []
     for squares, condition in pieces:
         edges = np.arange(0, squares.size, length)
@@ -309,11 +303,12 @@ def _slope(counts: NDArray[np.int64], sums: Vector, means: Vector) -> tuple[floa
     away = means - np.average(means, weights=counts)
     spread = float(np.sqrt(np.average(away**2, weights=counts)))
     c, slope = away / spread, 0.0
-    for _ in range(_ROUNDS):
+    for _ in range(20):
         now = sums * np.exp(-2 * slope * c)
         step = float(c @ now / (2 * (c**2 @ now)))
         slope += float(np.clip(step, -1.0, 1.0))
-        if abs(step) < _SETTLED:
+        # Step below which the iteration for a slope ends.
+        if abs(step) < 1e-10:
             break
     return slope / spread, spread
 

@@ -34,18 +34,12 @@ if TYPE_CHECKING:
 
 SEEN = 0.5
 """Relative standard error above which a parameter is uncertain, because its 95 % interval then includes zero."""
-PER_DECADE = 8
-"""Number of lengths per factor of ten for which standard errors are computed."""
 LONGEST = 2**40
 """Largest number of samples of a planned recording, which is 350 years at 100 Hz."""
-SUMMED = 2**20
-"""Number of samples up to which a covariance that is a sum over all lags takes less than a second."""
 BEYOND = 1e4
 """Multiple of the planned duration up to which `Plan.needed` searches."""
 PER_OCTAVE = 4
 """Number of lengths per factor of two that `Plan.needed` evaluates before it bisects."""
-NEAR = 5e-3
-"""Relative accuracy of the lengths that `Plan.needed` finds; lengths are shown with two digits."""
 _LEAST, _MOST = 1e-295, 1e295
 """Allowed range of squared variances. It is the range of double precision, 1e±308, with a margin for sums over 2⁴⁰
 samples."""
@@ -154,7 +148,8 @@ class Plan(Summarised):
         far = min(BEYOND * self.duration, LONGEST / self.rate)
         if all(process.memory(self.rate) is not None for process in self.model.processes):
             return far
-        return min(far, max(self.duration, SUMMED / self.rate))
+        # Number of samples up to which a covariance that is a sum over all lags takes less than a second.
+        return min(far, max(self.duration, 2**20 / self.rate))
 
     def at(self, duration: float) -> dict[str, float]:
         """Compute the relative standard error of each parameter for a recording of another length.
@@ -305,7 +300,8 @@ class Plan(Summarised):
         if not short:
             return grid[0]
         below, above = grid[short[-1]], grid[short[-1] + 1]
-        while above - below > max(1, NEAR * above):
+        # Relative accuracy of the lengths that `Plan.needed` finds; lengths are shown with two digits.
+        while above - below > max(1, 5e-3 * above):
             middle = (above + below) // 2
             below, above = (below, middle) if enough(middle) else (middle, above)
         return above
@@ -375,7 +371,8 @@ def plan(
     levels = losses.design(longest, rate)[0].levels.size
     pose(whole, WaveletVariance.from_values(whole.wavelet_variance(levels, rate), longest, rate), np.eye(levels))
     shortest = losses.shortest(1 << (free + 1))
-    count = 1 + math.ceil(PER_DECADE * math.log10(longest / shortest))
+    # Number of lengths per factor of ten for which standard errors are computed.
+    count = 1 + math.ceil(8 * math.log10(longest / shortest))
     samples = np.unique(np.rint(np.geomspace(shortest, longest, count)).astype(np.int64))
     found = [relative_errors(whole, n, rate, weighting, losses=losses) for n in samples.tolist()]
     curves = np.column_stack([errors for _, errors in found])

@@ -287,8 +287,6 @@ def residuals(
     )
 
 
-_LAGS = 1000
-"""Largest number of lags of `spent`. It is larger than the default number of lags of all tests in gmwm."""
 _ENOUGH = 65_536
 """Largest number of samples from which `spent` is computed. The result hardly depends on the length of the
 recording."""
@@ -305,7 +303,8 @@ def spent(problem: Problem) -> Vector:
     if record.values.size > _ENOUGH:
         part = replace(record, values=record.values[:_ENOUGH])
         problem = replace(problem, record=part if part.observed > _ENOUGH // 2 else record)
-    lags = min(_LAGS, problem.record.observed // 2)
+    # Largest number of lags of `spent`. It is larger than the default number of lags of all tests in gmwm.
+    lags = min(1000, problem.record.observed // 2)
     z = problem.at(problem.model)
     active = [k for k in range(z.size) if np.isfinite(z[k])]
     here = problem.evaluate(z, active) if active else None

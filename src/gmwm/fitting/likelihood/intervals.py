@@ -21,15 +21,6 @@ if TYPE_CHECKING:
     from gmwm.theory.processes.parameter import Parameter
 
 Method = Literal["wald", "profile"]
-_NEAR = 2e-3
-"""Relative accuracy of the square root of the deviance at an end of a profile interval. The end then has about three
-correct digits."""
-_NEAR_A_LIMIT = 1e-2
-"""Relative accuracy of the square root of the deviance at the upper limit of a scale that is estimated as zero. The
-limit then has about two correct digits."""
-_GAIN = 1e-3
-"""Accuracy of the maximised log-likelihood in a profile. At the ends of a 95 % interval, the profile is about 2 below
-its maximum."""
 _ROUNDS = 25
 """Largest number of iterations for one end of an interval. The tolerances above end almost all searches earlier. The
 limit is needed if the other parameters diverge along the profile; see
@@ -135,7 +126,9 @@ class _Profile:
         for _ in range(_ROUNDS):
             step = min(max(best[k] + step, low), high) - best[k]
             root, at = self._root(best + along * step, k)
-            if abs(root - self.z) <= _NEAR * self.z:
+            # Relative accuracy of the square root of the deviance at an end of a profile interval. The end then has
+            # about three correct digits.
+            if abs(root - self.z) <= 2e-3 * self.z:
                 break
             if root < self.z:
                 if best[k] + step in (low, high):
@@ -185,7 +178,9 @@ class _Profile:
         for _ in range(_ROUNDS):
             at[k] = coordinate
             root, at = self._root(at, k)
-            if abs(root - self.z) <= _NEAR_A_LIMIT * self.z:
+            # Relative accuracy of the square root of the deviance at the upper limit of a scale that is estimated as
+            # zero. The limit then has about two correct digits.
+            if abs(root - self.z) <= 1e-2 * self.z:
                 break
             here = (coordinate, math.log(max(root, 1e-6)))
             if before is not None and here[0] != before[0]:
@@ -198,7 +193,9 @@ class _Profile:
         """Return the square root of the deviance, and the coordinates of the maximum with coordinate k held at its
         value. The deviance is twice the difference between the maximum of the log-likelihood and its profile at
         coordinate k."""
-        found = Search(self.problem, held=(k,), tolerance=_GAIN, revive=False).run(z)
+        # Accuracy of the maximised log-likelihood in a profile. At the ends of a 95 % interval, the profile is about 2
+        # below its maximum.
+        found = Search(self.problem, held=(k,), tolerance=1e-3, revive=False).run(z)
         if found is None:
             return math.inf, z
         return math.sqrt(max(2.0 * (self.fit.loglikelihood - found.evaluation.value), 0.0)), found.z

@@ -13,11 +13,6 @@ from gmwm.base.errors import DataError, ModelError, OptionError
 from gmwm.base.text import counted
 from gmwm.recording.signals import MINIMUM_SAMPLES, Imu, Signal
 
-_ROOM = 10_000_000
-"""Number of missing samples (80 MB) that gaps may add to a recording of any length. Longer recordings may have more;
-see `_with_gaps`. Pinned by test_gaps_that_need_too_much_memory_are_refused in
-tests/likelihood/test_loglikelihood.py."""
-
 
 @dataclass(frozen=True, eq=False)
 class Record:
@@ -133,7 +128,10 @@ def _with_gaps(signal: Signal) -> Vector:
         places.append(at)
         at += last - first
         end = time + (last - first) / signal.rate
-    if at > 10 * len(signal) + _ROOM:
+    # Number of missing samples (80 MB) that gaps may add to a recording of any length. Longer recordings may have more;
+    # see `_with_gaps`. Pinned by test_gaps_that_need_too_much_memory_are_refused in
+    # tests/likelihood/test_loglikelihood.py.
+    if at > 10 * len(signal) + 10_000_000:
         raise DataError(
             f"{signal.axis or 'the signal'} has {at - len(signal)} samples missing in gaps, and only {len(signal)} "
             "observed samples",

@@ -13,22 +13,10 @@ from gmwm.fitting.likelihood.problem import Evaluation, Problem
 
 LONGEST = 2.0
 """Longest step in a coordinate. In the logarithm of a scale, it is a factor of seven."""
-TOLERANCE = 1e-9
-"""The search ends when the expected increase of the log-likelihood is below this value."""
-_ROUNDS = 200
-"""Largest number of steps. A search that reaches it is reported as not converged."""
 # The constants below decide which terms are set to zero, and which are added again. tests/likelihood/test_fit_ml.py
 # pins them: terms without support in the data are estimated as zero, and supported terms are found again.
-_WORTH = 0.01
-"""A term that is zero is added again if the expected increase of the log-likelihood is above this value."""
 _PLACES = 12
 """Number of values of the shape parameter at which a term that is zero is tried."""
-_BEYOND = 1.6
-"""Extension of this range of shapes beyond the range of a wavelet fit (a factor of 5 in β). The likelihood can also
-detect processes that decay within one sample."""
-_FAINT = 0.05
-"""A scale is set to zero on trial if the information about its logarithm is below this value. The relative standard
-error is then above 4."""
 _GONE = 1e-7
 """A term is set to zero if the derivative of the log-likelihood with respect to the logarithm of its scale, and the
 information about it, are below this value."""
@@ -63,7 +51,8 @@ class Search:
         problem: Problem,
         held: tuple[int, ...] = (),
         progress: Progress | None = None,
-        tolerance: float = TOLERANCE,
+        # The search ends when the expected increase of the log-likelihood is below this value.
+        tolerance: float = 1e-9,
         revive: bool = True,
     ) -> None:
         self.problem = problem
@@ -129,7 +118,8 @@ class Search:
         if now is None:
             return z, None, False
         damping, converged = 0.0, not active
-        for _ in range(_ROUNDS if active else 0):
+        # Largest number of steps. A search that reaches it is reported as not converged.
+        for _ in range(200 if active else 0):
             step, gain = self._step(now, z, active, damping)
             if gain < 0.0 and damping < 1e6:
                 damping = max(
@@ -194,7 +184,9 @@ class Search:
         """Set small terms to zero if this does not decrease the likelihood."""
         active = self._active(z)
         for term, k in self.scales.items():
-            if k not in active or now.information[active.index(k), active.index(k)] > _FAINT:
+            # A scale is set to zero on trial if the information about its logarithm is below this value. The relative
+            # standard error is then above 4.
+            if k not in active or now.information[active.index(k), active.index(k)] > 0.05:
                 continue
             if len(self.gone) + 1 >= len(self.problem.model.processes):
                 break
@@ -238,7 +230,8 @@ class Search:
         k = self.scales.get(term)
         if k is None or k in self.held:
             return None
-        most, best = _WORTH, None
+        # A term that is zero is added again if the expected increase of the log-likelihood is above this value.
+        most, best = 0.01, None
         for at in self._places(z, term):
             at[k] = self.problem.faint(at, k, now.model, 1e-4)
             tried = self._evaluate(at, [k])
@@ -267,7 +260,9 @@ class Search:
             return [z.copy()]
         process = self.problem.model.processes[term]
         low, high = type(process).scan(self.problem.record.values.size, self.problem.rate)[0]
-        high += _BEYOND
+        # Extension of this range of shapes beyond the range of a wavelet fit (a factor of 5 in β). The likelihood can
+        # also detect processes that decay within one sample.
+        high += 1.6
         out = []
         for share in (np.arange(_PLACES) + 0.5) / _PLACES:
             at = z.copy()

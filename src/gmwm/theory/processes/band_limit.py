@@ -19,10 +19,6 @@ HALF = 0.5
 PEAK = 2.0
 """Smallest ratio of a maximum of the density to the density at low frequencies for which it is a resonance."""
 _POINTS = 2048
-_PIECES = 64
-_ROUNDS = 9
-"""Number of rounds in the search for a crossing. Each round divides the interval by 64, so the last interval is 2⁻⁵⁴
-times as long as the first."""
 STEP = 1e-5
 """Relative step of one-sided differences. Their relative error is of the same size
 (tests/processes/test_band_limit.py)."""
@@ -107,8 +103,10 @@ def _quality(density: Density, rate: float, centre: float, top: float) -> float 
 def _crossing(density: Density, level: float, inside: float, outside: float) -> float:
     """Return the frequency (Hz) between `inside` and `outside` at which the density falls below `level`. The density is
     above the level at the frequency `inside` and below it at `outside`."""
-    for _ in range(_ROUNDS):
-        grid = np.linspace(inside, outside, _PIECES + 1)
+    # Number of rounds in the search for a crossing. Each round divides the interval by 64, so the last interval is 2⁻⁵⁴
+    # times as long as the first.
+    for _ in range(9):
+        grid = np.linspace(inside, outside, 64 + 1)
         first = int(np.argmax(np.append(density(grid[1:-1]) < level, True))) + 1
         inside, outside = grid[first - 1], grid[first]
     return float((inside + outside) / 2)

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import MissingTheoryError
 
-ROUNDING = 1e-9
-"""Size of negative eigenvalues, relative to the largest eigenvalue, below which they are treated as rounding errors."""
 LARGEST = 1 << 21
 """Largest M. The circulant matrix has 2M rows."""
 
@@ -46,7 +44,9 @@ def safe_amplitudes(autocovariance: Callable[[Vector], Vector], n: int) -> Vecto
     half = half_period(n)
     while half <= LARGEST:
         eigenvalues = _eigenvalues(autocovariance, half)
-        if eigenvalues.min() >= -ROUNDING * eigenvalues.max():
+        # Size of negative eigenvalues, relative to the largest eigenvalue, below which they are treated as rounding
+        # errors.
+        if eigenvalues.min() >= -1e-9 * eigenvalues.max():
             return np.asarray(np.sqrt(np.maximum(eigenvalues, 0.0)))
         half *= 2
     raise MissingTheoryError(

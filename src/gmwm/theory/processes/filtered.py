@@ -81,13 +81,6 @@ def without_zero(filter: WaveletFilter) -> Vector:
 
 # --- first-order Markov processes and the random walk -------------------------------------------------
 
-_NEAR_MINUS_ONE = 0.1
-"""λ below which the wavelet variance for φ = −e^(−λ) is computed by `_near_minus_one`. At this λ both methods are
-accurate."""
-
-_BLOCK = 2**18
-"""Largest number of multiplications per matrix product: larger products start BLAS threads, which is slower here."""
-
 
 def walk_shape(filter: WaveletFilter, levels: Levels) -> Vector:
     """Compute the wavelet variances (J,) of a random walk with innovation variance 1."""
@@ -110,7 +103,9 @@ def gm_slope(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
 def ar1_shape(phi: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
     """Compute the wavelet variances (n, J) of AR1 processes with φ (n,) and innovation variance 1."""
     lam = log_decay(phi)
-    near = (phi < 0) & (lam < _NEAR_MINUS_ONE)
+    # λ below which the wavelet variance for φ = −e^(−λ) is computed by `_near_minus_one`. At this λ both methods are
+    # accurate.
+    near = (phi < 0) & (lam < 0.1)
     values = np.empty((phi.size, levels.size))
     values[near] = _near_minus_one(lam[near], filter, levels)
     values[~near] = _driven(lam[~near], np.where(phi[~near] < 0, -1.0, 1.0), filter, levels, slopes=False)[0]
@@ -122,7 +117,8 @@ def _driven(lam: Vector, sign: Vector, filter: WaveletFilter, levels: Levels, *,
     (n, J) has their derivatives with respect to λ, which are computed for φ > 0 if `slopes`. The recursion propagates
     u_j (K, n), with one column for each φ."""
     even, odd, spread = _markov_steps(filter)
-    most = _BLOCK // spread.size
+    # Largest number of multiplications per matrix product: larger products start BLAS threads, which is slower here.
+    most = 2**18 // spread.size
     if lam.size > most:
         parts = [slice(k, k + most) for k in range(0, lam.size, most)]
         done = [_driven(lam[part], sign[part], filter, levels, slopes=slopes) for part in parts]

@@ -42,19 +42,8 @@ FASTEST = 4.0
 """Largest b in 1/sample: faster processes are treated as white noise."""
 BAND = 22
 """The state space of power-law noise approximates the Allan deviation up to 2^BAND samples."""
-_BEYOND = 5
-"""The slowest process has a correlation time of at least 2^(BAND + _BEYOND) samples, so that it acts as a random walk
-over 2^BAND samples."""
 SMOOTHEST = 5.0
 """Largest smoothness of a Matérn process. A larger one has more states, which are nearly collinear."""
-_SAMPLED = 0.1
-"""Largest b (1/sample) of the processes in the continuous-time model. White noise replaces faster processes, whose
-samples would add too much noise because they are not averaged over the sampling interval."""
-_ROUNDING = 1e-9
-"""Relative error of the Allan deviation below which a state space counts as exact."""
-_SERIES = 1e-2
-"""b (1/sample) below which the variance of the mean over a sampling interval is computed from a series, with a relative
-error below 1e-8."""
 
 
 @lru_cache(maxsize=256)
@@ -66,7 +55,9 @@ def power_law(epsilon: float) -> tuple[StateSpace, ContinuousStateSpace]:
     processes, because a discretisation samples the states and does not average them. `epsilon`: ε = α − 1, from −1 to
     1."""
     alpha = 1.0 + epsilon
-    count = 1 + math.ceil((math.log(FASTEST) + (BAND + _BEYOND) * math.log(2.0)) / STEP)
+    # The slowest process has a correlation time of at least 2^(BAND + 5) samples, so that it acts as a random walk over
+    # 2^BAND samples.
+    count = 1 + math.ceil((math.log(FASTEST) + (BAND + 5) * math.log(2.0)) / STEP)
     b = FASTEST * np.exp(-STEP * np.arange(count))
     # The density of the mixture at which the Allan variance is 2 n^ε is κ α(1 + α)/Γ(2 − α). At the ends, α = 0 and 2,
     # the factors α and 2 − α cancel with those of the geometric series.
@@ -75,7 +66,9 @@ def power_law(epsilon: float) -> tuple[StateSpace, ContinuousStateSpace]:
     series = float(over_exponent(np.asarray(alpha - 2.0), np.asarray(STEP)))
     s2[-1] = 0.5 * size * alpha * STEP * b[-1] ** (1.0 - alpha) / series
     white = size * (2.0 - alpha) * STEP * FASTEST**-alpha / float(over_exponent(np.asarray(alpha), np.asarray(STEP)))
-    fast = b > _SAMPLED
+    # Largest b (1/sample) of the processes in the continuous-time model. White noise replaces faster processes, whose
+    # samples would add too much noise because they are not averaged over the sampling interval.
+    fast = b > 0.1
     slow, power = b[~fast], s2[~fast]
     density = white + float(np.sum(2.0 * s2[fast] / b[fast]))
     smooth = ContinuousStateSpace(
@@ -91,7 +84,9 @@ def _averaged(b: Vector, s2: Vector, white: float) -> StateSpace:
     decay, lost = np.exp(-b), -np.expm1(-b)
     mean = lost / b
     direct = 2.0 * (b - lost) / b**2 - mean**2
-    near = b < _SERIES
+    # b (1/sample) below which the variance of the mean over a sampling interval is computed from a series, with a
+    # relative error below 1e-8.
+    near = b < 1e-2
     direct[near] = b[near] * (2.0 / 3.0 - b[near] * (0.5 - b[near] * (7.0 / 30.0 - b[near] / 12.0)))
     within, shared = float(s2 @ direct), s2 * lost**2 / b
     # x' = e^(−b) x + w and mean = c x + v, Cov(w, v) = shared. Of w, v explains shared/within, and the state
@@ -185,7 +180,8 @@ def state_space_error(process: Process, rate: float) -> float:
         return 0.0
     found = 2.0 * process.state_space(rate).haar_variance(BAND + 1)
     error = float(np.max(np.abs(np.sqrt(found / process.allan_variance(2 ** np.arange(BAND + 1), rate)) - 1.0)))
-    return error if error > _ROUNDING else 0.0
+    # Relative error of the Allan deviation below which a state space counts as exact.
+    return error if error > 1e-9 else 0.0
 
 
 def approximated(model: Model, rate: float, axis: str = "") -> tuple[Remark, ...]:

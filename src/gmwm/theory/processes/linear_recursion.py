@@ -44,11 +44,6 @@ tests/processes/test_arma.py and tests/estimation/test_arma_fits.py."""
 _FARTHEST, _FARTHEST_AVERAGE = 2.5, 2.0
 """Largest coordinates of starting values, which are artanh of partial autocorrelations: tanh 2.5 = 0.987 for φ and Φ,
 and tanh 2 = 0.964 for θ and Θ. The estimates are not limited. Pinned by tests/processes/test_arma.py."""
-_SLOW = 64
-"""Number of lags. If the exponential of a real root lasts longer, its contribution is computed in closed form."""
-_SEPARATE = 0.1
-"""Smallest distance of a root with a closed form from all other roots, relative to its distance from the unit
-circle."""
 
 
 class Lagged(Ordered, abstract=True, listed=False):
@@ -348,10 +343,13 @@ def _short_memory(orders: tuple[int, int, int, int, int], parameters: tuple[floa
     own = rational.roots(values[:p])
     # A slow real root has a closed form, unless it nearly cancels with another one.
     real = np.abs(own.imag) < 1e-12
-    apart = np.array([real[k] and _lasting(abs(root)) > _SLOW for k, root in enumerate(own)], dtype=np.bool_)
+    # Number of lags. If the exponential of a real root lasts longer, its contribution is computed in closed form.
+    apart = np.array([real[k] and _lasting(abs(root)) > 64 for k, root in enumerate(own)], dtype=np.bool_)
     for k in np.flatnonzero(apart):
         others = np.concatenate([np.delete(own, k), rational.roots(season) if period == 1 else []])
-        apart[k] = not seasonal_p and np.all(np.abs(others - own[k]) > _SEPARATE * (1.0 - abs(own[k])))
+        # Smallest distance of a root with a closed form from all other roots, relative to its distance from the unit
+        # circle.
+        apart[k] = not seasonal_p and np.all(np.abs(others - own[k]) > 0.1 * (1.0 - abs(own[k])))
     size = np.concatenate([np.abs(own[~apart]), slow])
     reach = q + period * seasonal_q + p + period * seasonal_p + math.ceil(_lasting(size.max(initial=0.0)))
     if reach > 2 * LONGEST:

@@ -24,15 +24,10 @@ from gmwm.theory.processes.short_memory import LONGEST, NEGLIGIBLE, ShortMemory,
 from gmwm.theory.processes.validation import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace
 
-_MANY = 4096
-"""Smallest number of lags for which the correlation is interpolated, because this is then faster. Interpolation does
-not change the result: tests/processes/test_matern.py, test_many_lags_are_interpolated_to_all_digits."""
 _ONE_BY_ONE = 64
 """Number of lags that are computed individually, before the first octave of interpolated lags."""
 _SHORT = 512
 """Largest length (samples) of paths that are simulated with a square root of their covariance matrix."""
-_GONE = 1e-18
-"""Correlations below this value are treated as zero; it is below the rounding error of 1."""
 _LONGEST = 2**24
 """Largest half period of a circulant embedding (samples): 2^24 doubles take 128 MB."""
 
@@ -250,7 +245,9 @@ class MAT(Process):
     def _at_lags(self, what: str, lags: ArrayLike, rate: float) -> Vector:
         k, rate = np.abs(as_lags(lags)), as_rate(rate)
         beta, nu = self.value("beta"), self.value("nu")
-        if k.size < _MANY:
+        # Smallest number of lags for which the correlation is interpolated, because this is then faster. Interpolation
+        # does not change the result: tests/processes/test_matern.py, test_many_lags_are_interpolated_to_all_digits.
+        if k.size < 4096:
             found = getattr(matern(k.ravel() * (beta / rate), nu), what)
         else:
             longest = int(k.max())
@@ -272,7 +269,8 @@ class MAT(Process):
         beta, nu, half = self.value("beta"), self.value("nu"), circulant_embedding.half_period(n)
         if nu > 0.5:
             far = np.arange(8.0, 400.0, dtype=np.float64)
-            reach = far[np.argmax(matern(far, nu).correlation < _GONE)] * rate / beta
+            # Correlations below this value are treated as zero; it is below the rounding error of 1.
+            reach = far[np.argmax(matern(far, nu).correlation < 1e-18)] * rate / beta
             half = max(half, circulant_embedding.half_period(math.ceil(min(reach, 2.0 * _LONGEST))))
         if half > _LONGEST:
             raise MissingTheoryError(
