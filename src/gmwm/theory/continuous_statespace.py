@@ -107,19 +107,19 @@ class ContinuousStateSpace:
             Sampling rate f = 1/Δt (Hz) of `space`.
         """
         rate = as_rate(rate)
-        found = _driven(space, rate) if space.states else (space.F, space.Q)
-        if found is None:
+        matrices = _driven(space, rate) if space.states else (space.F, space.Q)
+        if matrices is None:
             return None
-        return cls(*found, space.H, space.R / rate, space.m0, space.P0, space.diffuse)
+        return cls(*matrices, space.H, space.R / rate, space.m0, space.P0, space.diffuse)
 
     @classmethod
     def sum(cls, parts: Mapping[str, ContinuousStateSpace | None]) -> ContinuousStateSpace:
         """Return the state space of a sum of independent signals. `parts` has the state space of each term; None is
         left out."""
-        kept = {term: part for term, part in parts.items() if part is not None}
+        spaces = {term: part for term, part in parts.items() if part is not None}
         # The sum of discrete state spaces also makes the block-diagonal matrices needed here.
-        s = StateSpace.sum(StateSpace(c.A, c.Qc, c.H, c.Rc, c.m0, c.P0, c.diffuse) for c in kept.values())
-        terms = tuple(term for term, part in kept.items() for _ in range(part.states))
+        s = StateSpace.sum(StateSpace(c.A, c.Qc, c.H, c.Rc, c.m0, c.P0, c.diffuse) for c in spaces.values())
+        terms = tuple(term for term, part in spaces.items() for _ in range(part.states))
         left_out = tuple(term for term, part in parts.items() if part is None)
         return cls(s.F, s.Q, s.H, s.R, s.m0, s.P0, s.diffuse, terms, left_out)
 
@@ -178,9 +178,9 @@ def _driven(space: StateSpace, rate: float) -> tuple[Matrix, Matrix] | None:
         return a, np.zeros((p, p))
     turn = np.kron(a, np.eye(p)) + np.kron(np.eye(p), a)
     # ∫₀^Δt e^(turn s) ds is the upper right block of the exponential of [[turn, I], [0, 0]] Δt.
-    whole = np.zeros((2 * p * p, 2 * p * p))
-    whole[: p * p, : p * p], whole[: p * p, p * p :] = turn, np.eye(p * p)
-    gain = expm(whole / rate)[: p * p, p * p :]
+    system = np.zeros((2 * p * p, 2 * p * p))
+    system[: p * p, : p * p], system[: p * p, p * p :] = turn, np.eye(p * p)
+    gain = expm(system / rate)[: p * p, p * p :]
     density = np.linalg.solve(gain, space.Q.ravel()).reshape(p, p)
     density = (density + density.T) / 2
     return (a, density) if _is_covariance(density / _sizes(space.Q) / rate) else None
@@ -230,9 +230,9 @@ def _step(a: Matrix, density: Matrix, dt: float) -> tuple[Matrix, Matrix]:
     # Van Loan's exponential contains e^(−A dt), which can be very large: take a short step and double it.
     halvings = max(0, int(np.frexp(np.linalg.norm(a) * dt)[1]))
     size = float(np.max(np.abs(density))) or 1.0
-    whole = expm(np.block([[-a, density / size], [np.zeros((p, p)), a.T]]) * np.ldexp(dt, -halvings))
-    transition = whole[p:, p:].T
-    noise = size * (transition @ whole[:p, p:])
+    exponential = expm(np.block([[-a, density / size], [np.zeros((p, p)), a.T]]) * np.ldexp(dt, -halvings))
+    transition = exponential[p:, p:].T
+    noise = size * (transition @ exponential[:p, p:])
     for _ in range(halvings):
         noise = noise + transition @ noise @ transition.T
         transition = transition @ transition

@@ -161,8 +161,8 @@ class WaveletFilter:
         It is computed from level to level: r_j(k) = Σ_n r_g(n) r_{j−1}((k − n)/2), where r_g is the autocorrelation of
         the scaling filter and n has the parity of k. One lag takes O(j L²) operations, which do not depend on L_j.
         """
-        wanted, where = np.unique(np.abs(np.asarray(lags, dtype=np.int64)), return_inverse=True)
-        return np.asarray(self._autocorrelation(wanted, level)[where].reshape(np.shape(lags)))
+        distances, where = np.unique(np.abs(np.asarray(lags, dtype=np.int64)), return_inverse=True)
+        return np.asarray(self._autocorrelation(distances, level)[where].reshape(np.shape(lags)))
 
     def _autocorrelation(self, lags: NDArray[np.int64], level: int) -> Vector:
         reach = self.length - 1

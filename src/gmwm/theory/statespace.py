@@ -127,13 +127,13 @@ class StateSpace:
         levels : int or (J,) array of int
             Number of levels, or the levels.
         """
-        wanted = as_levels(levels)
-        result = np.empty(wanted.size)
+        numbers = as_levels(levels)
+        result = np.empty(numbers.size)
         block = _Block.one_sample(self)
-        for level in range(1, int(wanted[-1]) + 1):
+        for level in range(1, int(numbers[-1]) + 1):
             if level > 1:
                 block = block.followed_by(block)
-            at = np.flatnonzero(wanted == level)
+            at = np.flatnonzero(numbers == level)
             if at.size:
                 result[at[0]] = self._adjacent_difference(block) / 4.0**level
         return result
@@ -228,36 +228,36 @@ def checked(
         "m0": (np.zeros(p) if m0 is None else m0, (p,)),
         "P0": (np.zeros((p, p)) if P0 is None else P0, (p, p)),
     }
-    found: dict[str, NDArray[Any]] = {}
+    matrices: dict[str, NDArray[Any]] = {}
     for name, (values, shape) in shapes.items():
         array = np.array(values, dtype=np.float64)
         if array.size != prod(shape) or not np.all(np.isfinite(array)):
             raise ModelError(
                 argument=name, expected=f"finite with shape {shape}, because {observed} has {p} states", got=values
             )
-        found[name] = freeze(array.reshape(shape))
+        matrices[name] = freeze(array.reshape(shape))
     mask = np.zeros(p, dtype=np.bool_) if diffuse is None else np.array(diffuse, dtype=np.bool_).reshape(p)
-    return {**found, "diffuse": freeze(mask)}
+    return {**matrices, "diffuse": freeze(mask)}
 
 
 def haar_variances(spaces: Sequence[StateSpace], levels: int | ArrayLike) -> Matrix:
     """Return `haar_variance` (n, J) of n state spaces with the same number of states."""
-    wanted = as_levels(levels)
+    numbers = as_levels(levels)
     transition, seen = np.array([s.F for s in spaces]), np.array([s.H[0] for s in spaces])
     start, mean = np.array([s.P0 for s in spaces]), np.array([s.m0 for s in spaces])
     noise = np.array([_block_diagonal([s.Q, s.R]) for s in spaces])
     n, p = seen.shape
-    result = np.empty((n, wanted.size))
+    result = np.empty((n, numbers.size))
     carry = np.zeros((n, p + 1, p + 1))
     carry[:, p, p] = 1.0
-    for level in range(1, int(wanted[-1]) + 1):
+    for level in range(1, int(numbers[-1]) + 1):
         if level > 1:
             # Join a block with the same block that starts from its end.
             carry[:, :p, :p], carry[:, p, :p] = transition, seen
             noise = carry @ noise @ np.swapaxes(carry, 1, 2) + noise
             seen = seen + (seen[:, None, :] @ transition)[:, 0]
             transition = transition @ transition
-        at = np.flatnonzero(wanted == level)
+        at = np.flatnonzero(numbers == level)
         if at.size:
             rise = (seen[:, None, :] @ transition)[:, 0] - seen
             weights = np.concatenate([seen, np.full((n, 1), -1.0)], axis=1)

@@ -90,12 +90,12 @@ def sandwich(fit: Fit) -> Sandwich:
     """
     design, acts_as = Design.of(fit.wavelet_variance), fit.diagnostics.acts_as
     wavelet = noise_covariance(fit.model, design)
-    found = sandwich_of(fit.model, design, matrix=fit.weighting_matrix, wavelet=wavelet, acts_as=acts_as)
+    result = sandwich_of(fit.model, design, matrix=fit.weighting_matrix, wavelet=wavelet, acts_as=acts_as)
     if len(fit.wavelet_variance.recordings) < 2:
-        return found
+        return result
     total = wavelet + spread_of_mean(fit)
     both = sandwich_of(fit.model, design, matrix=fit.weighting_matrix, wavelet=total, acts_as=acts_as)
-    return replace(both, without_spread=found)
+    return replace(both, without_spread=result)
 
 
 def noise_covariance(model: Model, design: Design) -> Matrix:
@@ -126,11 +126,11 @@ def sandwich_of(
     values = sizes_of(model, columns)
     slopes = np.column_stack([relative_jacobian(model, design, columns), *_unseen(model, design)])
     relative = relative_covariance(slopes, matrix, wavelet)[: len(columns), : len(columns)]
-    kept = [k for k, name in enumerate(columns) if name in reported]
+    places = [k for k, name in enumerate(columns) if name in reported]
     return Sandwich(
-        names=tuple(columns[k] for k in kept),
-        values=values[kept],
-        relative=relative[np.ix_(kept, kept)],
+        names=tuple(columns[k] for k in places),
+        values=values[places],
+        relative=relative[np.ix_(places, places)],
         wavelet=wavelet,
     )
 

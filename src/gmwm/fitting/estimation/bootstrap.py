@@ -113,10 +113,10 @@ def bootstrap(
     True
     """
     draws, seed = as_draws(draws, LEAST_DRAWS, "a standard deviation"), as_seed(rng)
-    kept: dict[tuple[int, int], Bootstrap] = fit.__dict__.setdefault("_bootstraps", {})
-    if (draws, seed) not in kept:
-        kept[draws, seed] = _bootstrap(fit, draws, seed, progress)
-    return kept[draws, seed]
+    cache: dict[tuple[int, int], Bootstrap] = fit.__dict__.setdefault("_bootstraps", {})
+    if (draws, seed) not in cache:
+        cache[draws, seed] = _bootstrap(fit, draws, seed, progress)
+    return cache[draws, seed]
 
 
 def as_draws(draws: int, least: int, what: str, name: str = "draws") -> int:
@@ -142,7 +142,7 @@ def _bootstrap(fit: Fit, draws: int, seed: int, progress: Callable[[int], None] 
     wv = fit.wavelet_variance
     variances = simulated_variances(fit.model, Design.of(wv), draws, seed, progress=progress)
     problem = pose(fit.model, wv, fit.weighting_matrix)
-    known = wv.variance - problem.observed
+    offset = wv.variance - problem.observed
     free = [name for name in fit.parameters if name not in fit.model.fixed_names]
     # The wavelet variance does not determine the sign of a drift; the sign of an AR coefficient is estimated.
     signed = {f"{t}.{p.scale_parameter().name}" for t, p in zip(fit.model.terms, fit.model.processes, strict=True)}
@@ -152,7 +152,7 @@ def _bootstrap(fit: Fit, draws: int, seed: int, progress: Callable[[int], None] 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FitWarning)
         for k, variance in enumerate(variances):
-            drawn = problem.observing(variance - known)
+            drawn = problem.observing(variance - offset)
             solution = solve_near(drawn)
             model = estimated(drawn, solution, None).sorted(wv.rate)
             parameters = model.parameters

@@ -130,8 +130,8 @@ class Search:
 
     def located(self, positions: Vector) -> list[Place]:
         """Convert positions on the tabulated curve to places."""
-        found = [self.grid.place(float(position)) for position in positions]
-        return [(self.grid.branches[index], u) for index, u in found]
+        cells = [self.grid.place(float(position)) for position in positions]
+        return [(self.grid.branches[index], u) for index, u in cells]
 
     def polished(self, places: list[Place]) -> Optimum:
         """Return the local optimum on the exact curve that is nearest to `places`."""
@@ -179,8 +179,8 @@ class Search:
         Newton step is used if it is sufficient. If `ends`, a subclass also finds the ends of the branches that the data
         cannot distinguish from the places."""
         start = self.at(places)
-        there = self._sharpened(start, 1, FOLLOWED)
-        return self.polished(places) if there is start and places else there
+        optimum = self._sharpened(start, 1, FOLLOWED)
+        return self.polished(places) if optimum is start and places else optimum
 
     def _rows(self, places: list[Place]) -> Matrix:
         curved = shapes(
@@ -199,9 +199,9 @@ class Search:
         end."""
         for index, (branch, _) in enumerate(best.places):
             for end in (branch.high, branch.low):
-                there = self.at([*best.places[:index], (branch, end), *best.places[index + 1 :]])
-                if self.problem.as_low(there.objective, best.objective, FLAT):
-                    best = there
+                optimum = self.at([*best.places[:index], (branch, end), *best.places[index + 1 :]])
+                if self.problem.as_low(optimum.objective, best.objective, FLAT):
+                    best = optimum
                     break
         return best
 
@@ -228,8 +228,8 @@ class Search:
             return {1: branch.high_acts_as, -1: branch.low_acts_as}.get(best.ends[index])
         ends = [(branch.high, branch.high_acts_as), (branch.low, branch.low_acts_as)]
         for end, name in sorted(ends, key=lambda end: end[0] != u):  # an end at which the place already is comes first
-            there = [*best.places[:index], (branch, end), *best.places[index + 1 :]]
-            if name and (u == end or self.problem.as_low(self.at(there).objective, best.objective, ACTS_AS)):
+            places = [*best.places[:index], (branch, end), *best.places[index + 1 :]]
+            if name and (u == end or self.problem.as_low(self.at(places).objective, best.objective, ACTS_AS)):
                 return name
         return None
 

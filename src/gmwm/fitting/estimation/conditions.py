@@ -55,15 +55,15 @@ class Stack:
     @cached_property
     def shapes(self) -> Matrix:
         """Wavelet variances (rows, levels of all curves) that each linear coefficient multiplies."""
-        found = []
+        curves = []
         for place, m in self.rows:
             process, phi = self.model.processes[place], self.factors.get(place)
             parts = [
                 (1.0 if phi is None else phi[m, s]) * unit_shape(process, wv.levels, wv.rate, find_filter(wv.filter))
                 for s, wv in enumerate(self.curves)
             ]
-            found.append(np.concatenate(parts))
-        return np.array(found).reshape(len(found), self.levels.size)
+            curves.append(np.concatenate(parts))
+        return np.array(curves).reshape(len(curves), self.levels.size)
 
     def posed(self, matrix: Matrix) -> Problem:
         """Return the estimation problem with the weighting matrix Ω of all levels."""
@@ -82,11 +82,11 @@ class Stack:
                 f"{self.model} has {count} free parameters at {self.levels.size} levels of all conditions",
                 advice="Free a parameter." if count == 0 else "Record longer, or use a smaller model.",
             )
-        known = np.zeros(self.levels.size)
+        offset = np.zeros(self.levels.size)
         for place in held:
-            own = self.model.processes[place]
-            known += np.concatenate([own.wavelet_variance(wv.levels, wv.rate, wv.filter) for wv in self.curves])
-        observed = np.concatenate([wv.variance for wv in self.curves]) - known
+            process = self.model.processes[place]
+            offset += np.concatenate([process.wavelet_variance(wv.levels, wv.rate, wv.filter) for wv in self.curves])
+        observed = np.concatenate([wv.variance for wv in self.curves]) - offset
         weights = Weights(matrix)
         unit, target = weighed(observed, weights)
         return Problem(
@@ -98,7 +98,7 @@ class Stack:
     def models(self, solution: Solution) -> tuple[Model, ...]:
         """Return, for each condition, the model with the values of a solution."""
         _, shaped, _ = by_kind(self.model)
-        found = []
+        models = []
         for s in range(len(self.curves)):
             processes = list(self.model.processes)
             scales: dict[int, float] = {}
@@ -112,8 +112,8 @@ class Stack:
             for place, scale in scales.items():
                 name = processes[place].scale_parameter().name
                 processes[place] = processes[place].with_values(**{name: processes[place].value_from(scale)})
-            found.append(Model(tuple(processes)))
-        return tuple(found)
+            models.append(Model(tuple(processes)))
+        return tuple(models)
 
     def implied(self, models: tuple[Model, ...]) -> Vector:
         """Return the wavelet variances that the models of the conditions imply, one after another."""
@@ -143,17 +143,17 @@ class Stack:
             theta = np.array([term.values])
             if term.scale > 0 and term.acts_as is None:
                 for k, parameter in enumerate(process.nonlinear_parameters()):
-                    own = [
+                    curves = [
                         term.scale * term.values[k]
                         * process.shape_jacobian(theta, wv.levels, wv.rate, find_filter(wv.filter))[0, :, k]
                         for wv in self.curves
                     ]  # fmt: skip
                     names.append((place, parameter.name))
-                    columns.append(np.concatenate(own))
+                    columns.append(np.concatenate(curves))
             if term.scale > 0:
-                own = [process.shape(theta, wv.levels, wv.rate, find_filter(wv.filter))[0] for wv in self.curves]
+                curves = [process.shape(theta, wv.levels, wv.rate, find_filter(wv.filter))[0] for wv in self.curves]
                 names.append((place, process.scale_parameter().name))
-                columns.append(np.concatenate(own))
+                columns.append(np.concatenate(curves))
         return names, np.column_stack(columns)
 
 
@@ -253,7 +253,7 @@ def _estimates(solved: Solved, functions: Mapping[str, Varies]) -> dict[str, Est
     errors = np.sqrt(np.diag(spread))
     _, shaped, _ = by_kind(stack.model)
     terms: dict[int, Term] = dict(zip(shaped, solution.terms, strict=True))
-    found = {}
+    estimates = {}
     for k, (place, which) in enumerate(names):
         label, process = stack.model.terms[place], stack.model.processes[place]
         scale = process.scale_parameter()
@@ -266,19 +266,19 @@ def _estimates(solved: Solved, functions: Mapping[str, Varies]) -> dict[str, Est
             amount, name = terms[place].scale, f"{label}.{scale.name}"
         else:
             value = terms[place].values[[p.name for p in process.nonlinear_parameters()].index(which)]
-            found[f"{label}.{which}"] = Estimate(value, float(errors[k]) * abs(value), shape=True)
+            estimates[f"{label}.{which}"] = Estimate(value, float(errors[k]) * abs(value), shape=True)
             continue
-        if (one := terms.get(place)) is not None and one.acts_as is not None:
-            found[name] = Estimate(process.value_from(amount), math.inf, acts_as=one.acts_as)
+        if (shaped_term := terms.get(place)) is not None and shaped_term.acts_as is not None:
+            estimates[name] = Estimate(process.value_from(amount), math.inf, acts_as=shaped_term.acts_as)
             continue
         value = process.value_from(amount)
         error = float(errors[k]) if power == 1 else float(errors[k]) * value / (power * amount) if amount else math.inf
-        found[name] = Estimate(value, error)
+        estimates[name] = Estimate(value, error)
     for place, term in terms.items():
         if term.scale == 0:
             process = stack.model.processes[place]
-            found[f"{stack.model.terms[place]}.{process.scale_parameter().name}"] = Estimate(0.0, math.inf)
-    return found
+            estimates[f"{stack.model.terms[place]}.{process.scale_parameter().name}"] = Estimate(0.0, math.inf)
+    return estimates
 
 
 def _short(stack: Stack) -> Stack:
@@ -304,9 +304,9 @@ def _no_change(solved: Solved, weighting: str) -> float:
 
     short = _short(solved.stack)
     constant = _settled(replace(short, factors={}), weighting, certify=False)
-    whole, few = _left(constant)
-    rest, many = _left(constant, short.shapes.T)
-    return float(gammaincc((many - few) / 2, (whole - rest) / 2))
+    total, rank = _left(constant)
+    remainder, full_rank = _left(constant, short.shapes.T)
+    return float(gammaincc((full_rank - rank) / 2, (total - remainder) / 2))
 
 
 def _left(solved: Solved, further: Matrix | None = None) -> tuple[float, int]:

@@ -147,8 +147,8 @@ class ConditionsFit(Summarised):
         for term, varied in functions.items():
             name = f"{term}.{model.processes[model.terms.index(term)].scale_parameter().name}"
             values[name] = sum(
-                self.estimates[f"{name} ({one.text})"].value * float(one.of(np.array([float(condition)]))[0])
-                for one in varied.functions
+                self.estimates[f"{name} ({function.text})"].value * float(function.of(np.array([float(condition)]))[0])
+                for function in varied.functions
             )
         return model.with_values(values)
 
@@ -188,10 +188,12 @@ class ConditionsFit(Summarised):
         """Format a table of the estimates with 95 % confidence intervals, followed by the certificate and the tests."""
         conditions = ", ".join(f"{c:g}" for c in self.curves)
         rows = [("", "estimate", "95 % interval")]
-        for name, one in self.estimates.items():
-            low, high = one.interval()
+        for name, estimate in self.estimates.items():
+            low, high = estimate.interval()
             interval = "undetermined" if math.isinf(high) else f"{low:.4g} … {high:.4g}"
-            rows.append((name, f"{one.value:.4g}", f"acts as {one.acts_as}" if one.acts_as else interval))
+            rows.append(
+                (name, f"{estimate.value:.4g}", f"acts as {estimate.acts_as}" if estimate.acts_as else interval)
+            )
         lines = [f"{self.structure} at {self.condition} {conditions}", *aligned(rows)]
         if self.lower_bound is not None:
             gap = (self.objective - self.lower_bound) / self.objective if self.objective > 0 else 0.0
@@ -212,9 +214,9 @@ class ConditionsFit(Summarised):
             "condition": self.condition, "model": self.structure, "varies": dict(self.varies),
             "estimates": plain(
                 {
-                    name: {"value": one.value, "standard_error": one.error, "interval": one.interval(),
-                           "acts_as": one.acts_as}
-                    for name, one in self.estimates.items()
+                    name: {"value": estimate.value, "standard_error": estimate.error, "interval": estimate.interval(),
+                           "acts_as": estimate.acts_as}
+                    for name, estimate in self.estimates.items()
                 },
                 math.inf,
             ),

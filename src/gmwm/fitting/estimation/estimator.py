@@ -175,7 +175,7 @@ def fit(
     >>> print(f"{found.parameters['WN.sigma2']:.2e}")
     4.00e-06
     """
-    wanted = as_model(model)
+    terms = as_model(model)
     if start is not None and not isinstance(start, Sampled):
         raise OptionError(
             argument="start",
@@ -185,7 +185,7 @@ def fit(
         )
     if isinstance(data, Mapping):
         return _fitted_conditions(
-            wanted, data, rate, varies, weighting=weighting, robust=robust, efficiency=efficiency, certify=certify,
+            terms, data, rate, varies, weighting=weighting, robust=robust, efficiency=efficiency, certify=certify,
             others={"start": start, "against": against},
         )  # fmt: skip
     if varies is not None:
@@ -197,11 +197,11 @@ def fit(
         )
     wv = measured(data, rate, robust, efficiency, against=against)
     first = None if start is None else _draws(start, wv, data)
-    chosen = usual_weighting(wanted) if weighting is None else weighting
-    found = _fitted(wanted, wv, chosen, certify=certify, first=first)
-    for remark in found.diagnostics.remarks:
+    chosen = usual_weighting(terms) if weighting is None else weighting
+    result = _fitted(terms, wv, chosen, certify=certify, first=first)
+    for remark in result.diagnostics.remarks:
         warnings.warn(FitWarning(remark), stacklevel=2)
-    return found
+    return result
 
 
 def _fitted_conditions(
@@ -227,7 +227,7 @@ def _fitted_conditions(
     bad = [key for key in keys if isinstance(key, bool) or not isinstance(key, int | float | np.number)]
     if bad or not all(math.isfinite(key) for key in data):
         raise OptionError(argument="data", expected="conditions that are finite numbers", got=bad[0] if bad else keys)
-    curves = {float(condition): measured(one, rate, robust, efficiency) for condition, one in data.items()}
+    curves = {float(condition): measured(curve, rate, robust, efficiency) for condition, curve in data.items()}
     return fit_conditions(model, curves, varies or {}, weighting=chosen, certify=certify)
 
 
@@ -259,19 +259,19 @@ def measured(
 ) -> WaveletVariance:
     """Return the wavelet variance to which a model is fitted. It is the wavelet variance of a signal, the pooled
     wavelet variance of several recordings, or `data` itself. Raises OptionError if an option contradicts the data."""
-    asked = Asked.of(against)
+    conditions = Asked.of(against)
     several = _several(data)
     if several is None:
-        return _measured(cast("Curve", data), rate, robust, efficiency, asked=asked)
+        return _measured(cast("Curve", data), rate, robust, efficiency, asked=conditions)
     if not several:
         raise DataError(argument="data", expected="at least one recording", got=data)
-    if any(term.measured for term in asked.terms):
+    if any(term.measured for term in conditions.terms):
         raise OptionError(
             "against has an array, which belongs to one recording, but there are several",
             argument="against",
             advice="Remove its effect from each recording by `wavelet_variance(x, against=…)`, and pass the curves.",
         )
-    curves = [_measured(one, rate, robust, efficiency, asked=asked) for one in several]
+    curves = [_measured(recording, rate, robust, efficiency, asked=conditions) for recording in several]
     return pooled({str(k): wv for k, wv in enumerate(curves, start=1)})
 
 

@@ -83,10 +83,10 @@ class ExponentialSearch(Search):
         weighted = weights.tables.get(self.grid)
         if weighted is None:
             weighted = weights.tables[self.grid] = _weighted(self.grid, weights)
-        found, bound, relaxed, table, nodes = self.kernel.solve(
+        values, bound, relaxed, table, nodes = self.kernel.solve(
             weighted, len(self.problem.curved), CERTIFY_NODES if certify else QUICK_NODES, self._starts()
         )
-        return Found(self.found(*found), bound=bound, relaxed=relaxed, table=table, nodes=nodes)
+        return Found(self.found(*values), bound=bound, relaxed=relaxed, table=table, nodes=nodes)
 
     def followed(self, places: list[Place], *, ends: bool = False) -> Optimum:
         """Return the local optimum nearest to `places`, the optimum of the problem with slightly different weights."""
@@ -94,8 +94,8 @@ class ExponentialSearch(Search):
 
     def coordinates(self, places: Sequence[Place]) -> tuple[NDArray[np.int64], Vector]:
         """Return the indices of the branches of the places, and the search coordinates of the places."""
-        known = [branch.exponential for branch in self.grid.branches]
-        owner = [known.index(branch.exponential) for branch, _ in places]
+        forms = [branch.exponential for branch in self.grid.branches]
+        owner = [forms.index(branch.exponential) for branch, _ in places]
         return np.array(owner, dtype=np.int64), np.array([u for _, u in places], dtype=np.float64)
 
     def found(self, objective: float, branches: list[int], u: Vector, weights: Vector, ends: list[int]) -> Optimum:

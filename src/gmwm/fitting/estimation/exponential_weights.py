@@ -52,9 +52,9 @@ def reweighted(
     counts, added = design.counts, design.added
     segments = []
     for length, times in lengths_of(design.lengths):
-        one = design.segment(length, counts) if design.segments else design
-        if one is not None:
-            segments.append((length, times, one.levels.size))
+        part = design.segment(length, counts) if design.segments else design
+        if part is not None:
+            segments.append((length, times, part.levels.size))
     powers = [process.scale_parameter().scale_power or 1 for process in linear]
     cumulant = sum(type(process).standard().error_cumulant for process in linear)
     data = [
@@ -63,11 +63,11 @@ def reweighted(
         counts,
         np.zeros(counts.size) if added is None else np.diag(added),
     ]
-    found = search.kernel.reweight(
+    result = search.kernel.reweight(
         design.levels, np.array(data, dtype=np.float64), np.array(segments, dtype=np.float64),
         np.array([_kind(process) for process in linear], dtype=np.int64), np.array(powers, dtype=np.float64),
         problem.shapes, np.array([design.loss_factor, ROUNDING, cumulant, *options]), solution.scales,
         np.array([(term.values[0], term.scale) for term in solution.terms], dtype=np.float64),
         *search.coordinates(solution.places),
     )  # fmt: skip
-    return None if found is None else (search.found(*found[0]), *found[1:])
+    return None if result is None else (search.found(*result[0]), *result[1:])

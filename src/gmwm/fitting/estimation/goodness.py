@@ -142,8 +142,8 @@ def goodness_of_fit(
     # The result is cached, because the test needs another fit, and a summary, a file and a table all show the test.
     if "_goodness" not in fit.__dict__:
         fit.__dict__["_goodness"] = _by_theory(fit)
-    found: GoodnessOfFit = fit.__dict__["_goodness"]
-    return found
+    test: GoodnessOfFit = fit.__dict__["_goodness"]
+    return test
 
 
 def _by_theory(fit: Fit) -> GoodnessOfFit:

@@ -104,11 +104,11 @@ def confidence_intervals(
     seed = as_seed(rng) if method == "bootstrap" else 0
     if covariance is None:
         # The intervals are cached, because upper limits are slow, and a summary, a datasheet and a file all use them.
-        kept: dict[tuple[object, ...], dict[str, Interval]] = fit.__dict__.setdefault("_intervals", {})
+        cache: dict[tuple[object, ...], dict[str, Interval]] = fit.__dict__.setdefault("_intervals", {})
         key = (level, method, draws, seed)
-        if key not in kept:
-            kept[key] = _intervals(fit, level, method=method, covariance=None, draws=draws, seed=seed)
-        return dict(kept[key])
+        if key not in cache:
+            cache[key] = _intervals(fit, level, method=method, covariance=None, draws=draws, seed=seed)
+        return dict(cache[key])
     return _intervals(fit, level, method=method, covariance=covariance, draws=draws, seed=seed)
 
 
@@ -152,14 +152,14 @@ def with_quick_intervals(fit: Fit, level: float) -> Fit:
     key = (level, "asymptotic", DRAWS, 0)
     if key in fit.__dict__.get("_intervals", {}):
         return fit
-    found, z = _asymptotic(fit, level, None), NormalDist().inv_cdf((1 + level) / 2)
+    limits, z = _asymptotic(fit, level, None), NormalDist().inv_cdf((1 + level) / 2)
     errors = dict(zip(fit.sandwich.names, np.sqrt(np.diag(fit.sandwich.relative)).tolist(), strict=True))
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
         for parameter in process.parameters:
             name = f"{term}.{parameter.name}"
             if process.is_fixed(parameter.name):
                 continue
-            found.setdefault(name, (0.0, math.inf))
+            limits.setdefault(name, (0.0, math.inf))
             if (
                 parameter.scale_power
                 and name in errors
@@ -167,9 +167,9 @@ def with_quick_intervals(fit: Fit, level: float) -> Fit:
                 and is_weak(fit, name, parameter, z)
             ):
                 high = process.value_from(process.scale * (1 + z * (parameter.scale_power or 1.0) * errors[name]))
-                found[name] = (-high if parameter.domain == "real" else 0.0, high)
+                limits[name] = (-high if parameter.domain == "real" else 0.0, high)
     quick = copy(fit)
-    quick.__dict__["_intervals"] = {key: found}
+    quick.__dict__["_intervals"] = {key: limits}
     return quick
 
 
@@ -182,15 +182,15 @@ def is_weak(fit: Fit, name: str, parameter: Parameter, z: float = 1.96) -> bool:
     """Return whether a scale parameter is zero, or its scale coefficient is at most z standard errors above zero."""
     if fit.parameters[name] == 0:
         return True
-    found, power = fit.sandwich.sampling, parameter.scale_power or 1.0
-    place = found.names.index(name)
-    return z * power * math.sqrt(found.relative[place, place]) >= 1
+    errors, power = fit.sandwich.sampling, parameter.scale_power or 1.0
+    place = errors.names.index(name)
+    return z * power * math.sqrt(errors.relative[place, place]) >= 1
 
 
 def _asymptotic(fit: Fit, level: float, covariance: Matrix | None) -> dict[str, Interval]:
-    found = fit.sandwich
+    errors = fit.sandwich
     if covariance is not None:
-        found = sandwich_of(
+        errors = sandwich_of(
             fit.model,
             Design.of(fit.wavelet_variance),
             matrix=fit.weighting_matrix,
@@ -201,7 +201,7 @@ def _asymptotic(fit: Fit, level: float, covariance: Matrix | None) -> dict[str, 
     parameters = parameters_by_name(fit.model)
     return {
         name: about(parameters[name], value, float(z * abs(value) * math.sqrt(square)))
-        for name, value, square in zip(found.names, found.values.tolist(), np.diag(found.relative), strict=True)
+        for name, value, square in zip(errors.names, errors.values.tolist(), np.diag(errors.relative), strict=True)
     }
 
 
@@ -304,11 +304,11 @@ def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> floa
 
 def _spread(fit: Fit, name: str) -> float:
     """Return the relative standard error that the spread between recordings adds to a parameter in quadrature."""
-    found = fit.sandwich
-    if found.without_spread is None or name not in found.names:
+    errors = fit.sandwich
+    if errors.without_spread is None or name not in errors.names:
         return 0.0
-    place = found.names.index(name)
-    return math.sqrt(max(found.relative[place, place] - found.without_spread.relative[place, place], 0.0))
+    place = errors.names.index(name)
+    return math.sqrt(max(errors.relative[place, place] - errors.without_spread.relative[place, place], 0.0))
 
 
 def _fixed_point(tried: list[tuple[float, float]]) -> float:
@@ -330,6 +330,6 @@ def _relative_error(fit: Fit, model: Model, name: str) -> float:
     else:
         diagonal = fit.weighting in REWEIGHTED
         matrix = np.diag(reciprocal(np.diag(for_weights), model)) if diagonal else fit.weighting_matrix
-    found = sandwich_of(model, design, matrix=matrix, wavelet=wavelet, acts_as=fit.diagnostics.acts_as)
-    place = found.names.index(name)
-    return math.sqrt(found.relative[place, place])
+    errors = sandwich_of(model, design, matrix=matrix, wavelet=wavelet, acts_as=fit.diagnostics.acts_as)
+    place = errors.names.index(name)
+    return math.sqrt(errors.relative[place, place])

@@ -49,10 +49,10 @@ def parameter_gain(weighted: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
     (p,) marks the parameters that the Jacobian does not determine."""
     length = np.linalg.norm(weighted, axis=0)
     seen = length > 0
-    left, strength, right = np.linalg.svd(weighted[:, seen] / length[seen], full_matrices=False)
+    axes, strength, right = np.linalg.svd(weighted[:, seen] / length[seen], full_matrices=False)
     clear = strength > COLLINEAR * strength.max(initial=0.0)
     gain = np.zeros(weighted.shape[::-1])
-    gain[seen] = (right[clear].T / strength[clear]) @ left[:, clear].T / length[seen, None]
+    gain[seen] = (right[clear].T / strength[clear]) @ axes[:, clear].T / length[seen, None]
     lost = ~seen
     lost[seen] = 1 - np.sum(right[clear] ** 2, axis=0) > 1e-12
     return gain, lost
@@ -99,8 +99,8 @@ def slopes_of(fit: Fit) -> Matrix:
     if "_slopes" not in fit.__dict__:
         columns, _ = columns_of(fit.model, fit.diagnostics.acts_as)
         fit.__dict__["_slopes"] = freeze(relative_jacobian(fit.model, Design.of(fit.wavelet_variance), columns))
-    found: Matrix = fit.__dict__["_slopes"]
-    return found
+    slopes: Matrix = fit.__dict__["_slopes"]
+    return slopes
 
 
 def sizes_of(model: Model, names: list[str] | tuple[str, ...]) -> Vector:

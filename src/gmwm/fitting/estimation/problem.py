@@ -129,11 +129,11 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix | Weights) -> Problem
             advice="Record longer, or use a smaller model.",
         )
     levels, rate, filter = wv.levels, wv.rate, find_filter(wv.filter)
-    known = np.zeros(len(wv))
+    offset = np.zeros(len(wv))
     for place in held:
-        known += model.processes[place].wavelet_variance(levels, rate, filter)
+        offset += model.processes[place].wavelet_variance(levels, rate, filter)
     shapes = [unit_shape(model.processes[place], levels, rate, filter) for place in linear]
-    observed = wv.variance - known
+    observed = wv.variance - offset
     weights = matrix if isinstance(matrix, Weights) else Weights(matrix)
     unit, target = weighed(observed, weights)
     return Problem(

@@ -86,9 +86,9 @@ class Deviations:
         with np.errstate(invalid="ignore"):
             apart = np.nan_to_num(self.values - self.effects.mean)
         length = np.linalg.norm(apart, axis=0)
-        found = (apart / np.where(length > 0, length, 1.0)).T @ (apart / np.where(length > 0, length, 1.0))
-        np.fill_diagonal(found, 1.0)
-        return np.asarray(found)
+        correlation = (apart / np.where(length > 0, length, 1.0)).T @ (apart / np.where(length > 0, length, 1.0))
+        np.fill_diagonal(correlation, 1.0)
+        return np.asarray(correlation)
 
     @property
     def of_mean(self) -> Matrix:
@@ -98,11 +98,11 @@ class Deviations:
         holds for any spread. For recordings without a spread, this is four times the width without the addition for two
         recordings, twice for three, and 1.3 times for five (docs/validation/recordings.md)."""
         information = np.sum(np.where(np.isfinite(self.values), 1 / self.variances, 0.0), axis=0)
-        known = information > 0
-        half = half_widths(self.values.T[known], self.variances.T[known])
-        added = np.zeros(known.size)
+        informed = information > 0
+        half = half_widths(self.values.T[informed], self.variances.T[informed])
+        added = np.zeros(informed.size)
         width2 = (half / NormalDist().inv_cdf((1 + LEVEL) / 2)) ** 2
-        added[known] = np.sqrt(np.maximum(width2 - 1 / information[known], 0.0))
+        added[informed] = np.sqrt(np.maximum(width2 - 1 / information[informed], 0.0))
         return np.asarray(self.correlation * np.outer(added, added))
 
 
@@ -123,8 +123,8 @@ def deviations(fit: Fit) -> Deviations:
     several recordings, which are in `fit.wavelet_variance.recordings`."""
     if "_deviations" not in fit.__dict__:
         fit.__dict__["_deviations"] = _deviations(fit)
-    found: Deviations = fit.__dict__["_deviations"]
-    return found
+    result: Deviations = fit.__dict__["_deviations"]
+    return result
 
 
 class _Part(NamedTuple):
@@ -155,24 +155,25 @@ def _deviations(fit: Fit) -> Deviations:
         root = part.root(error)
         gain, lost = parameter_gain(root @ part.slopes)
         values[part.place] = np.where(lost, np.nan, gain @ root @ part.left)
-        found = gain @ gain.T
-        found[lost] = found[:, lost] = 0.0
-        found[lost, lost] = np.inf
-        covariances[part.place] = found
+        spread = gain @ gain.T
+        spread[lost] = spread[:, lost] = 0.0
+        spread[lost, lost] = np.inf
+        covariances[part.place] = spread
     roots = [part.root(0.0) for part in parts]
     lefts = [root @ part.left for root, part in zip(roots, parts, strict=True)]
     slopes = [root @ part.slopes for root, part in zip(roots, parts, strict=True)]
-    own = [unexplained(left, slope) for left, slope in zip(lefts, slopes, strict=True)]
+    fits = [unexplained(residual, slope) for residual, slope in zip(lefts, slopes, strict=True)]
     together, rank = unexplained(np.concatenate(lefts), np.concatenate(slopes)) if lefts else (0.0, 0)
     return Deviations(
         recordings=tuple(fit.wavelet_variance.recordings), names=tuple(names), values=values, covariances=covariances,
-        model_error=error, statistic=together - sum(one[0] for one in own), df=sum(one[1] for one in own) - rank,
+        model_error=error, statistic=together - sum(square for square, _ in fits),
+        df=sum(count for _, count in fits) - rank,
     )  # fmt: skip
 
 
 def _parts(fit: Fit, names: list[str]) -> list[_Part]:
     """Return the data of the recordings that have usable levels; `names` are the parameters."""
-    known: dict[object, tuple[Vector, Matrix, Matrix]] = {}
+    cache: dict[object, tuple[Vector, Matrix, Matrix]] = {}
     parts = []
     for k, wv in enumerate(fit.wavelet_variance.recordings.values()):
         design = Design.of(wv)
@@ -181,10 +182,10 @@ def _parts(fit: Fit, names: list[str]) -> list[_Part]:
         if not np.any(used):
             continue
         key = (design.lengths, design.filled, design.strides, used.size, None if wv.excess is None else k)
-        if key not in known:
+        if key not in cache:
             curve = fit.model.wavelet_variance(design.levels, design.rate, design.filter)
-            known[key] = curve, covariance(fit.model, design), relative_jacobian(fit.model, design, names)
-        curve, scatter, slopes = known[key]
+            cache[key] = curve, covariance(fit.model, design), relative_jacobian(fit.model, design, names)
+        curve, scatter, slopes = cache[key]
         mean = fit.wavelet_variance.variance[: design.levels.size]
         variance = wv.variance[used]
         parts.append(_Part(k, curve, left=variance - curve, apart=variance - mean, scatter=scatter, slopes=slopes))
@@ -224,9 +225,9 @@ def spread_of_mean(fit: Fit) -> Matrix:
     """Return what the spread between recordings adds to the covariance of the wavelet variance, (J, J) in unit⁴. The
     spread changes the parameters, so it moves the curve in the directions of its derivatives. The goodness-of-fit test
     does not depend on it."""
-    found = deviations(fit)
-    slopes = relative_jacobian(fit.model, Design.of(fit.wavelet_variance), found.names)
-    return np.asarray(slopes @ found.of_mean @ slopes.T)
+    result = deviations(fit)
+    slopes = relative_jacobian(fit.model, Design.of(fit.wavelet_variance), result.names)
+    return np.asarray(slopes @ result.of_mean @ slopes.T)
 
 
 def stepped(parameter: Parameter, value: float, share: float) -> float:

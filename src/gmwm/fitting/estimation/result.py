@@ -134,9 +134,9 @@ class Fit(Documented, KalmanMethods):
         processes = estimated(problem, solution, wv.slope).processes
         model = Model(processes).sorted(wv.rate)
         label = {id(process): term for term, process in zip(model.terms, model.processes, strict=True)}
-        found = {label[id(processes[place])]: term for place, term in zip(problem.shaped, solution.terms, strict=True)}
+        terms = {label[id(processes[place])]: term for place, term in zip(problem.shaped, solution.terms, strict=True)}
         free = (*problem.linear, *problem.shaped)
-        acts_as = {name: term.acts_as for name, term in sorted(found.items()) if term.acts_as is not None}
+        acts_as = {name: term.acts_as for name, term in sorted(terms.items()) if term.acts_as is not None}
         zero = tuple(sorted(label[id(processes[place])] for place in free if processes[place].scale == 0))
         remarks = (*_of_terms(model, acts_as, zero, wv=wv, matrix=problem.matrix), *settled.remarks)
         diagnostics = Diagnostics(
@@ -201,8 +201,8 @@ class Fit(Documented, KalmanMethods):
     @property
     def regression(self) -> Regression | None:
         """Effect of the temperature or of other conditions that was removed from the data; None if none was removed."""
-        found: Regression | None = self.wavelet_variance.regression
-        return found
+        regression: Regression | None = self.wavelet_variance.regression
+        return regression
 
     def units(self) -> dict[str, str]:
         """Return the unit of every parameter, by name."""

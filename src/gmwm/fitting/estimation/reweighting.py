@@ -108,16 +108,16 @@ def settle(
         problem = pose(model, wv, implied_weights(weighting, start, design, wv.variance))
     solution = solve(problem, certify=False, quick=True) if first is None else first(problem)
     for _ in range(returns):
-        found = _iterated(problem, solution, wv, weighting, design=design, fixed=fixed)
-        problem, solution = found.problem, found.solution
-        if found.reason is not None:
-            remark = Remark.of("weights-from-data", wv.axis, reason=found.reason)
+        iteration = _iterated(problem, solution, wv, weighting, design=design, fixed=fixed)
+        problem, solution = iteration.problem, iteration.solution
+        if iteration.reason is not None:
+            remark = Remark.of("weights-from-data", wv.axis, reason=iteration.reason)
             return Settled(problem, finish(problem, solution), (remark,))
         before, solution = _implied(problem, solution, wv), finish(problem, solution)
         change = _change(before, _implied(problem, solution, wv))
-        if change <= max(CLOSE, found.change):
+        if change <= max(CLOSE, iteration.change):
             break
-    if found.expected <= max(CLOSE, fixed) and change <= max(CLOSE, fixed):
+    if iteration.expected <= max(CLOSE, fixed) and change <= max(CLOSE, fixed):
         return Settled(problem, solution)
     # Two estimates may alternate, each with weights that lead to the other. Weights that do not depend on the model end
     # this.
@@ -146,9 +146,9 @@ def _iterated(
     search = search_for_weights(problem, design) if weighting == "diagonal" else None
     if search is not None:
         options = np.array([PRIOR, fixed, FAR, CUTOFF, ROUNDS, HOPE, MIXED], dtype=np.float64)
-        found = reweighted(search, solution, design.for_weights, options)
-        if found is not None:
-            best, weights, change, expected = found
+        result = reweighted(search, solution, design.for_weights, options)
+        if result is not None:
+            best, weights, change, expected = result
             problem = problem.under(np.diag(weights))
             return _Iterated(problem, moved(search_of(problem), solution, best), change, expected)
     ahead, implied = _Ahead(), _implied(problem, solution, wv)
@@ -219,25 +219,25 @@ class _Ahead:
 
     def of(self, problem: Problem, solution: Solution, wv: WaveletVariance) -> Model:
         model = estimated(problem, solution, wv.slope).sorted(wv.rate)
-        found = _logarithms(model)
-        if list(found) != list(self.given):
+        logarithms = _logarithms(model)
+        if list(logarithms) != list(self.given):
             self.pairs = []
         else:
-            self.pairs.append((np.array(list(self.given.values())), np.array(list(found.values()))))
-        self.given = found
+            self.pairs.append((np.array(list(self.given.values())), np.array(list(logarithms.values()))))
+        self.given = logarithms
         if len(self.pairs) < 2:
             return model
         inputs, outputs = (np.array(each) for each in zip(*self.pairs[-MIXED:], strict=True))
         residuals = outputs - inputs
         share, *_ = np.linalg.lstsq(np.diff(residuals, axis=0).T, residuals[-1], rcond=CUTOFF)
         reach = np.clip(-share @ np.diff(outputs, axis=0), -FAR, FAR)
-        moved = {name: (model.parameters[name] or 0.0) * math.exp(d) for name, d in zip(found, reach, strict=True)}
+        moved = {name: (model.parameters[name] or 0.0) * math.exp(d) for name, d in zip(logarithms, reach, strict=True)}
         try:
-            there = model.with_values(moved)
+            extrapolation = model.with_values(moved)
         except ModelError:  # extrapolated coefficients of an AR process may not be stationary
             return model
-        self.given = _logarithms(there)
-        return there
+        self.given = _logarithms(extrapolation)
+        return extrapolation
 
 
 def _logarithms(model: Model) -> dict[str, float]:

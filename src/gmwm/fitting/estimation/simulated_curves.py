@@ -80,12 +80,12 @@ def simulated_variances(
 def _measure(model: Model, design: Design, together: int, rng: np.random.Generator, rows: Matrix) -> None:
     """Fill `rows` (n, J) with the wavelet variances of the first n paths of a batch. A batch is always drawn
     completely, because the paths depend on its size."""
-    deepest, wanted = int(design.levels[-1]), design.levels - 1
+    deepest, rows_of_levels = int(design.levels[-1]), design.levels - 1
     segments = [model.simulate(length, design.rate, rng, together) for length in design.lengths]
     for row, *path in zip(rows, *segments, strict=False):
         row[:] = variances_alone(
             path, design.filter, transform=design.transform, levels=deepest, efficiency=design.efficiency
-        )[wanted]
+        )[rows_of_levels]
 
 
 def _stream(seed: int, batch: int) -> np.random.Generator:

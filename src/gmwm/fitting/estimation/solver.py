@@ -89,17 +89,17 @@ def solve(problem: Problem, *, certify: bool, quick: bool = False, near: Solutio
             start=Start(how="convex", tried=1, objective=float(value)),
         )
     search = search_of(problem)
-    found = search.optimum(certify=certify)
-    best = found.best
+    result = search.optimum(certify=certify)
+    best = result.best
     return Solution(
         objective=best.objective * square,
-        lower_bound=min(found.bound, best.objective) * square if certify else None,
-        relaxed_bound=min(found.relaxed, best.objective) * square,
+        lower_bound=min(result.bound, best.objective) * square if certify else None,
+        relaxed_bound=min(result.relaxed, best.objective) * square,
         scales=problem.scales(problem.shapes, best.weights[: len(problem.linear)]),
         terms=search.terms(best),
         places=tuple(best.places),
-        nodes=found.nodes,
-        start=Start(how="convex", tried=found.nodes or 1, objective=float(found.table * square)),
+        nodes=result.nodes,
+        start=Start(how="convex", tried=result.nodes or 1, objective=float(result.table * square)),
     )
 
 
@@ -110,11 +110,11 @@ def solve_near(problem: Problem) -> Solution:
         return solve(problem, certify=False)
     surface = Surface(problem)
     point = given_point(problem, surface)
-    found = None if point is None else surface.downhill(point)
-    if point is None or found is None:
+    optimum = None if point is None else surface.downhill(point)
+    if point is None or optimum is None:
         return solve(problem, certify=False)
     start = Start(how="given", tried=1, objective=_value(surface.at(point), problem))
-    best, curvature = surface.sharpened(found)
+    best, curvature = surface.sharpened(optimum)
     return replace(_solution(problem, surface, best, start), curvature=curvature)
 
 
@@ -143,14 +143,14 @@ def solve_sampled(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
     """Find the local optimum that a descent from the best of random draws reaches."""
     surface = Surface(problem)
     point = sampled_point(problem, wv, sampled, spread)
-    before, found = surface.at(point), surface.downhill(point)
-    if before is None or found is None:
+    before, optimum = surface.at(point), surface.downhill(point)
+    if before is None or optimum is None:
         raise ModelError(
             f"none of {sampled.draws} random draws gives a valid process of {problem.model}",
             advice="Increase the number of draws.",
         )
     start = Start(how="sampled", tried=sampled.draws, objective=_value(before, problem))
-    best, curvature = surface.sharpened(found)
+    best, curvature = surface.sharpened(optimum)
     return replace(_solution(problem, surface, best, start), curvature=curvature)
 
 
@@ -182,13 +182,13 @@ def _scanned(problem: Problem, *, quick: bool, near: Solution | None) -> Solutio
     alone = scans_alone(problem, surface)
     # Number of points of a scan from which descents start if the weights will change.
     points, tried = scanned_points(problem, surface, alone, 3 if quick else KEPT)
-    known = None if near is None or near.point is None else surface.downhill(near.point)
-    found = _lowest(problem, surface, [point for _, point in points], count=1 if quick else FOLLOWED, known=known)
-    if found is None:
+    previous = None if near is None or near.point is None else surface.downhill(near.point)
+    lowest = _lowest(problem, surface, [point for _, point in points], count=1 if quick else FOLLOWED, known=previous)
+    if lowest is None:
         raise ModelError(
             f"no starting values were found for {problem.model}", advice="Write starting values into the model."
         )
-    place, best = found
+    place, best = lowest
     how, origin = points[place or 0]
     if place is None and near is not None and near.origin is not None:
         how, origin = near.start.how, near.origin
@@ -211,10 +211,10 @@ def _lowest(
     # The same number of steps if there are several free processes, because lines have many optima close to each other
     # (test_two_lines_are_both_found).
     steps = 5 if len(surface.frees) == 1 else 10
-    scouts = [(k, found) for k, point in enumerate(points) if (found := surface.downhill(point, steps)) is not None]
+    scouts = [(k, optimum) for k, point in enumerate(points) if (optimum := surface.downhill(point, steps)) is not None]
     scouts.sort(key=lambda scout: scout[1].objective)
     halved = scouts[: max((len(scouts) + 1) // 2, count)]
-    scouts = [(k, found) for k, scout in halved if (found := surface.downhill(scout, steps)) is not None]
+    scouts = [(k, optimum) for k, scout in halved if (optimum := surface.downhill(scout, steps)) is not None]
     reached: list[Projection] = [] if known is None else [known]
     best: tuple[int | None, Projection] | None = None if known is None else (None, known)
     for k, scout in sorted(scouts, key=lambda scout: scout[1].objective):
@@ -222,13 +222,13 @@ def _lowest(
             break
         if any(_together(scout.point, other.point) for other in reached):
             continue
-        found = surface.downhill(scout)
-        if found is None:
+        optimum = surface.downhill(scout)
+        if optimum is None:
             continue
         count -= 1
-        reached += [scout, found]
-        if best is None or not problem.as_low(best[1].objective, found.objective, NOISE):
-            best = k, found
+        reached += [scout, optimum]
+        if best is None or not problem.as_low(best[1].objective, optimum.objective, NOISE):
+            best = k, optimum
     return best
 
 
@@ -242,10 +242,10 @@ def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Pr
     """Return the optimum after each free process in turn was moved to the best points of its own scan."""
     for _ in range(RETURNS):
         moved = list(moved_points(problem, surface, alone, best.point))
-        found = _lowest(problem, surface, moved, known=best)
-        if found is None or problem.as_low(best.objective, found[1].objective, NOISE):
+        lowest = _lowest(problem, surface, moved, known=best)
+        if lowest is None or problem.as_low(best.objective, lowest[1].objective, NOISE):
             break
-        best = found[1]
+        best = lowest[1]
     return best
 
 
@@ -256,11 +256,11 @@ def _elsewhere(problem: Problem, surface: Surface, best: Projection) -> Projecti
         search = surface.curved_alone(z)
         candidates, _, _, _ = search.branch_and_bound(certify=False)
         places = search.located(candidates[0][1])
-        there = Point(tuple(b for b, _ in places), np.concatenate([np.array([u for _, u in places]), *z]))
-        found = surface.downhill(there)
-        if found is None or problem.as_low(best.objective, found.objective, NOISE):
+        point = Point(tuple(b for b, _ in places), np.concatenate([np.array([u for _, u in places]), *z]))
+        optimum = surface.downhill(point)
+        if optimum is None or problem.as_low(best.objective, optimum.objective, NOISE):
             break
-        best = found
+        best = optimum
     return best
 
 
@@ -268,13 +268,15 @@ def _resumed(problem: Problem, solution: Solution, *, ends: bool) -> Solution:
     surface = Surface(problem)
     assert solution.point is not None
     here = surface.at(solution.point)
-    found, curvature = (None, None) if here is None else surface.sharpened(here, solution.curvature)
-    if found is None or not _at_rest(surface, found):
-        found = surface.downhill(solution.point)
-        assert found is not None  # the point was valid with the previous weights, and validity does not depend on them
-        found, curvature = surface.sharpened(found)
-    there = _solution(problem, surface, found, solution.start, ends=ends)
-    return replace(there, curvature=curvature, origin=solution.origin)
+    optimum, curvature = (None, None) if here is None else surface.sharpened(here, solution.curvature)
+    if optimum is None or not _at_rest(surface, optimum):
+        optimum = surface.downhill(solution.point)
+        assert (
+            optimum is not None
+        )  # the point was valid with the previous weights, and validity does not depend on them
+        optimum, curvature = surface.sharpened(optimum)
+    result = _solution(problem, surface, optimum, solution.start, ends=ends)
+    return replace(result, curvature=curvature, origin=solution.origin)
 
 
 def _at_rest(surface: Surface, found: Projection) -> bool:

@@ -127,8 +127,8 @@ def scanned_points(
         at += free.size
     chosen = _best(problem, surface, columns, share=share, kept=kept)
     points: list[tuple[How, Point]] = []
-    if (given := given_point(problem, surface)) is not None:
-        points.append(("given", given))
+    if (start := given_point(problem, surface)) is not None:
+        points.append(("given", start))
     if alone is not None:
         points.append(("scan", _with_curved(problem, surface, _one_by_one(problem, surface, alone))))
     for k in chosen:
@@ -140,9 +140,9 @@ def scanned_points(
 
 def given_point(problem: Problem, surface: Surface) -> Point | None:
     """Return the starting point that the values in the model give; None if a free process has no values."""
-    given = [free.given() for free in surface.frees]
-    there = [z for z in given if z is not None]
-    return _with_curved(problem, surface, there) if len(there) == len(given) else None
+    coordinates = [free.given() for free in surface.frees]
+    values = [z for z in coordinates if z is not None]
+    return _with_curved(problem, surface, values) if len(values) == len(coordinates) else None
 
 
 def _over_its_scan(free: Coordinates, share: Matrix, problem: Problem) -> Matrix:
@@ -205,8 +205,8 @@ def _one_by_one(problem: Problem, surface: Surface, every: list[Alone]) -> list[
             at[place] = scan.best(np.concatenate([base, *others]), problem)[0]
         if at == before:
             break
-    found = zip(surface.frees, every, strict=True)
-    return [free.of(scan.values[at[k] : at[k] + 1])[0] for k, (free, scan) in enumerate(found)]
+    scans = zip(surface.frees, every, strict=True)
+    return [free.of(scan.values[at[k] : at[k] + 1])[0] for k, (free, scan) in enumerate(scans)]
 
 
 def moved_points(problem: Problem, surface: Surface, every: list[Alone], point: Point) -> Iterator[Point]:
@@ -218,8 +218,8 @@ def moved_points(problem: Problem, surface: Surface, every: list[Alone], point: 
         here = [problem.weighted(shapes[k : k + 1]) for k in range(len(z)) if k != place and np.any(shapes[k] > 0)]
         # Number of points of its scan to which each process is moved after the first descent.
         for row in scan.best(np.concatenate([base, *here]), problem, 4):
-            there = surface.frees[place].of(scan.values[row : row + 1])[0]
-            yield _with_curved(problem, surface, [*z[:place], there, *z[place + 1 :]])
+            coordinates = surface.frees[place].of(scan.values[row : row + 1])[0]
+            yield _with_curved(problem, surface, [*z[:place], coordinates, *z[place + 1 :]])
 
 
 def _best(problem: Problem, surface: Surface, columns: list[Matrix], *, share: Matrix, kept: int) -> list[int]:

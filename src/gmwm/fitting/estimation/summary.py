@@ -256,8 +256,8 @@ def table_html(head: Sequence[str], rows: Iterable[Row], words: Iterable[str]) -
         for row in rows
     )
     names = ("parameter", "estimate", "95 % interval", "error", "unit")
-    title, *rest = head
-    facts = "\n".join(rest).splitlines()
+    title, *lines = head
+    facts = "\n".join(lines).splitlines()
     return (
         f"<div><b>{escape(title)}</b>{''.join(f'<br>{escape(fact)}' for fact in facts)}"
         f"<table><thead><tr>{''.join(f'<th>{name}</th>' for name in names)}</tr></thead><tbody>{cells}</tbody></table>"

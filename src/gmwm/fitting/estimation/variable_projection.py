@@ -44,8 +44,8 @@ class Coordinates:
         parameters = process.nonlinear_parameters()
         self.together = len(self.moving) == len(parameters)
         self.parameters = [parameters[k] for k in self.moving]
-        given = [process.values[p.name] for p in parameters]
-        self.held = np.array([0.0 if v is None else v for v in given], dtype=np.float64)
+        values = [process.values[p.name] for p in parameters]
+        self.held = np.array([0.0 if v is None else v for v in values], dtype=np.float64)
 
     @property
     def size(self) -> int:
@@ -195,11 +195,11 @@ class Surface:
     def curved_alone(self, z: list[Vector]) -> Search:
         """Return the search for the curved processes if the free processes have the fixed coordinates `z`. Free
         processes whose wavelet variance is zero are left out."""
-        problem, found = self.problem, self.free_shapes(z)
+        problem, curves = self.problem, self.free_shapes(z)
         assert problem.curved_class is not None
-        seen = np.any(found > 0, axis=1)
-        held = tuple(place for place, there in zip(problem.free, seen, strict=True) if there)
-        rows = np.concatenate([problem.shapes, found[seen]])
+        seen = np.any(curves > 0, axis=1)
+        held = tuple(place for place, able in zip(problem.free, seen, strict=True) if able)
+        rows = np.concatenate([problem.shapes, curves[seen]])
         return Search(replace(problem, linear=(*problem.linear, *held), free=(), shapes=rows), problem.curved_class)
 
     def _curved(self, branches: tuple[Branch, ...], u: Vector) -> Matrix:
@@ -276,9 +276,9 @@ class Surface:
                 step = np.zeros(best.point.x.size)
                 damped = square + damping * np.diag(size + np.finfo(float).tiny)
                 step[able] = np.clip(_solved(damped, -gradient[able]), -LONGEST, LONGEST)
-                there = self.at(self.moved(best.point, step))
-                if there is not None and there.objective < best.objective:
-                    better = there
+                trial = self.at(self.moved(best.point, step))
+                if trial is not None and trial.objective < best.objective:
+                    better = trial
                     break
                 damping *= 8.0
             if better is None:
@@ -320,13 +320,13 @@ class Surface:
             step[able] = _solved(known.hessian / square, -gradient[able])
             size = float(np.abs(step).max(initial=0.0))
             # Longest Newton step that is accepted.
-            there = self.at(self.moved(best.point, step)) if size < 0.3 else None
-            if there is None or not self.problem.as_low(there.objective, best.objective, NOISE):
+            trial = self.at(self.moved(best.point, step)) if size < 0.3 else None
+            if trial is None or not self.problem.as_low(trial.objective, best.objective, NOISE):
                 if fresh:
                     break
                 known = None
                 continue
-            best = there
+            best = trial
             # Change of every coordinate below which Newton steps end.
             if size < 1e-11:
                 break

@@ -47,18 +47,18 @@ class Varies:
             word = part.strip()
             if word == "1":
                 functions.append(Function("1", np.ones_like))
-            elif found := _HATS.fullmatch(word):
-                functions += _hats(found[1], text)
-            elif found := _ABSOLUTE.fullmatch(word):
-                names.add(found[1])
+            elif match := _HATS.fullmatch(word):
+                functions += _hats(match[1], text)
+            elif match := _ABSOLUTE.fullmatch(word):
+                names.add(match[1])
                 functions.append(Function(word, np.abs))
-            elif (found := _POWER.fullmatch(word)) and found[1] != "hats":
-                names.add(found[1])
-                power = int(found[2] or 1)
-                functions.append(Function(f"{found[1]}^{power}" if power > 1 else found[1], _power(power)))
+            elif (match := _POWER.fullmatch(word)) and match[1] != "hats":
+                names.add(match[1])
+                power = int(match[2] or 1)
+                functions.append(Function(f"{match[1]}^{power}" if power > 1 else match[1], _power(power)))
             else:
                 raise OptionError(argument="varies", expected=_EXPECTED, got=text)
-        texts = [one.text for one in functions]
+        texts = [function.text for function in functions]
         if len(names) > 1 or len(set(texts)) < len(texts):
             raise OptionError(argument="varies", expected=_EXPECTED, got=text)
         return cls(next(iter(names), ""), tuple(functions))
@@ -66,11 +66,11 @@ class Varies:
     def at(self, conditions: Vector, term: str) -> Matrix:
         """Return the values φ_m(c_s) (m, s) of the functions at the conditions c_s (s,). `term` is named in errors.
         Raises ModelError if a function is negative at a condition, or the conditions cannot separate the functions."""
-        rows = np.array([one.of(conditions) for one in self.functions])
-        for one, row in zip(self.functions, rows, strict=True):
+        rows = np.array([function.of(conditions) for function in self.functions])
+        for function, row in zip(self.functions, rows, strict=True):
             if np.any(row < 0):
                 raise ModelError(
-                    f"{term} varies with {one.text}, which is negative at {conditions[np.argmin(row)]:g}",
+                    f"{term} varies with {function.text}, which is negative at {conditions[np.argmin(row)]:g}",
                     advice="Use an even power, abs(…) or hats(…), so that variances cannot be negative.",
                 )
         scale = np.max(rows, axis=1, keepdims=True)
@@ -88,11 +88,11 @@ def parsed(varies: Mapping[str, str]) -> tuple[dict[str, Varies], str]:
     OptionError if a sum cannot be parsed, or two sums name different conditions."""
     if not isinstance(varies, Mapping):
         raise OptionError(argument="varies", expected="a mapping such as {'WN': '1 + rate**2'}", got=varies)
-    found = {term: Varies.parse(text) for term, text in varies.items()}
-    names = {one.condition for one in found.values() if one.condition}
+    sums = {term: Varies.parse(text) for term, text in varies.items()}
+    names = {single.condition for single in sums.values() if single.condition}
     if len(names) > 1:
         raise OptionError(argument="varies", expected="one name for the condition", got=", ".join(sorted(names)))
-    return found, next(iter(names), "condition")
+    return sums, next(iter(names), "condition")
 
 
 def _power(power: int) -> Callable[[Vector], Vector]:

@@ -99,10 +99,10 @@ def weighting_remarks(matrix: Matrix, wv: WaveletVariance) -> tuple[Remark, ...]
     differ much from 1 / V_jj at one of these levels."""
     # Smallest degrees of freedom of the levels that `weighting_remarks` uses. The relative standard error of ν̂_j² is
     # then at most 1/2. Pinned by tests/estimation/test_weights.py.
-    known = (wv.degrees_of_freedom >= 8.0) & (wv.variance > 0) & (np.diag(matrix) > 0)
-    if np.count_nonzero(known) < 3 or not np.all(wv.variance > 0):
+    usable = (wv.degrees_of_freedom >= 8.0) & (wv.variance > 0) & (np.diag(matrix) > 0)
+    if np.count_nonzero(usable) < 3 or not np.all(wv.variance > 0):
         return ()
-    weights, variance = np.log(np.diag(matrix)[known]), np.log(sampling_variance(wv)[known])
+    weights, variance = np.log(np.diag(matrix)[usable]), np.log(sampling_variance(wv)[usable])
     # Largest factor between a weight and V_jj for which the weight looks like a variance
     # (tests/estimation/test_weights.py).
     like_covariance = np.all(np.abs(weights - variance) < math.log(5.0))

@@ -56,8 +56,8 @@ class Losses:
         if samples >= ends[-1]:
             share, samples = ends[-1] / samples, int(ends[-1])
         else:
-            whole = int(np.searchsorted(ends, samples))
-            segments = (*segments[:whole], samples - int(ends[whole - 1] if whole else 0))
+            count = int(np.searchsorted(ends, samples))
+            segments = (*segments[:count], samples - int(ends[count - 1] if count else 0))
         filled = round(self.filled * samples)
         levels = np.arange(1, max(segments).bit_length())
         return Design(levels, samples, rate, segments=segments, filled=filled), share

@@ -179,14 +179,14 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
     if not isinstance(signal, Signal):
         raise OptionError(argument="signal", expected="a Signal, such as imu['gyro_x']", got=signal)
     term, covariates, values = _condition(signal, condition)
-    rest = without(signal, regress(signal, covariates), covariates)
+    residual = without(signal, regress(signal, covariates), covariates)
     # Smallest length (samples) of the blocks in which knocks are clipped.
     length = max(covariates.clock.length, 16)
     blocks = Clock.of(signal.rate, signal.segments, signal.starts, length=length)
-    rest = replace(rest, values=blocks.clipped(rest.values))
-    wv = signal_wavelet_variance(rest)
+    residual = replace(residual, values=blocks.clipped(residual.values))
+    wv = signal_wavelet_variance(residual)
     design = Design.of(wv)
-    used = _slow(rest, values, design)
+    used = _slow(residual, values, design)
     if not np.any(used):
         raise DataError(
             f"{term.name} changes too quickly for the scales of this recording, or the recording is too short",
@@ -194,9 +194,9 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
             advice="Record for longer, with slower changes.",
         )
     levels = wv.levels[used]
-    slopes, spread = np.array([_slope(*_parts(rest, values, level)) for level in levels.tolist()]).T
+    slopes, spread = np.array([_slope(*_parts(residual, values, level)) for level in levels.tolist()]).T
     # The covariance is measured after the dependence on the condition is removed.
-    even = replace(rest, values=rest.values * np.exp(-slopes[0] * (values - np.mean(values))))
+    even = replace(residual, values=residual.values * np.exp(-slopes[0] * (values - np.mean(values))))
     _, noise = mixture(wv.variance, wv.degrees_of_freedom, design)
     design = replace(design, excess=excess_covariance(even, signal_wavelet_variance(even)))
     curve = noise.wavelet_variance(wv.levels, wv.rate)[used]
@@ -207,28 +207,28 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
     inverse = np.linalg.inv(errors)
     statistic = float(slopes @ inverse @ slopes)
     names, shares = _shares(model, wv, used)
-    terms, left = {}, statistic
+    terms, remainder = {}, statistic
     if names:
         root = np.linalg.cholesky(inverse).T
         estimates, *_ = np.linalg.lstsq(root @ shares, root @ slopes, rcond=None)
         spreads = np.sqrt(np.diag(np.linalg.pinv(shares.T @ inverse @ shares, hermitian=True)))
         terms = {name: _tested(*pair) for name, *pair in zip(names, estimates, spreads, strict=True)}
-        left = float(np.sum((root @ (slopes - shares @ estimates)) ** 2))
+        remainder = float(np.sum((root @ (slopes - shares @ estimates)) ** 2))
     free = levels.size - len(names)
     return NoiseAgainst(
         axis=signal.axis, condition=term.name, unit=term.unit, range=(float(np.min(values)), float(np.max(values))),
         levels=levels.copy(), tau=wv.tau[used],
         slopes=tuple(_tested(s, e) for s, e in zip(slopes, np.sqrt(np.diag(errors)), strict=True)),
         pvalue=float(gammaincc(levels.size / 2, statistic / 2)), terms=terms,
-        pvalue_terms=float(gammaincc(free / 2, left / 2)) if free > 0 else None,
+        pvalue_terms=float(gammaincc(free / 2, remainder / 2)) if free > 0 else None,
     )  # fmt: skip
 
 
 def _condition(signal: Signal, condition: Against) -> tuple[Term, Covariates, Vector]:
     """Return the condition, the regression of the mean on it, and its value at each sample."""
-    asked = Asked.of(condition)
-    term = asked.terms[0] if len(asked.terms) == 1 else None
-    arrays = dict(asked.arrays or {})
+    conditions = Asked.of(condition)
+    term = conditions.terms[0] if len(conditions.terms) == 1 else None
+    arrays = dict(conditions.arrays or {})
     if term is not None and term.name == TIME:
         covariates = Covariates.of([term], {}, signal)
         begins = begins_of(signal.rate, signal.segments, signal.starts)
@@ -253,28 +253,28 @@ def _shares(model: ModelLike, wv: WaveletVariance, used: NDArray[np.bool_]) -> t
     """Return the names of the terms that the data support, and the share (J, terms) of each in the wavelet variance."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FitWarning)
-        found = fit(model, wv, certify=False)
-    errors, kept = found.sandwich.errors, {}
-    for name, process in zip(found.model.terms, found.model.processes, strict=True):
+        result = fit(model, wv, certify=False)
+    errors, parts = result.sandwich.errors, {}
+    for name, process in zip(result.model.terms, result.model.processes, strict=True):
         scale = f"{name}.{process.scale_parameter().name}"
-        if scale in errors and abs(found.parameters[scale]) > SUPPORTED * errors[scale]:
-            kept[name] = (found.decomposition[name] / found.implied)[used]
-    return list(kept), np.column_stack(list(kept.values())) if kept else np.zeros((int(np.sum(used)), 0))
+        if scale in errors and abs(result.parameters[scale]) > SUPPORTED * errors[scale]:
+            parts[name] = (result.decomposition[name] / result.implied)[used]
+    return list(parts), np.column_stack(list(parts.values())) if parts else np.zeros((int(np.sum(used)), 0))
 
 
 def _slow(signal: Signal, values: Vector, design: Design) -> NDArray[np.bool_]:
     """Return a mask (J,) of the levels that are used. They have enough degrees of freedom, and the condition is nearly
     constant over the samples of a coefficient."""
-    found, whole = np.zeros(design.levels.size, dtype=bool), float(np.var(values))
+    mask, total = np.zeros(design.levels.size, dtype=bool), float(np.var(values))
     for k, (level, freedom) in enumerate(zip(design.levels.tolist(), design.degrees_of_freedom, strict=True)):
         if freedom >= LEAST_FREEDOM:
             away = np.concatenate([_running(values[a:b], 1 << level) for a, b in _long(signal, level)])
             away -= np.mean(away)
-            own = float(np.mean(away**2))
+            variance = float(np.mean(away**2))
             # If the condition is rarely far from its mean, the slope has fewer degrees of freedom.
-            few = freedom * own**2 < LEAST_FREEDOM * float(np.mean(away**4))
-            found[k] = own >= LEAST_RANGE * whole and not few
-    return found
+            few = freedom * variance**2 < LEAST_FREEDOM * float(np.mean(away**4))
+            mask[k] = variance >= LEAST_RANGE * total and not few
+    return mask
 
 
 def _parts(signal: Signal, values: Vector, level: int) -> tuple[NDArray[np.int64], Vector, Vector]:

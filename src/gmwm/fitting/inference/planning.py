@@ -92,7 +92,7 @@ class Plan(Summarised):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A mapping proxy cannot be pickled, so the copy is built from a plain dict.
-        made = partial(
+        build = partial(
             Plan,
             model=self.model,
             rate=self.rate,
@@ -102,7 +102,7 @@ class Plan(Summarised):
             unit=self.unit,
             losses=self.losses,
         )
-        return made, ()
+        return build, ()
 
     def plot(
         self, *, accuracy: float = 0.1, ax: Axes | None = None, path: str | os.PathLike[str] | None = None
@@ -169,8 +169,8 @@ class Plan(Summarised):
         OptionError
             If the recording has too few samples for the model, or more than 2⁴⁰ samples.
         """
-        found = self._at(samples_of(duration, self.rate, len(self.errors), self.losses))
-        return Named(zip(self.errors, found.tolist(), strict=True), "parameter")
+        errors = self._at(samples_of(duration, self.rate, len(self.errors), self.losses))
+        return Named(zip(self.errors, errors.tolist(), strict=True), "parameter")
 
     def needed(self, accuracy: float = 0.1) -> dict[str, float]:
         """Compute the recording length (s) that each parameter needs for a relative standard error of `accuracy`.
@@ -202,8 +202,8 @@ class Plan(Summarised):
         >>> {name: duration_text(seconds) for name, seconds in found.items()}
         {'WN.sigma2': '0.58 s', 'RW.gamma2': '7.9 min'}
         """
-        wanted = as_accuracy(accuracy)
-        return Named({name: self._needed(k, wanted) / self.rate for k, name in enumerate(self.errors)}, "parameter")
+        share = as_accuracy(accuracy)
+        return Named({name: self._needed(k, share) / self.rate for k, name in enumerate(self.errors)}, "parameter")
 
     def summary(self, accuracy: float = 0.1) -> str:
         """Format a table of the plan.
@@ -211,12 +211,12 @@ class Plan(Summarised):
         It has the value of each parameter, its relative standard error at 1/4, 1 and 4 times the planned duration, and
         the length of a recording that gives it a relative standard error of `accuracy`.
         """
-        wanted, units = self.needed(accuracy), self.model.units(self.unit)
+        lengths_needed, units = self.needed(accuracy), self.model.units(self.unit)
         lengths = [self.duration * factor for factor in (0.25, 1.0, 4.0)]
         lengths = [t for t in lengths if self.durations[0] <= t <= LONGEST / self.rate]
         columns = [self.at(t) for t in lengths]
         rows = [["parameter", "unit", "value", *map(duration_text, lengths), f"for {100 * accuracy:g} %"]]
-        for name, seconds in wanted.items():
+        for name, seconds in lengths_needed.items():
             value = self.model.parameters[name]
             need = duration_text(seconds) if math.isfinite(seconds) else f"> {duration_text(self.horizon)}"
             rows.append([name, units[name], f"{value:.3e}", *(error_text(column[name]) for column in columns), need])
@@ -274,8 +274,8 @@ class Plan(Summarised):
         if samples not in self._known:
             if samples < self.losses.shortest(1 << (len(self.errors) + 1)):
                 return np.full(len(self.errors), np.inf)
-            found = relative_errors(self.model, samples, self.rate, self.weighting, losses=self.losses)
-            self._known[samples] = found[1]
+            errors = relative_errors(self.model, samples, self.rate, self.weighting, losses=self.losses)
+            self._known[samples] = errors[1]
         return self._known[samples]
 
     def _needed(self, k: int, accuracy: float) -> float:
@@ -361,24 +361,24 @@ def plan(
     >>> {name: round(error, 3) for name, error in found.at(3600.0).items()}
     {'GM.beta': 0.054, 'GM.sigma2': 0.038, 'WN.sigma2': 0.002}
     """
-    whole, rate = as_model(model), as_rate(rate)
-    weighting = usual_weighting(whole) if weighting is None else weighting
+    terms, rate = as_model(model), as_rate(rate)
+    weighting = usual_weighting(terms) if weighting is None else weighting
     one_of(weighting, "weighting", ("diagonal", "optimal"))
-    free = _free(whole, rate)
+    free = _free(terms, rate)
     losses = Losses.of(pilot)
     longest = samples_of(duration, rate, free, losses)
-    _require_range(whole, min(int(BEYOND * longest), LONGEST), rate)
+    _require_range(terms, min(int(BEYOND * longest), LONGEST), rate)
     levels = losses.design(longest, rate)[0].levels.size
-    pose(whole, WaveletVariance.from_values(whole.wavelet_variance(levels, rate), longest, rate), np.eye(levels))
+    pose(terms, WaveletVariance.from_values(terms.wavelet_variance(levels, rate), longest, rate), np.eye(levels))
     shortest = losses.shortest(1 << (free + 1))
     # Number of lengths per factor of ten for which standard errors are computed.
     count = 1 + math.ceil(8 * math.log10(longest / shortest))
     samples = np.unique(np.rint(np.geomspace(shortest, longest, count)).astype(np.int64))
-    found = [relative_errors(whole, n, rate, weighting, losses=losses) for n in samples.tolist()]
-    curves = np.column_stack([errors for _, errors in found])
-    errors = {name: curve.copy() for name, curve in zip(found[-1][0], curves, strict=True)}
+    rows = [relative_errors(terms, n, rate, weighting, losses=losses) for n in samples.tolist()]
+    curves = np.column_stack([errors for _, errors in rows])
+    errors = {name: curve.copy() for name, curve in zip(rows[-1][0], curves, strict=True)}
     return Plan(
-        model=whole, rate=rate, weighting=weighting, durations=samples / rate, errors=errors, unit=unit, losses=losses
+        model=terms, rate=rate, weighting=weighting, durations=samples / rate, errors=errors, unit=unit, losses=losses
     )
 
 
@@ -389,8 +389,8 @@ def relative_errors(
     recording has `samples` samples and the gaps `losses`."""
     design, share = losses.design(samples, rate)
     wavelet = share * covariance(model, design)
-    found = sandwich_of(model, design, _weights(wavelet, weighting), wavelet)
-    return found.names, np.sqrt(np.diag(found.relative))
+    errors = sandwich_of(model, design, _weights(wavelet, weighting), wavelet)
+    return errors.names, np.sqrt(np.diag(errors.relative))
 
 
 def _weights(wavelet: Matrix, weighting: Literal["diagonal", "optimal"]) -> Matrix:
@@ -456,8 +456,8 @@ def _require_range(model: Model, samples: int, rate: float) -> None:
 def samples_of(duration: float, rate: float, free: int, losses: Losses = NONE) -> int:
     """Return the number of samples of a recording of `duration` (s). Raises OptionError unless the recording has more
     levels than `free`, the number of free parameters."""
-    known = isinstance(duration, int | float | np.number) and not isinstance(duration, bool)
-    if not (known and math.isfinite(duration) and duration > 0):
+    is_number = isinstance(duration, int | float | np.number) and not isinstance(duration, bool)
+    if not (is_number and math.isfinite(duration) and duration > 0):
         raise OptionError(argument="duration", expected="a positive number (s)", got=duration)
     samples, least = round(float(duration) * rate), losses.shortest(1 << (free + 1))
     if samples < least:

@@ -46,11 +46,11 @@ class Regressed:
         covariates = Covariates.of(asked.terms, dict(asked.arrays or {}), signal)
         first = regress(signal, covariates)
         columns = np.zeros((len(first), record.values.size))
-        there = np.isfinite(record.values)
+        observed = np.isfinite(record.values)
         for k, unit in enumerate(np.eye(len(first))):
-            columns[k, there] = covariates.effect(unit, first.tau, 0, len(signal))
+            columns[k, observed] = covariates.effect(unit, first.tau, 0, len(signal))
         # The restricted likelihood must not depend on the unit of a covariate.
-        scales = np.std(columns[:, there], axis=1)
+        scales = np.std(columns[:, observed], axis=1)
         record = replace(record, columns=columns / scales[:, None], scales=scales, names=tuple(first))
         return cls(signal, covariates, first, record)
 
@@ -78,5 +78,5 @@ class Regressed:
     def _at(self, problem: Problem, z: Vector) -> tuple[Vector, np.ndarray]:
         """Return the coefficients (p,) and their covariance (p, p) for the noise model at coordinates z."""
         level = problem.value(problem.at_point(z))[1]
-        own, scales = slice(len(level.values) - len(self.first), None), self.record.scales
-        return level.values[own] / scales, level.covariance[own, own] / np.outer(scales, scales)
+        part, scales = slice(len(level.values) - len(self.first), None), self.record.scales
+        return level.values[part] / scales, level.covariance[part, part] / np.outer(scales, scales)

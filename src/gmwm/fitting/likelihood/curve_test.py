@@ -28,12 +28,12 @@ def misfit(fit: LikelihoodFit) -> Remark | None:
 
     try:
         wv = fit.wavelet_variance
-        kept = usable_levels(wv)
-        spread = variances(fit.model, Design.of(wv).only(kept))
+        usable = usable_levels(wv)
+        spread = variances(fit.model, Design.of(wv).only(usable))
     except (DataError, MissingTheoryError):
         return None  # the recording is too short for a wavelet variance, or a process has no covariance
-    implied, measured = fit.implied[kept], wv.variance[kept]
-    if not np.any(kept) or not np.all(implied > 0):
+    implied, measured = fit.implied[usable], wv.variance[usable]
+    if not np.any(usable) or not np.all(implied > 0):
         return None
     half = implied**2 / spread
     scores = half * measured / implied
@@ -45,6 +45,6 @@ def misfit(fit: LikelihoodFit) -> Remark | None:
     worst = int(np.argmax(np.where(pvalues.size * pvalues < LEVEL, np.abs(np.log(ratios)), 0.0)))
     ratio = float(ratios[worst])
     return Remark.of(
-        "likelihood-misfit", fit.axis, tau=Quantity(float(wv.tau[kept][worst]), "s"), ratio=max(ratio, 1 / ratio),
+        "likelihood-misfit", fit.axis, tau=Quantity(float(wv.tau[usable][worst]), "s"), ratio=max(ratio, 1 / ratio),
         side="above" if ratio > 1 else "below", pvalue=pvalue,
     )  # fmt: skip

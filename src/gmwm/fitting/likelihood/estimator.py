@@ -51,17 +51,17 @@ def loglikelihood(
     >>> bool(np.isclose(white.loglikelihood(x, rate=100.0, mean=0.0), reference, rtol=1e-13))
     True
     """
-    wanted = as_model(model)
-    missing = [name for name, value in wanted.parameters.items() if value is None]
+    terms = as_model(model)
+    missing = [name for name, value in terms.parameters.items() if value is None]
     if missing:
         raise ModelError(
-            f"the likelihood of {wanted} needs a value for {', '.join(missing)}",
+            f"the likelihood of {terms} needs a value for {', '.join(missing)}",
             advice="Write the values into the model, or fit it by maximum likelihood with {gmwm fit --likelihood}.",
         )
-    problem = Problem(_all_held(wanted), as_record(data, rate), as_mean(mean))
+    problem = Problem(_all_held(terms), as_record(data, rate), as_mean(mean))
     value, _ = problem.value(problem.model)
     if not math.isfinite(value):
-        raise nothing_to_chance(wanted)
+        raise nothing_to_chance(terms)
     return value
 
 
@@ -138,27 +138,27 @@ def fit_ml(
     >>> low < 1.0 < high
     True
     """
-    wanted, record, known = as_model(model), as_record(data, rate), as_mean(mean)
-    for process in wanted.processes:
+    terms, record, mean_value = as_model(model), as_record(data, rate), as_mean(mean)
+    for process in terms.processes:
         require_state(process)
-    asked = Asked.of(against)
-    regressed = Regressed.of(data, rate, record, asked) if asked.terms else None
+    conditions = Asked.of(against)
+    regressed = Regressed.of(data, rate, record, conditions) if conditions.terms else None
     if regressed is not None:
         record = regressed.record
-    problem = Problem(_started(wanted, record, start, regressed), record, known)
+    problem = Problem(_started(terms, record, start, regressed), record, mean_value)
     drifts = any(not r.flat for r in problem.regressors)
     if not problem.coordinates and not drifts:
         raise ModelError(
-            f"there is nothing to estimate: every parameter of {wanted} is held",
+            f"there is nothing to estimate: every parameter of {terms} is held",
             advice="Free a parameter by leaving out `fixed(…)`; `Model.loglikelihood` computes the likelihood.",
         )
     assemble(problem.model, problem.rate)
-    found = Search(problem, progress=progress).run(problem.start())
-    if found is None:
+    maximum = Search(problem, progress=progress).run(problem.start())
+    if maximum is None:
         raise nothing_to_chance(problem.model)
-    result = _as_fit(problem, found)
+    result = _as_fit(problem, maximum)
     if regressed is not None:
-        result = replace(result, regression=regressed.regression(problem, found))
+        result = replace(result, regression=regressed.regression(problem, maximum))
     if (wrong := misfit(result)) is not None:
         remarks = (*result.diagnostics.remarks, wrong)
         result = replace(result, diagnostics=replace(result.diagnostics, remarks=remarks))
@@ -180,28 +180,28 @@ def _started(
     if start is None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", FitWarning)
-            given = fit(wanted, record.signal(), weighting="diagonal", certify=False).model
+            first = fit(wanted, record.signal(), weighting="diagonal", certify=False).model
     else:
-        given = start.model if isinstance(start, Fit | LikelihoodFit) else as_model(start, "start")
-        if sorted(given.names) != sorted(wanted.names):
+        first = start.model if isinstance(start, Fit | LikelihoodFit) else as_model(start, "start")
+        if sorted(first.names) != sorted(wanted.names):
             raise ModelError(
-                f"start must be the same model as the fitted one, {wanted.structure}; got {given.structure}",
+                f"start must be the same model as the fitted one, {wanted.structure}; got {first.structure}",
                 argument="start",
-                got=given.structure,
+                got=first.structure,
             )
-        missing = [name for name, value in given.parameters.items() if value is None]
+        missing = [name for name, value in first.parameters.items() if value is None]
         if missing:
             raise ModelError(
                 f"start must have a value for every parameter; {', '.join(missing)} has none",
                 argument="start",
                 got=tuple(missing),
             )
-        if given.fixed_names != wanted.fixed_names or any(
-            given.parameters[n] != wanted.parameters[n] for n in wanted.fixed_names
+        if first.fixed_names != wanted.fixed_names or any(
+            first.parameters[n] != wanted.parameters[n] for n in wanted.fixed_names
         ):
-            free = {n: given.parameters[n] for n in wanted.names if n not in wanted.fixed_names}
-            given = wanted.with_values(free)
-    return given
+            free = {n: first.parameters[n] for n in wanted.names if n not in wanted.fixed_names}
+            first = wanted.with_values(free)
+    return first
 
 
 def _as_fit(problem: Problem, found: Maximum) -> LikelihoodFit:
@@ -262,8 +262,8 @@ def _remarks(
         yield Remark.of("not-converged", axis)
     for term, process in zip(model.terms, model.processes, strict=True):
         if process.scale > 0 and term not in acts_as:
-            found = process.remarks(term, problem.record.observed, problem.rate)
-            yield from (remark.about(axis) for remark in found)
+            remarks = process.remarks(term, problem.record.observed, problem.rate)
+            yield from (remark.about(axis) for remark in remarks)
     yield from approximated(model, problem.rate, axis)
 
 
@@ -346,12 +346,12 @@ def _same(found: Maximum, active: list[int]) -> bool:
 def inverted(information: Matrix) -> Matrix:
     """Invert the information matrix. Coordinates about which the data have no information get an infinite variance."""
     size = np.sqrt(np.diag(information))
-    known = size > 0
-    size = np.where(known, size, 1.0)
+    informed = size > 0
+    size = np.where(informed, size, 1.0)
     values, vectors = np.linalg.eigh(information / np.outer(size, size))
-    kept = values > 1e-10 * values[-1]
-    inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T / np.outer(size, size)
-    lost = np.any(np.abs(vectors[:, ~kept]) > 0.1, axis=1) | ~known
+    able = values > 1e-10 * values[-1]
+    inverse = (vectors[:, able] / values[able]) @ vectors[:, able].T / np.outer(size, size)
+    lost = np.any(np.abs(vectors[:, ~able]) > 0.1, axis=1) | ~informed
     inverse[lost, lost] = np.inf
     return np.asarray(inverse)
 

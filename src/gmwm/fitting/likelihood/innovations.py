@@ -268,11 +268,11 @@ def residuals(
     """Compute the standardised innovations of a recording; see `Model.residuals`."""
     problem = posed(model, data, rate, mean)
     values, _ = standardised(problem, problem.model)
-    wanted = getattr(model, "model", None)
+    terms = getattr(model, "model", None)
     lost = None
     if estimated is None:
-        estimated = 0 if wanted is None else len(wanted.names) - len(wanted.fixed_names)
-        lost = None if wanted is None else spent(Problem(wanted, problem.record, problem.mean))
+        estimated = 0 if terms is None else len(terms.names) - len(terms.fixed_names)
+        lost = None if terms is None else spent(Problem(terms, problem.record, problem.mean))
     else:
         estimated = as_whole_number(estimated, "estimated", 0)
     record = problem.record
@@ -320,8 +320,8 @@ def spent(problem: Problem) -> Vector:
     size = np.sqrt(np.diag(here.information))
     size = np.where(size > 0, size, 1.0)
     values, vectors = np.linalg.eigh(here.information / np.outer(size, size))
-    kept = values > 1e-10 * values[-1]
-    along = vectors[:, kept].T @ (slopes / size[:, None]) / np.sqrt(values[kept])[:, None]
+    able = values > 1e-10 * values[-1]
+    along = vectors[:, able].T @ (slopes / size[:, None]) / np.sqrt(values[able])[:, None]
     # If samples are missing, the variance of the autocorrelation is pairs/N² instead of 1/N.
     pairs = np.maximum(observed_pairs(problem.record.values, lags), 1.0)
     return np.asarray(problem.record.observed**2 / pairs * np.sum(np.square(along), axis=0))

@@ -151,11 +151,11 @@ class _Profile:
         gone = {k for k, c in enumerate(self.problem.coordinates) if c.shape is None and best[k] == -math.inf}
         terms = {self.problem.coordinates[i].term for i in gone}
         active = [i for i, c in enumerate(self.problem.coordinates) if c.term not in terms]
-        found, along = self.problem.evaluate(best, active), np.zeros(best.size)
+        evaluation, along = self.problem.evaluate(best, active), np.zeros(best.size)
         along[k], self.reach = 1.0, 1.0
-        if found is None:
+        if evaluation is None:
             return along
-        column = inverted(found.information)[:, active.index(k)]
+        column = inverted(evaluation.information)[:, active.index(k)]
         if np.all(np.isfinite(column)):
             along[active] = column / column[active.index(k)]
             self.reach = math.sqrt(column[active.index(k)])
@@ -166,13 +166,13 @@ class _Profile:
         below the maximum."""
         at = best.copy()
         at[k] = self.problem.faint(best, k, self.fit.model, 1e-3)
-        found = self.problem.evaluate(at, [k])
-        if found is None:
+        evaluation = self.problem.evaluate(at, [k])
+        if evaluation is None:
             return None
         # For a small scale s and constant other parameters, the log-likelihood decreases by c s + ½ k s². The decrease
         # of the profile is smaller, because the other parameters are optimised.
         size = math.exp(at[k])
-        c, curvature = max(-float(found.gradient[0]) / size, 0.0), float(found.information[0, 0]) / size**2
+        c, curvature = max(-float(evaluation.gradient[0]) / size, 0.0), float(evaluation.information[0, 0]) / size**2
         coordinate = math.log((math.sqrt(c * c + curvature * self.z**2) - c) / curvature)
         before, power = None, 1.5
         for _ in range(_ROUNDS):
@@ -195,10 +195,10 @@ class _Profile:
         coordinate k."""
         # Accuracy of the maximised log-likelihood in a profile. At the ends of a 95 % interval, the profile is about 2
         # below its maximum.
-        found = Search(self.problem, held=(k,), tolerance=1e-3, revive=False).run(z)
-        if found is None:
+        maximum = Search(self.problem, held=(k,), tolerance=1e-3, revive=False).run(z)
+        if maximum is None:
             return math.inf, z
-        return math.sqrt(max(2.0 * (self.fit.loglikelihood - found.evaluation.value), 0.0)), found.z
+        return math.sqrt(max(2.0 * (self.fit.loglikelihood - maximum.evaluation.value), 0.0)), maximum.z
 
     def _parameter(self, coordinate: float, k: int, name: str) -> float:
         at = self.problem.at(self.fit.model)

@@ -71,19 +71,22 @@ class Problem:
     @cached_property
     def regressors(self) -> list[Regressor]:
         """The regressors: unknown levels, drifts, and the columns of a regression on conditions."""
-        own = self.record
-        found = regressors(self.model, self.rate, own.values.size, self.mean)
-        return [*found, *(Regressor(c, name, flat=True) for c, name in zip(own.columns, own.names, strict=True))]
+        record = self.record
+        courses = regressors(self.model, self.rate, record.values.size, self.mean)
+        return [
+            *courses,
+            *(Regressor(c, name, flat=True) for c, name in zip(record.columns, record.names, strict=True)),
+        ]
 
     @cached_property
     def coordinates(self) -> tuple[Coordinate, ...]:
         """The free coordinates: the scale and the shape parameters of each random term, except fixed ones."""
-        found: list[Coordinate] = []
+        free: list[Coordinate] = []
         for k, process in enumerate(self.model.processes):
             if is_ramp(process, self.rate):
                 continue
             if not process.is_fixed(process.scale_parameter().name):
-                found.append(Coordinate(k))
+                free.append(Coordinate(k))
             shapes = process.nonlinear_parameters()
             held = [process.is_fixed(p.name) for p in shapes]
             if any(held) and not all(held):
@@ -92,13 +95,13 @@ class Problem:
                     advice="Hold all of them, or none.",
                 )
             if shapes and not held[0]:
-                found.extend(Coordinate(k, i) for i in range(len(shapes)))
-        if len(found) > _core.most_slopes:
+                free.extend(Coordinate(k, i) for i in range(len(shapes)))
+        if len(free) > _core.most_slopes:
             raise ModelError(
-                f"the model has {len(found)} free parameters, and maximum likelihood allows {_core.most_slopes}",
+                f"the model has {len(free)} free parameters, and maximum likelihood allows {_core.most_slopes}",
                 advice="Use a smaller model, or hold parameters with `fixed(…)`.",
             )
-        return tuple(found)
+        return tuple(free)
 
     @cached_property
     def series(self) -> Matrix:
@@ -177,9 +180,9 @@ class Problem:
         then at most the fraction `share` of the wavelet variance of the model, at every level."""
         levels, at = max(int(math.log2(self.record.observed)), 1), z.copy()
         at[k] = 0.0
-        own = self.at_point(at).processes[self.coordinates[k].term].wavelet_variance(levels, self.rate)
-        whole = model.wavelet_variance(levels, self.rate)
-        return math.log(share * float(np.min(whole[own > 0] / own[own > 0])))
+        curve = self.at_point(at).processes[self.coordinates[k].term].wavelet_variance(levels, self.rate)
+        total = model.wavelet_variance(levels, self.rate)
+        return math.log(share * float(np.min(total[curve > 0] / curve[curve > 0])))
 
     def branch(self, coordinate: Coordinate) -> tuple[Branch, ...]:
         """Return the search branches of the process that a coordinate belongs to."""
@@ -198,24 +201,24 @@ class Problem:
             model = self.at_point(z)
         except OverflowError:  # a scale can diverge along a profile
             return None
-        wanted = [self.coordinates[k] for k in active]
+        coordinates = [self.coordinates[k] for k in active]
         try:
             system = assemble(model, self.rate)
-            d = slopes(model, system, wanted, self.rate)
+            d = slopes(model, system, coordinates, self.rate)
         except MissingTheoryError:  # power-law noise has a state space only for some exponents
             return None
         value, level = _likelihood(system, self.series, self.regressors)
         if not math.isfinite(value):
             return None
         flat = [k for k, r in enumerate(self.regressors) if r.flat]
-        rest = self.series[0] - level.values @ self.series[1:] if level.values.size else self.series[0]
-        rows = np.ascontiguousarray(np.vstack([rest, *(self.series[1 + k] for k in flat)]))
+        residual = self.series[0] - level.values @ self.series[1:] if level.values.size else self.series[0]
+        rows = np.ascontiguousarray(np.vstack([residual, *(self.series[1 + k] for k in flat)]))
         good, _, _, _, _, logs, squares, information, cross, turned = _core.kalman_score(
             *system.matrices, d.F, d.Q, d.H, d.R, d.P0, rows
         )
         if not good:
             return None
-        q, m = len(wanted), len(flat)
+        q, m = len(coordinates), len(flat)
         gradient = -0.5 * (logs + squares)
         if m:
             inverse = np.linalg.inv(cross.reshape(m, m))
@@ -255,9 +258,9 @@ def standardised(problem: Problem, model: Model) -> tuple[Vector, int]:
     value, level = _likelihood(system, problem.series, problem.regressors)
     if not math.isfinite(value):
         raise nothing_to_chance(model)
-    rest = problem.series[0] - level.values @ problem.series[1:] if level.values.size else problem.series[0]
-    out = np.empty(rest.size)
-    _core.kalman_innovations(*system.matrices, np.ascontiguousarray(rest[None, :]), out)
+    residual = problem.series[0] - level.values @ problem.series[1:] if level.values.size else problem.series[0]
+    out = np.empty(residual.size)
+    _core.kalman_innovations(*system.matrices, np.ascontiguousarray(residual[None, :]), out)
     return out, len(level.values)
 
 

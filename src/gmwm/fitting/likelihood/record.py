@@ -55,12 +55,12 @@ class Record:
         """Return the recording as a signal with its short gaps filled, for its wavelet variance. If most samples are in
         segments that are too short, missing samples are interpolated linearly instead."""
         signal = Signal.from_missing(self.values, self.rate, self.unit, self.axis).fill_gaps()
-        kept = sum(b - a for a, b in signal.segments if b - a >= MINIMUM_SAMPLES)
-        if 2 * kept >= len(signal):
+        usable = sum(b - a for a, b in signal.segments if b - a >= MINIMUM_SAMPLES)
+        if 2 * usable >= len(signal):
             return signal
         index = np.flatnonzero(np.isfinite(self.values))
-        whole = np.interp(np.arange(index[0], index[-1] + 1), index, self.values[index])
-        return Signal(whole, self.rate, self.unit, self.axis)
+        values = np.interp(np.arange(index[0], index[-1] + 1), index, self.values[index])
+        return Signal(values, self.rate, self.unit, self.axis)
 
 
 def as_record(data: Signal | ArrayLike, rate: float | None, *, name: str = "data") -> Record:
@@ -87,11 +87,11 @@ def as_record(data: Signal | ArrayLike, rate: float | None, *, name: str = "data
             axis=data.axes[0],
         )
     else:
-        given = np.ma.filled(data.astype(np.float64), np.nan) if isinstance(data, np.ma.MaskedArray) else data
-        values, unit, axis, start = as_vector(given, name, finite=False).copy(), "", "", 0.0
+        samples = np.ma.filled(data.astype(np.float64), np.nan) if isinstance(data, np.ma.MaskedArray) else data
+        values, unit, axis, start = as_vector(samples, name, finite=False).copy(), "", "", 0.0
         step = as_rate(rate)
-    there = np.isfinite(values)
-    seen = values if bool(np.all(there)) else values[there]
+    observed = np.isfinite(values)
+    seen = values if bool(np.all(observed)) else values[observed]
     endless = int(np.count_nonzero(np.isinf(values))) if seen.size < values.size else 0
     if endless:
         at = int(np.argmax(np.isinf(values)))

@@ -69,16 +69,16 @@ class Search:
         `start`."""
         z = self._apart(np.clip(start, *self.problem.bounds.T))
         self.gone = {c.term for c, value in zip(self.problem.coordinates, start, strict=True) if value == -math.inf}
-        z, found, converged = self._climb(z)
-        if found is None:
+        z, evaluation, converged = self._climb(z)
+        if evaluation is None:
             return None
-        z, found = self._tidy(z, found)
+        z, evaluation = self._tidy(z, evaluation)
         # A term that was set to zero may be supported when other terms have changed. Adding it may make another term
         # supported, so there are two passes.
         for term in [*sorted(self.gone)] * 2 if self.revive else ():
-            tried = self._back(z, found, term) if term in self.gone else None
+            tried = self._back(z, evaluation, term) if term in self.gone else None
             if tried is not None:
-                z, found, converged = tried
+                z, evaluation, converged = tried
         active = self._active(z)
         ends = {
             k: side
@@ -89,7 +89,7 @@ class Search:
             z=z,
             active=tuple(k for k in active if k not in ends),
             at_end=ends,
-            evaluation=found,
+            evaluation=evaluation,
             evaluations=self.count,
             converged=converged,
         )
@@ -105,10 +105,10 @@ class Search:
 
     def _evaluate(self, z: Vector, active: list[int]) -> Evaluation | None:
         self.count += 1
-        found = self.problem.evaluate(z, active)
-        if self.progress is not None and found is not None:
-            self.progress(self.count, found.value)
-        return found
+        evaluation = self.problem.evaluate(z, active)
+        if self.progress is not None and evaluation is not None:
+            self.progress(self.count, evaluation.value)
+        return evaluation
 
     def _climb(self, z: Vector) -> tuple[Vector, Evaluation | None, bool]:
         """Climb to a local maximum with steps d = (I + μ diag I)⁻¹ g (gradient g, information matrix I, damping μ). The
@@ -193,12 +193,12 @@ class Search:
             tried = z.copy()
             tried[k] = -math.inf
             self.gone.add(term)
-            rest = self._active(tried)
-            after = self._evaluate(tried, rest)
+            remaining = self._active(tried)
+            after = self._evaluate(tried, remaining)
             if after is None or after.value < now.value - 1e-6:
                 self.gone.discard(term)
                 continue
-            z, now, active = tried, after, rest
+            z, now, active = tried, after, remaining
         return z, now
 
     def _without(self, z: Vector) -> Vector:
@@ -246,9 +246,9 @@ class Search:
             return None
         before = set(self.gone)
         self.gone.discard(term)
-        at, found, converged = self._climb(best)
-        if found is not None and found.value > now.value + 1e-6 and term not in self.gone:
-            return at, found, converged
+        at, evaluation, converged = self._climb(best)
+        if evaluation is not None and evaluation.value > now.value + 1e-6 and term not in self.gone:
+            return at, evaluation, converged
         self.gone = before
         return None
 
@@ -301,5 +301,5 @@ def solved(matrix: Matrix, vector: Vector) -> Vector:
     if not vector.size:
         return vector
     values, vectors = np.linalg.eigh(matrix)
-    kept = values > 1e-12 * values[-1]
-    return np.asarray(vectors[:, kept] @ ((vectors[:, kept].T @ vector) / values[kept]))
+    able = values > 1e-12 * values[-1]
+    return np.asarray(vectors[:, able] @ ((vectors[:, able].T @ vector) / values[able]))

@@ -79,10 +79,10 @@ def require_state(process: Process) -> None:
 
 def is_ramp(process: Process, rate: float) -> bool:
     """Return whether a process is deterministic except for its scale, like a drift."""
-    one = type(process).standard(process.nonlinear) if process.nonlinear_parameters() else type(process).standard()
-    if not one.has("state_space"):
+    unit = type(process).standard(process.nonlinear) if process.nonlinear_parameters() else type(process).standard()
+    if not unit.has("state_space"):
         return False
-    space = one.state_space(rate)
+    space = unit.state_space(rate)
     return _certain(space) and bool(np.any(space.m0))
 
 
@@ -126,7 +126,7 @@ def _start(space: StateSpace) -> Matrix:
 
 def regressors(model: Model, rate: float, samples: int, mean: float | None) -> list[Regressor]:
     """Return the regressors of a model: unknown levels, and drifts whose slope is free."""
-    found, ramps = [], []
+    levels, ramps = [], []
     level = mean is None
     for label, process in zip(model.terms, model.processes, strict=True):
         if is_ramp(process, rate):
@@ -142,10 +142,10 @@ def regressors(model: Model, rate: float, samples: int, mean: float | None) -> l
             course = _course(space, int(state), samples)
             # The level of a random walk is a constant, so a second constant regressor would be redundant.
             level = level and bool(np.any(course != course[0]))
-            found.append(Regressor(course, label, flat=True))
+            levels.append(Regressor(course, label, flat=True))
     if level:
-        found.append(Regressor(np.ones(samples), LEVEL, flat=True))
-    return [*found, *ramps]
+        levels.append(Regressor(np.ones(samples), LEVEL, flat=True))
+    return [*levels, *ramps]
 
 
 def _course(space: StateSpace, state: int, samples: int) -> Vector:

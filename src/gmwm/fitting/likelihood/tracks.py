@@ -131,8 +131,8 @@ class Tracks:
         if label not in self.mean:
             raise OptionError(argument="label", expected=f"one of {', '.join(self.mean)}", got=label)
         reach = NormalDist().inv_cdf((1 + as_confidence(level, "level")) / 2) * self.error[label]
-        known = np.isfinite(reach)
-        centre = np.where(known, self.mean[label], 0.0)
+        finite = np.isfinite(reach)
+        centre = np.where(finite, self.mean[label], 0.0)
         return centre - reach, centre + reach
 
     def plot(
@@ -234,12 +234,12 @@ def _tracks(
     if not _core.kalman_tracks(*system.matrices, problem.series, states, shares, kind == "smooth", means, variances):
         raise nothing_to_chance(problem.model)
     errors = np.sqrt(variances, out=variances)
-    found = {label: (means[k], errors[k]) for k, label in enumerate(labels)}
+    tracks = {label: (means[k], errors[k]) for k, label in enumerate(labels)}
     white = [block.label for block in system.blocks if block.space.states == 0]
     if white:
-        found[white[0]] = (means[-1], errors[-1])
-    _known(problem, system, found)
-    order = [label for label in (*problem.model.terms, LEVEL, BIAS) if label in found]
+        tracks[white[0]] = (means[-1], errors[-1])
+    _known(problem, system, tracks)
+    order = [label for label in (*problem.model.terms, LEVEL, BIAS) if label in tracks]
     part = slice(size - steps, None) if kind == "predict" else slice(None)
     record = problem.record
     return Tracks(
@@ -250,31 +250,31 @@ def _tracks(
         axis=record.axis,
         times=record.times[part],
         data=record.values[part].copy(),
-        mean={label: found[label][0][part] for label in order},
-        error={label: found[label][1][part] for label in order},
+        mean={label: tracks[label][0][part] for label in order},
+        error={label: tracks[label][1][part] for label in order},
     )
 
 
 def posed(model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: float | None, steps: int = 0) -> Problem:
     """Create the likelihood problem of a model with values and a recording, with `steps` missing samples appended."""
     if isinstance(model, Fit | LikelihoodFit):
-        known = model.wavelet_variance.rate if isinstance(model, Fit) else model.rate
-        given = data.rate if isinstance(data, Signal) else rate
-        if given is not None and not math.isclose(given, known, rel_tol=RATES_ALIKE):
+        fit_rate = model.wavelet_variance.rate if isinstance(model, Fit) else model.rate
+        data_rate = data.rate if isinstance(data, Signal) else rate
+        if data_rate is not None and not math.isclose(data_rate, fit_rate, rel_tol=RATES_ALIKE):
             raise OptionError(
                 argument="rate",
-                expected=f"{known:g}, the rate of the fit (Hz), because its values are per sample",
-                got=given,
+                expected=f"{fit_rate:g}, the rate of the fit (Hz), because its values are per sample",
+                got=data_rate,
                 advice="Fit the model to data with this rate.",
             )
-        rate = None if isinstance(data, Signal) else known
+        rate = None if isinstance(data, Signal) else fit_rate
         mean = model.mean if isinstance(model, LikelihoodFit) and mean is None else mean
         model = model.model
-    wanted = as_model(model)
-    missing = [name for name, value in wanted.parameters.items() if value is None]
+    terms = as_model(model)
+    missing = [name for name, value in terms.parameters.items() if value is None]
     if missing:
         raise ModelError(
-            f"the Kalman filter of {wanted} needs a value for {', '.join(missing)}",
+            f"the Kalman filter of {terms} needs a value for {', '.join(missing)}",
             advice="Write the values into the model, or fit it to data.",
         )
     record = as_record(data, rate)
@@ -287,7 +287,7 @@ def posed(model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: f
             start=record.start,
             centre=record.centre,
         )
-    held = wanted.with_values({name: Fixed(v) for name, v in wanted.parameters.items() if v is not None})
+    held = terms.with_values({name: Fixed(v) for name, v in terms.parameters.items() if v is not None})
     return Problem(held, record, as_mean(mean))
 
 
@@ -302,19 +302,19 @@ def _sums(problem: Problem, system: System) -> tuple[list[str], Matrix, Matrix]:
             continue
         seen = np.zeros(system.H.size)
         seen[block.first : block.last] = block.space.H[0]
-        own = np.array([float(r.label == block.label) for r in regressors])
+        share = np.array([float(r.label == block.label) for r in regressors])
         labels.append(block.label)
         states.append(seen)
-        shares.append(own)
+        shares.append(share)
         if wanders(block.process, problem.rate):
             bias += seen
-            carried += own
+            carried += share
     if any(r.label == LEVEL for r in regressors):
-        own = np.array([float(r.label == LEVEL) for r in regressors])
+        share = np.array([float(r.label == LEVEL) for r in regressors])
         labels.append(LEVEL)
         states.append(np.zeros(system.H.size))
-        shares.append(own)
-        carried += own
+        shares.append(share)
+        carried += share
     labels.append(BIAS)
     return labels, np.array([*states, bias]).reshape(len(labels), -1), np.array([*shares, carried])
 

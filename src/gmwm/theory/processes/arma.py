@@ -38,11 +38,11 @@ class _Arma(Lagged, abstract=True, listed=False):
         """Return the class whose orders are the larger ones of both classes; None if the periods differ."""
         if not issubclass(other, _Arma):
             return None
-        one, two = cls.full_orders(), other.full_orders()
-        period, second = one[-1], two[-1]
+        orders, other_orders = cls.full_orders(), other.full_orders()
+        period, second = orders[-1], other_orders[-1]
         if 1 not in (period, second) and period != second:
             return None
-        return _of_orders(tuple(map(max, one[:-1], two[:-1])), max(period, second))
+        return _of_orders(tuple(map(max, orders[:-1], other_orders[:-1])), max(period, second))
 
 
 class AR(_Arma, abstract=True):

@@ -56,21 +56,21 @@ def _at_zero(density: Density) -> float:
 def _band(density: Density, rate: float) -> dict[str, float]:
     """Return the bandwidth f_b (Hz), the resonance frequency f_r (Hz) and the quality factor Q_r, by symbol. A quantity
     that does not exist is left out."""
-    found = {}
+    numbers = {}
     grid = np.linspace(0.0, 0.5 * rate, _POINTS)
     values, low = density(grid), _at_zero(density)
     last = int(np.flatnonzero(values >= HALF * low)[-1])
     if last < _POINTS - 1:
         # Above the bandwidth, the density stays below half of its value at low frequencies.
-        found["f_b"] = _crossing(density, HALF * low, grid[last], grid[last + 1])
+        numbers["f_b"] = _crossing(density, HALF * low, grid[last], grid[last + 1])
     centre = _peak(density, grid, values)
     top = float(density(np.array([centre]))[0])
     if top >= PEAK * low and centre < 0.4999 * rate:
-        found["f_r"] = centre
+        numbers["f_r"] = centre
         quality = _quality(density, rate, centre, top)
         if quality is not None:
-            found["Q_r"] = quality
-    return found
+            numbers["Q_r"] = quality
+    return numbers
 
 
 def _peak(density: Density, grid: Vector, values: Vector) -> float:
@@ -79,11 +79,11 @@ def _peak(density: Density, grid: Vector, values: Vector) -> float:
     errors, because the density is flat at its maximum."""
     place = int(np.clip(np.argmax(values), 1, _POINTS - 2))
     fine = np.linspace(grid[place - 1], grid[place + 1], _POINTS)
-    found = density(fine)
-    place = int(np.clip(np.argmax(found), 1, _POINTS - 2))
-    left, top, right = found[place - 1 : place + 2]
-    bend = left - 2 * top + right
-    shift = np.clip((left - right) / (2 * bend), -1.0, 1.0) if bend < 0 else 0.0
+    densities = density(fine)
+    place = int(np.clip(np.argmax(densities), 1, _POINTS - 2))
+    before, top, after = densities[place - 1 : place + 2]
+    bend = before - 2 * top + after
+    shift = np.clip((before - after) / (2 * bend), -1.0, 1.0) if bend < 0 else 0.0
     return float(fine[place] + shift * (fine[1] - fine[0]))
 
 
@@ -95,9 +95,9 @@ def _quality(density: Density, rate: float, centre: float, top: float) -> float 
     low, high = below[below < centre], below[below > centre]
     if not low.size or not high.size:
         return None
-    left = _crossing(density, HALF * top, centre, low[-1])
+    low_end = _crossing(density, HALF * top, centre, low[-1])
     right = _crossing(density, HALF * top, centre, high[0])
-    return centre / (right - left)
+    return centre / (right - low_end)
 
 
 def _crossing(density: Density, level: float, inside: float, outside: float) -> float:

@@ -176,9 +176,9 @@ class Process(ABC):
 
     def with_values(self, **values: Value) -> Self:
         """Return a copy with other values. A fixed parameter stays fixed if its new value is a number."""
-        known = [p.name for p in self.parameters]
+        names = [p.name for p in self.parameters]
         for name, value in values.items():
-            if name not in known:
+            if name not in names:
                 raise self.no_parameter(name)
             if value is not None and not isinstance(value, Fixed) and self.is_fixed(name):
                 values[name] = Fixed(value)
@@ -187,8 +187,8 @@ class Process(ABC):
     @classmethod
     def no_parameter(cls, name: str) -> ModelError:
         """Return the error for a parameter `name` that the process does not have."""
-        known = ", ".join(p.name for p in cls.parameters)
-        return ModelError(f"{cls.name} has no parameter {name!r}; its parameters are {known}", argument=name, got=name)
+        names = ", ".join(p.name for p in cls.parameters)
+        return ModelError(f"{cls.name} has no parameter {name!r}; its parameters are {names}", argument=name, got=name)
 
     @classmethod
     @cache
@@ -219,8 +219,8 @@ class Process(ABC):
     @classmethod
     def standard(cls, nonlinear: Iterable[float] = ()) -> Self:
         """Return the process with scale coefficient 1 and these nonlinear parameters."""
-        given = dict(zip((p.name for p in cls.nonlinear_parameters()), map(float, nonlinear), strict=True))
-        return cls(**given, **{cls.scale_parameter().name: cls.value_from(1.0)})
+        shape = dict(zip((p.name for p in cls.nonlinear_parameters()), map(float, nonlinear), strict=True))
+        return cls(**shape, **{cls.scale_parameter().name: cls.value_from(1.0)})
 
     @classmethod
     def instead_of_repeats(cls, count: int) -> str:
@@ -261,11 +261,11 @@ class Process(ABC):
         -------
         (n, J) array
         """
-        wanted, made = as_levels(levels), [cls.standard(row) for row in np.asarray(nonlinear)]
-        if filter is HAAR and made and cls._derives("state_space"):
-            return haar_variances([process.state_space(rate) for process in made], wanted)
-        rows = [process._variance_under(filter, wanted, rate) for process in made]
-        return np.array(rows, dtype=np.float64).reshape(len(rows), wanted.size)
+        numbers, processes = as_levels(levels), [cls.standard(row) for row in np.asarray(nonlinear)]
+        if filter is HAAR and processes and cls._derives("state_space"):
+            return haar_variances([process.state_space(rate) for process in processes], numbers)
+        rows = [process._variance_under(filter, numbers, rate) for process in processes]
+        return np.array(rows, dtype=np.float64).reshape(len(rows), numbers.size)
 
     @classmethod
     def shape_jacobian(
@@ -273,15 +273,15 @@ class Process(ABC):
     ) -> Matrix:
         """Compute the derivatives (n, J, q) of `shape` with respect to the parameters; by central differences of order
         6."""
-        wanted, theta = as_levels(levels), np.asarray(nonlinear, dtype=np.float64)
-        result = np.zeros((len(theta), wanted.size, theta.shape[1]))
+        numbers, theta = as_levels(levels), np.asarray(nonlinear, dtype=np.float64)
+        result = np.zeros((len(theta), numbers.size, theta.shape[1]))
         room = cls.room(theta)
         for k, step in enumerate(0.01 * room.T):
             for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
                 for sign in (1, -1):
                     moved = theta.copy()
                     moved[:, k] += sign * distance * step
-                    result[:, :, k] += sign * weight * cls.shape(moved, wanted, rate, filter)
+                    result[:, :, k] += sign * weight * cls.shape(moved, numbers, rate, filter)
             result[:, :, k] /= 60.0 * step[:, None]
         return result
 
@@ -593,8 +593,8 @@ class Process(ABC):
 
     def __str__(self) -> str:
         fields = ((p.name, getattr(self, p.name)) for p in self.parameters)
-        given = [f"{name}={value!r}" for name, value in fields if value is not None]
-        return f"{self.name}({', '.join(given)})" if given else self.name
+        values = [f"{name}={value!r}" for name, value in fields if value is not None]
+        return f"{self.name}({', '.join(values)})" if values else self.name
 
     def __repr__(self) -> str:
         return str(self) if str(self).endswith(")") else f"{self}()"

@@ -58,8 +58,8 @@ def matern(x: Vector, nu: float) -> Matern:
     parts[1][x >= _FAR] = 1.0
     for inside, form in (((x > 0) & (x < edge), _series), ((x >= edge) & (x < _FAR), _integral)):
         if np.any(inside):
-            for part, found in zip(parts, form(x[inside], nu), strict=True):
-                part[inside] = found
+            for part, value in zip(parts, form(x[inside], nu), strict=True):
+                part[inside] = value
     return Matern(*parts)
 
 
@@ -84,21 +84,21 @@ def _integral(x: Vector, nu: float) -> tuple[Vector, Vector, Vector, Vector]:
 
 def _series(x: Vector, nu: float) -> tuple[Vector, Vector, Vector, Vector]:
     log = 2.0 * np.log(0.5 * x)
-    whole, complex_nu = round(nu), complex(nu, _STEP)
-    epsilon = complex(nu - whole, _STEP)
+    order, complex_nu = round(nu), complex(nu, _STEP)
+    epsilon = complex(nu - order, _STEP)
     after, before = _log_gamma_slopes(epsilon), _log_gamma_slopes(-epsilon)
-    lost, slope = _low_powers(log, complex_nu, whole)
-    front = (-1.0) ** whole * _over_sine(epsilon)
-    if whole:
-        front *= np.exp(-epsilon * after[whole - 1]) / math.gamma(whole)
+    lost, slope = _low_powers(log, complex_nu, order)
+    front = (-1.0) ** order * _over_sine(epsilon)
+    if order:
+        front *= np.exp(-epsilon * after[order - 1]) / math.gamma(order)
     else:
         gamma = np.exp(epsilon * after[0])
         power = front / gamma**2 * np.exp(complex_nu * log)
         lost, slope = lost + power, slope + 2.0 * complex_nu * power
         front *= epsilon / gamma
     # Pairs y^k and y^(ν + i), k = n + i, with n the integer nearest ν; for n = 0 the first pair is 1 and y^ν.
-    i = np.arange(0 if whole else 1, _pairs(float(log.max())))[:, None]
-    k = whole + i
+    i = np.arange(0 if order else 1, _pairs(float(log.max())))[:, None]
+    k = order + i
     size = front * np.exp(epsilon * before[i] - _LOG_FACTORIALS[k] - _LOG_FACTORIALS[i] + k * log)
     kappa = log - after[k] - before[i]
     pair = size * kappa * _relative_exponential(epsilon * kappa)

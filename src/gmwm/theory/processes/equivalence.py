@@ -44,6 +44,6 @@ def likeness(
         # Scale by the square root of the diagonal of Ω, because Ω may be of the order of 1e300.
         root = np.sqrt(np.diag(matrix))
         share = matrix / np.outer(root, root)
-        seen, wanted = root * shape, root * variance
-        scale = float(seen @ share @ wanted / (seen @ share @ seen))
+        seen, target = root * shape, root * variance
+        scale = float(seen @ share @ target / (seen @ share @ seen))
     return kind(**{kind.scale_parameter().name: kind.value_from(max(scale, 0.0))})

@@ -129,8 +129,8 @@ def matern(unit: float, nu: float) -> ContinuousStateSpace:
     # faster processes.
     white = sine * step * g[0] ** -p / math.expm1(step * p) if p < 1.0 else 0.0
     # For p = 1, sin πp is a rounding error.
-    kept = drive > 1e-12 * last
-    b, drive = b[kept], drive[kept]
+    able = drive > 1e-12 * last
+    b, drive = b[able], drive[able]
     count = b.size + chain
     a, density, seen = np.zeros((count, count)), np.zeros((count, count)), np.zeros(count)
     a[: b.size, : b.size] = np.diag(-b)
@@ -145,9 +145,11 @@ def matern(unit: float, nu: float) -> ContinuousStateSpace:
         seen[:] = 1.0
     start = solve_continuous_lyapunov(a, -density)
     # The faster processes are white at the samples: the variance of each is drive β²/2b.
-    rest = 0.0 if chain or p == 1.0 else _fast_variance(sine, step, top=float(g[0]), p=p, unit=unit)
-    total = float(seen @ start @ seen) + rest
-    return ContinuousStateSpace(A=a, Qc=density / total, H=seen, Rc=rest / total, P0=(start + start.T) / (2.0 * total))
+    remainder = 0.0 if chain or p == 1.0 else _fast_variance(sine, step, top=float(g[0]), p=p, unit=unit)
+    total = float(seen @ start @ seen) + remainder
+    return ContinuousStateSpace(
+        A=a, Qc=density / total, H=seen, Rc=remainder / total, P0=(start + start.T) / (2.0 * total)
+    )
 
 
 def _fast_variance(sine: float, step: float, *, top: float, p: float, unit: float) -> float:
@@ -178,8 +180,8 @@ def state_space_error(process: Process, rate: float) -> float:
     """
     if not process.approximate or process.scale == 0:
         return 0.0
-    found = 2.0 * process.state_space(rate).haar_variance(BAND + 1)
-    error = float(np.max(np.abs(np.sqrt(found / process.allan_variance(2 ** np.arange(BAND + 1), rate)) - 1.0)))
+    implied = 2.0 * process.state_space(rate).haar_variance(BAND + 1)
+    error = float(np.max(np.abs(np.sqrt(implied / process.allan_variance(2 ** np.arange(BAND + 1), rate)) - 1.0)))
     # Relative error of the Allan deviation below which a state space counts as exact.
     return error if error > 1e-9 else 0.0
 

@@ -93,13 +93,13 @@ class Lagged(Ordered, abstract=True, listed=False):
         if all(self.is_fixed(p.name) for p in self.nonlinear_parameters()):
             return ()
         *_, period = self.full_orders()
-        found: dict[tuple[float, int], NDArray[np.complex128]] = {}
+        roots_by_sign: dict[tuple[float, int], NDArray[np.complex128]] = {}
         for part, span in self._factors():
             lag = period if part in (SEASONAL_PHI, SEASONAL_THETA) else 1
-            found[_sign(part), lag] = rational.roots(_sign(part) * self.nonlinear[span])
+            roots_by_sign[_sign(part), lag] = rational.roots(_sign(part) * self.nonlinear[span])
         remarks = []
         for lag in (1, period) if period > 1 else (1,):
-            own, other = (found.get((sign, lag), np.empty(0)) for sign in (1.0, -1.0))
+            own, other = (roots_by_sign.get((sign, lag), np.empty(0)) for sign in (1.0, -1.0))
             near = np.abs(np.subtract.outer(own, other))
             if near.size and near.min() < CANCELLING:
                 a, b = np.unravel_index(int(near.argmin()), near.shape)
@@ -117,10 +117,10 @@ class Lagged(Ordered, abstract=True, listed=False):
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
         """Compute the wavelet variances (n, J) for innovation variance 1. Rows of coefficients that are not stationary
         give NaN."""
-        wanted, rows = as_levels(levels), np.ascontiguousarray(nonlinear, dtype=np.float64)
-        out = np.empty((len(rows), int(wanted[-1])))
+        numbers, rows = as_levels(levels), np.ascontiguousarray(nonlinear, dtype=np.float64)
+        out = np.empty((len(rows), int(numbers[-1])))
         _core.arma_shapes(cls.full_orders(), rows, rational.odd_lags(filter), out)
-        return out[:, wanted - 1]
+        return out[:, numbers - 1]
 
     @classmethod
     def shape_jacobian(
@@ -128,10 +128,10 @@ class Lagged(Ordered, abstract=True, listed=False):
     ) -> Matrix:
         """Compute the derivatives (n, J, q) of the wavelet variances with respect to the coefficients. The innovation
         variance is 1. Rows of coefficients that are not stationary give NaN."""
-        wanted, rows = as_levels(levels), np.ascontiguousarray(nonlinear, dtype=np.float64)
-        out = np.empty((*rows.shape, int(wanted[-1])))
+        numbers, rows = as_levels(levels), np.ascontiguousarray(nonlinear, dtype=np.float64)
+        out = np.empty((*rows.shape, int(numbers[-1])))
         _core.arma_slopes(cls.full_orders(), rows, rational.odd_lags(filter), out)
-        return np.ascontiguousarray(np.swapaxes(out[:, :, wanted - 1], 1, 2))
+        return np.ascontiguousarray(np.swapaxes(out[:, :, numbers - 1], 1, 2))
 
     # --- coordinates ----------------------------------------------------------------------------------
 
@@ -208,21 +208,21 @@ class Lagged(Ordered, abstract=True, listed=False):
     def memory(self, rate: float) -> int | None:
         """Return the lag at which the autocovariance, without the exponentials of slow real roots, becomes negligible.
         It is None if this lag is too large."""
-        known = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
-        return None if known is None else known.lags
+        tail = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
+        return None if tail is None else tail.lags
 
     def decays(self, rate: float) -> tuple[float, ...]:
         """Return the decay rate −ln |λ| of each slow real root λ, with a minus sign for a negative root."""
-        known = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
-        return () if known is None else known.decays
+        tail = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
+        return () if tail is None else tail.decays
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
         """Compute the covariances (n,) of Haar wavelet coefficients (u²). Slow real roots contribute exponentials in
         closed form; a table of the autocovariance gives the rest."""
-        known = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
-        if known is None:
+        tail = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
+        if tail is None:
             raise self.missing("coefficient_covariance")
-        return self.scale * known.coefficient_covariance(at)
+        return self.scale * tail.coefficient_covariance(at)
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
         """Compute the power spectral density σ²Δt |θ(z) Θ(z^s)|²/|φ(z) Φ(z^s)|² (u²/Hz), with z = exp(−2πifΔt)."""
@@ -260,8 +260,8 @@ class Lagged(Ordered, abstract=True, listed=False):
         as_rate(rate)
         n, count = as_paths(n, paths)
         phi, theta, predictors, deviations = self._recursion()
-        draws, rest = as_rng(rng).standard_normal((count, n + theta.size)), math.sqrt(self.scale)
-        _core.mix(draws, phi, theta, predictors, rest * deviations, rest)
+        draws, deviation = as_rng(rng).standard_normal((count, n + theta.size)), math.sqrt(self.scale)
+        _core.mix(draws, phi, theta, predictors, deviation * deviations, deviation)
         return np.ascontiguousarray(draws[:, theta.size :]).reshape(shape_of_paths(n, paths))
 
     def correlation_time(self, rate: float) -> float | None:
@@ -327,8 +327,8 @@ def _band_numbers(
             # ln N = ½ ln σ² + ln(1 + Σθ) − ln(1 − Σφ), and the same for the seasonal polynomials.
             slopes[parameter.name] = parameters[k] / (1 - sign * float(values.sum()))
             if parameter.name in free:
-                there = np.where(np.arange(at.size) == k, at * (1 + STEP), at)
-                moved[parameter.name] = partial(process._density, there, rate=rate)
+                stepped = np.where(np.arange(at.size) == k, at * (1 + STEP), at)
+                moved[parameter.name] = partial(process._density, stepped, rate=rate)
     return band_numbers(partial(process._density, at, rate=rate), rate, slopes, free=moved)
 
 
@@ -340,25 +340,25 @@ def _short_memory(orders: tuple[int, int, int, int, int], parameters: tuple[floa
     values = np.array(parameters, dtype=np.float64)
     season = values[p + q : p + q + seasonal_p]
     slow = np.abs(rational.roots(season)) ** (1.0 / period)
-    own = rational.roots(values[:p])
+    roots = rational.roots(values[:p])
     # A slow real root has a closed form, unless it nearly cancels with another one.
-    real = np.abs(own.imag) < 1e-12
+    real = np.abs(roots.imag) < 1e-12
     # Number of lags. If the exponential of a real root lasts longer, its contribution is computed in closed form.
-    apart = np.array([real[k] and _lasting(abs(root)) > 64 for k, root in enumerate(own)], dtype=np.bool_)
+    apart = np.array([real[k] and _lasting(abs(root)) > 64 for k, root in enumerate(roots)], dtype=np.bool_)
     for k in np.flatnonzero(apart):
-        others = np.concatenate([np.delete(own, k), rational.roots(season) if period == 1 else []])
+        others = np.concatenate([np.delete(roots, k), rational.roots(season) if period == 1 else []])
         # Smallest distance of a root with a closed form from all other roots, relative to its distance from the unit
         # circle.
-        apart[k] = not seasonal_p and np.all(np.abs(others - own[k]) > 0.1 * (1.0 - abs(own[k])))
-    size = np.concatenate([np.abs(own[~apart]), slow])
+        apart[k] = not seasonal_p and np.all(np.abs(others - roots[k]) > 0.1 * (1.0 - abs(roots[k])))
+    size = np.concatenate([np.abs(roots[~apart]), slow])
     reach = q + period * seasonal_q + p + period * seasonal_p + math.ceil(_lasting(size.max(initial=0.0)))
     if reach > 2 * LONGEST:
         return None
     count = int(np.count_nonzero(apart))
     amplitudes, decays, r = np.empty(count), np.empty(count), np.empty(reach + 1)
-    _core.arma_without(orders, values, np.ascontiguousarray(own[apart].real), amplitudes, decays, r)
-    found = trimmed(r)
-    return None if found is None else ShortMemory(found, tuple(amplitudes.tolist()), tuple(decays.tolist()))
+    _core.arma_without(orders, values, np.ascontiguousarray(roots[apart].real), amplitudes, decays, r)
+    table = trimmed(r)
+    return None if table is None else ShortMemory(table, tuple(amplitudes.tolist()), tuple(decays.tolist()))
 
 
 def _lasting(modulus: float) -> float:

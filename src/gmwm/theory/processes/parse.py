@@ -131,9 +131,9 @@ class _Reader:
                 process = process.of(*orders)
             except ModelError as error:
                 self._fail(token, error)
-        given = self._arguments(process) if opened else {}
+        arguments = self._arguments(process) if opened else {}
         try:
-            return process(**given)
+            return process(**arguments)
         except ModelError as error:
             self._fail(token, error)
 
@@ -156,24 +156,24 @@ class _Reader:
     def _coefficients(self, ordered: type[Ordered]) -> dict[str, Any]:
         """Read the arguments of a process that is written without leading orders. The arguments are lists of
         coefficients, single parameters, or orders with a name."""
-        given: dict[str, Any] = {}
+        arguments: dict[str, Any] = {}
         while not self._take(")"):
-            if given:
+            if arguments:
                 self._expect(",", "between parameters")
             token = self._advance()
             if token.kind != "name":
                 self._fail(token, f'expected coefficients by name, such as {ordered.polynomials[0].name}=[…], or ")"')
-            if token.text in given:
+            if token.text in arguments:
                 self._fail(token, "this is given twice")
             self._expect("=", f"after {token.text}")
             if token.text in ordered.order_names():
                 number = self._advance()
                 if not number.text.isdigit():
                     self._fail(number, f"expected an order, a whole number, as in {ordered.written()}")
-                given[token.text] = int(number.text[:9])
+                arguments[token.text] = int(number.text[:9])
             else:
-                given[token.text] = self._list() if self._take("[") else self._value()
-        return given
+                arguments[token.text] = self._list() if self._take("[") else self._value()
+        return arguments
 
     def _list(self) -> list[float | Fixed]:
         values: list[float | Fixed] = []
@@ -188,10 +188,10 @@ class _Reader:
         example = f"{next(iter(parameters))}=…"
         if not issubclass(process, Ordered):
             example = f"{process.name}({example})"
-        given: dict[str, Value] = {}
+        arguments: dict[str, Value] = {}
         named = False
         while not self._take(")"):
-            if given:
+            if arguments:
                 self._expect(",", "between parameters")
             token = self._next
             by_name = token.kind == "name" and token.text != "fixed"
@@ -201,24 +201,24 @@ class _Reader:
                     self._fail(
                         token, f"{process.name} has no such parameter; its parameters are {', '.join(parameters)}"
                     )
-                if name in given:
+                if name in arguments:
                     self._fail(token, "this parameter is given twice")
                 self._expect("=", f"after {name}")
             elif token.kind != "number" and token.text not in ("fixed", "+", "-"):
                 self._fail(token, f'expected a parameter by name, such as {example}, or ")"')
             elif named:
                 self._fail(token, f"values without a name must come before values with a name; write {example}")
-            elif len(given) == len(parameters):
+            elif len(arguments) == len(parameters):
                 self._fail(token, f"too many values; the parameters of {process.name} are {', '.join(parameters)}")
             else:
-                name = list(parameters)[len(given)]
+                name = list(parameters)[len(arguments)]
             named = named or by_name
             start, value = self._next, self._value()
             try:
-                given[name] = parameters[name].checked(value, process.name)
+                arguments[name] = parameters[name].checked(value, process.name)
             except ModelError as error:
                 self._fail(start, error)
-        return given
+        return arguments
 
     def _value(self) -> float | Fixed:
         if self._next.text == "fixed":

@@ -148,9 +148,9 @@ class PowerLaw(Process, abstract=True):
 
 
 def _simulated(epsilon: float, first: float, n: int, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
-    found = paths(_roots(epsilon, half_period(n)), n, rng, count)
-    found *= math.sqrt(first)
-    return found if epsilon < 0 else np.asarray(np.cumsum(found, axis=1))
+    series = paths(_roots(epsilon, half_period(n)), n, rng, count)
+    series *= math.sqrt(first)
+    return series if epsilon < 0 else np.asarray(np.cumsum(series, axis=1))
 
 
 @lru_cache(maxsize=2)

@@ -56,13 +56,13 @@ def sum_covariance(lags: Vector, epsilon: float) -> Vector:
 def falling(epsilon: Numbers, terms: int) -> list[Numbers]:
     """Compute the binomial coefficients C(2 + ε, 2k) divided by ε, for k = 2, 3, …, `terms` + 1. The factor ε of the
     binomial coefficients is omitted, so no division is needed."""
-    found, product = [], (2 + epsilon) * (1 + epsilon) / 2
+    coefficients, product = [], (2 + epsilon) * (1 + epsilon) / 2
     for k in range(2, terms + 2):
         product = product * (epsilon - (2 * k - 3)) / ((2 * k - 1) * 2 * k)
         if k > 2:  # omit the factor ε
             product = product * (epsilon - (2 * k - 4))
-        found.append(product)
-    return found
+        coefficients.append(product)
+    return coefficients
 
 
 def bend(lags: Vector, epsilon: float) -> Vector:
@@ -132,9 +132,9 @@ def spectrum(frequencies: Vector, epsilon: float) -> Vector:
     half = 0.5 * math.pi
     sine = half * float(np.sinc(0.5 * epsilon)) * float(unit_factor(np.asarray(epsilon)))
     constant = math.gamma(3.0 + epsilon) * sine * (2.0 * math.pi) ** -alpha
-    rest = (np.sin(math.pi * f) / math.pi) ** 2 * (zeta(2.0 + alpha, 1.0 + f) + zeta(2.0 + alpha, 1.0 - f))
+    aliases = (np.sin(math.pi * f) / math.pi) ** 2 * (zeta(2.0 + alpha, 1.0 + f) + zeta(2.0 + alpha, 1.0 - f))
     with np.errstate(divide="ignore"):
-        return np.asarray(constant * (np.sinc(f) ** 2 * f**-alpha + rest))
+        return np.asarray(constant * (np.sinc(f) ** 2 * f**-alpha + aliases))
 
 
 # --- wavelet variance -----------------------------------------------------------------------------------
@@ -144,8 +144,8 @@ def powers_of_two(epsilon: Numbers, levels: NDArray[np.int64]) -> Numbers:
     """Compute 2^((j−1)ε) (n, J). The exponent is split into two parts to avoid rounding errors."""
     coarse = np.round(np.real(epsilon) * 2.0**20) / 2.0**20
     steps = (levels - 1).astype(np.float64)
-    rest = np.exp(math.log(2.0) * np.outer(epsilon - coarse, steps))
-    return np.asarray(np.exp2(np.outer(coarse, steps)) * rest)
+    ratio = np.exp(math.log(2.0) * np.outer(epsilon - coarse, steps))
+    return np.asarray(np.exp2(np.outer(coarse, steps)) * ratio)
 
 
 def filtered_shape(epsilon: Numbers, filter: WaveletFilter, levels: NDArray[np.int64]) -> Numbers:

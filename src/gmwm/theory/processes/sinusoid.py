@@ -164,8 +164,8 @@ class SIN(Process):
             return ()
         if turn % 2 == 0:
             return (Remark.of("line-invisible", term=term, frequency=Quantity(frequency, "Hz")),)
-        found = {"frequency": Quantity(frequency, "Hz"), "half": Quantity(half, "Hz")}
-        return (Remark.of("line-at-half-rate", term=term, **found),)
+        facts = {"frequency": Quantity(frequency, "Hz"), "half": Quantity(half, "Hz")}
+        return (Remark.of("line-at-half-rate", term=term, **facts),)
 
     def _turns(self, lags: NDArray[np.int64], rate: float) -> Vector:
         """Compute f₀kΔt modulo 1 at the full precision of f₀ for any lag."""
@@ -180,8 +180,8 @@ class SIN(Process):
 
 def _folded(frequency: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
     """Reduce frequencies (Hz) by multiples of the rate to ±rate/2, without rounding."""
-    rest = np.fmod(frequency, rate)
-    return np.asarray(np.where(np.abs(rest) > 0.5 * rate, rest - np.copysign(rate, rest), rest))
+    alias = np.fmod(frequency, rate)
+    return np.asarray(np.where(np.abs(alias) > 0.5 * rate, alias - np.copysign(rate, alias), alias))
 
 
 def _gain(frequency: Vector, levels: NDArray[np.int64], rate: float, filter: WaveletFilter) -> tuple[Matrix, Matrix]:
@@ -234,20 +234,20 @@ def _scaling_gain(cosine: Vector, sine: Vector, filter: WaveletFilter) -> tuple[
     p, power, slope = filter.vanishing_moments, 4.0 * cosine**2, -8.0 * np.pi * cosine * sine
     if filter.length == 2 * p:
         terms = np.array([math.comb(p - 1 + k, k) for k in range(p)]) / 4.0**p
-        rest, turn = np.polyval(terms[::-1], sine**2), -0.25 * slope * np.polyval(np.polyder(terms[::-1]), sine**2)
+        gain, turn = np.polyval(terms[::-1], sine**2), -0.25 * slope * np.polyval(np.polyder(terms[::-1]), sine**2)
     else:
         taps, z = _without_zeros(filter), (cosine - 1j * sine) ** 2
         q = np.polyval(taps[::-1], z)
-        rest = np.abs(q) ** 2
+        gain = np.abs(q) ** 2
         turn = 4.0 * np.pi * np.imag(np.polyval((taps * np.arange(taps.size))[::-1], z) * np.conj(q))
-    return np.asarray(power**p * rest), np.asarray(p * power ** (p - 1) * slope * rest + power**p * turn)
+    return np.asarray(power**p * gain), np.asarray(p * power ** (p - 1) * slope * gain + power**p * turn)
 
 
 @lru_cache(maxsize=64)
 def _without_zeros(filter: WaveletFilter) -> Vector:
     """Return the coefficients of Q(z) in the scaling filter g(z) = (1 + z)^p Q(z), which has p zeros at z = −1."""
-    rest = filtered.without_zero(filter)
+    factor = filtered.without_zero(filter)
     for _ in range(filter.vanishing_moments - 1):
-        sign = (-1.0) ** np.arange(rest.size)
-        rest = np.asarray((np.cumsum(rest * sign) * sign)[:-1])
-    return rest
+        sign = (-1.0) ** np.arange(factor.size)
+        factor = np.asarray((np.cumsum(factor * sign) * sign)[:-1])
+    return factor

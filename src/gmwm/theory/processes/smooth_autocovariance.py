@@ -122,9 +122,9 @@ def partial_sums(known: Callable[[Vector], Matrix], ends: NDArray[np.int64]) -> 
     near = np.concatenate([np.zeros_like(moments[:, :, :1]), np.cumsum(moments, axis=2)], axis=2)
     octave = np.where(ends <= _SHORT, 0, np.frexp((ends - 0.5) / _SHORT)[1] - 1)
     starts = _SHORT << np.arange(int(octave.max(initial=0)))
-    whole = np.concatenate([np.zeros((2, len(first), 1)), np.cumsum(_pieces(known, starts, starts), axis=2)], axis=2)
+    totals = np.concatenate([np.zeros((2, len(first), 1)), np.cumsum(_pieces(known, starts, starts), axis=2)], axis=2)
     start = _SHORT << octave
-    total = near[:, :, np.minimum(ends, _SHORT)] + whole[:, :, octave]
+    total = near[:, :, np.minimum(ends, _SHORT)] + totals[:, :, octave]
     beyond = ends > _SHORT
     total[:, :, beyond] += _pieces(known, start[beyond], (ends - start)[beyond])
     return total[0], total[1]
@@ -160,12 +160,12 @@ def spread(known: Vector, lags: NDArray[np.int64], reach: int) -> Vector:
     """Interpolate a function at integer lags ≥ 0 from its values at the lags of `spread_places`."""
     out, coefficients = np.empty(lags.size), known[reach + 1 :].reshape(-1, NODES) @ _coefficients().T
     for start in range(0, lags.size, _TOGETHER):
-        part, found = lags[start : start + _TOGETHER], out[start : start + _TOGETHER]
+        part, target = lags[start : start + _TOGETHER], out[start : start + _TOGETHER]
         where = np.where(part <= reach, -1, np.frexp((part - 0.5) / reach)[1] - 1)
-        found[where < 0] = known[part[where < 0]]
+        target[where < 0] = known[part[where < 0]]
         for p in np.unique(where[where >= 0]).tolist():
             here = where == p
-            found[here] = chebyshev.chebval(2.0 * np.ldexp(part[here] / reach, -p) - 3.0, coefficients[p])
+            target[here] = chebyshev.chebval(2.0 * np.ldexp(part[here] / reach, -p) - 3.0, coefficients[p])
     return out
 
 

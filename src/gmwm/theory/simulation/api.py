@@ -122,7 +122,7 @@ def simulate(
         raise OptionError(argument="gravity", expected=f"one of {', '.join(_ACCELEROMETERS)} or None", got=gravity)
     streams = dict(zip(AXES, np.random.SeedSequence(seed).spawn(len(AXES)), strict=True))
 
-    arrays, made = {}, {}
+    arrays, signals = {}, {}
     for axis, model in truth.items():
         generator = np.random.default_rng(streams[axis])
         _require_values(axis, model)
@@ -130,16 +130,16 @@ def simulate(
         with _errors_about(axis):
             if components:
                 unit = SI_UNIT[axis_quantity(axis)]
-                made[axis] = _simulated(
+                signals[axis] = _simulated(
                     model, n, rate, generator, unit=unit, axis=axis, offset=offset, step=steps.get(axis)
                 )
-                arrays[axis] = made[axis].signal.values
+                arrays[axis] = signals[axis].signal.values
             else:
                 arrays[axis] = _finished(model.simulate(n, rate, generator), offset, steps.get(axis))
     imu = Imu.from_arrays(arrays, rate, source=f"simulation with seed {seed}")
     remarks = tuple(Remark.of("simulated", axis, model=str(truth[axis]), seed=seed) for axis in imu.axes)
     imu = replace(imu, remarks=remarks)
-    return SimulatedImu(imu=imu, axes=made) if components else imu
+    return SimulatedImu(imu=imu, axes=signals) if components else imu
 
 
 def simulate_signal(

@@ -51,7 +51,7 @@ class SimulatedSignal:
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A mapping proxy cannot be pickled, so the copy is made from a dict.
-        made = partial(
+        build = partial(
             SimulatedSignal,
             signal=self.signal,
             components=dict(self.components),
@@ -59,7 +59,7 @@ class SimulatedSignal:
             offset=self.offset,
             resolution=self.resolution,
         )
-        return made, ()
+        return build, ()
 
     def __getitem__(self, term: str) -> Signal:
         try:
@@ -170,7 +170,7 @@ class SimulatedImu:
         return iter(self.axes)
 
     def __repr__(self) -> str:
-        parts = "; ".join(f"{axis} = {' + '.join(one.model.terms)}" for axis, one in self.axes.items())
+        parts = "; ".join(f"{axis} = {' + '.join(signal.model.terms)}" for axis, signal in self.axes.items())
         return f"SimulatedImu({self.imu!r}; {parts})"
 
     def write_components(self, path: str | os.PathLike[str]) -> tuple[str, ...]:
