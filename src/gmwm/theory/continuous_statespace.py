@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Matrix, Vector, as_rate
-from gmwm.theory.statespace import StateSpace, checked
+from gmwm.theory.statespace import StateSpace, check_matrices
 
 __all__ = ["ContinuousStateSpace"]
 
@@ -85,7 +85,7 @@ class ContinuousStateSpace:
         terms: tuple[str, ...] = (),
         left_out: tuple[str, ...] = (),
     ) -> None:
-        arrays = checked(("A", "Qc", "H", "Rc"), A, noise=Qc, seen=H, scatter=Rc, m0=m0, P0=P0, diffuse=diffuse)
+        arrays = check_matrices(("A", "Qc", "H", "Rc"), A, noise=Qc, seen=H, scatter=Rc, m0=m0, P0=P0, diffuse=diffuse)
         for name, value in {**arrays, "terms": tuple(terms), "left_out": tuple(left_out)}.items():
             object.__setattr__(self, name, value)
 

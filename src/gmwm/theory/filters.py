@@ -270,7 +270,7 @@ def _from_pywavelets(name: str) -> WaveletFilter:
 def _filter(
     name: str, published: Vector, moments: int, accuracy: float, source: str, rounding: float = 8.0
 ) -> WaveletFilter:
-    scaling = projected(published, moments, rounding)
+    scaling = project(published, moments, rounding)
     return WaveletFilter(
         name=name,
         scaling=scaling,
@@ -281,7 +281,7 @@ def _filter(
     )
 
 
-def projected(scaling: Vector, vanishing_moments: int, rounding: float = 8.0) -> Vector:
+def project(scaling: Vector, vanishing_moments: int, rounding: float = 8.0) -> Vector:
     """Return the orthonormal filter closest to `scaling` with p = `vanishing_moments`, by Newton steps of minimum norm.
     The equations are Σ_l g_l g_{l+2k} = 1{k = 0} and Σ_l (−1)^l l^n g_l = 0, n = 0 … p − 1. They imply Σ g = √2. The
     equation for n = 0 is needed although it follows from the others: the wavelet of a table that is orthonormal to

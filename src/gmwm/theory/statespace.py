@@ -76,7 +76,7 @@ class StateSpace:
         P0: ArrayLike | None = None,
         diffuse: ArrayLike | None = None,
     ) -> None:
-        for name, array in checked(
+        for name, array in check_matrices(
             ("F", "Q", "H", "R"), F, noise=Q, seen=H, scatter=R, m0=m0, P0=P0, diffuse=diffuse
         ).items():
             object.__setattr__(self, name, array)
@@ -206,7 +206,7 @@ class StateSpace:
         return np.asarray(out)
 
 
-def checked(
+def check_matrices(
     names: tuple[str, str, str, str],
     transition: ArrayLike,
     noise: ArrayLike,

@@ -14,7 +14,7 @@ from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.errors import FitWarning, OptionError
 from gmwm.fitting.estimation.problem import pose
 from gmwm.fitting.estimation.simulated_curves import simulated_variances
-from gmwm.fitting.estimation.solver import estimated, solve_near
+from gmwm.fitting.estimation.solver import model_of, solve_near
 from gmwm.measuring.covariance import Design
 from gmwm.theory.processes.validation import as_seed
 
@@ -154,7 +154,7 @@ def _bootstrap(fit: Fit, draws: int, seed: int, progress: Callable[[int], None] 
         for k, variance in enumerate(variances):
             drawn = problem.observing(variance - offset)
             solution = solve_near(drawn)
-            model = estimated(drawn, solution, None).sorted(wv.rate)
+            model = model_of(drawn, solution, None).sorted(wv.rate)
             parameters = model.parameters
             implied[k] = model.wavelet_variance(wv.levels, wv.rate, wv.filter)
             estimates[k] = sign * np.array([parameters[name] for name in free], dtype=np.float64)

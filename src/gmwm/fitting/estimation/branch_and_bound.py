@@ -15,7 +15,7 @@ from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.threads import check_stop
 from gmwm.fitting.estimation.atoms import Place, close_up, grid, shapes, table
-from gmwm.fitting.estimation.newton import sharpened
+from gmwm.fitting.estimation.newton import sharpen
 from gmwm.fitting.estimation.problem import Problem
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
@@ -103,8 +103,8 @@ class Search:
         candidates, bound, relaxed, nodes = self.branch_and_bound(certify=certify)
         least = candidates[0][0]
         lowest = [positions for value, positions in candidates if value <= (1 + TABLE_ERROR) * least]
-        best = min((self.polished(self.located(p)) for p in lowest), key=lambda found: found.objective)
-        return Found(self.settled(best), bound, relaxed, table=least, nodes=nodes)
+        best = min((self.polish(self.places_of(p)) for p in lowest), key=lambda found: found.objective)
+        return Found(self.snap_to_ends(best), bound, relaxed, table=least, nodes=nodes)
 
     def branch_and_bound(self, *, certify: bool) -> tuple[list[tuple[float, Vector]], float, float, int]:
         """Search the tabulated curve. Returns the objectives and positions of local optima, the best first, then the
@@ -128,12 +128,12 @@ class Search:
                     positions.append(self.grid.position(index, min(max(u, branch.low), branch.high)))
         return np.array(positions if len(positions) == len(self.problem.curved) else [], dtype=np.float64)
 
-    def located(self, positions: Vector) -> list[Place]:
+    def places_of(self, positions: Vector) -> list[Place]:
         """Convert positions on the tabulated curve to places."""
         cells = [self.grid.place(float(position)) for position in positions]
         return [(self.grid.branches[index], u) for index, u in cells]
 
-    def polished(self, places: list[Place]) -> Optimum:
+    def polish(self, places: list[Place]) -> Optimum:
         """Return the local optimum on the exact curve that is nearest to `places`."""
         problem = self.problem
         for width in WIDTHS if places else ():
@@ -162,11 +162,11 @@ class Search:
                 if not any(leaving) or objective >= (1 - SETTLED) * before:
                     break
                 before = objective
-        return self._sharpened(self.at(places))
+        return self._sharpen(self.at(places))
 
-    def _sharpened(self, best: Optimum, steps: int = NEWTON_STEPS, reach: float = WIDTHS[-1]) -> Optimum:
+    def _sharpen(self, best: Optimum, steps: int = NEWTON_STEPS, reach: float = WIDTHS[-1]) -> Optimum:
         """Return the optimum after Newton's method if its objective is not larger; otherwise `best`."""
-        places = sharpened(
+        places = sharpen(
             self.problem, self.curved_class, places=best.places, weights=best.weights, steps=steps, reach=reach
         )
         if places is None:
@@ -174,19 +174,19 @@ class Search:
         sharp = self.at(places)
         return sharp if self.problem.as_low(sharp.objective, best.objective, SETTLED) else best
 
-    def followed(self, places: list[Place], *, ends: bool = False) -> Optimum:
+    def follow(self, places: list[Place], *, ends: bool = False) -> Optimum:
         """Return the local optimum nearest to `places`, the optimum of the problem with slightly different weights. One
         Newton step is used if it is sufficient. If `ends`, a subclass also finds the ends of the branches that the data
         cannot distinguish from the places."""
         start = self.at(places)
-        optimum = self._sharpened(start, 1, FOLLOWED)
-        return self.polished(places) if optimum is start and places else optimum
+        optimum = self._sharpen(start, 1, FOLLOWED)
+        return self.polish(places) if optimum is start and places else optimum
 
     def _rows(self, places: list[Place]) -> Matrix:
         curved = shapes(
             self.curved_class, places, levels=self.problem.levels, rate=self.problem.rate, filter=self.problem.filter
         )
-        return np.concatenate([self.fixed, self.problem.weighted(curved)])
+        return np.concatenate([self.fixed, self.problem.unit_rows(curved)])
 
     def at(self, places: list[Place]) -> Optimum:
         """Return the optimum of the weights for given places of the curved processes."""
@@ -194,7 +194,7 @@ class Search:
         weights, objective = _core.nonnegative_least_squares(self.problem.target, self._rows(places))
         return Optimum(objective, places, weights)
 
-    def settled(self, best: Optimum) -> Optimum:
+    def snap_to_ends(self, best: Optimum) -> Optimum:
         """Return the optimum after places are moved to an end of their domain if the objective is flat up to this
         end."""
         for index, (branch, _) in enumerate(best.places):

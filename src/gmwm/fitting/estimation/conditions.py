@@ -19,11 +19,11 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.fitting.estimation.branch_and_bound import Term
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit, Estimate
-from gmwm.fitting.estimation.linearised import relative_covariance, unexplained, usable_in
-from gmwm.fitting.estimation.problem import Problem, by_kind, searched, unit_shape, weighed
+from gmwm.fitting.estimation.linearised import relative_covariance, square_of_rest, usable_in
+from gmwm.fitting.estimation.problem import Problem, by_kind, divide_shaped, unit_shape, weigh
 from gmwm.fitting.estimation.reweighting import implied_weights
 from gmwm.fitting.estimation.solver import Solution, resume, solve
-from gmwm.fitting.estimation.varies import Varies, parsed
+from gmwm.fitting.estimation.varies import Varies, parse_varies
 from gmwm.fitting.estimation.weighting import Weights, precision, square_root, weighting_matrix
 from gmwm.measuring.covariance import Design, covariance
 from gmwm.measuring.variance.result import WaveletVariance
@@ -65,11 +65,11 @@ class Stack:
             curves.append(np.concatenate(parts))
         return np.array(curves).reshape(len(curves), self.levels.size)
 
-    def posed(self, matrix: Matrix) -> Problem:
+    def pose(self, matrix: Matrix) -> Problem:
         """Return the estimation problem with the weighting matrix Ω of all levels."""
         first = self.curves[0]
         _, shaped, held = by_kind(self.model)
-        curved, free = searched(self.model, shaped)
+        curved, free = divide_shaped(self.model, shaped)
         if free:
             raise ModelError(
                 f"{self.model.processes[free[0]]} has several shape parameters, or another class than "
@@ -88,7 +88,7 @@ class Stack:
             offset += np.concatenate([process.wavelet_variance(wv.levels, wv.rate, wv.filter) for wv in self.curves])
         observed = np.concatenate([wv.variance for wv in self.curves]) - offset
         weights = Weights(matrix)
-        unit, target = weighed(observed, weights)
+        unit, target = weigh(observed, weights)
         return Problem(
             model=self.model, levels=self.levels, rate=first.rate, filter=find_filter(first.filter),
             samples=max(wv.longest for wv in self.curves), observed=observed, weights=weights, unit=unit,
@@ -183,12 +183,12 @@ def fit_conditions(
     certify: bool = True,
 ) -> ConditionsFit:
     """Fit a model to the wavelet variances of recordings at known conditions; see `gmwm.fit`."""
-    functions, name = parsed(varies)
+    functions, name = parse_varies(varies)
     _check(model, curves, functions)
     conditions = np.array(list(curves), dtype=np.float64)
     places = {model.terms.index(term): term for term in functions}
     factors = {place: functions[term].at(conditions, term) for place, term in places.items()}
-    solved = _settled(Stack(model, tuple(curves.values()), factors), weighting, certify=certify)
+    solved = _settle(Stack(model, tuple(curves.values()), factors), weighting, certify=certify)
     statistic, df, pvalue = _goodness(solved, weighting)
     change = _no_change(solved, weighting) if factors else None
     return ConditionsFit(
@@ -226,9 +226,9 @@ def _check(model: Model, curves: Mapping[float, WaveletVariance], functions: Map
             )
 
 
-def _settled(stack: Stack, weighting: str, *, certify: bool) -> Solved:
+def _settle(stack: Stack, weighting: str, *, certify: bool) -> Solved:
     """Iterate estimate and weights until they agree, and then solve the problem with the final weights."""
-    problem = stack.posed(_blocks(weighting_matrix("diagonal", wv) for wv in stack.curves))
+    problem = stack.pose(_blocks(weighting_matrix("diagonal", wv) for wv in stack.curves))
     solution = solve(problem, certify=False, quick=True)
     models = stack.models(solution)
     before = stack.implied(models)
@@ -291,8 +291,8 @@ def _goodness(solved: Solved, weighting: str) -> tuple[float, int, float]:
     """Return the statistic, the degrees of freedom and the p-value of the chi-square test of the model."""
     from scipy.special import gammaincc
 
-    short = _settled(_short(solved.stack), weighting, certify=False)
-    statistic, count = _left(short)
+    short = _settle(_short(solved.stack), weighting, certify=False)
+    statistic, count = _misfit(short)
     df = short.stack.levels.size - count
     return statistic, df, float(gammaincc(df / 2, statistic / 2)) if df > 0 else 1.0
 
@@ -303,13 +303,13 @@ def _no_change(solved: Solved, weighting: str) -> float:
     from scipy.special import gammaincc
 
     short = _short(solved.stack)
-    constant = _settled(replace(short, factors={}), weighting, certify=False)
-    total, rank = _left(constant)
-    remainder, full_rank = _left(constant, short.shapes.T)
+    constant = _settle(replace(short, factors={}), weighting, certify=False)
+    total, rank = _misfit(constant)
+    remainder, full_rank = _misfit(constant, short.shapes.T)
     return float(gammaincc((full_rank - rank) / 2, (total - remainder) / 2))
 
 
-def _left(solved: Solved, further: Matrix | None = None) -> tuple[float, int]:
+def _misfit(solved: Solved, further: Matrix | None = None) -> tuple[float, int]:
     """Return the weighted sum of squares of the residuals that some columns do not explain, and the rank of the
     columns. The columns are the derivatives with respect to the parameters, and the columns `further`."""
     stack = solved.stack
@@ -317,4 +317,4 @@ def _left(solved: Solved, further: Matrix | None = None) -> tuple[float, int]:
     _, columns = stack.slopes(solved.solution)
     columns = columns if further is None else np.column_stack([columns, further])
     observed = np.concatenate([wv.variance for wv in stack.curves])
-    return unexplained(root @ (observed - stack.implied(solved.models)), root @ columns)
+    return square_of_rest(root @ (observed - stack.implied(solved.models)), root @ columns)

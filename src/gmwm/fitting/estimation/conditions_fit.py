@@ -17,7 +17,7 @@ from gmwm.base.errors import OptionError
 from gmwm.base.tables import aligned
 from gmwm.base.text import Summarised, p_relation
 from gmwm.fitting.estimation.intervals import UNDETERMINED
-from gmwm.fitting.estimation.varies import parsed
+from gmwm.fitting.estimation.varies import parse_varies
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.model import Model
@@ -142,7 +142,7 @@ class ConditionsFit(Summarised):
             raise OptionError(
                 argument="condition", expected=f"from {low:g} to {high:g}, the range of the recordings", got=condition
             )
-        model, functions = next(iter(self.models.values())), parsed(self.varies)[0]
+        model, functions = next(iter(self.models.values())), parse_varies(self.varies)[0]
         values = {}
         for term, varied in functions.items():
             name = f"{term}.{model.processes[model.terms.index(term)].scale_parameter().name}"

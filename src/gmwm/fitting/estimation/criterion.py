@@ -21,7 +21,7 @@ from gmwm.fitting.estimation.bootstrap import DRAWS, bootstrap
 from gmwm.fitting.estimation.intervals import Method
 from gmwm.fitting.estimation.linearised import COLLINEAR
 from gmwm.fitting.estimation.problem import Problem, pose, unit_shape
-from gmwm.fitting.estimation.solver import estimated, solve
+from gmwm.fitting.estimation.solver import model_of, solve
 from gmwm.fitting.estimation.weighting import Weights
 from gmwm.measuring.covariance import Design
 from gmwm.recording.options import one_of
@@ -219,7 +219,7 @@ def implied_by_refits(
     rows = np.empty_like(variances)
     for k, variance in enumerate(variances):
         drawn = problem.observing(variance - known)
-        model = estimated(drawn, solve(drawn, certify=False), None)
+        model = model_of(drawn, solve(drawn, certify=False), None)
         rows[k] = model.wavelet_variance(problem.levels, problem.rate, problem.filter)
         if progress is not None:
             progress(k + 1)

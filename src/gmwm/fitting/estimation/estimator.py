@@ -195,10 +195,10 @@ def fit(
             got=varies,
             advice="Pass a mapping, for example `{{0.0: rest, 50.0: slow}}`.",
         )
-    wv = measured(data, rate, robust, efficiency, against=against)
+    wv = measure(data, rate, robust, efficiency, against=against)
     first = None if start is None else _draws(start, wv, data)
     chosen = usual_weighting(terms) if weighting is None else weighting
-    result = _fitted(terms, wv, chosen, certify=certify, first=first)
+    result = _fit_curve(terms, wv, chosen, certify=certify, first=first)
     for remark in result.diagnostics.remarks:
         warnings.warn(FitWarning(remark), stacklevel=2)
     return result
@@ -227,7 +227,7 @@ def _fitted_conditions(
     bad = [key for key in keys if isinstance(key, bool) or not isinstance(key, int | float | np.number)]
     if bad or not all(math.isfinite(key) for key in data):
         raise OptionError(argument="data", expected="conditions that are finite numbers", got=bad[0] if bad else keys)
-    curves = {float(condition): measured(curve, rate, robust, efficiency) for condition, curve in data.items()}
+    curves = {float(condition): measure(curve, rate, robust, efficiency) for condition, curve in data.items()}
     return fit_conditions(model, curves, varies or {}, weighting=chosen, certify=certify)
 
 
@@ -242,7 +242,7 @@ def _draws(start: Sampled, wv: WaveletVariance, data: OneOrSeveral) -> First:
     return lambda problem: solve_sampled(problem, wv, start, spread)
 
 
-def _fitted(
+def _fit_curve(
     model: Model, wv: WaveletVariance, weighting: Weighting, *, certify: bool, first: First | None = None
 ) -> Fit:
     if isinstance(weighting, str) and weighting in REWEIGHTED:
@@ -254,7 +254,7 @@ def _fitted(
     return Fit.of(settled, wv, weighting if isinstance(weighting, str) else "matrix")
 
 
-def measured(
+def measure(
     data: OneOrSeveral, rate: float | None, robust: bool, efficiency: float, against: Against = None
 ) -> WaveletVariance:
     """Return the wavelet variance to which a model is fitted. It is the wavelet variance of a signal, the pooled
@@ -262,7 +262,7 @@ def measured(
     conditions = Asked.of(against)
     several = _several(data)
     if several is None:
-        return _measured(cast("Curve", data), rate, robust, efficiency, asked=conditions)
+        return _measure(cast("Curve", data), rate, robust, efficiency, asked=conditions)
     if not several:
         raise DataError(argument="data", expected="at least one recording", got=data)
     if any(term.measured for term in conditions.terms):
@@ -271,7 +271,7 @@ def measured(
             argument="against",
             advice="Remove its effect from each recording by `wavelet_variance(x, against=…)`, and pass the curves.",
         )
-    curves = [_measured(recording, rate, robust, efficiency, asked=conditions) for recording in several]
+    curves = [_measure(recording, rate, robust, efficiency, asked=conditions) for recording in several]
     return pooled({str(k): wv for k, wv in enumerate(curves, start=1)})
 
 
@@ -282,7 +282,7 @@ def _several(data: object) -> list[Curve] | None:
     return None
 
 
-def _measured(data: Curve, rate: float | None, robust: bool, efficiency: float, *, asked: Asked) -> WaveletVariance:
+def _measure(data: Curve, rate: float | None, robust: bool, efficiency: float, *, asked: Asked) -> WaveletVariance:
     if asked.terms:
         wv = regressed_variance(data, rate, asked, robust=robust, efficiency=efficiency)
     elif isinstance(data, WaveletVariance):

@@ -52,7 +52,7 @@ def search_of(problem: Problem) -> Search:
     return Search(problem, kind)
 
 
-def _weighted(grid: Grid, weights: Weights) -> _core.WeightedTable:
+def _weigh_grid(grid: Grid, weights: Weights) -> _core.WeightedTable:
     return _core.WeightedTable(
         weights.root, weights.positive, grid.owner, grid.nodes, grid.spacing, grid.values, grid.slopes,
         grid.middle_values, SAFETY, NEIGHBOURS,
@@ -82,15 +82,15 @@ class ExponentialSearch(Search):
         weights = self.problem.weights
         weighted = weights.tables.get(self.grid)
         if weighted is None:
-            weighted = weights.tables[self.grid] = _weighted(self.grid, weights)
+            weighted = weights.tables[self.grid] = _weigh_grid(self.grid, weights)
         values, bound, relaxed, table, nodes = self.kernel.solve(
             weighted, len(self.problem.curved), CERTIFY_NODES if certify else QUICK_NODES, self._starts()
         )
-        return Found(self.found(*values), bound=bound, relaxed=relaxed, table=table, nodes=nodes)
+        return Found(self.optimum_of(*values), bound=bound, relaxed=relaxed, table=table, nodes=nodes)
 
-    def followed(self, places: list[Place], *, ends: bool = False) -> Optimum:
+    def follow(self, places: list[Place], *, ends: bool = False) -> Optimum:
         """Return the local optimum nearest to `places`, the optimum of the problem with slightly different weights."""
-        return self.found(*self.kernel.follow(*self.coordinates(places), ends))
+        return self.optimum_of(*self.kernel.follow(*self.coordinates(places), ends))
 
     def coordinates(self, places: Sequence[Place]) -> tuple[NDArray[np.int64], Vector]:
         """Return the indices of the branches of the places, and the search coordinates of the places."""
@@ -98,7 +98,7 @@ class ExponentialSearch(Search):
         owner = [forms.index(branch.exponential) for branch, _ in places]
         return np.array(owner, dtype=np.int64), np.array([u for _, u in places], dtype=np.float64)
 
-    def found(self, objective: float, branches: list[int], u: Vector, weights: Vector, ends: list[int]) -> Optimum:
+    def optimum_of(self, objective: float, branches: list[int], u: Vector, weights: Vector, ends: list[int]) -> Optimum:
         """Return the optimum for the values that the kernel returns."""
         places = [(self.grid.branches[k], at) for k, at in zip(branches, u.tolist(), strict=True)]
         return Optimum(objective, places, weights, tuple(ends))

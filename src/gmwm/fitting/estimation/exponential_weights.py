@@ -39,7 +39,7 @@ def _kind(process: Process) -> int | None:
     return None if form is None else _KINDS.index(form)
 
 
-def reweighted(
+def reweight(
     search: ExponentialSearch, solution: Solution, design: Design, options: Vector
 ) -> tuple[Optimum, Vector, float, float] | None:
     """Iterate the estimate and the weights 1 / V_jj. `search`: search with the kernel of the problem. `solution`:
@@ -70,4 +70,4 @@ def reweighted(
         np.array([(term.values[0], term.scale) for term in solution.terms], dtype=np.float64),
         *search.coordinates(solution.places),
     )  # fmt: skip
-    return None if result is None else (search.found(*result[0]), *result[1:])
+    return None if result is None else (search.optimum_of(*result[0]), *result[1:])

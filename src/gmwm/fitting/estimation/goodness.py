@@ -14,7 +14,7 @@ from gmwm.base.errors import ModelError
 from gmwm.base.text import Summarised, counted
 from gmwm.fitting.estimation.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap
 from gmwm.fitting.estimation.intervals import Method
-from gmwm.fitting.estimation.linearised import slopes_of, unexplained, usable_in
+from gmwm.fitting.estimation.linearised import slopes_of, square_of_rest, usable_in
 from gmwm.fitting.estimation.reweighting import REWEIGHTED
 from gmwm.fitting.estimation.weighting import precision, square_root
 from gmwm.measuring.covariance import Design, covariance
@@ -188,4 +188,4 @@ def _statistic(fit: Fit) -> tuple[float, int]:
     if slopes.shape[1] >= len(wv):
         raise _too_few(fit, slopes.shape[1], len(wv))
     root = square_root(precision(covariance(fit.model, Design.of(wv))))
-    return unexplained(root @ (wv.variance - fit.implied), root @ slopes)
+    return square_of_rest(root @ (wv.variance - fit.implied), root @ slopes)

@@ -286,7 +286,7 @@ def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> floa
     estimate = process.scale
     # Start from a scale that contributes at most 0.1 % of the fitted curve.
     scale = max(estimate, 1e-3 * float(np.min(fit.implied[seen] / shape[seen])))
-    power, spread = parameter.scale_power or 1.0, _spread(fit, name)
+    power, spread = parameter.scale_power or 1.0, _added_error(fit, name)
     tried: list[tuple[float, float]] = []
     # Every fit of tests/inference/test_inference_laws.py ends earlier, by the relative accuracy below.
     for _ in range(60):
@@ -302,7 +302,7 @@ def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> floa
     return process.value_from(largest)
 
 
-def _spread(fit: Fit, name: str) -> float:
+def _added_error(fit: Fit, name: str) -> float:
     """Return the relative standard error that the spread between recordings adds to a parameter in quadrature."""
     errors = fit.sandwich
     if errors.without_spread is None or name not in errors.names:

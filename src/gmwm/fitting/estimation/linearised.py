@@ -58,7 +58,7 @@ def parameter_gain(weighted: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
     return gain, lost
 
 
-def unexplained(left: Vector, slopes: Matrix) -> tuple[float, int]:
+def square_of_rest(left: Vector, slopes: Matrix) -> tuple[float, int]:
     """Return the squared length of the part of a vector that is orthogonal to some columns, and the rank of the
     columns. `left` is the vector (J,), and `slopes` has the columns (J, p)."""
     length = np.linalg.norm(slopes, axis=0)

@@ -17,7 +17,7 @@ from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.documents import Documented
 from gmwm.base.errors import GmwmError
 from gmwm.fitting.estimation.goodness import usable_levels
-from gmwm.fitting.estimation.linearised import columns_of, relative_jacobian, unexplained
+from gmwm.fitting.estimation.linearised import columns_of, relative_jacobian, square_of_rest
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.reweighting import nearly_settled
 from gmwm.fitting.estimation.weighting import precision, square_root
@@ -163,7 +163,7 @@ class Distance:
         """Compute the chi-square statistic for a model with a relative error. The part of the residuals that a change
         of the parameters explains is left out."""
         root = square_root(precision(self.scatter + np.diag((error * self.curve) ** 2)))
-        return unexplained(root @ self.left, root @ self.slopes)[0]
+        return square_of_rest(root @ self.left, root @ self.slopes)[0]
 
     def error(self) -> float:
         """Return the relative error for which the statistic equals its degrees of freedom; 0 if it is smaller

@@ -13,7 +13,7 @@ from gmwm.fitting.estimation.problem import Problem
 from gmwm.theory.processes.base import Process
 
 
-def sharpened(
+def sharpen(
     problem: Problem, curved_class: type[Process], places: list[Place], weights: Vector, steps: int, reach: float
 ) -> list[Place] | None:
     """Refine the places of a local optimum by at most `steps` Newton steps; return None if the steps diverge. The
@@ -28,7 +28,7 @@ def sharpened(
     x = np.concatenate([weights[:linear][weights[:linear] > 0], weights[linear:]])
     length: Matrix | None = None
     for _ in range(steps):
-        value, slope, bend = _curved(problem, curved_class, places)
+        value, slope, bend = _derivatives(problem, curved_class, places)
         if length is None:
             length = np.linalg.norm(value, axis=1, keepdims=True)
         value, slope, bend = value / length, slope / length, bend / length
@@ -69,7 +69,7 @@ def _step(
         return None
 
 
-def _curved(problem: Problem, curved_class: type[Process], places: list[Place]) -> tuple[Matrix, Matrix, Matrix]:
+def _derivatives(problem: Problem, curved_class: type[Process], places: list[Place]) -> tuple[Matrix, Matrix, Matrix]:
     """Return the wavelet variances (n, J) of the curved processes at places, and their first two derivatives. The
     derivatives are with respect to the search coordinate, and all three arrays are multiplied by L."""
     # Step of the finite differences that give second derivatives. Their errors only slow the convergence.

@@ -75,7 +75,7 @@ class Problem:
     @cached_property
     def fixed(self) -> Matrix:
         """Unit vectors a (n linear, J) of the linear processes."""
-        return self.weighted(self.shapes)
+        return self.unit_rows(self.shapes)
 
     @cached_property
     def rounding(self) -> float:
@@ -92,15 +92,15 @@ class Problem:
     def under(self, matrix: Matrix) -> Problem:
         """Return the same problem with another weighting matrix Ω."""
         weights = Weights(matrix)
-        unit, target = weighed(self.observed, weights)
+        unit, target = weigh(self.observed, weights)
         return replace(self, weights=weights, unit=unit, target=target)
 
     def observing(self, observed: Vector) -> Problem:
         """Return the same problem for other data."""
-        unit, target = weighed(observed, self.weights)
+        unit, target = weigh(observed, self.weights)
         return replace(self, observed=observed, unit=unit, target=target)
 
-    def weighted(self, shapes: Matrix) -> Matrix:
+    def unit_rows(self, shapes: Matrix) -> Matrix:
         """Multiply each row of wavelet variances by L, and scale it to length one."""
         rows = shapes @ self.root.T
         return np.ascontiguousarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
@@ -116,7 +116,7 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix | Weights) -> Problem
     ModelError if the model has no free parameter, or more free parameters than there are levels; if a scale is fixed
     while a shape parameter of the same process is free; or if the wavelet filter removes one of the processes."""
     linear, shaped, held = by_kind(model)
-    curved, free = searched(model, shaped)
+    curved, free = divide_shaped(model, shaped)
     count = len(linear) + sum(1 + len(to_find(model.processes[place])) for place in shaped)
     if count == 0:
         raise ModelError(
@@ -135,7 +135,7 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix | Weights) -> Problem
     shapes = [unit_shape(model.processes[place], levels, rate, filter) for place in linear]
     observed = wv.variance - offset
     weights = matrix if isinstance(matrix, Weights) else Weights(matrix)
-    unit, target = weighed(observed, weights)
+    unit, target = weigh(observed, weights)
     return Problem(
         model=model,
         levels=levels,
@@ -153,7 +153,7 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix | Weights) -> Problem
     )
 
 
-def weighed(observed: Vector, weights: Weights) -> tuple[float, Vector]:
+def weigh(observed: Vector, weights: Weights) -> tuple[float, Vector]:
     """Return the `unit` of the problem, and the weighted data in this unit."""
     weighted = weights.root @ observed
     largest = float(np.abs(weighted).max())
@@ -186,7 +186,7 @@ def to_find(process: Process) -> tuple[int, ...]:
     return tuple(k for k, p in enumerate(process.nonlinear_parameters()) if not process.is_fixed(p.name))
 
 
-def searched(model: Model, shaped: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+def divide_shaped(model: Model, shaped: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Divide the processes with a free shape, at the indices `shaped`, into those that branch and bound searches and
     others. The search covers one class of processes. If the model has several such classes, the class with the most
     terms is searched."""

@@ -21,7 +21,7 @@ import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.random_effects import Effects, confidence_of_mean, effects
-from gmwm.fitting.estimation.linearised import columns_of, parameter_gain, relative_jacobian, unexplained, usable_in
+from gmwm.fitting.estimation.linearised import columns_of, parameter_gain, relative_jacobian, square_of_rest, usable_in
 from gmwm.fitting.estimation.weighting import precision, square_root
 from gmwm.measuring.covariance import Design, covariance
 from gmwm.theory.processes.parameter import Parameter
@@ -162,8 +162,8 @@ def _deviations(fit: Fit) -> Deviations:
     roots = [part.root(0.0) for part in parts]
     lefts = [root @ part.left for root, part in zip(roots, parts, strict=True)]
     slopes = [root @ part.slopes for root, part in zip(roots, parts, strict=True)]
-    fits = [unexplained(residual, slope) for residual, slope in zip(lefts, slopes, strict=True)]
-    together, rank = unexplained(np.concatenate(lefts), np.concatenate(slopes)) if lefts else (0.0, 0)
+    fits = [square_of_rest(residual, slope) for residual, slope in zip(lefts, slopes, strict=True)]
+    together, rank = square_of_rest(np.concatenate(lefts), np.concatenate(slopes)) if lefts else (0.0, 0)
     return Deviations(
         recordings=tuple(fit.wavelet_variance.recordings), names=tuple(names), values=values, covariances=covariances,
         model_error=error, statistic=together - sum(square for square, _ in fits),
@@ -206,7 +206,7 @@ def _error_between(parts: list[_Part]) -> float:
         total, freedom = 0.0, 0.0
         for part in parts:
             root = part.root(error)
-            more, rank = unexplained(root @ part.apart, root @ part.slopes)
+            more, rank = square_of_rest(root @ part.apart, root @ part.slopes)
             total, freedom = total + more, freedom + part.curve.size - rank
         return total, freedom * (1 - 1 / len(parts))
 
@@ -230,7 +230,7 @@ def spread_of_mean(fit: Fit) -> Matrix:
     return np.asarray(slopes @ result.of_mean @ slopes.T)
 
 
-def stepped(parameter: Parameter, value: float, share: float) -> float:
+def step_parameter(parameter: Parameter, value: float, share: float) -> float:
     """Return the value of a parameter after a relative step `share`; the result is in the domain of the parameter.
 
     >>> from gmwm import WN

@@ -20,7 +20,7 @@ from gmwm.fitting.estimation import asymptotic, criterion, goodness, intervals
 from gmwm.fitting.estimation.bootstrap import bootstrap as simulate_fits
 from gmwm.fitting.estimation.problem import to_find
 from gmwm.fitting.estimation.reweighting import REWEIGHTED, Settled, settle
-from gmwm.fitting.estimation.solver import estimated, solve_near
+from gmwm.fitting.estimation.solver import model_of, solve_near
 from gmwm.fitting.estimation.starts import Start
 from gmwm.fitting.estimation.summary import as_html
 from gmwm.fitting.estimation.summary import summary as describe
@@ -131,7 +131,7 @@ class Fit(Documented, KalmanMethods):
     def of(cls, settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
         """Return the fit to `wv` for a solved problem (`settled`) and a kind of `weighting`, with sorted terms."""
         problem, solution = settled.problem, settled.solution
-        processes = estimated(problem, solution, wv.slope).processes
+        processes = model_of(problem, solution, wv.slope).processes
         model = Model(processes).sorted(wv.rate)
         label = {id(process): term for term, process in zip(model.terms, model.processes, strict=True)}
         terms = {label[id(processes[place])]: term for place, term in zip(problem.shaped, solution.terms, strict=True)}

@@ -21,9 +21,9 @@ from gmwm.base.errors import MissingTheoryError, ModelError
 from gmwm.base.remarks import Remark
 from gmwm.base.threads import check_stop
 from gmwm.fitting.estimation.exponential_search import search_of
-from gmwm.fitting.estimation.exponential_weights import reweighted, search_for_weights
+from gmwm.fitting.estimation.exponential_weights import reweight, search_for_weights
 from gmwm.fitting.estimation.problem import Problem, pose
-from gmwm.fitting.estimation.solver import Solution, estimated, final, moved, resume, solve
+from gmwm.fitting.estimation.solver import Solution, final, model_of, move, resume, solve
 from gmwm.fitting.estimation.weighting import precision, weighting_matrix
 from gmwm.measuring.covariance import Design, covariance, variances
 from gmwm.measuring.covariance.mixture import mixture
@@ -108,13 +108,13 @@ def settle(
         problem = pose(model, wv, implied_weights(weighting, start, design, wv.variance))
     solution = solve(problem, certify=False, quick=True) if first is None else first(problem)
     for _ in range(returns):
-        iteration = _iterated(problem, solution, wv, weighting, design=design, fixed=fixed)
+        iteration = _iterate(problem, solution, wv, weighting, design=design, fixed=fixed)
         problem, solution = iteration.problem, iteration.solution
         if iteration.reason is not None:
             remark = Remark.of("weights-from-data", wv.axis, reason=iteration.reason)
             return Settled(problem, finish(problem, solution), (remark,))
-        before, solution = _implied(problem, solution, wv), finish(problem, solution)
-        change = _change(before, _implied(problem, solution, wv))
+        before, solution = _implied_curve(problem, solution, wv), finish(problem, solution)
+        change = _change(before, _implied_curve(problem, solution, wv))
         if change <= max(CLOSE, iteration.change):
             break
     if iteration.expected <= max(CLOSE, fixed) and change <= max(CLOSE, fixed):
@@ -138,7 +138,7 @@ class _Iterated:
     reason: str | None = None
 
 
-def _iterated(
+def _iterate(
     problem: Problem, solution: Solution, wv: WaveletVariance, weighting: str, *, design: Design, fixed: float
 ) -> _Iterated:
     """Iterate weights and estimate until the relative change of the curve is at most `fixed`, or until they diverge. A
@@ -146,12 +146,12 @@ def _iterated(
     search = search_for_weights(problem, design) if weighting == "diagonal" else None
     if search is not None:
         options = np.array([PRIOR, fixed, FAR, CUTOFF, ROUNDS, HOPE, MIXED], dtype=np.float64)
-        result = reweighted(search, solution, design.for_weights, options)
+        result = reweight(search, solution, design.for_weights, options)
         if result is not None:
             best, weights, change, expected = result
             problem = problem.under(np.diag(weights))
-            return _Iterated(problem, moved(search_of(problem), solution, best), change, expected)
-    ahead, implied = _Ahead(), _implied(problem, solution, wv)
+            return _Iterated(problem, move(search_of(problem), solution, best), change, expected)
+    ahead, implied = _Ahead(), _implied_curve(problem, solution, wv)
     history: list[float] = []
     for _ in range(ROUNDS):
         check_stop()
@@ -163,7 +163,7 @@ def _iterated(
             return _Iterated(problem, solution, reason=error.reason)
         problem = problem.under(matrix)
         solution = resume(problem, solution)
-        before, implied = implied, _implied(problem, solution, wv)
+        before, implied = implied, _implied_curve(problem, solution, wv)
         change = _change(before, implied)
         history.append(change)
         # The next change is expected to be smaller by the last ratio of changes.
@@ -189,7 +189,7 @@ def _nearly_settled(processes: tuple[Process, ...], wv: WaveletVariance, weighti
     # Number of iterations after which the weights have converged to a few per cent, which is sufficient to compare
     # models.
     for _ in range(3):
-        at = estimated(problem, solution, wv.slope).sorted(wv.rate)
+        at = model_of(problem, solution, wv.slope).sorted(wv.rate)
         wavelet = drawn_covariance(at, design, wv.variance)
         if not np.all(np.diag(wavelet) > 0):
             raise _no_noise(model)
@@ -218,7 +218,7 @@ class _Ahead:
         self.pairs: list[tuple[Vector, Vector]] = []
 
     def of(self, problem: Problem, solution: Solution, wv: WaveletVariance) -> Model:
-        model = estimated(problem, solution, wv.slope).sorted(wv.rate)
+        model = model_of(problem, solution, wv.slope).sorted(wv.rate)
         logarithms = _logarithms(model)
         if list(logarithms) != list(self.given):
             self.pairs = []
@@ -291,8 +291,8 @@ def _drawn_scale(model: Model, design: Design, observed: Vector | None) -> Vecto
     return np.ones(design.levels.size)
 
 
-def _implied(problem: Problem, solution: Solution, wv: WaveletVariance) -> Vector:
-    return estimated(problem, solution, wv.slope).wavelet_variance(wv.levels, wv.rate, wv.filter)
+def _implied_curve(problem: Problem, solution: Solution, wv: WaveletVariance) -> Vector:
+    return model_of(problem, solution, wv.slope).wavelet_variance(wv.levels, wv.rate, wv.filter)
 
 
 def _change(before: Vector, after: Vector) -> float:

@@ -71,7 +71,7 @@ def solve(problem: Problem, *, certify: bool, quick: bool = False, near: Solutio
     of a scan and from the solution `near` reach. If `quick`, only the best points of the scan are used, which is enough
     if the weights will change."""
     if problem.free:
-        return _scanned(problem, quick=quick, near=near)
+        return _solve_by_scan(problem, quick=quick, near=near)
     square = problem.unit**2
     if problem.curved_class is None:
         weights, objective = _core.nonnegative_least_squares(problem.target, problem.fixed)
@@ -114,7 +114,7 @@ def solve_near(problem: Problem) -> Solution:
     if point is None or optimum is None:
         return solve(problem, certify=False)
     start = Start(how="given", tried=1, objective=_value(surface.at(point), problem))
-    best, curvature = surface.sharpened(optimum)
+    best, curvature = surface.sharpen(optimum)
     return replace(_solution(problem, surface, best, start), curvature=curvature)
 
 
@@ -122,14 +122,14 @@ def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solut
     """Find the local optimum that is nearest to the solution of the problem with slightly different weights. If `ends`,
     also find the process that the data cannot distinguish from each curved term."""
     if solution.point is not None:
-        return _resumed(problem, solution, ends=ends)
+        return _resume_free(problem, solution, ends=ends)
     if problem.curved_class is None:
         return solve(problem, certify=False)
     search = search_of(problem)
-    return moved(search, solution, search.followed(list(solution.places), ends=ends), ends=ends)
+    return move(search, solution, search.follow(list(solution.places), ends=ends), ends=ends)
 
 
-def moved(search: Search, solution: Solution, best: Optimum, *, ends: bool = False) -> Solution:
+def move(search: Search, solution: Solution, best: Optimum, *, ends: bool = False) -> Solution:
     """Return a solution in which `best` replaces the places, the scales and the objective; it has no lower bound."""
     problem = search.problem
     scales = problem.scales(problem.shapes, best.weights[: len(problem.linear)])
@@ -150,7 +150,7 @@ def solve_sampled(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
             advice="Increase the number of draws.",
         )
     start = Start(how="sampled", tried=sampled.draws, objective=_value(before, problem))
-    best, curvature = surface.sharpened(optimum)
+    best, curvature = surface.sharpen(optimum)
     return replace(_solution(problem, surface, best, start), curvature=curvature)
 
 
@@ -176,7 +176,7 @@ def _value(found: Projection | None, problem: Problem) -> float:
     return float(found.objective * problem.unit**2)
 
 
-def _scanned(problem: Problem, *, quick: bool, near: Solution | None) -> Solution:
+def _solve_by_scan(problem: Problem, *, quick: bool, near: Solution | None) -> Solution:
     """Return the best of the local optima that descents from the points of a scan reach."""
     surface = Surface(problem)
     alone = scans_alone(problem, surface)
@@ -194,8 +194,8 @@ def _scanned(problem: Problem, *, quick: bool, near: Solution | None) -> Solutio
         how, origin = near.start.how, near.origin
     start = Start(how=how, tried=tried, objective=_value(surface.at(origin), problem))
     if alone is not None and not quick:
-        best = _rearranged(problem, surface, alone, best)
-    best, curvature = surface.sharpened(_elsewhere(problem, surface, best))
+        best = _rearrange(problem, surface, alone, best)
+    best, curvature = surface.sharpen(_elsewhere(problem, surface, best))
     return replace(_solution(problem, surface, best, start), curvature=curvature, origin=origin)
 
 
@@ -238,7 +238,7 @@ def _together(one: Point, other: Point) -> bool:
     return one.branches == other.branches and bool(np.all(np.abs(one.x - other.x) < 0.03))
 
 
-def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Projection) -> Projection:
+def _rearrange(problem: Problem, surface: Surface, alone: list[Alone], best: Projection) -> Projection:
     """Return the optimum after each free process in turn was moved to the best points of its own scan."""
     for _ in range(RETURNS):
         moved = list(moved_points(problem, surface, alone, best.point))
@@ -255,7 +255,7 @@ def _elsewhere(problem: Problem, surface: Surface, best: Projection) -> Projecti
         _, z = surface.split(best.point)
         search = surface.curved_alone(z)
         candidates, _, _, _ = search.branch_and_bound(certify=False)
-        places = search.located(candidates[0][1])
+        places = search.places_of(candidates[0][1])
         point = Point(tuple(b for b, _ in places), np.concatenate([np.array([u for _, u in places]), *z]))
         optimum = surface.downhill(point)
         if optimum is None or problem.as_low(best.objective, optimum.objective, NOISE):
@@ -264,17 +264,17 @@ def _elsewhere(problem: Problem, surface: Surface, best: Projection) -> Projecti
     return best
 
 
-def _resumed(problem: Problem, solution: Solution, *, ends: bool) -> Solution:
+def _resume_free(problem: Problem, solution: Solution, *, ends: bool) -> Solution:
     surface = Surface(problem)
     assert solution.point is not None
     here = surface.at(solution.point)
-    optimum, curvature = (None, None) if here is None else surface.sharpened(here, solution.curvature)
+    optimum, curvature = (None, None) if here is None else surface.sharpen(here, solution.curvature)
     if optimum is None or not _at_rest(surface, optimum):
         optimum = surface.downhill(solution.point)
         assert (
             optimum is not None
         )  # the point was valid with the previous weights, and validity does not depend on them
-        optimum, curvature = surface.sharpened(optimum)
+        optimum, curvature = surface.sharpen(optimum)
     result = _solution(problem, surface, optimum, solution.start, ends=ends)
     return replace(result, curvature=curvature, origin=solution.origin)
 
@@ -320,7 +320,7 @@ def _solution(problem: Problem, surface: Surface, found: Projection, start: Star
     )
 
 
-def estimated(problem: Problem, solution: Solution, slope: float | None) -> Model:
+def model_of(problem: Problem, solution: Solution, slope: float | None) -> Model:
     """Return the model with the values of a solution, in the same order of terms. A parameter with a sign gets the sign
     of the `slope` of the data, if the slope is known."""
     processes = list(problem.model.processes)

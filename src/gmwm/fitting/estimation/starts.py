@@ -140,14 +140,14 @@ def scanned_points(
 
 def given_point(problem: Problem, surface: Surface) -> Point | None:
     """Return the starting point that the values in the model give; None if a free process has no values."""
-    coordinates = [free.given() for free in surface.frees]
+    coordinates = [free.start_values() for free in surface.frees]
     values = [z for z in coordinates if z is not None]
     return _with_curved(problem, surface, values) if len(values) == len(coordinates) else None
 
 
 def _over_its_scan(free: Coordinates, share: Matrix, problem: Problem) -> Matrix:
     """Return the nonlinear parameters (n, q), including fixed ones, at relative positions (n, d) in the scanned box."""
-    ends = free.scanned(problem.samples, problem.rate)
+    ends = free.scan_range(problem.samples, problem.rate)
     return np.asarray(free.values(ends[:, 0] + share * (ends[:, 1] - ends[:, 0])), dtype=np.float64)
 
 
@@ -187,7 +187,7 @@ def scans_alone(problem: Problem, surface: Surface) -> list[Alone] | None:
         able = free.possible(values) & np.all(np.isfinite(shapes), axis=1) & np.any(shapes > 0, axis=1)
         if not able.any():
             return None
-        every.append(Alone(values[able], problem.weighted(shapes[able])))
+        every.append(Alone(values[able], problem.unit_rows(shapes[able])))
     return every
 
 
@@ -215,7 +215,7 @@ def moved_points(problem: Problem, surface: Surface, every: list[Alone], point: 
     _, z = surface.split(point)
     base, shapes = _dictionary(problem), surface.free_shapes(z)
     for place, scan in enumerate(every):
-        here = [problem.weighted(shapes[k : k + 1]) for k in range(len(z)) if k != place and np.any(shapes[k] > 0)]
+        here = [problem.unit_rows(shapes[k : k + 1]) for k in range(len(z)) if k != place and np.any(shapes[k] > 0)]
         # Number of points of its scan to which each process is moved after the first descent.
         for row in scan.best(np.concatenate([base, *here]), problem, 4):
             coordinates = surface.frees[place].of(scan.values[row : row + 1])[0]
@@ -259,7 +259,7 @@ def _dictionary(problem: Problem) -> Matrix:
     ).values
     # Number of places that represent a curved process during a scan.
     places = np.unique(np.linspace(0, len(values) - 1, 48).astype(np.int64))
-    return np.concatenate([problem.fixed, problem.weighted(values[places])])
+    return np.concatenate([problem.fixed, problem.unit_rows(values[places])])
 
 
 def _with_curved(problem: Problem, surface: Surface, z: list[Vector]) -> Point:
@@ -268,7 +268,7 @@ def _with_curved(problem: Problem, surface: Surface, z: list[Vector]) -> Point:
     if problem.curved_class is not None:
         search = surface.curved_alone(z)
         candidates, _, _, _ = search.branch_and_bound(certify=False)
-        for branch, place in search.located(candidates[0][1]):
+        for branch, place in search.places_of(candidates[0][1]):
             branches.append(branch)
             u.append(place)
     return Point(tuple(branches), np.concatenate([np.array(u, dtype=np.float64), *z]))

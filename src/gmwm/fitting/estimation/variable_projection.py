@@ -74,7 +74,7 @@ class Coordinates:
         columns = [p.coordinate(values[:, k]) for k, p in zip(self.moving, self.parameters, strict=True)]
         return np.stack(columns, axis=1)
 
-    def scanned(self, samples: int, rate: float) -> Matrix:
+    def scan_range(self, samples: int, rate: float) -> Matrix:
         """Return the ends (d, 2) of the coordinates in a scan for starting values."""
         if self.together:
             return self.kind.scan(samples, rate)
@@ -87,7 +87,7 @@ class Coordinates:
 
     def ends(self, samples: int, rate: float) -> Matrix:
         """Return the bounds (d, 2) of the coordinates, far beyond the scan."""
-        return np.asarray(self.scanned(samples, rate) + np.array([-FAR, FAR]))
+        return np.asarray(self.scan_range(samples, rate) + np.array([-FAR, FAR]))
 
     def possible(self, values: Matrix) -> NDArray[np.bool_]:
         """Return a mask of the rows of nonlinear parameters (n, q) that are valid. Joint coordinates are always
@@ -97,7 +97,7 @@ class Coordinates:
         with np.errstate(invalid="ignore"):
             return np.asarray(np.all(self.kind.room(values) > 0, axis=1))
 
-    def given(self) -> Vector | None:
+    def start_values(self) -> Vector | None:
         """Return the coordinates of the values in the model; None if a value is missing."""
         if any(value is None for value in (self.process.values[p.name] for p in self.process.nonlinear_parameters())):
             return None
@@ -162,7 +162,7 @@ class Surface:
             return None
         rows = self._free_shapes(values)
         if point.branches:
-            rows = np.concatenate([self._curved(point.branches, u), rows])
+            rows = np.concatenate([self._curved_shapes(point.branches, u), rows])
         rows = rows @ self.problem.root.T
         if not np.all(np.isfinite(rows)):
             return None
@@ -202,7 +202,7 @@ class Surface:
         rows = np.concatenate([problem.shapes, curves[seen]])
         return Search(replace(problem, linear=(*problem.linear, *held), free=(), shapes=rows), problem.curved_class)
 
-    def _curved(self, branches: tuple[Branch, ...], u: Vector) -> Matrix:
+    def _curved_shapes(self, branches: tuple[Branch, ...], u: Vector) -> Matrix:
         curved_class, problem = self.problem.curved_class, self.problem
         assert curved_class is not None
         places = list(zip(branches, u.tolist(), strict=True))
@@ -245,7 +245,7 @@ class Surface:
             able[k] &= not ((u <= branch.low and gradient[k] > 0) or (u >= branch.high and gradient[k] < 0))
         return np.asarray(able, dtype=np.bool_)
 
-    def moved(self, point: Point, step: Vector) -> Point:
+    def move(self, point: Point, step: Vector) -> Point:
         """Return the point after a step, limited to its branches and bounds."""
         x = point.x + step
         for k, branch in enumerate(point.branches):
@@ -269,14 +269,14 @@ class Surface:
             able = self.moving(best, gradient)
             if not able.any():
                 break
-            jacobian = self._projected(best, slopes[able])
+            jacobian = self._project(best, slopes[able])
             square = jacobian @ jacobian.T
             size = np.diag(square).copy()
             while damping < 1e10:
                 step = np.zeros(best.point.x.size)
                 damped = square + damping * np.diag(size + np.finfo(float).tiny)
-                step[able] = np.clip(_solved(damped, -gradient[able]), -LONGEST, LONGEST)
-                trial = self.at(self.moved(best.point, step))
+                step[able] = np.clip(_solve(damped, -gradient[able]), -LONGEST, LONGEST)
+                trial = self.at(self.move(best.point, step))
                 if trial is not None and trial.objective < best.objective:
                     better = trial
                     break
@@ -291,15 +291,15 @@ class Surface:
                 break
         return best
 
-    def _projected(self, found: Projection, slopes: Matrix) -> Matrix:
+    def _project(self, found: Projection, slopes: Matrix) -> Matrix:
         """Return the slopes minus their projection on the unit vectors, because the scales compensate for this part."""
         rows = found.units[found.weights > 0]
         basis, _ = np.linalg.qr(rows.T)
         return np.asarray(slopes - (slopes @ basis) @ basis.T)
 
-    def sharpened(self, best: Projection, known: Curvature | None = None) -> tuple[Projection, Curvature | None]:
+    def sharpen(self, best: Projection, curvature: Curvature | None = None) -> tuple[Projection, Curvature | None]:
         """Return the optimum after Newton steps, and the last second derivatives. Steps that increase the objective are
-        rejected. The same second derivatives are used until the steps converge slowly. `known` are the second
+        rejected. The same second derivatives are used until the steps converge slowly. `curvature` are the second
         derivatives of the problem with slightly different weights."""
         square, before, computed = self.problem.unit**2, np.inf, 0
         for _ in range(15):
@@ -309,22 +309,22 @@ class Surface:
                 [b.low < u < b.high for b, u in zip(best.point.branches, best.point.x, strict=False)], dtype=np.bool_
             )
             able[: ends.size] &= ends
-            if known is None or not np.array_equal(known.able, able):
+            if curvature is None or not np.array_equal(curvature.able, able):
                 # Largest number of times that Newton steps compute the second derivatives.
                 if computed == 6 or (hessian := self._hessian(best, able)) is None:
                     break
-                known, computed, fresh = Curvature(able, square * hessian), computed + 1, True
+                curvature, computed, fresh = Curvature(able, square * hessian), computed + 1, True
             else:
                 fresh = False
             step = np.zeros(best.point.x.size)
-            step[able] = _solved(known.hessian / square, -gradient[able])
+            step[able] = _solve(curvature.hessian / square, -gradient[able])
             size = float(np.abs(step).max(initial=0.0))
             # Longest Newton step that is accepted.
-            trial = self.at(self.moved(best.point, step)) if size < 0.3 else None
+            trial = self.at(self.move(best.point, step)) if size < 0.3 else None
             if trial is None or not self.problem.as_low(trial.objective, best.objective, NOISE):
                 if fresh:
                     break
-                known = None
+                curvature = None
                 continue
             best = trial
             # Change of every coordinate below which Newton steps end.
@@ -333,9 +333,9 @@ class Surface:
             # Ratio of the length of a Newton step to the previous one above which the second derivatives are computed
             # again.
             if size > 0.1 * before:
-                known = None
+                curvature = None
             before = size
-        return best, known
+        return best, curvature
 
     def _hessian(self, best: Projection, able: NDArray[np.bool_]) -> Matrix | None:
         """Return the Hessian for the coordinates that `able` marks, by differences of gradients. It is None if it is
@@ -360,7 +360,7 @@ class Surface:
         return hessian
 
 
-def _solved(matrix: Matrix, right: Vector) -> Vector:
+def _solve(matrix: Matrix, right: Vector) -> Vector:
     """Solve a symmetric system after scaling it to unit diagonal; a singular system gives the solution of least
     norm."""
     size = np.sqrt(np.diag(matrix))

@@ -83,7 +83,7 @@ class Varies:
         return rows
 
 
-def parsed(varies: Mapping[str, str]) -> tuple[dict[str, Varies], str]:
+def parse_varies(varies: Mapping[str, str]) -> tuple[dict[str, Varies], str]:
     """Parse the sum of functions that describes the variance of each term, and find the name of the condition. Raises
     OptionError if a sum cannot be parsed, or two sums name different conditions."""
     if not isinstance(varies, Mapping):

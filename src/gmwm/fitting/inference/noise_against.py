@@ -212,13 +212,13 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
         root = np.linalg.cholesky(inverse).T
         estimates, *_ = np.linalg.lstsq(root @ shares, root @ slopes, rcond=None)
         spreads = np.sqrt(np.diag(np.linalg.pinv(shares.T @ inverse @ shares, hermitian=True)))
-        terms = {name: _tested(*pair) for name, *pair in zip(names, estimates, spreads, strict=True)}
+        terms = {name: _test(*pair) for name, *pair in zip(names, estimates, spreads, strict=True)}
         remainder = float(np.sum((root @ (slopes - shares @ estimates)) ** 2))
     free = levels.size - len(names)
     return NoiseAgainst(
         axis=signal.axis, condition=term.name, unit=term.unit, range=(float(np.min(values)), float(np.max(values))),
         levels=levels.copy(), tau=wv.tau[used],
-        slopes=tuple(_tested(s, e) for s, e in zip(slopes, np.sqrt(np.diag(errors)), strict=True)),
+        slopes=tuple(_test(s, e) for s, e in zip(slopes, np.sqrt(np.diag(errors)), strict=True)),
         pvalue=float(gammaincc(levels.size / 2, statistic / 2)), terms=terms,
         pvalue_terms=float(gammaincc(free / 2, remainder / 2)) if free > 0 else None,
     )  # fmt: skip
@@ -243,7 +243,7 @@ def _condition(signal: Signal, condition: Against) -> tuple[Term, Covariates, Ve
     return term, covariates, arrays[term.name] if term.exact else smooth
 
 
-def _tested(value: float, error: float) -> Slope:
+def _test(value: float, error: float) -> Slope:
     from scipy.special import ndtr
 
     return Slope(float(value), float(error), 2 * float(ndtr(-abs(value) / error)))

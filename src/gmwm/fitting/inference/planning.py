@@ -203,7 +203,9 @@ class Plan(Summarised):
         {'WN.sigma2': '0.58 s', 'RW.gamma2': '7.9 min'}
         """
         share = as_accuracy(accuracy)
-        return Named({name: self._needed(k, share) / self.rate for k, name in enumerate(self.errors)}, "parameter")
+        return Named(
+            {name: self._samples_needed(k, share) / self.rate for k, name in enumerate(self.errors)}, "parameter"
+        )
 
     def summary(self, accuracy: float = 0.1) -> str:
         """Format a table of the plan.
@@ -265,20 +267,20 @@ class Plan(Summarised):
     # --- private methods ------------------------------------------------------------------------------
 
     @cached_property
-    def _known(self) -> dict[int, Vector]:
+    def _cache(self) -> dict[int, Vector]:
         """Cache of relative standard errors, by number of samples."""
         samples = np.rint(self.durations * self.rate).astype(np.int64).tolist()
         return dict(zip(samples, np.column_stack(list(self.errors.values())), strict=True))
 
     def _at(self, samples: int) -> Vector:
-        if samples not in self._known:
+        if samples not in self._cache:
             if samples < self.losses.shortest(1 << (len(self.errors) + 1)):
                 return np.full(len(self.errors), np.inf)
             errors = relative_errors(self.model, samples, self.rate, self.weighting, losses=self.losses)
-            self._known[samples] = errors[1]
-        return self._known[samples]
+            self._cache[samples] = errors[1]
+        return self._cache[samples]
 
-    def _needed(self, k: int, accuracy: float) -> float:
+    def _samples_needed(self, k: int, accuracy: float) -> float:
         """Return the number of samples from which the relative error of parameter k is at most `accuracy`. It is
         infinite if it exceeds the horizon."""
 

@@ -24,7 +24,7 @@ from gmwm.fitting.likelihood.system import LEVEL, assemble, require_state
 from gmwm.measuring.regression.against import Against, Asked
 from gmwm.recording.signals import Signal
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.ladder import approximated
+from gmwm.theory.processes.ladder import approximation_remarks
 from gmwm.theory.processes.model import Model, as_model
 from gmwm.theory.processes.parameter import Fixed
 
@@ -145,7 +145,7 @@ def fit_ml(
     regressed = Regressed.of(data, rate, record, conditions) if conditions.terms else None
     if regressed is not None:
         record = regressed.record
-    problem = Problem(_started(terms, record, start, regressed), record, mean_value)
+    problem = Problem(_starting_model(terms, record, start, regressed), record, mean_value)
     drifts = any(not r.flat for r in problem.regressors)
     if not problem.coordinates and not drifts:
         raise ModelError(
@@ -171,7 +171,7 @@ def _all_held(model: Model) -> Model:
     return model.with_values({name: Fixed(value) for name, value in model.parameters.items() if value is not None})
 
 
-def _started(
+def _starting_model(
     wanted: Model, record: Record, start: Fit | LikelihoodFit | Model | str | None, regressed: Regressed | None = None
 ) -> Model:
     """Return the model with starting values from `start` or, by default, from a fit to the wavelet variance."""
@@ -216,7 +216,7 @@ def _as_fit(problem: Problem, found: Maximum) -> LikelihoodFit:
     order = best.sorted(problem.rate)
     ordered = {id(p): t for t, p in zip(order.terms, order.processes, strict=True)}
     renamed = {t: ordered[id(p)] for t, p in zip(best.terms, best.processes, strict=True)}
-    labels = [_renamed(name, renamed) for name in names]
+    labels = [_rename(name, renamed) for name in names]
     places = sorted(range(len(labels)), key=lambda k: order.names.index(labels[k]))
     constant = _level(problem, level, best)
     gone = [c.term for k, c in enumerate(problem.coordinates) if c.shape is None and found.z[k] == -math.inf]
@@ -264,10 +264,10 @@ def _remarks(
         if process.scale > 0 and term not in acts_as:
             remarks = process.remarks(term, problem.record.observed, problem.rate)
             yield from (remark.about(axis) for remark in remarks)
-    yield from approximated(model, problem.rate, axis)
+    yield from approximation_remarks(model, problem.rate, axis)
 
 
-def _renamed(name: str, terms: dict[str, str]) -> str:
+def _rename(name: str, terms: dict[str, str]) -> str:
     term, _, parameter = name.rpartition(".")
     return f"{terms[term]}.{parameter}"
 
@@ -319,7 +319,7 @@ def _covariance(problem: Problem, found: Maximum, best: Model, level: Level) -> 
     if rows:
         evaluation = found.evaluation if _same(found, active) else problem.evaluate(found.z, active)
         assert evaluation is not None
-        inverse = inverted(evaluation.information)
+        inverse = invert(evaluation.information)
         by = np.array(rows)
         with np.errstate(invalid="ignore"):
             covariance = by @ inverse @ by.T
@@ -343,7 +343,7 @@ def _same(found: Maximum, active: list[int]) -> bool:
     return len(found.evaluation.gradient) == len(active) and not found.at_end
 
 
-def inverted(information: Matrix) -> Matrix:
+def invert(information: Matrix) -> Matrix:
     """Invert the information matrix. Coordinates about which the data have no information get an infinite variance."""
     size = np.sqrt(np.diag(information))
     informed = size > 0

@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import OptionError
 from gmwm.base.text import Summarised
-from gmwm.fitting.likelihood.problem import Problem, standardised
-from gmwm.fitting.likelihood.tracks import Modelled, posed
+from gmwm.fitting.likelihood.problem import Problem, standardise
+from gmwm.fitting.likelihood.tracks import Modelled, pose_filter
 from gmwm.recording.autocorrelation import autocorrelation, observed_pairs
 from gmwm.recording.options import as_whole_number
 from gmwm.recording.signals import Signal
@@ -266,8 +266,8 @@ def residuals(
     estimated: int | None = None,
 ) -> Residuals:
     """Compute the standardised innovations of a recording; see `Model.residuals`."""
-    problem = posed(model, data, rate, mean)
-    values, _ = standardised(problem, problem.model)
+    problem = pose_filter(model, data, rate, mean)
+    values, _ = standardise(problem, problem.model)
     terms = getattr(model, "model", None)
     lost = None
     if estimated is None:
@@ -314,7 +314,7 @@ def spent(problem: Problem) -> Vector:
     for a, k in enumerate(active):
         step = np.zeros(z.size)
         step[k] = min(1e-2, 0.1 / math.sqrt(max(here.information[a, a], 1e-12)))
-        ends = [standardised(problem, problem.at_point(z + sign * step))[0] for sign in (1.0, -1.0)]
+        ends = [standardise(problem, problem.at_point(z + sign * step))[0] for sign in (1.0, -1.0)]
         rows.append((autocorrelation(ends[0], lags) - autocorrelation(ends[1], lags))[1:] / (2.0 * step[k]))
     slopes = np.array(rows)
     size = np.sqrt(np.diag(here.information))

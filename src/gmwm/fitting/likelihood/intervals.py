@@ -11,7 +11,7 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import ModelError
 from gmwm.fitting.estimation.intervals import Interval, about, free_shape, parameters_by_name
-from gmwm.fitting.likelihood.estimator import inverted, jacobian
+from gmwm.fitting.likelihood.estimator import invert, jacobian
 from gmwm.fitting.likelihood.problem import Problem
 from gmwm.fitting.likelihood.search import Search
 from gmwm.recording.options import as_confidence, one_of
@@ -155,7 +155,7 @@ class _Profile:
         along[k], self.reach = 1.0, 1.0
         if evaluation is None:
             return along
-        column = inverted(evaluation.information)[:, active.index(k)]
+        column = invert(evaluation.information)[:, active.index(k)]
         if np.all(np.isfinite(column)):
             along[active] = column / column[active.index(k)]
             self.reach = math.sqrt(column[active.index(k)])

@@ -251,7 +251,7 @@ def _inverse(gram: Matrix) -> Matrix:
     return np.asarray(np.linalg.inv(gram * np.outer(scale, scale)) * np.outer(scale, scale))
 
 
-def standardised(problem: Problem, model: Model) -> tuple[Vector, int]:
+def standardise(problem: Problem, model: Model) -> tuple[Vector, int]:
     """Return the standardised innovations (N,) and the number of fitted regression coefficients. The innovations are
     NaN where a sample is missing. The coefficients are estimated from the whole recording."""
     system = assemble(model, problem.rate)

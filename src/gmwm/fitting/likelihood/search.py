@@ -163,7 +163,7 @@ class Search:
         bounds, at = self.problem.bounds[active], z[active]
         low = np.maximum(bounds[:, 0] - at, -LONGEST)
         high = np.minimum(bounds[:, 1] - at, LONGEST)
-        step = boxed(now.information, now.gradient, low=low, high=high, damping=damping)
+        step = box_step(now.information, now.gradient, low=low, high=high, damping=damping)
         return step, float(now.gradient @ step - 0.5 * step @ now.information @ step)
 
     def _give_up(self, now: Evaluation, z: Vector, active: list[int]) -> bool:
@@ -271,7 +271,7 @@ class Search:
         return out
 
 
-def boxed(information: Matrix, gradient: Vector, low: Vector, high: Vector, damping: float) -> Vector:
+def box_step(information: Matrix, gradient: Vector, low: Vector, high: Vector, damping: float) -> Vector:
     """Return the step d between `low` and `high` that maximises g·d − ½ dᵀ(I + μ diag I)d, by an active-set method. g
     is the gradient, I the information matrix and μ the damping. A coordinate that would leave the bounds is held at its
     bound, and released if the gradient there points inwards."""
@@ -282,7 +282,7 @@ def boxed(information: Matrix, gradient: Vector, low: Vector, high: Vector, damp
     g, least, most = gradient / size, low * size, high * size
     step, free = np.zeros(g.size), np.ones(g.size, dtype=np.bool_)
     for _ in range(4 * g.size + 4):
-        step[free] = solved(scaled[np.ix_(free, free)], g[free] - scaled[np.ix_(free, ~free)] @ step[~free])
+        step[free] = solve_stable(scaled[np.ix_(free, free)], g[free] - scaled[np.ix_(free, ~free)] @ step[~free])
         out = free & ((step < least) | (step > most))
         if np.any(out):
             step = np.clip(step, least, most)
@@ -296,7 +296,7 @@ def boxed(information: Matrix, gradient: Vector, low: Vector, high: Vector, damp
     return np.asarray(np.clip(step, least, most) / size)
 
 
-def solved(matrix: Matrix, vector: Vector) -> Vector:
+def solve_stable(matrix: Matrix, vector: Vector) -> Vector:
     """Return M⁻¹ v for a matrix M with unit diagonal. Directions with eigenvalues near zero are left out."""
     if not vector.size:
         return vector

@@ -121,7 +121,7 @@ def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[Row]:
     errors, units = fit.standard_errors, fit.units()
     shown = []
     for name, value in fit.parameters.items():
-        if _undetermined(fit, intervals, name):
+        if _is_undetermined(fit, intervals, name):
             shown.append(Row(name, "undetermined", interval="", error="", unit=units[name]))
             continue
         interval, error = "", ""
@@ -144,7 +144,7 @@ def short_values(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> dict[
         value = fit.parameters[row.name]
         low, high = intervals.get(row.name, (0.0, math.inf))
         acting = fit.diagnostics.acts_as.get(row.name.rpartition(".")[0])
-        if _undetermined(fit, intervals, row.name):
+        if _is_undetermined(fit, intervals, row.name):
             shown[row.name] = "—"
         elif acting is not None:
             shown[row.name] = "held" if row.name in fit.model.fixed_names else f"as {acting}"
@@ -155,7 +155,7 @@ def short_values(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> dict[
     return shown
 
 
-def _undetermined(fit: LikelihoodFit, intervals: Mapping[str, Interval], name: str) -> bool:
+def _is_undetermined(fit: LikelihoodFit, intervals: Mapping[str, Interval], name: str) -> bool:
     """Return whether a parameter is the shape of a term that is estimated as zero."""
     gone = name.rpartition(".")[0] in fit.diagnostics.not_supported
     if not gone or name in fit.model.fixed_names or fit.parameters[name] == 0:

@@ -196,7 +196,7 @@ def slopes(model: Model, system: System, coordinates: Sequence[Coordinate], rate
             continue
         for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
             for sign in (1, -1):
-                space = moved(block.process, coordinate.shape, sign * distance * STEP).state_space(rate)
+                space = move_shape(block.process, coordinate.shape, sign * distance * STEP).state_space(rate)
                 share = sign * weight / (60.0 * STEP)
                 out.F[k, here, here] += share * space.F
                 out.Q[k, here, here] += share * space.Q
@@ -206,7 +206,7 @@ def slopes(model: Model, system: System, coordinates: Sequence[Coordinate], rate
     return out
 
 
-def moved(process: Process, shape: int, distance: float) -> Process:
+def move_shape(process: Process, shape: int, distance: float) -> Process:
     """Return a process with one shape coordinate changed by `distance`."""
     z = type(process).coordinates(process.nonlinear.reshape(1, -1))
     z[0, shape] += distance

@@ -226,7 +226,7 @@ def predict_tracks(
 def _tracks(
     kind: Kind, model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: float | None, steps: int = 0
 ) -> Tracks:
-    problem = posed(model, data, rate=rate, mean=mean, steps=steps)
+    problem = pose_filter(model, data, rate=rate, mean=mean, steps=steps)
     system = assemble(problem.model, problem.rate)
     labels, states, shares = _sums(problem, system)
     size = problem.record.values.size
@@ -238,7 +238,7 @@ def _tracks(
     white = [block.label for block in system.blocks if block.space.states == 0]
     if white:
         tracks[white[0]] = (means[-1], errors[-1])
-    _known(problem, system, tracks)
+    _add_known(problem, system, tracks)
     order = [label for label in (*problem.model.terms, LEVEL, BIAS) if label in tracks]
     part = slice(size - steps, None) if kind == "predict" else slice(None)
     record = problem.record
@@ -255,7 +255,9 @@ def _tracks(
     )
 
 
-def posed(model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: float | None, steps: int = 0) -> Problem:
+def pose_filter(
+    model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: float | None, steps: int = 0
+) -> Problem:
     """Create the likelihood problem of a model with values and a recording, with `steps` missing samples appended."""
     if isinstance(model, Fit | LikelihoodFit):
         fit_rate = model.wavelet_variance.rate if isinstance(model, Fit) else model.rate
@@ -326,7 +328,7 @@ def wanders(process: Process, rate: float) -> bool:
     return process.line(rate) is None and (time is None or time * rate > 1.0)
 
 
-def _known(problem: Problem, system: System, found: dict[str, tuple[Vector, Vector]]) -> None:
+def _add_known(problem: Problem, system: System, found: dict[str, tuple[Vector, Vector]]) -> None:
     """Add to the tracks what was subtracted from the recording: its centre or known mean, and drifts with known
     slopes."""
     bias = found[BIAS][0]

@@ -41,7 +41,7 @@ def quantization_shape(filter: WaveletFilter, levels: Levels) -> Vector:
     """Compute the wavelet variances (J,) of quantization noise e_t − e_{t−1} with Var e = 1. ν_j² = 2[r_j(0) − r_j(1)],
     where r_j is the autocorrelation of the wavelet filter of level j."""
     step = _transition(_autocorrelation(without_zero(filter)), filter.length)
-    base = _folded(_autocorrelation(np.convolve(filter.wavelet / np.sqrt(2.0), [1.0, -1.0])), filter.length)
+    base = _fold(_autocorrelation(np.convolve(filter.wavelet / np.sqrt(2.0), [1.0, -1.0])), filter.length)
     u = np.zeros(base.size)
     u[0] = 1.0
     values = np.empty(int(levels[-1]))
@@ -191,7 +191,7 @@ def _near_minus_one(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matri
     psi, below, size = np.exp(-lam), -np.expm1(-lam), filter.length
     above = 1.0 + psi
     values = np.empty((lam.size, int(levels[-1])))
-    r = _folded(_autocorrelation(filter.wavelet / np.sqrt(2.0)), size)
+    r = _fold(_autocorrelation(filter.wavelet / np.sqrt(2.0)), size)
     k = np.arange(size + 1)
     values[:, 0] = (np.exp(-np.outer(lam, k)) * (-1.0) ** k) @ r / (below * above)
 
@@ -204,8 +204,8 @@ def _near_minus_one(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matri
     near = np.zeros((size + 1, lam.size))
     for place in range(size // 2):
         lag = 2 * place - n
-        there = np.where(lag == 0, (2.0 / above)[:, None], continued(np.abs(lag)))
-        near[place] = (there - continued(lag)) @ r
+        covariances = np.where(lag == 0, (2.0 / above)[:, None], continued(np.abs(lag)))
+        near[place] = (covariances - continued(lag)) @ r
     kappa = -continued(-n) @ r
     below_these = np.arange(1, values.shape[1])
     if below_these.size:
@@ -290,7 +290,7 @@ def _autocorrelation(filter: Vector) -> Vector:
     return np.correlate(filter, filter, "full")
 
 
-def _folded(even: Vector, reach: int) -> Vector:
+def _fold(even: Vector, reach: int) -> Vector:
     """Fold an even sequence a(−K) … a(K) into weights (a(0), 2a(1), …, 2a(reach))."""
     middle = even.size // 2
     half = np.zeros(reach + 1)

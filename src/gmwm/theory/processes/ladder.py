@@ -74,10 +74,10 @@ def power_law(epsilon: float) -> tuple[StateSpace, ContinuousStateSpace]:
     smooth = ContinuousStateSpace(
         A=np.diag(-slow), Qc=np.diag(2.0 * slow * power), H=np.ones(slow.size), Rc=density, P0=np.diag(power)
     )
-    return _averaged(b, s2, white), smooth
+    return _average(b, s2, white), smooth
 
 
-def _averaged(b: Vector, s2: Vector, white: float) -> StateSpace:
+def _average(b: Vector, s2: Vector, white: float) -> StateSpace:
     """Return the state space of the sum of Gauss-Markov processes averaged over intervals of length 1, and white noise.
     The processes have the reciprocal correlation times `b` and the variances `s2`; the white noise has the variance
     `white`."""
@@ -157,7 +157,7 @@ def _fast_variance(sine: float, step: float, *, top: float, p: float, unit: floa
     return 0.5 * unit * sine * step * math.pow(top, 0.5 - p) / math.expm1(step * (p - 0.5))
 
 
-def started(process: Process, rate: float) -> StateSpace:
+def start_at_zero(process: Process, rate: float) -> StateSpace:
     """Return the state space of a process in which power-law noise starts at zero, as a random walk does. Power-law
     noise has no stationary distribution: in its state space, the initial variance of the slowest states depends only on
     `BAND`."""
@@ -186,7 +186,7 @@ def state_space_error(process: Process, rate: float) -> float:
     return error if error > 1e-9 else 0.0
 
 
-def approximated(model: Model, rate: float, axis: str = "") -> tuple[Remark, ...]:
+def approximation_remarks(model: Model, rate: float, axis: str = "") -> tuple[Remark, ...]:
     """Return a remark on the terms of a model whose state space is an approximation, with the largest error. `model`:
     model with all values. `rate`: samples per second (Hz). `axis`: name of the axis."""
     named = zip(model.terms, model.processes, strict=True)

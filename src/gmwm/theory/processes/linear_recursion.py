@@ -28,7 +28,7 @@ from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.ordered import Coefficients, Ordered
 from gmwm.theory.processes.parameter import Parameter
 from gmwm.theory.processes.physical import Physical
-from gmwm.theory.processes.short_memory import LONGEST, NEGLIGIBLE, ShortMemory, trimmed
+from gmwm.theory.processes.short_memory import LONGEST, NEGLIGIBLE, ShortMemory, trim
 from gmwm.theory.processes.validation import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace
 
@@ -99,16 +99,16 @@ class Lagged(Ordered, abstract=True, listed=False):
             roots_by_sign[_sign(part), lag] = rational.roots(_sign(part) * self.nonlinear[span])
         remarks = []
         for lag in (1, period) if period > 1 else (1,):
-            own, other = (roots_by_sign.get((sign, lag), np.empty(0)) for sign in (1.0, -1.0))
-            near = np.abs(np.subtract.outer(own, other))
+            autoregressive, averaging = (roots_by_sign.get((sign, lag), np.empty(0)) for sign in (1.0, -1.0))
+            near = np.abs(np.subtract.outer(autoregressive, averaging))
             if near.size and near.min() < CANCELLING:
                 a, b = np.unravel_index(int(near.argmin()), near.shape)
-                roots = {"ar_root": _root_text(own[a]), "ma_root": _root_text(other[b])}
+                roots = {"ar_root": _root_text(autoregressive[a]), "ma_root": _root_text(averaging[b])}
                 remarks.append(Remark.of("roots-cancel", term=term, **roots))
-            if own.size and np.abs(own).max() > 1.0 - 10.0 / samples:
-                remarks.append(Remark.of("ar-root-near-one", term=term, modulus=float(np.abs(own).max())))
-            if other.size and np.abs(other).max() > 1.0 - 5.0 / math.sqrt(samples):
-                remarks.append(Remark.of("ma-root-near-one", term=term, modulus=float(np.abs(other).max())))
+            if autoregressive.size and np.abs(autoregressive).max() > 1.0 - 10.0 / samples:
+                remarks.append(Remark.of("ar-root-near-one", term=term, modulus=float(np.abs(autoregressive).max())))
+            if averaging.size and np.abs(averaging).max() > 1.0 - 5.0 / math.sqrt(samples):
+                remarks.append(Remark.of("ma-root-near-one", term=term, modulus=float(np.abs(averaging).max())))
         return tuple(remarks)
 
     # --- shape ----------------------------------------------------------------------------------------
@@ -357,7 +357,7 @@ def _short_memory(orders: tuple[int, int, int, int, int], parameters: tuple[floa
     count = int(np.count_nonzero(apart))
     amplitudes, decays, r = np.empty(count), np.empty(count), np.empty(reach + 1)
     _core.arma_without(orders, values, np.ascontiguousarray(roots[apart].real), amplitudes, decays, r)
-    table = trimmed(r)
+    table = trim(r)
     return None if table is None else ShortMemory(table, tuple(amplitudes.tolist()), tuple(decays.tolist()))
 
 

@@ -189,7 +189,7 @@ FASTEST_DRAWN = 0.999995
 """Largest φ of the starting values in Algorithm 3 of Balamuta et al. (see `Sampled`)."""
 
 
-def _drawn(occasion: Occasion, rng: np.random.Generator, draws: int, before: Vector | None, number: int) -> Matrix:
+def _draw(occasion: Occasion, rng: np.random.Generator, draws: int, before: Vector | None, number: int) -> Matrix:
     """Draw marginal variances s² and coefficients φ (draws, 2) by Algorithm 3 of Balamuta et al. (see `Sampled`).
 
     The condition of a draw is `occasion.first` plus `number`, the number of earlier Markov terms. φ₋ (`before`) is the
@@ -272,7 +272,7 @@ class AR1(_Markov):
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
         """Draw σ² and φ (draws, 2) as described at `_drawn`."""
-        drawn = _drawn(occasion, rng, draws=draws, before=before[-1][:, 0] if before else None, number=len(before))
+        drawn = _draw(occasion, rng, draws=draws, before=before[-1][:, 0] if before else None, number=len(before))
         return np.column_stack([drawn[:, 0] * (1.0 - drawn[:, 1] ** 2), drawn[:, 1]])
 
     def _pole(self, rate: float) -> tuple[float, float, float]:
@@ -369,7 +369,7 @@ class GM(_Markov):
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
         """Draw σ² and φ = e^(−βΔt) as described at `_drawn`, and return σ² and β (draws, 2)."""
         phi = np.exp(-before[-1][:, 0] / occasion.rate) if before else None
-        drawn = _drawn(occasion, rng, draws=draws, before=phi, number=len(before))
+        drawn = _draw(occasion, rng, draws=draws, before=phi, number=len(before))
         # φ = 0 is white noise, for which β would be infinite.
         decay = np.minimum(exponential.log_decay(drawn[:, 1]), SEARCH_HIGH)
         return np.column_stack([drawn[:, 0], occasion.rate * decay])

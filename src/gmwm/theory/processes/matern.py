@@ -20,7 +20,7 @@ from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.ladder import SMOOTHEST
 from gmwm.theory.processes.ladder import matern as ladder
 from gmwm.theory.processes.parameter import Parameter, Value
-from gmwm.theory.processes.short_memory import LONGEST, NEGLIGIBLE, ShortMemory, trimmed
+from gmwm.theory.processes.short_memory import LONGEST, NEGLIGIBLE, ShortMemory, trim
 from gmwm.theory.processes.validation import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace
 
@@ -289,5 +289,5 @@ def _short_memory(unit: float, nu: float) -> ShortMemory | None:
     if matern(np.array([LONGEST * unit]), nu).correlation[0] > NEGLIGIBLE:
         return None
     lags = np.arange(math.ceil((50.0 + 5.0 * nu) / unit) + 1, dtype=np.float64)
-    table = trimmed(matern(lags * unit, nu).correlation)
+    table = trim(matern(lags * unit, nu).correlation)
     return None if table is None else ShortMemory(table)

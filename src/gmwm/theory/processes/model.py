@@ -253,12 +253,12 @@ class Model(KalmanMethods):
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Labels of all parameters, such as "GM[1].beta" and "WN.sigma2", in the order of the terms."""
-        return tuple(f"{t}.{p.name}" for t, process in self._labelled() for p in process.parameters)
+        return tuple(f"{t}.{p.name}" for t, process in self._by_label() for p in process.parameters)
 
     @property
     def parameters(self) -> dict[str, float | None]:
         """Value of each parameter by label; None if it is to be estimated."""
-        return {f"{t}.{k}": v for t, process in self._labelled() for k, v in process.values.items()}
+        return {f"{t}.{k}": v for t, process in self._by_label() for k, v in process.values.items()}
 
     @property
     def structure(self) -> str:
@@ -271,13 +271,13 @@ class Model(KalmanMethods):
         >>> Model.parse("GM + RW").units("rad/s")
         {'GM.beta': '1/s', 'GM.sigma2': '(rad/s)²', 'RW.gamma2': '(rad/s)² per sample'}
         """
-        return {f"{t}.{p.name}": p.unit(signal_unit) for t, process in self._labelled() for p in process.parameters}
+        return {f"{t}.{p.name}": p.unit(signal_unit) for t, process in self._by_label() for p in process.parameters}
 
     @cached_property
     def fixed_names(self) -> frozenset[str]:
         """Labels of the fixed parameters."""
         return frozenset(
-            f"{t}.{p.name}" for t, process in self._labelled() for p in process.parameters if process.is_fixed(p.name)
+            f"{t}.{p.name}" for t, process in self._by_label() for p in process.parameters if process.is_fixed(p.name)
         )
 
     @property
@@ -304,7 +304,7 @@ class Model(KalmanMethods):
                 process.with_values(
                     **{p.name: values[f"{t}.{p.name}"] for p in process.parameters if f"{t}.{p.name}" in values}
                 )
-                for t, process in self._labelled()
+                for t, process in self._by_label()
             )
         )
 
@@ -338,7 +338,7 @@ class Model(KalmanMethods):
         {'WN': array([2. , 1. , 0.5]), 'RW': array([0.25  , 0.375 , 0.6875])}
         """
         self._require_complete("decomposition")
-        return {t: process.wavelet_variance(levels, rate, filter) for t, process in self._labelled()}
+        return {t: process.wavelet_variance(levels, rate, filter) for t, process in self._by_label()}
 
     def jacobian(self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR) -> Matrix:
         """Compute the derivatives ∂ν_j²/∂θ (J, p) with respect to the p parameters, in the order of `names`."""
@@ -399,7 +399,7 @@ class Model(KalmanMethods):
         """Return, for each state of `state_space`, the label of the term to which it belongs; white noise has no
         state."""
         self._require("state_space")
-        return tuple(t for t, process in self._labelled() for _ in range(process.state_space(rate).states))
+        return tuple(t for t, process in self._by_label() for _ in range(process.state_space(rate).states))
 
     def continuous(self, rate: float) -> ContinuousStateSpace:
         """Return the state space of the sum in continuous time, in which each term has its own states.
@@ -411,7 +411,7 @@ class Model(KalmanMethods):
         ('QN',)
         """
         self._require("state_space")
-        return ContinuousStateSpace.sum({t: process.continuous(rate) for t, process in self._labelled()})
+        return ContinuousStateSpace.sum({t: process.continuous(rate) for t, process in self._by_label()})
 
     def has(self, theory: str) -> bool:
         """Return whether every term defines this theory; see `Process.has`."""
@@ -454,7 +454,7 @@ class Model(KalmanMethods):
         >>> model.simulate(1000, rate=100.0, rng=1, paths=3).shape
         (3, 1000)
         """
-        terms = self._simulated(n, rate, rng, paths)
+        terms = self._paths(n, rate, rng, paths)
         total = np.zeros(shape_of_paths(n, paths))
         # Terms are added in the order of drawing, so that rounding does not depend on the order of the terms.
         for _, path in terms:
@@ -471,20 +471,20 @@ class Model(KalmanMethods):
         >>> {label: path.shape for label, path in terms.items()}
         {'WN': (1000,), 'RW': (1000,)}
         """
-        by_label = dict(self._simulated(n, rate, rng, paths))
+        by_label = dict(self._paths(n, rate, rng, paths))
         return {label: by_label[label] for label in self.terms}
 
-    def _simulated(
+    def _paths(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None
     ) -> Iterator[tuple[str, NDArray[np.float64]]]:
         self._require("simulate")
         as_paths(n, paths)
-        generator, rate, by_label = as_rng(rng), as_rate(rate), dict(self._labelled())
+        generator, rate, by_label = as_rng(rng), as_rate(rate), dict(self._by_label())
         return ((t, by_label[t].simulate(n, rate, generator, paths)) for t in self.drawing_order())
 
     def drawing_order(self) -> list[str]:
         """Return the labels in the order in which `simulate` draws the terms, sorted by the text of each term."""
-        return [label for _, label in sorted((str(p), t) for t, p in self._labelled())]
+        return [label for _, label in sorted((str(p), t) for t, p in self._by_label())]
 
     # --- algebra and text -----------------------------------------------------------------------------
 
@@ -513,13 +513,13 @@ class Model(KalmanMethods):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Model):
             return NotImplemented
-        return self._counted == other._counted
+        return self._multiset == other._multiset
 
     def __hash__(self) -> int:
-        return hash(frozenset(self._counted.items()))
+        return hash(frozenset(self._multiset.items()))
 
     @cached_property
-    def _counted(self) -> Counter[Process]:
+    def _multiset(self) -> Counter[Process]:
         return Counter(self.processes)
 
     @cached_property
@@ -532,7 +532,7 @@ class Model(KalmanMethods):
     def __repr__(self) -> str:
         return f"Model({str(self)!r})"
 
-    def _labelled(self) -> list[tuple[str, Process]]:
+    def _by_label(self) -> list[tuple[str, Process]]:
         return list(zip(self.terms, self.processes, strict=True))
 
     def _sum(self, theory: str, of: Callable[[Process], Vector]) -> Vector:

@@ -113,11 +113,11 @@ class _Reader:
     def _process(self) -> Process:
         token = self._advance()
         if token.kind != "name":
-            self._fail(token, f"expected a process, one of {_known()}")
+            self._fail(token, f"expected a process, one of {_registered()}")
         by_key = {name.casefold(): process for name, process in {**registry, **ordered_classes}.items()}
         process = by_key.get(token.text.casefold())
         if process is None:
-            self._fail(token, f"there is no process of this name; the processes are {_known()}")
+            self._fail(token, f"there is no process of this name; the processes are {_registered()}")
         opened = self._take("(")
         if issubclass(process, Ordered):
             orders = self._orders(process) if opened else []
@@ -273,5 +273,5 @@ class _Reader:
         raise error
 
 
-def _known() -> str:
+def _registered() -> str:
     return ", ".join([*registry, *(ordered.written() for ordered in ordered_classes.values())])

@@ -115,7 +115,7 @@ class PowerLaw(Process, abstract=True):
         n, count = as_paths(n, paths)
         as_rate(rate)
         epsilon, first = self.law
-        return _simulated(epsilon, first, n=n, rng=as_rng(rng), count=count).reshape(shape_of_paths(n, paths))
+        return _simulate(epsilon, first, n=n, rng=as_rng(rng), count=count).reshape(shape_of_paths(n, paths))
 
     def state_space(self, rate: float) -> StateSpace:
         """Return the state space of a sum of eleven Gauss-Markov processes, averaged over each sampling interval. Its
@@ -147,7 +147,7 @@ class PowerLaw(Process, abstract=True):
         return power_law(epsilon)
 
 
-def _simulated(epsilon: float, first: float, n: int, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
+def _simulate(epsilon: float, first: float, n: int, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
     series = paths(_roots(epsilon, half_period(n)), n, rng, count)
     series *= math.sqrt(first)
     return series if epsilon < 0 else np.asarray(np.cumsum(series, axis=1))

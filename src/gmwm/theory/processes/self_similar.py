@@ -159,7 +159,7 @@ def filtered_shape(epsilon: Numbers, filter: WaveletFilter, levels: NDArray[np.i
         tail = np.concatenate([(2 + e) * (1 + e), *(2 * c for c in falling(e, _TERMS - 1))], axis=1)
         near = _bend_rows(e, _REACH * filter.length) - (3 + e)
         out[~summed] = (
-            -0.5 * unit_factor(e) * _carried(e, near, tail=tail, filter=filter, count=int(levels[-1]), summed=False)
+            -0.5 * unit_factor(e) * _carry(e, near, tail=tail, filter=filter, count=int(levels[-1]), summed=False)
         )
     if np.any(summed):
         e = eps[summed, None] + 2
@@ -170,12 +170,12 @@ def filtered_shape(epsilon: Numbers, filter: WaveletFilter, levels: NDArray[np.i
             0.5
             * unit_factor(e - 2)
             / (e - 2)
-            * _carried(e, near, tail=tail, filter=filter, count=int(levels[-1]), summed=True)
+            * _carry(e, near, tail=tail, filter=filter, count=int(levels[-1]), summed=True)
         )
     return np.asarray(out[:, levels - 1] * powers_of_two(eps, levels))
 
 
-def _carried(eps: Numbers, near: Numbers, tail: Numbers, filter: WaveletFilter, count: int, *, summed: bool) -> Numbers:
+def _carry(eps: Numbers, near: Numbers, tail: Numbers, filter: WaveletFilter, count: int, *, summed: bool) -> Numbers:
     """Compute Σ_k d(k) c_j(k) / 2^((j−1)ε) (n, J) at levels j = 1 … J, where d is the autocorrelation of the wavelet
     filter. c_j(k) is the covariance of the input of level j, up to a constant; J is `count`. The smoothing filter maps
     c_j to c_{j+1}. Values at short lags are stored individually; `near` has those of c_1. At longer lags c_j has the

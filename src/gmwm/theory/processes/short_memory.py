@@ -48,7 +48,7 @@ class ShortMemory:
         return total
 
 
-def trimmed(autocovariance: Vector) -> Vector | None:
+def trim(autocovariance: Vector) -> Vector | None:
     """Truncate an autocovariance at the lag beyond which it is negligible; return None if this lag is too large.
     `autocovariance` must include this lag and some longer ones."""
     tails = np.cumsum(np.cumsum(autocovariance[:0:-1]))[::-1]

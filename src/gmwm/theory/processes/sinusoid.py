@@ -86,7 +86,7 @@ class SIN(Process):
 
     def line(self, rate: float) -> tuple[float, float]:
         """Return the power P, and f₀Δt or its alias in cycles per sample."""
-        return self.scale, float(_folded(np.array([self.value("frequency")]), rate)[0]) / rate
+        return self.scale, float(_fold(np.array([self.value("frequency")]), rate)[0]) / rate
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
         """Compute the autocovariance r(k) = P cos(2πf₀kΔt)."""
@@ -169,7 +169,7 @@ class SIN(Process):
 
     def _turns(self, lags: NDArray[np.int64], rate: float) -> Vector:
         """Compute f₀kΔt modulo 1 at the full precision of f₀ for any lag."""
-        below = _folded(np.array(self.value("frequency")), rate)
+        below = _fold(np.array(self.value("frequency")), rate)
         # Products of a lag below 2^29 with the first 24 digits are exact.
         first = below.astype(np.float32).astype(np.float64)
         return np.asarray((np.fmod(lags * first, rate) + np.fmod(lags * (below - first), rate)) / rate)
@@ -178,7 +178,7 @@ class SIN(Process):
 # --- the squared gain of a filter at one frequency ----------------------------------------------------
 
 
-def _folded(frequency: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
+def _fold(frequency: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
     """Reduce frequencies (Hz) by multiples of the rate to ±rate/2, without rounding."""
     alias = np.fmod(frequency, rate)
     return np.asarray(np.where(np.abs(alias) > 0.5 * rate, alias - np.copysign(rate, alias), alias))
@@ -194,8 +194,8 @@ def _gain(frequency: Vector, levels: NDArray[np.int64], rate: float, filter: Wav
 def _haar_gain(frequency: Matrix, half: Vector, rate: float) -> tuple[Matrix, Matrix]:
     """Compute the squared gain sin⁴ a / (h² sin² b) and its derivative with respect to f, with a = πhfΔt and b = πfΔt.
     The angle a is first reduced without rounding."""
-    below = _folded(frequency, rate)
-    a, b = np.pi * (_folded(below * half, rate) / rate), np.pi * (below / rate)
+    below = _fold(frequency, rate)
+    a, b = np.pi * (_fold(below * half, rate) / rate), np.pi * (below / rate)
     # If the frequency is a multiple of the rate, all samples are equal, and every wavelet filter gives zero.
     still = b == 0
     sine_b = np.where(still, 1.0, np.sin(b))
@@ -212,11 +212,11 @@ def _any_gain(
     """Compute the squared gain Π_{i < j−1} G(2^i φ) · G(½ − 2^(j−1) φ) and its derivative with respect to f. G is half
     the squared gain of the scaling filter, and φ = fΔt."""
     gain, slope = np.ones(frequency.size), np.zeros(frequency.size)
-    below = _folded(frequency, rate)
+    below = _fold(frequency, rate)
     gains = np.empty((frequency.size, int(levels[-1])))
     slopes = np.empty_like(gains)
     for j in range(gains.shape[1]):
-        here, factor = _folded(np.ldexp(below, j), rate), np.ldexp(1.0 / rate, j)
+        here, factor = _fold(np.ldexp(below, j), rate), np.ldexp(1.0 / rate, j)
         # Near half the rate the cosine is proportional to the distance from half the rate, which is exact.
         cosine, sine = np.sin(np.pi * (0.5 * rate - np.abs(here)) / rate), np.sin(np.pi * here / rate)
         value, change = _scaling_gain(cosine, sine, filter)

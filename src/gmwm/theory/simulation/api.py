@@ -130,12 +130,12 @@ def simulate(
         with _errors_about(axis):
             if components:
                 unit = SI_UNIT[axis_quantity(axis)]
-                signals[axis] = _simulated(
+                signals[axis] = _simulate(
                     model, n, rate, generator, unit=unit, axis=axis, offset=offset, step=steps.get(axis)
                 )
                 arrays[axis] = signals[axis].signal.values
             else:
-                arrays[axis] = _finished(model.simulate(n, rate, generator), offset, steps.get(axis))
+                arrays[axis] = _finish(model.simulate(n, rate, generator), offset, steps.get(axis))
     imu = Imu.from_arrays(arrays, rate, source=f"simulation with seed {seed}")
     remarks = tuple(Remark.of("simulated", axis, model=str(truth[axis]), seed=seed) for axis in imu.axes)
     imu = replace(imu, remarks=remarks)
@@ -198,7 +198,7 @@ def simulate_signal(
     n = _length(rate, duration, samples)
     step = None if resolution is None else _step(resolution)
     _require_values("", truth)
-    return _simulated(truth, n, rate, as_rng(rng), unit=unit, step=step)
+    return _simulate(truth, n, rate, as_rng(rng), unit=unit, step=step)
 
 
 def models_by_axis(models: Mapping[str, ModelLike] | ModelLike) -> dict[str, Model]:
@@ -270,7 +270,7 @@ def _errors_about(axis: str) -> Iterator[None]:
         raise
 
 
-def _simulated(
+def _simulate(
     model: Model,
     n: int,
     rate: float,
@@ -288,15 +288,15 @@ def _simulated(
     for term in model.drawing_order():
         total += drawn[term]
         parts[term] = Signal(drawn[term], rate, unit, f"{axis} {term}".strip())
-    signal = Signal(_finished(total, offset, step), rate, unit, axis)
+    signal = Signal(_finish(total, offset, step), rate, unit, axis)
     return SimulatedSignal(signal=signal, components=parts, model=model, offset=offset, resolution=step)
 
 
-def _finished(path: Vector, offset: float, step: float | None) -> Vector:
+def _finish(path: Vector, offset: float, step: float | None) -> Vector:
     """Add an offset to a path, in place, and round the result."""
     if offset:
         path += offset
-    return path if step is None else _rounded(path, step)
+    return path if step is None else _quantise(path, step)
 
 
 def _step(step: float, axis: str = "") -> float:
@@ -307,7 +307,7 @@ def _step(step: float, axis: str = "") -> float:
     return float(step)
 
 
-def _rounded(path: Vector, step: float) -> Vector:
+def _quantise(path: Vector, step: float) -> Vector:
     """Round to the nearest multiple of `step`."""
     inverse = round(1 / step)
     # Division by an integer gives the double nearest to a decimal such as 0.0123, which is short in a text file.
