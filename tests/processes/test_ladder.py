@@ -10,7 +10,7 @@ from gmwm import fit_ml
 from gmwm.base.errors import FitWarning
 from gmwm.theory.processes import FGN, FN, MAT, PL, Model
 from gmwm.theory.processes.ladder import BAND, approximation_remarks, state_space_error
-from gmwm.theory.statespace import _Block
+from gmwm.theory.statespace import _StateBlock
 from tests.helpers import only
 
 RATE = 100.0
@@ -19,7 +19,7 @@ CLUSTERS = np.unique(np.round(np.geomspace(1, 2**BAND, 60)).astype(int))
 
 def allan_variance(space, clusters):
     """By sums over the blocks of the state space, for any number of samples."""
-    return np.array([space._adjacent_difference(_Block.of(space, int(n))) / (2 * n**2) for n in clusters])
+    return np.array([space._adjacent_difference(_StateBlock.of(space, int(n))) / (2 * n**2) for n in clusters])
 
 
 def flicker_allan_variance(b2):

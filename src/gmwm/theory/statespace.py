@@ -129,7 +129,7 @@ class StateSpace:
         """
         numbers = as_levels(levels)
         result = np.empty(numbers.size)
-        block = _Block.one_sample(self)
+        block = _StateBlock.one_sample(self)
         for level in range(1, int(numbers[-1]) + 1):
             if level > 1:
                 block = block.followed_by(block)
@@ -138,7 +138,7 @@ class StateSpace:
                 result[at[0]] = self._adjacent_difference(block) / 4.0**level
         return result
 
-    def _adjacent_difference(self, block: _Block) -> float:
+    def _adjacent_difference(self, block: _StateBlock) -> float:
         """Return E(second block sum − first block sum)² for two adjacent blocks from t = 0 on."""
         start = block.sum_of @ block.transition - block.sum_of
         weights = np.append(block.sum_of, -1.0)
@@ -151,7 +151,7 @@ class StateSpace:
         values = np.zeros(sizes.size)
         for k, size in enumerate(sizes):
             if size > 0:
-                block = _Block.of(self, int(size))
+                block = _StateBlock.of(self, int(size))
                 values[k] = block.sum_of @ self.P0 @ block.sum_of + block.noise[-1, -1]
         return values[where.ravel()]
 
@@ -268,7 +268,7 @@ def haar_variances(spaces: Sequence[StateSpace], levels: int | ArrayLike) -> Mat
 
 
 @dataclass(frozen=True, eq=False)
-class _Block:
+class _StateBlock:
     """A block of m successive samples that starts from the state x. Its end state is transition·x + w, and the sum of
     its samples is sum_of·x + n, where the random vector (w, n) has the covariance `noise`."""
 
@@ -277,11 +277,11 @@ class _Block:
     noise: Matrix
 
     @classmethod
-    def one_sample(cls, space: StateSpace) -> _Block:
+    def one_sample(cls, space: StateSpace) -> _StateBlock:
         return cls(space.F, space.H[0], _block_diagonal([space.Q, space.R]))
 
     @classmethod
-    def of(cls, space: StateSpace, length: int) -> _Block:
+    def of(cls, space: StateSpace, length: int) -> _StateBlock:
         """Return a block of `length` ≥ 1 samples, by repeated squaring."""
         power, result = cls.one_sample(space), None
         while True:
@@ -293,13 +293,13 @@ class _Block:
                 return result
             power = power.followed_by(power)
 
-    def followed_by(self, later: _Block) -> _Block:
+    def followed_by(self, later: _StateBlock) -> _StateBlock:
         """Join this block and a later one, which starts from the end state of this block."""
         p = self.sum_of.size
         # How this block's noise (w, n) enters the joined (w, n).
         carry = np.zeros((p + 1, p + 1))
         carry[:p, :p], carry[p, :p], carry[p, p] = later.transition, later.sum_of, 1.0
-        return _Block(
+        return _StateBlock(
             later.transition @ self.transition,
             self.sum_of + later.sum_of @ self.transition,
             carry @ self.noise @ carry.T + later.noise,

@@ -29,7 +29,7 @@ from gmwm.fitting.estimation.criterion import optimism
 from gmwm.fitting.estimation.linearised import COLLINEAR, slopes_of
 from gmwm.fitting.estimation.problem import pose
 from gmwm.fitting.estimation.result import Fit
-from gmwm.fitting.estimation.reweighting import Settled, drawn_covariance
+from gmwm.fitting.estimation.reweighting import WeightedSolution, drawn_covariance
 from gmwm.fitting.estimation.solver import solve
 from gmwm.fitting.estimation.weighting import Weights, precision
 from gmwm.measuring.covariance import Design
@@ -123,7 +123,7 @@ class Hypothesis:
     def _fitted(self, fit: Fit) -> Fit:
         wv = fit.wavelet_variance
         problem = pose(without_values(fit.model), wv, self.weights)
-        return Fit.of(Settled(problem, solve(problem, certify=False)), wv, fit.weighting)
+        return Fit.of(WeightedSolution(problem, solve(problem, certify=False)), wv, fit.weighting)
 
     @property
     def root(self) -> Matrix:

@@ -29,7 +29,7 @@ midpoint is not representative."""
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class ShapeGrid:
     """Nodes of a table, and the wavelet variances of a process at these nodes. They depend on neither data nor weights.
     `nodes` has the search coordinates of the nodes, one branch after another, and `owner` the index of the branch of
     each node. A cell lies between two neighbouring nodes. `spacing` is the width of each cell, and zero for a cell that
@@ -58,7 +58,7 @@ class Grid:
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class UnitCurve:
     """Curve of unit vectors for the global search. `values` and `slopes` are the vectors at the nodes and their
     derivatives with respect to the position in cells. `margins` bounds the interpolation error in each cell; −1 marks a
     cell that joins two branches."""
@@ -102,7 +102,9 @@ def shapes(
 
 
 @lru_cache(maxsize=16)
-def _grid(process: type[Process], levels: tuple[int, ...], samples: int, rate: float, filter: WaveletFilter) -> Grid:
+def _grid(
+    process: type[Process], levels: tuple[int, ...], samples: int, rate: float, filter: WaveletFilter
+) -> ShapeGrid:
     branches = process.search(samples, rate)
     number = np.asarray(levels, dtype=np.int64)
     owner, nodes, spacing, values, slopes, middles = [], [], [], [], [], []
@@ -120,7 +122,7 @@ def _grid(process: type[Process], levels: tuple[int, ...], samples: int, rate: f
         values.append(value[::2])
         slopes.append(slope)
         middles += [value[1::2], value[:1]]
-    return Grid(
+    return ShapeGrid(
         branches=branches,
         owner=np.concatenate(owner),
         nodes=np.concatenate(nodes),
@@ -131,7 +133,9 @@ def _grid(process: type[Process], levels: tuple[int, ...], samples: int, rate: f
     )
 
 
-def grid(process: type[Process], levels: NDArray[np.int64], samples: int, rate: float, filter: WaveletFilter) -> Grid:
+def grid(
+    process: type[Process], levels: NDArray[np.int64], samples: int, rate: float, filter: WaveletFilter
+) -> ShapeGrid:
     """Tabulate the wavelet variance of `process` over its search domain for a recording of `samples` samples. The table
     is cached."""
     return _grid(process, tuple(int(j) for j in levels), samples=samples, rate=rate, filter=filter)
@@ -147,7 +151,7 @@ def unit_curve(values: Matrix, slopes: Matrix, root: Matrix) -> tuple[Matrix, Ma
     return unit, slope - unit * np.einsum("nj,nj->n", unit, slope)[:, None]
 
 
-def table(grid: Grid, root: Matrix) -> Table:
+def table(grid: ShapeGrid, root: Matrix) -> UnitCurve:
     """Return the table of unit vectors for the curve of a grid, with the weighting matrix Ω = LᵀL and L = `root`."""
     values, slopes = unit_curve(grid.values, grid.slopes, root)
     joined = grid.spacing == 0
@@ -162,7 +166,7 @@ def table(grid: Grid, root: Matrix) -> Table:
     # Derivatives with respect to the position in cells. All cells of a branch have the same width.
     per_node = np.concatenate([grid.spacing, grid.spacing[-1:]])
     per_node = np.where(per_node == 0, np.concatenate([grid.spacing[:1], grid.spacing]), per_node)
-    return Table(np.ascontiguousarray(values), np.ascontiguousarray(slopes * per_node[:, None]), margins)
+    return UnitCurve(np.ascontiguousarray(values), np.ascontiguousarray(slopes * per_node[:, None]), margins)
 
 
 def close_up(
@@ -173,7 +177,7 @@ def close_up(
     rate: float,
     filter: WaveletFilter,
     root: Matrix,
-) -> tuple[Table, Vector]:
+) -> tuple[UnitCurve, Vector]:
     """Tabulate one cell of a given width around each place, with exact values at its ends. Returns the table, and the
     search coordinates (n, 2) of the ends of the cells."""
     starts = [min(max(u - width / 2, branch.low), branch.high - width) for branch, u in places]
@@ -185,4 +189,4 @@ def close_up(
     unit, slope = unit_curve(values, slopes, root)
     margins = np.zeros(2 * len(places) - 1)
     margins[1::2] = -1.0
-    return Table(np.ascontiguousarray(unit), np.ascontiguousarray(slope * width), margins), ends
+    return UnitCurve(np.ascontiguousarray(unit), np.ascontiguousarray(slope * width), margins), ends

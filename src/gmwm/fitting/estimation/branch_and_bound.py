@@ -51,7 +51,7 @@ amount, the process is reported to act as the process at that end."""
 
 
 @dataclass(frozen=True)
-class Term:
+class FittedTerm:
     """Fitted process with free shape parameters. `values` are its nonlinear parameters, `scale` is its scale
     coefficient, and `acts_as` is the name of the process that the data cannot distinguish from it, or None."""
 
@@ -73,7 +73,7 @@ class Optimum:
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchResult:
     """Result of a global search. All objectives are in the unit of the problem. `best`: global optimum. `bound`,
     `relaxed`: lower bounds on the objective, from branch and bound and from the convex relaxation. `table`: objective
     of the best candidate on the tabulated curve. `nodes`: number of nodes of the search tree."""
@@ -97,14 +97,14 @@ class Search:
         self.fixed = problem.fixed
         self.positive = problem.weights.positive
 
-    def optimum(self, *, certify: bool) -> Found:
+    def optimum(self, *, certify: bool) -> SearchResult:
         """Return the global optimum on the exact curve, with lower bounds. If `certify`, the search proves the
         optimum."""
         candidates, bound, relaxed, nodes = self.branch_and_bound(certify=certify)
         least = candidates[0][0]
         lowest = [positions for value, positions in candidates if value <= (1 + TABLE_ERROR) * least]
         best = min((self.polish(self.places_of(p)) for p in lowest), key=lambda found: found.objective)
-        return Found(self.snap_to_ends(best), bound, relaxed, table=least, nodes=nodes)
+        return SearchResult(self.snap_to_ends(best), bound, relaxed, table=least, nodes=nodes)
 
     def branch_and_bound(self, *, certify: bool) -> tuple[list[tuple[float, Vector]], float, float, int]:
         """Search the tabulated curve. Returns the objectives and positions of local optima, the best first, then the
@@ -205,19 +205,19 @@ class Search:
                     break
         return best
 
-    def terms(self, best: Optimum, *, ends: bool = True) -> tuple[Term, ...]:
+    def terms(self, best: Optimum, *, ends: bool = True) -> tuple[FittedTerm, ...]:
         """Return the curved processes of an optimum with their parameters. If `ends`, they include the process that the
         data cannot distinguish from each of them."""
         problem, places = self.problem, best.places
         curved = shapes(self.curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
         scales = problem.scales(curved, best.weights[len(problem.linear) :])
         terms = [
-            Term((self._value(branch, u),), float(scale), self._acts_as(best, i) if ends else None)
+            FittedTerm((self._value(branch, u),), float(scale), self._acts_as(best, i) if ends else None)
             for i, ((branch, u), scale) in enumerate(zip(places, scales, strict=True))
         ]
         # Terms without weight have no place. They get the shortest correlation time and the scale coefficient 0.
         branch = self.grid.branches[0]
-        missing = Term((self._value(branch, branch.high),), 0.0)
+        missing = FittedTerm((self._value(branch, branch.high),), 0.0)
         return (*terms, *[missing] * (len(problem.curved) - len(places)))
 
     def _acts_as(self, best: Optimum, index: int) -> str | None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import ModelError, OptionError
-from gmwm.fitting.estimation.branch_and_bound import Term
+from gmwm.fitting.estimation.branch_and_bound import FittedTerm
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit, Estimate
 from gmwm.fitting.estimation.linearised import relative_covariance, square_of_rest, usable_in
 from gmwm.fitting.estimation.problem import Problem, by_kind, divide_shaped, unit_shape, weigh
@@ -158,7 +158,7 @@ class Stack:
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class SolvedStack:
     """Solution of a stack with its final weights, and the fitted model of each condition."""
 
     stack: Stack
@@ -226,7 +226,7 @@ def _check(model: Model, curves: Mapping[float, WaveletVariance], functions: Map
             )
 
 
-def _settle(stack: Stack, weighting: str, *, certify: bool) -> Solved:
+def _settle(stack: Stack, weighting: str, *, certify: bool) -> SolvedStack:
     """Iterate estimate and weights until they agree, and then solve the problem with the final weights."""
     problem = stack.pose(_blocks(weighting_matrix("diagonal", wv) for wv in stack.curves))
     solution = solve(problem, certify=False, quick=True)
@@ -242,17 +242,17 @@ def _settle(stack: Stack, weighting: str, *, certify: bool) -> Solved:
             break
         before = after
     solution = solve(problem, certify=certify, near=solution)
-    return Solved(stack, problem, solution, stack.models(solution))
+    return SolvedStack(stack, problem, solution, stack.models(solution))
 
 
-def _estimates(solved: Solved, functions: Mapping[str, Varies]) -> dict[str, Estimate]:
+def _estimates(solved: SolvedStack, functions: Mapping[str, Varies]) -> dict[str, Estimate]:
     """Return the estimated parameters and coefficients by name, with standard errors from the sandwich formula."""
     stack, solution = solved.stack, solved.solution
     names, columns = stack.slopes(solution)
     spread = relative_covariance(columns, solved.problem.matrix, stack.covariance(solved.models))
     errors = np.sqrt(np.diag(spread))
     _, shaped, _ = by_kind(stack.model)
-    terms: dict[int, Term] = dict(zip(shaped, solution.terms, strict=True))
+    terms: dict[int, FittedTerm] = dict(zip(shaped, solution.terms, strict=True))
     estimates = {}
     for k, (place, which) in enumerate(names):
         label, process = stack.model.terms[place], stack.model.processes[place]
@@ -287,7 +287,7 @@ def _short(stack: Stack) -> Stack:
     return replace(stack, curves=tuple(curves))
 
 
-def _goodness(solved: Solved, weighting: str) -> tuple[float, int, float]:
+def _goodness(solved: SolvedStack, weighting: str) -> tuple[float, int, float]:
     """Return the statistic, the degrees of freedom and the p-value of the chi-square test of the model."""
     from scipy.special import gammaincc
 
@@ -297,7 +297,7 @@ def _goodness(solved: Solved, weighting: str) -> tuple[float, int, float]:
     return statistic, df, float(gammaincc(df / 2, statistic / 2)) if df > 0 else 1.0
 
 
-def _no_change(solved: Solved, weighting: str) -> float:
+def _no_change(solved: SolvedStack, weighting: str) -> float:
     """Return the p-value of the hypothesis that no term varies with the condition. The statistic is the part of the
     residuals of a constant model that the functions explain."""
     from scipy.special import gammaincc
@@ -309,7 +309,7 @@ def _no_change(solved: Solved, weighting: str) -> float:
     return float(gammaincc((full_rank - rank) / 2, (total - remainder) / 2))
 
 
-def _misfit(solved: Solved, further: Matrix | None = None) -> tuple[float, int]:
+def _misfit(solved: SolvedStack, further: Matrix | None = None) -> tuple[float, int]:
     """Return the weighted sum of squares of the residuals that some columns do not explain, and the rank of the
     columns. The columns are the derivatives with respect to the parameters, and the columns `further`."""
     stack = solved.stack

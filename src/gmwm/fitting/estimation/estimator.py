@@ -15,7 +15,7 @@ from gmwm.fitting.estimation.conditions import fit_conditions
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit
 from gmwm.fitting.estimation.problem import pose
 from gmwm.fitting.estimation.result import Fit
-from gmwm.fitting.estimation.reweighting import REWEIGHTED, First, Settled, settle
+from gmwm.fitting.estimation.reweighting import REWEIGHTED, First, WeightedSolution, settle
 from gmwm.fitting.estimation.solver import final, solve, solve_sampled
 from gmwm.fitting.estimation.starts import Sampled
 from gmwm.fitting.estimation.weighting import Weighting, usual_weighting, weighting_matrix, weighting_remarks
@@ -250,7 +250,7 @@ def _fit_curve(
     matrix = weighting_matrix(weighting, wv)
     problem = pose(model, wv, matrix)
     solution = solve(problem, certify=certify) if first is None else final(problem, first(problem), certify=certify)
-    settled = Settled(problem, solution, weighting_remarks(matrix, wv))
+    settled = WeightedSolution(problem, solution, weighting_remarks(matrix, wv))
     return Fit.of(settled, wv, weighting if isinstance(weighting, str) else "matrix")
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gmwm.base import _core
 from gmwm.base.arrays import Vector
-from gmwm.fitting.estimation.atoms import NEIGHBOURS, SAFETY, Grid, Place
+from gmwm.fitting.estimation.atoms import NEIGHBOURS, SAFETY, Place, ShapeGrid
 from gmwm.fitting.estimation.branch_and_bound import (
     ACTS_AS,
     CERTIFIED_GAP,
@@ -27,9 +27,9 @@ from gmwm.fitting.estimation.branch_and_bound import (
     SETTLED,
     TABLE_ERROR,
     WIDTHS,
-    Found,
     Optimum,
     Search,
+    SearchResult,
 )
 from gmwm.fitting.estimation.problem import Problem
 from gmwm.fitting.estimation.weighting import Weights
@@ -52,7 +52,7 @@ def search_of(problem: Problem) -> Search:
     return Search(problem, kind)
 
 
-def _weigh_grid(grid: Grid, weights: Weights) -> _core.WeightedTable:
+def _weigh_grid(grid: ShapeGrid, weights: Weights) -> _core.WeightedTable:
     return _core.WeightedTable(
         weights.root, weights.positive, grid.owner, grid.nodes, grid.spacing, grid.values, grid.slopes,
         grid.middle_values, SAFETY, NEIGHBOURS,
@@ -77,7 +77,7 @@ class ExponentialSearch(Search):
             np.array(rows, dtype=np.float64), problem.rate, innovation, _LIMITS, np.array(WIDTHS),
         )  # fmt: skip
 
-    def optimum(self, *, certify: bool) -> Found:
+    def optimum(self, *, certify: bool) -> SearchResult:
         """Return the global optimum on the exact curve, with lower bounds and the `ends` of its places."""
         weights = self.problem.weights
         weighted = weights.tables.get(self.grid)
@@ -86,7 +86,7 @@ class ExponentialSearch(Search):
         values, bound, relaxed, table, nodes = self.kernel.solve(
             weighted, len(self.problem.curved), CERTIFY_NODES if certify else QUICK_NODES, self._starts()
         )
-        return Found(self.optimum_of(*values), bound=bound, relaxed=relaxed, table=table, nodes=nodes)
+        return SearchResult(self.optimum_of(*values), bound=bound, relaxed=relaxed, table=table, nodes=nodes)
 
     def follow(self, places: list[Place], *, ends: bool = False) -> Optimum:
         """Return the local optimum nearest to `places`, the optimum of the problem with slightly different weights."""

@@ -127,7 +127,7 @@ def deviations(fit: Fit) -> Deviations:
     return result
 
 
-class _Part(NamedTuple):
+class _RecordingData(NamedTuple):
     """Data of the K usable levels of one recording r. `place`: index of the recording. `curve`, `left`, `apart` (K,):
     fitted curve, and the differences of the curve of the recording from the fitted curve and from the pooled curve.
     `scatter` (K, K): covariance V_r. `slopes` (K, p): derivatives D_r."""
@@ -171,7 +171,7 @@ def _deviations(fit: Fit) -> Deviations:
     )  # fmt: skip
 
 
-def _parts(fit: Fit, names: list[str]) -> list[_Part]:
+def _parts(fit: Fit, names: list[str]) -> list[_RecordingData]:
     """Return the data of the recordings that have usable levels; `names` are the parameters."""
     cache: dict[object, tuple[Vector, Matrix, Matrix]] = {}
     parts = []
@@ -188,11 +188,13 @@ def _parts(fit: Fit, names: list[str]) -> list[_Part]:
         curve, scatter, slopes = cache[key]
         mean = fit.wavelet_variance.variance[: design.levels.size]
         variance = wv.variance[used]
-        parts.append(_Part(k, curve, left=variance - curve, apart=variance - mean, scatter=scatter, slopes=slopes))
+        parts.append(
+            _RecordingData(k, curve, left=variance - curve, apart=variance - mean, scatter=scatter, slopes=slopes)
+        )
     return parts
 
 
-def _error_between(parts: list[_Part]) -> float:
+def _error_between(parts: list[_RecordingData]) -> float:
     """Return the relative difference between the recordings at each level that the parameters do not describe. It is 0
     unless a test finds such a difference, for example in the shape of the noise at high frequencies. Without it, the
     precise first levels would then determine the deviations of all parameters. It is chosen so that the chi-square

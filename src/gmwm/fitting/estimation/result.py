@@ -19,7 +19,7 @@ from gmwm.base.text import Named
 from gmwm.fitting.estimation import asymptotic, criterion, goodness, intervals
 from gmwm.fitting.estimation.bootstrap import bootstrap as simulate_fits
 from gmwm.fitting.estimation.problem import to_find
-from gmwm.fitting.estimation.reweighting import REWEIGHTED, Settled, settle
+from gmwm.fitting.estimation.reweighting import REWEIGHTED, WeightedSolution, settle
 from gmwm.fitting.estimation.solver import model_of, solve_near
 from gmwm.fitting.estimation.starts import Start
 from gmwm.fitting.estimation.summary import as_html
@@ -128,7 +128,7 @@ class Fit(Documented, KalmanMethods):
         freeze(self.weighting_matrix)
 
     @classmethod
-    def of(cls, settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
+    def of(cls, settled: WeightedSolution, wv: WaveletVariance, weighting: str) -> Fit:
         """Return the fit to `wv` for a solved problem (`settled`) and a kind of `weighting`, with sorted terms."""
         problem, solution = settled.problem, settled.solution
         processes = model_of(problem, solution, wv.slope).processes

@@ -65,7 +65,7 @@ First = Callable[[Problem], Solution]
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
+class WeightedSolution:
     """Solved problem with its final weights, and remarks about these weights."""
 
     problem: Problem
@@ -85,7 +85,7 @@ def settle(
     search: bool = True,
     # Largest number of iterations to convergence. A new one is needed if the global search then finds another optimum.
     returns: int = 4,
-) -> Settled:
+) -> WeightedSolution:
     """Iterate estimate and weights until they agree. The iteration starts with weights from the data. The global search
     then uses the final weights, so that the estimate is the proven optimum of the objective with the recorded Ω.
     Estimate and weights may fail to agree, for example if two estimates alternate because each implies weights that
@@ -112,17 +112,17 @@ def settle(
         problem, solution = iteration.problem, iteration.solution
         if iteration.reason is not None:
             remark = Remark.of("weights-from-data", wv.axis, reason=iteration.reason)
-            return Settled(problem, finish(problem, solution), (remark,))
+            return WeightedSolution(problem, finish(problem, solution), (remark,))
         before, solution = _implied_curve(problem, solution, wv), finish(problem, solution)
         change = _change(before, _implied_curve(problem, solution, wv))
         if change <= max(CLOSE, iteration.change):
             break
     if iteration.expected <= max(CLOSE, fixed) and change <= max(CLOSE, fixed):
-        return Settled(problem, solution)
+        return WeightedSolution(problem, solution)
     # Two estimates may alternate, each with weights that lead to the other. Weights that do not depend on the model end
     # this.
     problem = problem.under(_weights_of_the_data(weighting, wv, design))
-    return Settled(problem, finish(problem, solution), (Remark.of("weights-not-converged", wv.axis),))
+    return WeightedSolution(problem, finish(problem, solution), (Remark.of("weights-not-converged", wv.axis),))
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +173,7 @@ def _iterate(
     return _Iterated(problem, solution, change, expected)
 
 
-def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[Settled, Matrix]:
+def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[WeightedSolution, Matrix]:
     """Fit a model with weights that have nearly converged, to compare models. The second result is the covariance V (J,
     J) from which the weights are computed. The last fits are cached, because a search for a model and the ranking after
     it begin with the same fit."""
@@ -181,7 +181,9 @@ def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[S
 
 
 @lru_cache(maxsize=12)
-def _nearly_settled(processes: tuple[Process, ...], wv: WaveletVariance, weighting: str) -> tuple[Settled, Matrix]:
+def _nearly_settled(
+    processes: tuple[Process, ...], wv: WaveletVariance, weighting: str
+) -> tuple[WeightedSolution, Matrix]:
     model = Model(processes)
     design = Design.of(wv)
     problem = pose(model, wv, weighting_matrix("diagonal", wv))
@@ -198,7 +200,7 @@ def _nearly_settled(processes: tuple[Process, ...], wv: WaveletVariance, weighti
     solution = solve(problem, certify=False, near=solution)
     # Cached objects exist until Python exits, and nanobind reports kernel objects that exist then.
     problem.weights.tables.clear()
-    return Settled(problem, solution), freeze(wavelet)
+    return WeightedSolution(problem, solution), freeze(wavelet)
 
 
 def _weights_of_the_data(weighting: str, wv: WaveletVariance, design: Design) -> Matrix:

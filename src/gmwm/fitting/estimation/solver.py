@@ -17,7 +17,7 @@ from gmwm.base import _core
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import ModelError
 from gmwm.fitting.estimation.atoms import Place
-from gmwm.fitting.estimation.branch_and_bound import Optimum, Search, Term
+from gmwm.fitting.estimation.branch_and_bound import FittedTerm, Optimum, Search
 from gmwm.fitting.estimation.exponential_search import search_of
 from gmwm.fitting.estimation.problem import Problem
 from gmwm.fitting.estimation.starts import (
@@ -30,7 +30,7 @@ from gmwm.fitting.estimation.starts import (
     scanned_points,
     scans_alone,
 )
-from gmwm.fitting.estimation.variable_projection import NOISE, Curvature, Point, Projection, Surface
+from gmwm.fitting.estimation.variable_projection import NOISE, Curvature, Projection, ShapePoint, Surface
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
@@ -55,13 +55,13 @@ class Solution:
     lower_bound: float | None
     relaxed_bound: float
     scales: Vector
-    terms: tuple[Term, ...]
+    terms: tuple[FittedTerm, ...]
     places: tuple[Place, ...]
     nodes: int
     start: Start
-    point: Point | None = None
+    point: ShapePoint | None = None
     curvature: Curvature | None = None
-    origin: Point | None = None
+    origin: ShapePoint | None = None
     """Point from which the descent to `point` started."""
 
 
@@ -200,7 +200,12 @@ def _solve_by_scan(problem: Problem, *, quick: bool, near: Solution | None) -> S
 
 
 def _lowest(
-    problem: Problem, surface: Surface, points: list[Point], *, count: int = FOLLOWED, known: Projection | None = None
+    problem: Problem,
+    surface: Surface,
+    points: list[ShapePoint],
+    *,
+    count: int = FOLLOWED,
+    known: Projection | None = None,
 ) -> tuple[int | None, Projection] | None:
     """Return the best local optimum that descents from points reach, with the index of its point. After a few steps,
     the better half of the descents continues for a few more steps, and then the best `count` of them are followed to
@@ -232,7 +237,7 @@ def _lowest(
     return best
 
 
-def _together(one: Point, other: Point) -> bool:
+def _together(one: ShapePoint, other: ShapePoint) -> bool:
     """Return whether two points are so close that descents from them reach the same optimum."""
     # Difference of every coordinate below which two descents are treated as one.
     return one.branches == other.branches and bool(np.all(np.abs(one.x - other.x) < 0.03))
@@ -256,7 +261,7 @@ def _elsewhere(problem: Problem, surface: Surface, best: Projection) -> Projecti
         search = surface.curved_alone(z)
         candidates, _, _, _ = search.branch_and_bound(certify=False)
         places = search.places_of(candidates[0][1])
-        point = Point(tuple(b for b, _ in places), np.concatenate([np.array([u for _, u in places]), *z]))
+        point = ShapePoint(tuple(b for b, _ in places), np.concatenate([np.array([u for _, u in places]), *z]))
         optimum = surface.downhill(point)
         if optimum is None or problem.as_low(best.objective, optimum.objective, NOISE):
             break
@@ -294,7 +299,7 @@ def _solution(problem: Problem, surface: Surface, found: Projection, start: Star
     curved term."""
     linear = len(problem.linear)
     u, z = surface.split(found.point)
-    terms: tuple[Term, ...] = ()
+    terms: tuple[FittedTerm, ...] = ()
     places = tuple(zip(found.point.branches, u.tolist(), strict=True))
     if problem.curved_class is not None:
         search = surface.curved_alone(z)
@@ -304,7 +309,7 @@ def _solution(problem: Problem, surface: Surface, found: Projection, start: Star
     scales = found.weights[linear:] * problem.unit / np.where(found.lengths > 0, found.lengths, 1.0)
     for free, part, scale in zip(surface.frees, z, scales[len(places) :], strict=True):
         values = tuple(free.values(part.reshape(1, -1))[0].tolist())
-        terms = (*terms, Term(values, float(scale)))
+        terms = (*terms, FittedTerm(values, float(scale)))
     linear_scales = problem.scales(problem.shapes, found.weights[:linear])
     value = float(found.objective * problem.unit**2)
     return Solution(

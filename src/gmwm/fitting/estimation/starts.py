@@ -14,7 +14,7 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.documents import Documented
 from gmwm.fitting.estimation.atoms import grid
 from gmwm.fitting.estimation.problem import Problem
-from gmwm.fitting.estimation.variable_projection import Coordinates, Point, Surface
+from gmwm.fitting.estimation.variable_projection import Coordinates, ShapePoint, Surface
 from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import as_whole_number
@@ -109,7 +109,7 @@ class Start(Documented):
 
 def scanned_points(
     problem: Problem, surface: Surface, alone: list[Alone] | None, kept: int
-) -> tuple[list[tuple[How, Point]], int]:
+) -> tuple[list[tuple[How, ShapePoint]], int]:
     """Return the points from which descents start, and the number of points that were evaluated. The first point has
     the values in the model, if there are any. The second point comes from `alone`, the scans of the single free
     processes. The others are the best of a sequence of points that fills the box of the free coordinates evenly. The
@@ -126,7 +126,7 @@ def scanned_points(
         columns.append(_over_its_scan(free, share[:, at : at + free.size], problem))
         at += free.size
     chosen = _best(problem, surface, columns, share=share, kept=kept)
-    points: list[tuple[How, Point]] = []
+    points: list[tuple[How, ShapePoint]] = []
     if (start := given_point(problem, surface)) is not None:
         points.append(("given", start))
     if alone is not None:
@@ -138,7 +138,7 @@ def scanned_points(
     return points, number + len(points) - len(chosen)
 
 
-def given_point(problem: Problem, surface: Surface) -> Point | None:
+def given_point(problem: Problem, surface: Surface) -> ShapePoint | None:
     """Return the starting point that the values in the model give; None if a free process has no values."""
     coordinates = [free.start_values() for free in surface.frees]
     values = [z for z in coordinates if z is not None]
@@ -209,7 +209,7 @@ def _one_by_one(problem: Problem, surface: Surface, every: list[Alone]) -> list[
     return [free.of(scan.values[at[k] : at[k] + 1])[0] for k, (free, scan) in enumerate(scans)]
 
 
-def moved_points(problem: Problem, surface: Surface, every: list[Alone], point: Point) -> Iterator[Point]:
+def moved_points(problem: Problem, surface: Surface, every: list[Alone], point: ShapePoint) -> Iterator[ShapePoint]:
     """Yield points at which one free process is moved to one of the best points of its own scan. The other free
     processes do not change."""
     _, z = surface.split(point)
@@ -262,7 +262,7 @@ def _dictionary(problem: Problem) -> Matrix:
     return np.concatenate([problem.fixed, problem.unit_rows(values[places])])
 
 
-def _with_curved(problem: Problem, surface: Surface, z: list[Vector]) -> Point:
+def _with_curved(problem: Problem, surface: Surface, z: list[Vector]) -> ShapePoint:
     """Return the point with the coordinates `z` of the free processes and the best places of the curved processes."""
     branches, u = [], []
     if problem.curved_class is not None:
@@ -271,7 +271,7 @@ def _with_curved(problem: Problem, surface: Surface, z: list[Vector]) -> Point:
         for branch, place in search.places_of(candidates[0][1]):
             branches.append(branch)
             u.append(place)
-    return Point(tuple(branches), np.concatenate([np.array(u, dtype=np.float64), *z]))
+    return ShapePoint(tuple(branches), np.concatenate([np.array(u, dtype=np.float64), *z]))
 
 
 def _even(count: int, size: int) -> Matrix:
@@ -288,7 +288,7 @@ def _even(count: int, size: int) -> Matrix:
 # --- random draws -----------------------------------------------------------------------------------------
 
 
-def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, spread: float) -> Point:
+def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, spread: float) -> ShapePoint:
     """Return the random draw whose wavelet variance is closest to the data, as a point of the problem. `spread`: range
     of the samples divided by their number, (max x − min x)/N, which scales the draws of drifts."""
     surface = Surface(problem)
@@ -325,7 +325,7 @@ def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
                     u.append(min(max(at, branch.low), branch.high))
                     break
     z = [free.of(drawn[k][best : best + 1, 1:])[0] for free, k in zip(surface.frees, problem.free, strict=True)]
-    return Point(tuple(branches), np.concatenate([np.array(u, dtype=np.float64), *z]))
+    return ShapePoint(tuple(branches), np.concatenate([np.array(u, dtype=np.float64), *z]))
 
 
 def _occasion(wv: WaveletVariance, spread: float, draws: int, rng: np.random.Generator) -> Occasion:

@@ -50,7 +50,7 @@ class IntervalMethod:
 
 
 @dataclass(frozen=True)
-class Row:
+class ParameterRow:
     """Texts of one row of a table of parameters."""
 
     name: str
@@ -102,14 +102,14 @@ def standard_errors(fit: Fit, how: IntervalMethod) -> dict[str, float]:
     return bootstrap(fit, how.draws, how.seed).errors if how.method == "bootstrap" else fit.standard_errors
 
 
-def rows(fit: Fit, intervals: dict[str, Interval], how: IntervalMethod) -> list[Row]:
+def rows(fit: Fit, intervals: dict[str, Interval], how: IntervalMethod) -> list[ParameterRow]:
     """Return one row of texts for each parameter of a fit, in the order of the terms."""
     units = fit.units()
     errors = standard_errors(fit, how) if intervals else {}
     shown = []
     for name, value in fit.parameters.items():
         if name in fit.undetermined:
-            shown.append(Row(name, "undetermined", interval="", error="", unit=units[name]))
+            shown.append(ParameterRow(name, "undetermined", interval="", error="", unit=units[name]))
             continue
         interval, error = "", ""
         if name in fit.model.fixed_names:
@@ -118,7 +118,7 @@ def rows(fit: Fit, intervals: dict[str, Interval], how: IntervalMethod) -> list[
             interval = interval_text(*intervals[name])
             if math.isfinite(share := errors.get(name, math.inf) / abs(value) if value else math.inf):
                 error = f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
-        shown.append(Row(name, estimate_text(value), interval=interval, error=error, unit=units[name]))
+        shown.append(ParameterRow(name, estimate_text(value), interval=interval, error=error, unit=units[name]))
     return shown
 
 
@@ -209,9 +209,9 @@ def summary(
     return "\n".join([*lines, "", *words] if words else lines)
 
 
-def table_text(table: list[Row], level: float) -> list[str]:
+def table_text(table: list[ParameterRow], level: float) -> list[str]:
     """Format the rows of parameters as aligned columns with a header."""
-    heads = Row("parameter", "estimate", interval=f"{100 * level:g} % interval", error="error", unit="unit")
+    heads = ParameterRow("parameter", "estimate", interval=f"{100 * level:g} % interval", error="error", unit="unit")
     return aligned([astuple(row) for row in (heads, *table)], right={1, 2, 3})
 
 
@@ -247,7 +247,7 @@ def as_html(fit: Fit) -> str:
     return table_html(head(fit, how), rows(fit, intervals, how), words)
 
 
-def table_html(head: Sequence[str], rows: Iterable[Row], words: Iterable[str]) -> str:
+def table_html(head: Sequence[str], rows: Iterable[ParameterRow], words: Iterable[str]) -> str:
     """Return HTML with a title and facts (`head`), a table of parameters with 95 % intervals (`rows`), and remarks. The
     remarks (`words`) are HTML already."""
     cells = "".join(

@@ -105,7 +105,7 @@ class Coordinates:
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class ShapePoint:
     """Point in the space of all shapes. `branches` has the branch of each curved process. `x` has the search
     coordinates u of the curved processes, followed by the coordinates of the free processes."""
 
@@ -120,7 +120,7 @@ class Projection:
     and free processes, and `residual` is the target minus the weighted sum of the unit vectors."""
 
     objective: float
-    point: Point
+    point: ShapePoint
     weights: Vector
     units: Matrix
     lengths: Vector
@@ -147,13 +147,13 @@ class Surface:
         ends = [free.ends(problem.samples, problem.rate) for free in self.frees]
         self.ends = np.concatenate([np.empty((0, 2)), *ends])
 
-    def split(self, point: Point) -> tuple[Vector, list[Vector]]:
+    def split(self, point: ShapePoint) -> tuple[Vector, list[Vector]]:
         """Return the search coordinates of the curved processes, and the coordinates of each free process, of a
         point."""
         count = len(point.branches)
         return point.x[:count], [point.x[count + a : count + b] for a, b in self.spans]
 
-    def at(self, point: Point) -> Projection | None:
+    def at(self, point: ShapePoint) -> Projection | None:
         """Return the optimal weights at a point; None if a process is not valid there."""
         check_stop()
         u, z = self.split(point)
@@ -245,18 +245,18 @@ class Surface:
             able[k] &= not ((u <= branch.low and gradient[k] > 0) or (u >= branch.high and gradient[k] < 0))
         return np.asarray(able, dtype=np.bool_)
 
-    def move(self, point: Point, step: Vector) -> Point:
+    def move(self, point: ShapePoint, step: Vector) -> ShapePoint:
         """Return the point after a step, limited to its branches and bounds."""
         x = point.x + step
         for k, branch in enumerate(point.branches):
             x[k] = min(max(x[k], branch.low), branch.high)
         count = len(point.branches)
         x[count:] = np.clip(x[count:], self.ends[:, 0], self.ends[:, 1])
-        return Point(point.branches, x)
+        return ShapePoint(point.branches, x)
 
     # --- descent ----------------------------------------------------------------------------------------
 
-    def downhill(self, start: Point | Projection, steps: int = 100) -> Projection | None:
+    def downhill(self, start: ShapePoint | Projection, steps: int = 100) -> Projection | None:
         """Return the point that at most `steps` Levenberg-Marquardt steps reach; None if `start` is not valid."""
         best = start if isinstance(start, Projection) else self.at(start)
         if best is None:
@@ -347,7 +347,7 @@ class Surface:
         for row, k in enumerate(np.flatnonzero(able)):
             shift = np.zeros(best.point.x.size)
             shift[k] = step
-            sides = [self.at(Point(best.point.branches, best.point.x + sign * shift)) for sign in (1.0, -1.0)]
+            sides = [self.at(ShapePoint(best.point.branches, best.point.x + sign * shift)) for sign in (1.0, -1.0)]
             if sides[0] is None or sides[1] is None:
                 return None
             up, down = (-(self.slopes(side) @ side.residual)[able] for side in sides if side is not None)

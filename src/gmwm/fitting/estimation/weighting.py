@@ -135,7 +135,7 @@ class Weights:
 
     matrix: Matrix
     tables: dict[object, _core.WeightedTable] = field(default_factory=dict)
-    """Tables under these weights, which the kernel of the search keeps; by `gmwm.estimation.atoms.Grid`."""
+    """Tables under these weights, which the kernel of the search keeps; by `gmwm.estimation.atoms.ShapeGrid`."""
 
     @cached_property
     def root(self) -> Matrix:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Vector, as_rate, as_vector
-from gmwm.fitting.likelihood.problem import Problem
+from gmwm.fitting.likelihood.problem import LikelihoodProblem
 from gmwm.fitting.likelihood.record import Record
 from gmwm.fitting.likelihood.search import Maximum
 from gmwm.measuring.regression.against import Asked
@@ -54,7 +54,7 @@ class Regressed:
         record = replace(record, columns=columns / scales[:, None], scales=scales, names=tuple(first))
         return cls(signal, covariates, first, record)
 
-    def regression(self, problem: Problem, found: Maximum) -> Regression:
+    def regression(self, problem: LikelihoodProblem, found: Maximum) -> Regression:
         """Return the regression at a maximum of the likelihood: coefficients, covariance and degrees of freedom."""
         estimates, covariance = self._at(problem, found.z)
         relative = np.zeros((len(estimates) + 1, len(found.active)))
@@ -75,7 +75,7 @@ class Regressed:
             freedoms=tuple(freedoms[:-1].tolist()), freedom=float(freedoms[-1]),
         )  # fmt: skip
 
-    def _at(self, problem: Problem, z: Vector) -> tuple[Vector, np.ndarray]:
+    def _at(self, problem: LikelihoodProblem, z: Vector) -> tuple[Vector, np.ndarray]:
         """Return the coefficients (p,) and their covariance (p, p) for the noise model at coordinates z."""
         level = problem.value(problem.at_point(z))[1]
         part, scales = slice(len(level.values) - len(self.first), None), self.record.scales

@@ -16,10 +16,10 @@ from gmwm.base.remarks import Remark
 from gmwm.fitting.estimation import Fit, fit
 from gmwm.fitting.likelihood.conditions import Regressed
 from gmwm.fitting.likelihood.curve_test import misfit
-from gmwm.fitting.likelihood.problem import Level, Problem, as_mean, nothing_to_chance
+from gmwm.fitting.likelihood.problem import LikelihoodProblem, RegressionEstimate, as_mean, nothing_to_chance
 from gmwm.fitting.likelihood.record import Record, as_record
 from gmwm.fitting.likelihood.result import LikelihoodDiagnostics, LikelihoodFit
-from gmwm.fitting.likelihood.search import Maximum, Search
+from gmwm.fitting.likelihood.search import LikelihoodSearch, Maximum
 from gmwm.fitting.likelihood.system import LEVEL, assemble, require_state
 from gmwm.measuring.regression.against import Against, Asked
 from gmwm.recording.signals import Signal
@@ -58,7 +58,7 @@ def loglikelihood(
             f"the likelihood of {terms} needs a value for {', '.join(missing)}",
             advice="Write the values into the model, or fit it by maximum likelihood with {gmwm fit --likelihood}.",
         )
-    problem = Problem(_all_held(terms), as_record(data, rate), as_mean(mean))
+    problem = LikelihoodProblem(_all_held(terms), as_record(data, rate), as_mean(mean))
     value, _ = problem.value(problem.model)
     if not math.isfinite(value):
         raise nothing_to_chance(terms)
@@ -145,7 +145,7 @@ def fit_ml(
     regressed = Regressed.of(data, rate, record, conditions) if conditions.terms else None
     if regressed is not None:
         record = regressed.record
-    problem = Problem(_starting_model(terms, record, start, regressed), record, mean_value)
+    problem = LikelihoodProblem(_starting_model(terms, record, start, regressed), record, mean_value)
     drifts = any(not r.flat for r in problem.regressors)
     if not problem.coordinates and not drifts:
         raise ModelError(
@@ -153,7 +153,7 @@ def fit_ml(
             advice="Free a parameter by leaving out `fixed(…)`; `Model.loglikelihood` computes the likelihood.",
         )
     assemble(problem.model, problem.rate)
-    maximum = Search(problem, progress=progress).run(problem.start())
+    maximum = LikelihoodSearch(problem, progress=progress).run(problem.start())
     if maximum is None:
         raise nothing_to_chance(problem.model)
     result = _as_fit(problem, maximum)
@@ -204,7 +204,7 @@ def _starting_model(
     return first
 
 
-def _as_fit(problem: Problem, found: Maximum) -> LikelihoodFit:
+def _as_fit(problem: LikelihoodProblem, found: Maximum) -> LikelihoodFit:
     """Create a `LikelihoodFit` from a maximum of the likelihood, with the terms in standard order."""
     best = problem.at_point(found.z)
     value, level = problem.value(best)
@@ -250,7 +250,7 @@ def _as_fit(problem: Problem, found: Maximum) -> LikelihoodFit:
 
 
 def _remarks(
-    model: Model, acts_as: Mapping[str, str], zero: Sequence[str], *, converged: bool, problem: Problem
+    model: Model, acts_as: Mapping[str, str], zero: Sequence[str], *, converged: bool, problem: LikelihoodProblem
 ) -> Iterator[Remark]:
     """Yield the remarks about the terms of a fit and about the search."""
     axis = problem.record.axis
@@ -272,7 +272,7 @@ def _rename(name: str, terms: dict[str, str]) -> str:
     return f"{terms[term]}.{parameter}"
 
 
-def _level(problem: Problem, level: Level, best: Model) -> tuple[float | None, float | None]:
+def _level(problem: LikelihoodProblem, level: RegressionEstimate, best: Model) -> tuple[float | None, float | None]:
     """Return the estimated mean of the recording and its standard error. Both are None if the mean is known, or if a
     random walk of the model includes it. If the variance of the random walk is estimated as zero, its constant level is
     the mean."""
@@ -285,7 +285,7 @@ def _level(problem: Problem, level: Level, best: Model) -> tuple[float | None, f
     return None, None
 
 
-def _acts_as(problem: Problem, found: Maximum, best: Model, renamed: dict[str, str]) -> dict[str, str]:
+def _acts_as(problem: LikelihoodProblem, found: Maximum, best: Model, renamed: dict[str, str]) -> dict[str, str]:
     """Return the terms whose shape parameter is at an end of its domain, with the process that each is equivalent to
     there."""
     out = {}
@@ -303,7 +303,9 @@ def _acts_as(problem: Problem, found: Maximum, best: Model, renamed: dict[str, s
     return out
 
 
-def _covariance(problem: Problem, found: Maximum, best: Model, level: Level) -> tuple[list[str], Matrix]:
+def _covariance(
+    problem: LikelihoodProblem, found: Maximum, best: Model, level: RegressionEstimate
+) -> tuple[list[str], Matrix]:
     """Return the names and the covariance of the parameters that are not estimated at a limit of their domain."""
     active = list(found.active)
     turned = jacobian(problem, best)
@@ -356,7 +358,7 @@ def invert(information: Matrix) -> Matrix:
     return np.asarray(inverse)
 
 
-def jacobian(problem: Problem, model: Model) -> dict[str, Vector]:
+def jacobian(problem: LikelihoodProblem, model: Model) -> dict[str, Vector]:
     """Return the derivatives ∂θ/∂z (q,) of each parameter θ with respect to the coordinates z, by name of the
     parameter."""
     out: dict[str, Vector] = {}

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import OptionError
 from gmwm.base.text import Summarised
-from gmwm.fitting.likelihood.problem import Problem, standardise
+from gmwm.fitting.likelihood.problem import LikelihoodProblem, standardise
 from gmwm.fitting.likelihood.tracks import Modelled, pose_filter
 from gmwm.recording.autocorrelation import autocorrelation, observed_pairs
 from gmwm.recording.options import as_whole_number
@@ -272,7 +272,7 @@ def residuals(
     lost = None
     if estimated is None:
         estimated = 0 if terms is None else len(terms.names) - len(terms.fixed_names)
-        lost = None if terms is None else spent(Problem(terms, problem.record, problem.mean))
+        lost = None if terms is None else spent(LikelihoodProblem(terms, problem.record, problem.mean))
     else:
         estimated = as_whole_number(estimated, "estimated", 0)
     record = problem.record
@@ -292,7 +292,7 @@ _ENOUGH = 65_536
 recording."""
 
 
-def spent(problem: Problem) -> Vector:
+def spent(problem: LikelihoodProblem) -> Vector:
     """Return the degrees of freedom (L,) that the estimation of parameters takes from the autocorrelation at lags 1 …
     L. Let r be the autocorrelation of the N residuals for the true parameters θ, and r̂ the one for the estimate θ̂.
     With D = ∂r/∂θ, r̂ ≈ r + D(θ̂ − θ) has the covariance (1 − N D I⁻¹ Dᵀ)/N, where I is the information matrix. At lag

@@ -12,8 +12,8 @@ from gmwm.base.arrays import Vector
 from gmwm.base.errors import ModelError
 from gmwm.fitting.estimation.intervals import Interval, about, free_shape, parameters_by_name
 from gmwm.fitting.likelihood.estimator import invert, jacobian
-from gmwm.fitting.likelihood.problem import Problem
-from gmwm.fitting.likelihood.search import Search
+from gmwm.fitting.likelihood.problem import LikelihoodProblem
+from gmwm.fitting.likelihood.search import LikelihoodSearch
 from gmwm.recording.options import as_confidence, one_of
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def confidence_intervals(fit: LikelihoodFit, level: float = 0.95, method: Method
     z = NormalDist().inv_cdf((1 + as_confidence(level, "level")) / 2)
     one_of(method, "method", get_args(Method))
     errors, parameters = fit.standard_errors, parameters_by_name(fit.model)
-    profile = _Profile(fit, z)
+    profile = _ProfileLikelihood(fit, z)
     intervals: dict[str, Interval] = {}
     for name, parameter in parameters.items():
         if name in fit.model.fixed_names:
@@ -60,7 +60,7 @@ def _domain(parameter: Parameter) -> Interval:
     return (0.0, math.inf) if parameter.domain == "positive" else (-math.inf, math.inf)
 
 
-class _Profile:
+class _ProfileLikelihood:
     """The profile likelihood: the likelihood as a function of one parameter, maximised over all others."""
 
     def __init__(self, fit: LikelihoodFit, z: float) -> None:
@@ -74,7 +74,7 @@ class _Profile:
                 f"the profile interval of {name} needs the recording, and the fit was read from a file",
                 advice="Fit the model to the recording again.",
             )
-        problem = Problem(self.fit.model, self.fit.record, self.fit.mean)
+        problem = LikelihoodProblem(self.fit.model, self.fit.record, self.fit.mean)
         if not problem.coordinates:
             return False
         self.problem = problem
@@ -195,7 +195,7 @@ class _Profile:
         coordinate k."""
         # Accuracy of the maximised log-likelihood in a profile. At the ends of a 95 % interval, the profile is about 2
         # below its maximum.
-        maximum = Search(self.problem, held=(k,), tolerance=1e-3, revive=False).run(z)
+        maximum = LikelihoodSearch(self.problem, held=(k,), tolerance=1e-3, revive=False).run(z)
         if maximum is None:
             return math.inf, z
         return math.sqrt(max(2.0 * (self.fit.loglikelihood - maximum.evaluation.value), 0.0)), maximum.z

@@ -14,7 +14,7 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import MissingTheoryError, ModelError, OptionError
 from gmwm.fitting.likelihood.record import Record
 from gmwm.fitting.likelihood.system import (
-    Coordinate,
+    FreeCoordinate,
     Regressor,
     System,
     assemble,
@@ -35,7 +35,7 @@ _FAR = 12.0
 
 
 @dataclass(frozen=True, eq=False)
-class Level:
+class RegressionEstimate:
     """Labels of the m regression coefficients, with their values (m,) and covariance (m, m)."""
 
     labels: tuple[str, ...]
@@ -55,7 +55,7 @@ class Evaluation:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class LikelihoodProblem:
     """A likelihood as a function of coordinates, for a model with starting values and a recording. `model`: the model
     with starting values of all parameters. `record`: the recording. `mean`: mean of the recording if it is known."""
 
@@ -79,14 +79,14 @@ class Problem:
         ]
 
     @cached_property
-    def coordinates(self) -> tuple[Coordinate, ...]:
+    def coordinates(self) -> tuple[FreeCoordinate, ...]:
         """The free coordinates: the scale and the shape parameters of each random term, except fixed ones."""
-        free: list[Coordinate] = []
+        free: list[FreeCoordinate] = []
         for k, process in enumerate(self.model.processes):
             if is_ramp(process, self.rate):
                 continue
             if not process.is_fixed(process.scale_parameter().name):
-                free.append(Coordinate(k))
+                free.append(FreeCoordinate(k))
             shapes = process.nonlinear_parameters()
             held = [process.is_fixed(p.name) for p in shapes]
             if any(held) and not all(held):
@@ -95,7 +95,7 @@ class Problem:
                     advice="Hold all of them, or none.",
                 )
             if shapes and not held[0]:
-                free.extend(Coordinate(k, i) for i in range(len(shapes)))
+                free.extend(FreeCoordinate(k, i) for i in range(len(shapes)))
         if len(free) > _core.most_slopes:
             raise ModelError(
                 f"the model has {len(free)} free parameters, and maximum likelihood allows {_core.most_slopes}",
@@ -184,13 +184,13 @@ class Problem:
         total = model.wavelet_variance(levels, self.rate)
         return math.log(share * float(np.min(total[curve > 0] / curve[curve > 0])))
 
-    def branch(self, coordinate: Coordinate) -> tuple[Branch, ...]:
+    def branch(self, coordinate: FreeCoordinate) -> tuple[Branch, ...]:
         """Return the search branches of the process that a coordinate belongs to."""
         return self.model.processes[coordinate.term].search(self.record.values.size, self.rate)
 
     # --- likelihood -----------------------------------------------------------------------------------
 
-    def value(self, model: Model) -> tuple[float, Level]:
+    def value(self, model: Model) -> tuple[float, RegressionEstimate]:
         """Return the log-likelihood of a model with values, and the estimated regression coefficients."""
         return _likelihood(assemble(model, self.rate), self.series, self.regressors)
 
@@ -226,13 +226,13 @@ class Problem:
         return Evaluation(value, gradient, information.reshape(q, q), model)
 
 
-def _likelihood(system: System, series: Matrix, wanted: list[Regressor]) -> tuple[float, Level]:
+def _likelihood(system: System, series: Matrix, wanted: list[Regressor]) -> tuple[float, RegressionEstimate]:
     """Return the log-likelihood (−inf if the model predicts a sample exactly), and the regression coefficients."""
     good, count, _, logs, cross = _core.kalman_innovations(*system.matrices, series, np.empty(0))
     size = len(series)
     sums, labels = cross.reshape(size, size), tuple(r.label for r in wanted)
     if not good or not np.all(np.isfinite(sums)):
-        return -math.inf, Level(labels, np.zeros(size - 1), np.zeros((size - 1, size - 1)))
+        return -math.inf, RegressionEstimate(labels, np.zeros(size - 1), np.zeros((size - 1, size - 1)))
     beta, covariance, square = np.empty(0), np.empty((0, 0)), float(sums[0, 0])
     value = -0.5 * (count * math.log(2 * math.pi) + logs)
     if size > 1:
@@ -242,7 +242,7 @@ def _likelihood(system: System, series: Matrix, wanted: list[Regressor]) -> tupl
         flat = [k for k, r in enumerate(wanted) if r.flat]
         if flat:
             value -= 0.5 * float(np.linalg.slogdet(sums[1:, 1:][np.ix_(flat, flat)])[1])
-    return value - 0.5 * square, Level(labels, beta, covariance)
+    return value - 0.5 * square, RegressionEstimate(labels, beta, covariance)
 
 
 def _inverse(gram: Matrix) -> Matrix:
@@ -251,7 +251,7 @@ def _inverse(gram: Matrix) -> Matrix:
     return np.asarray(np.linalg.inv(gram * np.outer(scale, scale)) * np.outer(scale, scale))
 
 
-def standardise(problem: Problem, model: Model) -> tuple[Vector, int]:
+def standardise(problem: LikelihoodProblem, model: Model) -> tuple[Vector, int]:
     """Return the standardised innovations (N,) and the number of fitted regression coefficients. The innovations are
     NaN where a sample is missing. The coefficients are estimated from the whole recording."""
     system = assemble(model, problem.rate)

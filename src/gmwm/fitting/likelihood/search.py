@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.fitting.likelihood.problem import Evaluation, Problem
+from gmwm.fitting.likelihood.problem import Evaluation, LikelihoodProblem
 
 LONGEST = 2.0
 """Longest step in a coordinate. In the logarithm of a scale, it is a factor of seven."""
@@ -40,7 +40,7 @@ class Maximum:
 Progress = Callable[[int, float], None]
 
 
-class Search:
+class LikelihoodSearch:
     """A search for a local maximum of a likelihood. `problem`: the likelihood. `held`: numbers of the coordinates that
     do not change. `progress`: function that is called after each evaluation with the number of evaluations and the
     log-likelihood. `tolerance`: the search ends when the expected increase of the log-likelihood is smaller than this.
@@ -48,7 +48,7 @@ class Search:
 
     def __init__(
         self,
-        problem: Problem,
+        problem: LikelihoodProblem,
         held: tuple[int, ...] = (),
         progress: Progress | None = None,
         # The search ends when the expected increase of the log-likelihood is below this value.

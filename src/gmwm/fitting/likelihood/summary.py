@@ -11,7 +11,7 @@ from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.text import counted, p_relation
 from gmwm.fitting.estimation.intervals import Interval
 from gmwm.fitting.estimation.summary import (
-    Row,
+    ParameterRow,
     estimate_text,
     interval_text,
     no_intervals,
@@ -116,13 +116,13 @@ def checks_in_words(residuals: Residuals) -> str:
     return f"whiteness p {p_relation(white.p_value)} (Ljung-Box, {white.lags} lags); {normal}"
 
 
-def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[Row]:
+def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[ParameterRow]:
     """Return one row for each parameter of a fit, in the order of the terms."""
     errors, units = fit.standard_errors, fit.units()
     shown = []
     for name, value in fit.parameters.items():
         if _is_undetermined(fit, intervals, name):
-            shown.append(Row(name, "undetermined", interval="", error="", unit=units[name]))
+            shown.append(ParameterRow(name, "undetermined", interval="", error="", unit=units[name]))
             continue
         interval, error = "", ""
         if name in fit.model.fixed_names:
@@ -132,7 +132,7 @@ def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[Row]:
             share = errors.get(name, math.inf) / abs(value) if value else math.inf
             if math.isfinite(share):
                 error = f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
-        shown.append(Row(name, estimate_text(value), interval=interval, error=error, unit=units[name]))
+        shown.append(ParameterRow(name, estimate_text(value), interval=interval, error=error, unit=units[name]))
     return shown
 
 

@@ -171,7 +171,7 @@ class Slopes:
 
 
 @dataclass(frozen=True)
-class Coordinate:
+class FreeCoordinate:
     """A free coordinate of the likelihood. `term`: number of the term in the model. `shape`: number of the shape
     coordinate of the term; None for the logarithm of its scale."""
 
@@ -179,7 +179,7 @@ class Coordinate:
     shape: int | None = None
 
 
-def slopes(model: Model, system: System, coordinates: Sequence[Coordinate], rate: float) -> Slopes:
+def slopes(model: Model, system: System, coordinates: Sequence[FreeCoordinate], rate: float) -> Slopes:
     """Compute the derivatives of the state-space matrices of a model with respect to its coordinates."""
     p, q = system.H.size, len(coordinates)
     out = Slopes(np.zeros((q, p, p)), np.zeros((q, p, p)), H=np.zeros((q, p)), R=np.zeros(q), P0=np.zeros((q, p, p)))

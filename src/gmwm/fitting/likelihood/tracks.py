@@ -17,7 +17,7 @@ from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.base.text import Named
 from gmwm.fitting.estimation import Fit
-from gmwm.fitting.likelihood.problem import Problem, as_mean, nothing_to_chance
+from gmwm.fitting.likelihood.problem import LikelihoodProblem, as_mean, nothing_to_chance
 from gmwm.fitting.likelihood.record import Record, as_record
 from gmwm.fitting.likelihood.result import LikelihoodFit
 from gmwm.fitting.likelihood.system import LEVEL, System, assemble
@@ -257,7 +257,7 @@ def _tracks(
 
 def pose_filter(
     model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: float | None, steps: int = 0
-) -> Problem:
+) -> LikelihoodProblem:
     """Create the likelihood problem of a model with values and a recording, with `steps` missing samples appended."""
     if isinstance(model, Fit | LikelihoodFit):
         fit_rate = model.wavelet_variance.rate if isinstance(model, Fit) else model.rate
@@ -290,10 +290,10 @@ def pose_filter(
             centre=record.centre,
         )
     held = terms.with_values({name: Fixed(v) for name, v in terms.parameters.items() if v is not None})
-    return Problem(held, record, as_mean(mean))
+    return LikelihoodProblem(held, record, as_mean(mean))
 
 
-def _sums(problem: Problem, system: System) -> tuple[list[str], Matrix, Matrix]:
+def _sums(problem: LikelihoodProblem, system: System) -> tuple[list[str], Matrix, Matrix]:
     """Return the labels of the g tracks, and the weights of the states (g, p) and of the regressors (g, m) in each
     track."""
     regressors = problem.regressors
@@ -328,7 +328,7 @@ def wanders(process: Process, rate: float) -> bool:
     return process.line(rate) is None and (time is None or time * rate > 1.0)
 
 
-def _add_known(problem: Problem, system: System, found: dict[str, tuple[Vector, Vector]]) -> None:
+def _add_known(problem: LikelihoodProblem, system: System, found: dict[str, tuple[Vector, Vector]]) -> None:
     """Add to the tracks what was subtracted from the recording: its centre or known mean, and drifts with known
     slopes."""
     bias = found[BIAS][0]

@@ -25,17 +25,17 @@ from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes import rational
 from gmwm.theory.processes.band_limit import SHORT, STEP, Density, band_numbers
 from gmwm.theory.processes.haar_covariance import LagGrid
-from gmwm.theory.processes.ordered import Coefficients, Ordered
+from gmwm.theory.processes.ordered import Ordered, Polynomial
 from gmwm.theory.processes.parameter import Parameter
 from gmwm.theory.processes.physical import Physical
 from gmwm.theory.processes.short_memory import LONGEST, NEGLIGIBLE, ShortMemory, trim
 from gmwm.theory.processes.validation import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace
 
-PHI = Coefficients("phi", "φ", "p", "autoregressive coefficient")
-THETA = Coefficients("theta", "θ", "q", "moving average coefficient")
-SEASONAL_PHI = Coefficients("sphi", "Φ", "P", "seasonal autoregressive coefficient")
-SEASONAL_THETA = Coefficients("stheta", "Θ", "Q", "seasonal moving average coefficient")
+PHI = Polynomial("phi", "φ", "p", "autoregressive coefficient")
+THETA = Polynomial("theta", "θ", "q", "moving average coefficient")
+SEASONAL_PHI = Polynomial("sphi", "Φ", "P", "seasonal autoregressive coefficient")
+SEASONAL_THETA = Polynomial("stheta", "Θ", "Q", "seasonal moving average coefficient")
 
 _PLACES = (PHI.name, THETA.name, SEASONAL_PHI.name, SEASONAL_THETA.name)
 CANCELLING = 0.05
@@ -137,7 +137,7 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     @cache
-    def _factors(cls) -> list[tuple[Coefficients, slice]]:
+    def _factors(cls) -> list[tuple[Polynomial, slice]]:
         """Return the polynomials and the slices of their coefficients in the nonlinear parameters."""
         ends = np.cumsum([0, *cls.orders[: len(cls.polynomials)]]).tolist()
         spans = [slice(a, b) for a, b in pairwise(ends)]
@@ -369,7 +369,7 @@ def _lasting(modulus: float) -> float:
     return (-math.log(NEGLIGIBLE) + 3.0 * math.log1p(1.0 / decay)) / decay
 
 
-def _sign(part: Coefficients) -> float:
+def _sign(part: Polynomial) -> float:
     """Return 1 for polynomials 1 − φ₁B − …, and −1 for 1 + θ₁B + …"""
     return -1.0 if part in (THETA, SEASONAL_THETA) else 1.0
 
@@ -378,7 +378,7 @@ def _root_text(root: complex) -> str:
     return f"{root.real:.3g}" if abs(root.imag) < 1e-9 else f"{root.real:.3g} ± {abs(root.imag):.3g}i"
 
 
-def _advice(part: Coefficients) -> str:
+def _advice(part: Polynomial) -> str:
     if _sign(part) > 0:
         return "Use smaller coefficients; for a zero at 1 use a random walk."
     return "Use the coefficients with this zero inverted, which give the same spectrum up to a factor."

@@ -38,7 +38,7 @@ SEARCH_HIGH = 40.0
 
 
 @dataclass(frozen=True)
-class _Coordinate:
+class _DecayCoordinate:
     """Search coordinate u of λ = bend·(e^(u − low) − 1 + `least`), with bend = `SEARCH_BEND`/N and low = ln bend. At
     the lower end of the range, λ = `least`·bend, the process is practically a random walk. For larger λ, u approaches
     ln λ."""
@@ -66,7 +66,7 @@ class _Coordinate:
 def _ar1_branch(samples: int, sign: float, low_acts_as: str | None) -> Branch:
     """Return the search branch φ = ±e^(−λ) of an AR1 process. Its smallest λ is larger than for Gauss-Markov processes,
     because the resolution of φ near 1 is limited in double precision."""
-    along = _Coordinate(SEARCH_BEND / samples, least=1e-3)
+    along = _DecayCoordinate(SEARCH_BEND / samples, least=1e-3)
 
     def coordinate(phi: float) -> float | None:
         if (phi < 0) != (sign < 0):
@@ -351,7 +351,7 @@ class GM(_Markov):
     @classmethod
     def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:
         """Return one search branch, from a random walk (small β) to white noise (large β)."""
-        along = _Coordinate(SEARCH_BEND / samples, least=1e-8)
+        along = _DecayCoordinate(SEARCH_BEND / samples, least=1e-8)
         return (
             Branch(
                 along.low,

@@ -47,7 +47,7 @@ def find_class(name: str) -> type[Process] | None:
 
 
 @dataclass(frozen=True)
-class Coefficients:
+class Polynomial:
     """Coefficients of one polynomial, which are numbered from 1, such as phi1, phi2, …. `name`, `symbol`: name and
     symbol of a coefficient without its number, such as "phi" and "φ". `order`: name of the order, which is the number
     of coefficients, such as "p". `description`: description of one coefficient."""
@@ -78,7 +78,7 @@ class Ordered(Process, abstract=True):
     its orders, `AR(2)`, to estimate all parameters, or `AR(2, phi1=1.4, sigma2=fixed(1.0))`. Alternatively, give the
     coefficients: `AR(phi=[1.4, -0.6], sigma2=1.0)`. All three are instances of `AR.of(2)`."""
 
-    polynomials: ClassVar[tuple[Coefficients, ...]]
+    polynomials: ClassVar[tuple[Polynomial, ...]]
     """The polynomials, in the order of the arguments."""
     period_name: ClassVar[str | None] = None
     """Name of the period, which is the last order; None for a process without a period."""
@@ -278,7 +278,7 @@ def _is_given(values: Mapping[str, Any], name: str) -> bool:
     return values.get(name) is not None
 
 
-def _sequence(values: Any, owner: Any, polynomial: Coefficients) -> list[Value]:
+def _sequence(values: Any, owner: Any, polynomial: Polynomial) -> list[Value]:
     if isinstance(values, (str, Fixed, Mapping)) or not isinstance(values, Iterable):
         raise ModelError(
             f"{polynomial.name} of {owner.name} must be a list of coefficients; got {values!r}",

@@ -56,7 +56,7 @@ def parse_model(text: str) -> Model:
             got=len(text),
             argument="text",
         )
-    return _Reader(text).model()
+    return _ModelParser(text).model()
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class _Token:
 
 
 @dataclass
-class _Reader:
+class _ModelParser:
     """Recursive-descent parser of the text of one model."""
 
     text: str

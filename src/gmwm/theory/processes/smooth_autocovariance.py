@@ -36,7 +36,7 @@ Levels = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Sums:
+class LagSums:
     """Sums ν_j² = Σ_p weights[j − 1, p] A(places[p]) that give the wavelet variances under one filter. `places` (P,):
     lags (samples), not necessarily integers, at which the autocovariance A is needed. `weights` (J, P): weights of A at
     these lags, for each level."""
@@ -52,7 +52,7 @@ class Sums:
 
 
 @lru_cache(maxsize=64)
-def sums(filter: WaveletFilter, level: int) -> Sums:
+def sums(filter: WaveletFilter, level: int) -> LagSums:
     """Return the sums for levels 1 … `level` of a filter."""
     reach, octaves = _reach(filter), level + _SPILL
     near_step, far_step = _near_step(filter, reach), _far_step(filter, reach, octaves)
@@ -69,7 +69,7 @@ def sums(filter: WaveletFilter, level: int) -> Sums:
         near = from_near[: reach + 1]
         spread[:2] += from_near[reach + 1 :].reshape(2, NODES)
         far = spread
-    return Sums(freeze(spread_places(reach, octaves)), freeze(rows))
+    return LagSums(freeze(spread_places(reach, octaves)), freeze(rows))
 
 
 def _reach(filter: WaveletFilter) -> int:
