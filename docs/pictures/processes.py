@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from gmwm.plots.figure import Figure, Panel
-from gmwm.plots.fit import fit_panel
-from gmwm.plots.matplotlib import draw
-from gmwm.plots.series import signal_panel
-from gmwm.plots.view import ViewName
 
 import gmwm
+from gmwm.showing.plots.figure import Figure, Panel
+from gmwm.showing.plots.fit import fit_panel
+from gmwm.showing.plots.matplotlib import draw
+from gmwm.showing.plots.series import signal_panel
+from gmwm.showing.plots.view import ViewName
 
 RATE = 100.0
 SAMPLES = 60_000

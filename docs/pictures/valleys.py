@@ -6,13 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from gmwm.plots.axes import time_axis
-from gmwm.plots.figure import Figure, Line, Panel, Stroke
-from gmwm.plots.linear import even_axis
-from gmwm.plots.matplotlib import draw
-from gmwm.plots.style import BLUE, VERMILLION
 
 import gmwm
+from gmwm.showing.plots.axes import time_axis
+from gmwm.showing.plots.figure import Figure, Line, Panel, Stroke
+from gmwm.showing.plots.linear import even_axis
+from gmwm.showing.plots.matplotlib import draw
+from gmwm.showing.plots.style import BLUE, VERMILLION
 
 TRUTH = "GM(beta=10, sigma2=1e-6) + GM(beta=0.05, sigma2=2e-7) + WN(sigma2=4e-6)"
 RATE, SAMPLES, SEED = 100.0, 360_000, 1

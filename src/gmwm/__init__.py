@@ -261,11 +261,13 @@ class _ShortNames:
     @classmethod
     def find_spec(cls, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
         package, _, short = name.partition(".")
-        first, *others = short.split(".")
+        first, _, inner = short.partition(".")
         if package != __name__ or first not in _PACKAGES:
             return None
+        if inner:  # a second copy of a module would be loaded
+            raise ModuleNotFoundError(f"No module named {name!r}; it is {_PACKAGES[first]}.{inner}", name=name)
         loader: Any = cls()  # importlib.abc.Loader costs 12 ms to import
-        return ModuleSpec(name, loader, origin=".".join([_PACKAGES[first], *others]))
+        return ModuleSpec(name, loader, origin=_PACKAGES[first])
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
         module = import_module(str(spec.origin))

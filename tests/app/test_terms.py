@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.applications.app.figures import fitted, movable, moved
+from gmwm.applications.app.figures import axis_at, fitted, movable
 from gmwm.applications.app.session import Session
 from gmwm.applications.app.terms import adding, held_at, holding, removing, replacing
 from gmwm.base.errors import OptionError
@@ -45,16 +45,16 @@ def test_a_dragged_term_goes_through_its_new_place(fit, view, units):
     places = {t: (shape["xanchor"], shape["yanchor"]) for t, shape in zip(movable(fit), shapes, strict=True)}
     assert set(places) == {"GM", "WN"}
     for term, (x, y) in places.items():
-        same = moved(fit, term, (x, y), session)
+        same = axis_at(fit, term, (x, y), session)
         old = dict(zip(fit.model.terms, fit.model.processes, strict=True))[term]
         for name, value in old.values.items():
             assert same.value(name) == pytest.approx(value, rel=1e-9)
             assert same.is_fixed(name)
         # Twice the height: four times the variance of a deviation, twice that of a variance.
-        ratio = moved(fit, term, (x, 2 * y), session).scale / old.scale
+        ratio = axis_at(fit, term, (x, 2 * y), session).scale / old.scale
         assert ratio == pytest.approx(4.0 if view == "allan" else 2.0, rel=1e-9)
     x, y = places["GM"]
-    earlier = moved(fit, "GM", (x / 4, y), session)
+    earlier = axis_at(fit, "GM", (x / 4, y), session)
     assert earlier.value("beta") == pytest.approx(4 * fit.parameters["GM.beta"], rel=1e-9)
     wv = fit.wavelet_variance
     level = int(np.argmax(fit.decomposition["GM"] / fit.implied))
@@ -64,7 +64,7 @@ def test_a_dragged_term_goes_through_its_new_place(fit, view, units):
 
 def test_a_dragged_term_is_held(fit):
     session = Session()
-    process = moved(fit, "WN", (0.1, 20.0), session)
+    process = axis_at(fit, "WN", (0.1, 20.0), session)
     model = gmwm.Model.parse(replacing(fit, "WN", process))
     assert model.fixed_names == {"WN.sigma2"}
     assert set(model.terms) == {"WN", "GM"}

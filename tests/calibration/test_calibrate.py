@@ -8,8 +8,8 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import DataError, OptionError
-from gmwm.calibration.api import STAGES
 from gmwm.calibration.averaging import averaged_datasheet, averaged_intervals
+from gmwm.calibration.calibrate_axis import STAGES
 from gmwm.choosing.selection.structure import structure_of
 from tests.helpers import codes, only, raises
 

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.calibration.measurement import Pair, measured_axis
+from gmwm.calibration.data import Recordings
+from gmwm.calibration.measure import measure
 from gmwm.calibration.options import CalibrationOptions
-from gmwm.measuring.outliers import Replaced, screened
+from gmwm.measuring.outliers import Replaced
 from gmwm.recording import batches
 from tests.helpers import codes, only
 
@@ -18,6 +19,13 @@ def signal(seed=1, white=None):
     rng = np.random.default_rng(seed)
     x = rng.standard_normal(N) if white is None else white(rng)
     return gmwm.Signal(1e-3 * (x + np.cumsum(1e-3 * rng.standard_normal(N))), RATE, "rad/s", "gyro_x")
+
+
+def measured(data, options):
+    """The curve to fit and the outlier test of the only axis."""
+    (axis,) = measure(Recordings.of(data, options), options).axes.values()
+    curve = axis.curve(options)
+    return curve, axis.verdict(robust=curve.robust)
 
 
 def student(rng):
@@ -53,7 +61,7 @@ def test_heavy_tails_keep_the_classical_curve_with_their_covariance():
 
 
 def test_gaussian_noise_has_no_remark_and_no_excess():
-    wv, verdict, _ = measured_axis(signal(), CalibrationOptions())
+    wv, verdict = measured(signal(), CalibrationOptions())
     assert not wv.robust
     assert wv.excess is None
     assert (verdict.replaced, verdict.spikes, verdict.exceeds) == (Replaced(), 0, False)
@@ -74,7 +82,7 @@ def test_wrong_samples_are_replaced_and_counted():
 @pytest.mark.slow
 def test_wrong_samples_are_replaced_whatever_curve_is_wanted():
     for robust in (True, False):
-        wv, verdict, _ = measured_axis(with_spikes(), CalibrationOptions(robust=robust))
+        wv, verdict = measured(with_spikes(), CalibrationOptions(robust=robust))
         assert wv.robust is robust
         assert verdict.replaced.spikes == N // 250
 
@@ -110,11 +118,11 @@ def test_a_robust_curve_that_depends_on_its_efficiency_gets_a_remark():
     assert gmwm.Calibration.from_dict(found.to_dict()).to_dict() == found.to_dict()
 
 
-def test_a_pair_without_a_screen_is_judged_by_its_curves():
+def test_a_pair_of_curves_is_judged_without_the_samples():
     tailed = signal(white=student)
     curves = gmwm.wavelet_variance(tailed), gmwm.wavelet_variance(tailed, robust=True)
-    assert measured_axis(Pair(*curves), CalibrationOptions())[0].robust
-    assert not measured_axis(Pair(*curves, screened(tailed)), CalibrationOptions())[0].robust
+    assert measured({"gyro_x": curves}, CalibrationOptions())[0].robust
+    assert not measured(tailed, CalibrationOptions())[0].robust
 
 
 @pytest.mark.slow

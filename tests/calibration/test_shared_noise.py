@@ -9,11 +9,11 @@ import pytest
 
 import gmwm
 from gmwm.applications.several import block_means as module
+from gmwm.applications.several.addition import SharedNoiseAddition
 from gmwm.applications.several.block_means import block_means, shared_noise
 from gmwm.applications.several.result import SharedNoise
 from gmwm.base.remarks import texts
 from gmwm.calibration import Calibration
-from gmwm.calibration.recording_findings import shared_remarks
 from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.exporters import export_formats
 from gmwm.showing.exporters.text import plain
@@ -154,7 +154,7 @@ def test_many_pairs_are_counted_and_the_strongest_named():
 
     names = list(combinations(AXES, 2))
     shared = [one(*pair, 0.02 * (k + 1) * (-1) ** k) for k, pair in enumerate(names)]
-    remark = only(list(shared_remarks(shared, AXES, 0.05)), "noise-shared")
+    remark = only(list(SharedNoiseAddition().remarks(shared, AXES, 0.05)), "noise-shared")
     assert remark.facts["count"] == len(names) == len(remark.facts["pairs"])
     text = " ".join(texts([remark]))
     assert "15 pairs of axes share noise" in text

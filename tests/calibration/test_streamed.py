@@ -7,9 +7,8 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import OptionError
-from gmwm.calibration.measurement import curves_and_inspection, measured_recording
-from gmwm.calibration.options import CalibrationOptions
-from gmwm.files.readers import text
+from gmwm.calibration.passes import curves_and_inspection, read_recording
+from gmwm.files.formats import text
 from gmwm.measuring.inspection.api import FirstPass
 from gmwm.measuring.streaming import passes
 from gmwm.recording import batches
@@ -93,10 +92,10 @@ def test_rows_that_are_appended_between_the_passes_are_ignored(tmp_path, monkeyp
     monkeypatch.setattr(batches, "BATCH", 1_500)
     monkeypatch.setattr(passes, "held_samples", lambda axes: 100)
     stream = gmwm.stream(file, rate=100.0)
-    found, seen, _ = measured_recording(stream, stream.axes, CalibrationOptions())
+    accumulators, seen, _ = read_recording(stream, stream.axes, 0.6)
     assert sum(map(len, stream)) == 3000
-    pair = found["gyro_x"].pair(0.6)
-    assert seen.samples == 2000 == pair.robust.samples == pair.spectrum.samples
+    axis = accumulators["gyro_x"]
+    assert seen.samples == 2000 == axis.curves.robust().samples == axis.spectrum().samples
     assert seen.axes["gyro_x"].sd == pytest.approx(rows[:2000].std(), rel=1e-12)
 
 

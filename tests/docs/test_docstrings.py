@@ -16,6 +16,7 @@ NO_EXAMPLE = {
 }
 CANNOT_FAIL = {
     "export_formats": "takes nothing",
+    "register": "imports the function when it is used",
     "example_recording": "takes nothing",
     "reference_imu": "takes nothing",
 }

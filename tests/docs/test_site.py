@@ -121,11 +121,11 @@ def test_inherited_methods_are_documented_like_others(built):
         for name, thing in [(name, getattr(gmwm, name)) for name in gmwm.__all__]
         if inspect.isclass(thing)
         for base in thing.__mro__[1:]
-        if base.__name__.endswith("Methods")
+        if base.__name__.endswith("Methods") or base is gmwm.plots.Plotted
         for attribute in vars(base)
         if not attribute.startswith("_")
     ]
-    assert len(inherited) > 15
+    assert {"gmwm.Fit.plot", "gmwm.Signal.plot", "gmwm.Calibration.plot"} <= set(inherited)
     assert [name for name in inherited if name not in places] == []
 
 

@@ -8,8 +8,10 @@ import pytest
 import gmwm
 from gmwm import Signal
 from gmwm.base.errors import DataError
+from gmwm.base.time_base import lost_before
 from gmwm.measuring.covariance import Design, covariance
 from gmwm.measuring.variance.transform import dwt, modwt
+from gmwm.recording.gaps import joined_ranges
 from gmwm.theory.processes.model import as_model
 from tests.helpers import raises
 
@@ -22,6 +24,16 @@ def with_gaps(lengths, lost, seed=0):
     times = np.concatenate([[0], np.cumsum(np.array(lengths[:-1]) + np.array(lost))]) / RATE + 5.0
     x = np.random.default_rng(seed).normal(size=ends[-1])
     return Signal(x, RATE, "rad/s", "gyro_x", segments=list(pairwise(ends)), starts=times)
+
+
+def test_lost_samples_are_counted_and_none_where_the_clock_was_set_back():
+    segments, starts = [(0, 4000), (4000, 8000), (8000, 12000), (12000, 16000)], [7.0, 47.03, 60.0, 100.02]
+    assert lost_before(RATE, segments, starts).tolist() == [3, -2703, 2]
+    assert joined_ranges(RATE, segments, starts) == ((0, 8000), (8000, 16000))
+    x = np.random.default_rng(1).normal(size=16000)
+    filled = Signal(x, RATE, "rad/s", "gyro_x", segments=segments, starts=starts).fill_gaps()
+    assert filled.segments == ((0, 8003), (8003, 16005))
+    assert filled.filled == 5
 
 
 @pytest.mark.parametrize(

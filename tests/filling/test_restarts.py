@@ -106,7 +106,7 @@ def test_a_restart_does_not_count_as_a_random_walk():
         broken = signal(x, lost)
         assert len(broken.fill_gaps().segments) == 3
         kept.append(gmwm.wavelet_variance(broken, levels=12).variance)
-        missing = gmwm.filling.drawn(np.where(lost, 0.0, x), ~lost)
+        missing = gmwm.recording.gaps.drawn(np.where(lost, 0.0, x), ~lost)
         through.append(gmwm.wavelet_variance(missing, rate=RATE, levels=12).variance)
     levels = np.arange(1, 13)
     lengths = 2.0**levels

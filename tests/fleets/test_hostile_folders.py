@@ -13,8 +13,8 @@ from gmwm.applications.fleets.discovery import find_units
 from gmwm.applications.fleets.storage import FORMAT, read_facts
 from gmwm.base.atomic_files import DEEPEST, read_json
 from gmwm.base.errors import OptionError, ReadError
-from gmwm.files.readers.parquet import ParquetReader
-from gmwm.files.readers.text import TextReader
+from gmwm.files.formats.parquet import ParquetReader
+from gmwm.files.formats.text import TextReader
 from gmwm.recording.options import ReadOptions
 from tests.helpers import raises
 

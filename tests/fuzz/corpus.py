@@ -14,7 +14,7 @@ import numpy as np
 import scipy.io
 
 import gmwm
-from gmwm.files.readers.byte_sources import zstd_library
+from gmwm.files.formats.byte_sources import zstd_library
 from gmwm.recording.imu_records import TYPES
 from tests.readers import rosbag_files, test_dataflash, test_imr, test_matlab, test_ulog, test_waypoint
 

@@ -178,7 +178,7 @@ def test_matplotlib_is_imported_when_something_is_drawn():
 @pytest.mark.slow
 def test_pyplot_is_never_imported():
     code = (
-        "import sys; from gmwm.variance.result import WaveletVariance as W;"
+        "import sys; from gmwm.measuring.variance.result import WaveletVariance as W;"
         "W.from_values([3., 2., 1.], 100, 10.).plot(); sys.exit('matplotlib.pyplot' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

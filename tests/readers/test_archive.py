@@ -10,8 +10,9 @@ import pytest
 
 from gmwm.base.errors import GmwmError, OptionError, ReadError
 from gmwm.base.remarks import Remark
-from gmwm.files.readers import byte_sources, find_reader, read
-from gmwm.files.readers.byte_sources import PackedError
+from gmwm.files.formats import byte_sources
+from gmwm.files.formats.byte_sources import PackedError
+from gmwm.files.readers import find_reader, read
 from tests.helpers import only, raises
 
 VALUES = np.random.default_rng(6).normal(size=(200, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.81]

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from gmwm.base.errors import GmwmError, ReadError
-from gmwm.files.readers import find_reader, read, text
-from gmwm.files.readers.byte_sources import PackedError, zstd_library
+from gmwm.files.formats import text
+from gmwm.files.formats.byte_sources import PackedError, zstd_library
+from gmwm.files.readers import find_reader, read
 from tests.helpers import raises
 
 VALUES = np.random.default_rng(2).normal(size=(3000, 2))

@@ -7,7 +7,8 @@ import pytest
 
 from gmwm.base.axis_names import AXES
 from gmwm.base.errors import ReadError
-from gmwm.files.readers import dataflash, find_reader, read, stream
+from gmwm.files.formats import dataflash
+from gmwm.files.readers import find_reader, read, stream
 from tests.helpers import only, raises
 
 IMU = (162, "IMU", "QBffffffIIfBBHH", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz")

@@ -7,7 +7,8 @@ import pytest
 
 from gmwm.base.axis_names import AXES
 from gmwm.base.errors import ReadError
-from gmwm.files.readers import dataflash_text, find_reader, read, stream
+from gmwm.files.formats import dataflash_text
+from gmwm.files.readers import find_reader, read, stream
 from tests.helpers import only, raises
 
 ROWS = 400

@@ -8,8 +8,9 @@ import pytest
 
 from gmwm.base.axis_names import AXES
 from gmwm.base.errors import GmwmError, MissingDependencyError, ReadError, UnitError
-from gmwm.files.readers import arrays, find_reader, read
-from gmwm.files.readers.byte_sources import PackedError
+from gmwm.files.formats import arrays
+from gmwm.files.formats.byte_sources import PackedError
+from gmwm.files.readers import find_reader, read
 from tests.helpers import only, raises
 
 VALUES = np.random.default_rng(9).normal(size=(60, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.81]

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from gmwm.files.readers.column_names import is_unit, named_unit, recognise
+from gmwm.files.columns.column_names import is_unit, named_unit, recognise
 
 AXES = {
     "gyro_x": "gyro_x Gyr_X GYRO_X gyroX GyroX gx wx w_x omega_x angular_velocity.x angular_velocity_x xgyro "

@@ -16,8 +16,8 @@ import scipy.io
 
 import gmwm
 from gmwm.base.errors import DataError, ReadError
-from gmwm.files.readers.archive import MAX_TABLES
-from gmwm.files.readers.byte_sources import PackedError
+from gmwm.files.formats.archive import MAX_TABLES
+from gmwm.files.formats.byte_sources import PackedError
 from tests.helpers import codes, only, raises, warns
 
 ROWS = 20_000

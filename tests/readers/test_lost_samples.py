@@ -8,8 +8,9 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import DataError, ReadError
-from gmwm.files.readers import interpretation, parquet, read, stream, text
-from gmwm.files.readers.lost_samples import gaps_of
+from gmwm.files.clock.lost_samples import gaps_of
+from gmwm.files.formats import parquet, text
+from gmwm.files.readers import interpretation, read, stream
 from gmwm.files.readers.parts import PartReader
 from tests.helpers import raises, warns
 

@@ -10,8 +10,8 @@ import scipy.io
 
 from gmwm.base.axis_names import AXES
 from gmwm.base.errors import GmwmError, ReadError, UnitError
+from gmwm.files.formats.byte_sources import PackedError
 from gmwm.files.readers import find_reader, read
-from gmwm.files.readers.byte_sources import PackedError
 from tests.helpers import device, only, raises
 
 VALUES = np.random.default_rng(8).normal(size=(60, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.81]

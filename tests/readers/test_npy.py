@@ -10,9 +10,10 @@ import pytest
 from gmwm.base.axis_names import AXES
 from gmwm.base.errors import GmwmError, ReadError, TimeBaseWarning
 from gmwm.base.remarks import Quantity
-from gmwm.files.readers import arrays, find_reader, read
-from gmwm.files.readers.byte_sources import PackedError
-from gmwm.files.readers.npy import PicklesError
+from gmwm.files.formats import arrays
+from gmwm.files.formats.byte_sources import PackedError
+from gmwm.files.formats.npy import PicklesError
+from gmwm.files.readers import find_reader, read
 from tests.helpers import only, raises
 
 VALUES = np.random.default_rng(3).normal(size=(60, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.81]

@@ -8,7 +8,8 @@ import polars as pl
 import pytest
 
 from gmwm.base.errors import GmwmError, ReadError
-from gmwm.files.readers import parquet, read
+from gmwm.files.formats import parquet
+from gmwm.files.readers import read
 from tests.helpers import raises
 
 NOISE = np.random.default_rng(2).normal(size=50)

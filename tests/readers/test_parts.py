@@ -10,8 +10,9 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import OptionError, ReadError
-from gmwm.files.readers import arrays, interpretation, parquet, parts, stream, text, waypoint
-from gmwm.files.readers.base import Mark, find_reader
+from gmwm.files.contract import Mark, find_reader
+from gmwm.files.formats import arrays, parquet, text, waypoint
+from gmwm.files.readers import interpretation, parts, stream
 from gmwm.files.readers.parts import PartReader
 from gmwm.files.readers.reading_warnings import of_file
 from gmwm.files.readers.streams import Stream

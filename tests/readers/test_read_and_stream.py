@@ -8,7 +8,8 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import ReadError
-from gmwm.files.readers import interpretation, parquet, temperature, text
+from gmwm.files.formats import parquet, text
+from gmwm.files.readers import interpretation, temperature
 from tests.helpers import only, raises
 
 ROWS = 9000

@@ -13,17 +13,19 @@ import numpy as np
 import pytest
 
 from gmwm.base.errors import DataError, GmwmError, GmwmWarning, OptionError, ReadError
+from gmwm.base.guests import admit_guests
 from gmwm.base.remarks import Remark
-from gmwm.files.readers import Channel, Layout, Reader, Rows, base, find_reader, read, register, registered
+from gmwm.files import contract
+from gmwm.files.readers import Channel, Layout, Reader, Rows, find_reader, read, register, registered
 from gmwm.recording import writers
 from gmwm.recording.signals import Imu
-from tests.helpers import raises
+from tests.helpers import raises, warns
 
 
 @pytest.fixture
 def increments(monkeypatch):
     """A format that no file of ours has: a signature, increments, its own units and rate, two topics on demand."""
-    monkeypatch.setattr(base, "_READERS", dict(base._READERS))
+    monkeypatch.setattr(contract, "_READERS", dict(contract._READERS))
 
     @register
     class Increments(Reader):
@@ -80,7 +82,7 @@ def test_a_name_is_registered_once(increments, other):
 
 def test_no_reader_takes_the_place_of_a_built_in_one(increments):
     (built_in,) = [type(reader) for reader in registered() if reader.name == "parquet"]
-    with raises(OptionError, "'parquet'", "already", "gmwm.files.readers.parquet"):
+    with raises(OptionError, "'parquet'", "already", "gmwm.files.formats.parquet"):
         register(built_in)
 
 
@@ -122,7 +124,7 @@ def test_a_file_cut_anywhere_is_an_error_or_a_shorter_recording(tmp_path, suffix
 @pytest.mark.slow
 def test_import_is_light():
     code = (
-        "import sys, gmwm.readers, gmwm.writers, gmwm.inspection;"
+        "import sys, gmwm.readers, gmwm.recording.writers, gmwm.inspection;"
         "heavy = {'polars', 'matplotlib', 'scipy.optimize', 'scipy.stats'} & set(sys.modules);"
         "sys.exit(str(heavy) if heavy else 0)"
     )
@@ -161,3 +163,71 @@ def test_one_sample_is_singular(tmp_path):
     path.write_text("time [s],gx [rad/s]\n0,1\n")
     with raises(DataError, path, "1 sample", "at least 8"):
         read(path)
+
+
+GUEST = """
+from gmwm.readers import Channel, Layout, Reader
+
+class GuestReader(Reader):
+    name, extensions = "guest", (".guest",)
+
+    def sniff(self, path, head):
+        return float(head.startswith(b"\\x00GUEST"))
+
+    def layouts(self, path):
+        return (Layout((Channel("x", "rad/s", "gyro_x"),), rate=10.0),)
+
+    def chunks(self, path, layout, wanted):
+        import numpy as np
+        yield {k: np.arange(20.0) for k in wanted}
+"""
+
+
+@pytest.fixture
+def guest(tmp_path, monkeypatch):
+    """An installed package with a reader, and with one that cannot be imported. Return a file of its format."""
+    monkeypatch.setattr(contract, "_READERS", dict(contract._READERS))
+    (tmp_path / "guest_reader.py").write_text(GUEST)
+    folder = tmp_path / "guest_logs-1.0.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: guest-logs\nVersion: 1.0\n")
+    entries = "[gmwm.readers]\nbroken = lacking_module:Reader\nguest = guest_reader:GuestReader\n"
+    (folder / "entry_points.txt").write_text(entries)
+    monkeypatch.syspath_prepend(tmp_path)
+    admit_guests.cache_clear()
+    path = tmp_path / "a.guest"
+    path.write_bytes(b"\x00GUEST")
+    yield path
+    admit_guests.cache_clear()
+    sys.modules.pop("guest_reader", None)
+
+
+def test_a_guest_is_loaded_only_if_no_own_format_fits(tmp_path, guest):
+    table = tmp_path / "own.csv"
+    table.write_text("gyro_x [rad/s]\n" + "".join(f"{k % 3}\n" for k in range(20)))
+    assert read(table, rate=10.0).rate == 10.0
+    assert "guest_reader" not in sys.modules
+    with warns("guest-unusable", name="broken", package="guest-logs", group="gmwm.readers"):
+        imu = read(guest)
+    assert imu["gyro_x"].values.tolist() == list(range(20))
+    assert read(guest, format="GUEST")["gyro_x"].values.size == 20
+
+
+@pytest.mark.parametrize("form", ["list", "format"])
+def test_guests_are_loaded_when_formats_are_listed_or_named(guest, form):
+    with warns("guest-unusable"):
+        if form == "list":
+            assert registered()[-1].name == "guest"
+        else:
+            read(guest, format="guest")
+
+
+def test_a_guest_must_be_a_reader(guest, tmp_path):
+    entries = "[gmwm.readers]\nother = guest_reader:Channel\ntext = guest_reader:Taken\n"
+    (tmp_path / "guest_logs-1.0.dist-info" / "entry_points.txt").write_text(entries)
+    module = tmp_path / "guest_reader.py"
+    module.write_text(GUEST + "\nclass Taken(GuestReader):\n    name = 'text'\n")
+    with pytest.warns(GmwmWarning) as warnings:
+        names = [reader.name for reader in registered()]
+    assert [warning.message.remark.facts["name"] for warning in warnings] == ["other", "text"]
+    assert names.count("text") == 1

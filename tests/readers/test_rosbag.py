@@ -66,9 +66,9 @@ def test_small_batches_give_the_same(tmp_path, monkeypatch):
     data = numbers(500)
     for container in ("ros1", "db3", "mcap"):
         path = recorded(tmp_path, container, data)
-        for name in ("bag_ros1", "bag_sqlite", "bag_mcap"):
-            monkeypatch.setattr(f"gmwm.files.readers.{name}.BATCH_BYTES", 1000)
-        monkeypatch.setattr("gmwm.files.readers.bag_sqlite._FIRST", 3)
+        for name in ("bagfiles", "bag_sqlite"):
+            monkeypatch.setattr(f"gmwm.files.formats.{name}.BATCH_BYTES", 1000)
+        monkeypatch.setattr("gmwm.files.formats.bag_sqlite._FIRST", 3)
         assert read(path)["gyro_y"].values.tolist() == data[:, 1].tolist()
 
 

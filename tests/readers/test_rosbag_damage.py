@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from gmwm.base.errors import GmwmError, GmwmWarning, ReadError
-from gmwm.files.readers import bagfiles, read
-from gmwm.files.readers.bag_mcap import McapStorage
-from gmwm.files.readers.bag_types import definition
-from gmwm.files.readers.bagfiles import Topic, unpacked
+from gmwm.files.formats import bagfiles
+from gmwm.files.formats.bag_mcap import McapStorage
+from gmwm.files.formats.bag_types import definition
+from gmwm.files.formats.bagfiles import Topic, unpacked
+from gmwm.files.readers import read
 from tests.helpers import raises
 from tests.readers.rosbag_files import CONTAINERS, START, STEP, flat, imu, numbers, recorded, store_of, written
 

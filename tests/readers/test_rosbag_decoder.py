@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rosbags.typesys import get_types_from_msg
 
 from gmwm.base.errors import ReadError
-from gmwm.files.readers.cdr import Decoder, Definition, template
+from gmwm.files.formats.cdr import Decoder, Definition, template
 from tests.helpers import raises
 from tests.readers.rosbag_files import FLAT, NESTED, PART, START, STEP, flat, imu, nested, numbers, store_of
 

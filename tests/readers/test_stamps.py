@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 
 import gmwm
 from gmwm.base.errors import OptionError, ReadError, UnitError
-from gmwm.files.readers import interpretation, read, stream, text
+from gmwm.files.clock.text_stamps import Midnights, described, is_stamp, times_of
+from gmwm.files.formats import text
+from gmwm.files.readers import interpretation, read, stream
 from gmwm.files.readers.growing_files import Lines, growing_stream
-from gmwm.files.readers.text_stamps import Midnights, described, is_stamp, times_of
 from tests.helpers import only, raises
 from tests.readers.test_parts import same as same_parts
 from tests.readers.test_stream import columns, stamps, written

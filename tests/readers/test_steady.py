@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gmwm.base.errors import ReadError
-from gmwm.files.readers.clock import clock_of
-from gmwm.files.readers.rate_check import rate_change
+from gmwm.files.clock.clock import clock_of
+from gmwm.files.clock.rate_check import rate_change
 from tests.helpers import raises
 
 FIXED = settings(derandomize=True, max_examples=50, deadline=None)

@@ -13,7 +13,8 @@ import pytest
 import gmwm
 from gmwm.base.errors import DataError, OptionError, ReadError, TimeBaseWarning, UnitError
 from gmwm.base.remarks import Remark
-from gmwm.files.readers import arrays, interpretation, parquet, stream, text
+from gmwm.files.formats import arrays, parquet, text
+from gmwm.files.readers import interpretation, stream
 from tests.helpers import only, raises
 
 ROWS = 20_000

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from gmwm.base.errors import DataError, OptionError, ReadError, UnitError
-from gmwm.files.readers import read, text
+from gmwm.files.formats import text
+from gmwm.files.readers import read
 from tests.helpers import only, raises
 
 UNITS = ("s", *["rad/s"] * 3, *["m/s^2"] * 3)

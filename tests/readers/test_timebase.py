@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 
 from gmwm.base.errors import OptionError, ReadError, TimeBaseWarning, UnitError
 from gmwm.base.remarks import Quantity, Remark
+from gmwm.files.clock.clock import clock_of
+from gmwm.files.clock.running_clock import Pace, RunningClock
+from gmwm.files.clock.time_stamps import as_stamps
 from gmwm.files.readers import read
-from gmwm.files.readers.clock import clock_of
-from gmwm.files.readers.time_stamps import as_stamps
 from tests.helpers import only, raises
 
 FIXED = settings(derandomize=True, max_examples=60, deadline=None)
@@ -150,6 +151,41 @@ def test_a_backward_step_starts_a_segment():
     assert found.segments == ((0, 100), (100, 200))
     assert found.base.backward == 1
     assert found.starts == (0.0, 0.6)
+
+
+def set_back(rate, unit=0.0):
+    """Stamps that are rounded down to a unit (s), with three samples lost before and after the clock was set back."""
+    index = np.arange(2400) + 3 * (np.arange(2400) >= 600) + 3 * (np.arange(2400) >= 1800)
+    stamps = np.floor(index / rate / unit) * unit if unit else index / rate
+    stamps[1201:] -= stamps[1201] - stamps[1200] + 3.0
+    return stamps
+
+
+def samples_per_gap(clock):
+    return [(row, round(seconds * clock.rate - 1)) for row, seconds in clock.gaps]
+
+
+def test_no_sample_is_lost_where_the_clock_is_set_back():
+    stamps = set_back(1 / 0.0073, 0.01)
+    clock = base(stamps)
+    assert samples_per_gap(clock.base) == [(600, 3), (1800, 3)]
+    assert [first for first, _ in clock.segments] == [0, 600, 1201, 1800]
+    # Within a part between two settings of the clock, lost samples are counted; at the setting the time stamp counts.
+    begin, lost = stamps[0], [0, 3, 0, 3]
+    for first, start, count in zip((0, 600, 1201, 1800), clock.starts, lost, strict=True):
+        begin, row = (stamps[1201], 1201) if first >= 1201 else (begin, 0)
+        assert start == pytest.approx(begin + (first - row + count) / clock.base.rate, abs=1e-9)
+
+
+def test_a_live_stream_loses_the_same_samples_when_its_clock_is_set_back():
+    stamps = set_back(100.0)
+    timing = base(stamps)
+    live = RunningClock(Pace.of(stamps[:500], "s", timing))
+    parts = [live.take(part) for part in np.split(stamps, [500, 1100, 1202, 1250])] + [live.end()]
+    assert [row for part in parts for row in part.firsts] == [0, 600, 1201, 1800]
+    starts = [start for part in parts for start in part.starts]
+    assert starts == pytest.approx(timing.starts, abs=1e-9)
+    assert live.base().gaps == timing.base.gaps
 
 
 def test_jitter_is_measured_and_told():

@@ -9,9 +9,10 @@ import pytest
 import gmwm
 from gmwm.base.axis_names import AXES
 from gmwm.base.errors import DataError, GmwmError, OptionError, ReadError
-from gmwm.files.readers import find_reader, read, ulog_messages
-from gmwm.files.readers import ulog as ulog_module
-from gmwm.files.readers.ulog import UlogReader
+from gmwm.files.formats import ulog as ulog_module
+from gmwm.files.formats import ulog_messages
+from gmwm.files.formats.ulog import UlogReader
+from gmwm.files.readers import find_reader, read
 from tests.helpers import device, raises
 
 pyulog = pytest.importorskip("pyulog")

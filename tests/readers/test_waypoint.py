@@ -7,7 +7,8 @@ import pytest
 
 from gmwm.base.axis_names import AXES
 from gmwm.base.errors import DataError, GmwmError, GmwmWarning, OptionError, ReadError
-from gmwm.files.readers import find_reader, read, waypoint
+from gmwm.files.formats import waypoint
+from gmwm.files.readers import find_reader, read
 from gmwm.recording.imu_records import TYPES, counts
 from gmwm.recording.signals import Imu, Signal
 from tests.helpers import only, raises

@@ -8,7 +8,8 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import OptionError
-from gmwm.files.readers import interpretation, parquet
+from gmwm.files.formats import parquet
+from gmwm.files.readers import interpretation
 from gmwm.measuring.inspection import inspect
 from gmwm.measuring.regression import blocks
 from gmwm.measuring.regression.against import Asked

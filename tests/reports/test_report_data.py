@@ -4,22 +4,25 @@ import dataclasses
 import hashlib
 import json
 import re
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import gmwm
+from gmwm.base import guests
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.showing.plots.axes import signed_axis, time_axis, value_axis
 from gmwm.showing.plots.figure import Band, Foot, Line, Panel, Stroke, Text
 from gmwm.showing.plots.fit import fit_panel
-from gmwm.showing.reports import report_data
+from gmwm.showing.reports import Section, report_data
+from gmwm.showing.reports import sections as report_sections
 from gmwm.showing.reports.citation import citation
 from gmwm.showing.reports.plotly import Scale, plotly_panel
 from gmwm.showing.reports.verdict import verdict
-from gmwm.showing.reports.write import _worded
+from gmwm.showing.reports.write import _worded, page
 from tests.helpers import raises
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -335,9 +338,29 @@ def test_outliers_that_were_not_tested_on_all_axes_get_no_tick():
 def test_the_error_budget_is_that_of_the_calibration():
     imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)", "accel_y": "WN(sigma2=4e-5)"}, rate=100.0, samples=20_000, rng=1)
     calibration = gmwm.calibrate(imu, within="WN + RW")
-    found = report_data(calibration)["budget"]
+    found = report_data(calibration)["sections"]["budget"]
     budget = calibration.budget(60.0)
     assert [row[0] for row in found["rows"][1:]] == [one.title for one in budget.growths.values()]
     assert found["rows"][1][1].startswith(f"{budget['tilt_x'].error[-1]:.3g}"[:5])
     counts = gmwm.calibrate({"x": gmwm.wavelet_variance(imu["gyro_x"])}, within="WN + RW")
-    assert report_data(counts)["budget"] == {}
+    assert report_data(counts)["sections"] == {}
+
+
+def test_another_package_adds_a_section(monkeypatch):
+    def drift_section(calibration):
+        return Section(title="Drift <b>", text="Use `gmwm wv`.", remarks=[f"{len(calibration)} axis"])
+
+    entry = metadata.EntryPoint("drift", "somewhere:drift_section", "gmwm.reports")
+    monkeypatch.setattr(type(entry), "load", lambda self: drift_section)
+    monkeypatch.setattr(guests, "entry_points", lambda *, group: [entry] if group == entry.group else [])
+    calibration = gmwm.calibrate(gmwm.simulate({"gyro_x": "WN(sigma2=1)"}, rate=100.0, samples=2000, rng=1), "WN")
+    for registry in (guests.admit_guests, report_sections._registry):
+        registry.cache_clear()
+    try:
+        data = report_data(calibration)
+    finally:
+        for registry in (guests.admit_guests, report_sections._registry):
+            registry.cache_clear()
+    assert data["sections"]["drift"]["title"] == "Drift <b>"
+    text = page(data)
+    assert "<h2>Drift &lt;b&gt;</h2>\n<p>Use <code>gmwm wv</code>.</p>\n<p>1 axis</p>" in text

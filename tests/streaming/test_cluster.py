@@ -20,7 +20,8 @@ from gmwm.base.errors import (
     TimeBaseWarning,
 )
 from gmwm.base.remarks import Remark
-from gmwm.files.readers import arrays, interpretation, parquet, text
+from gmwm.files.formats import arrays, parquet, text
+from gmwm.files.readers import interpretation
 from gmwm.measuring.streaming import cluster, scheduling
 from gmwm.measuring.streaming.scheduling import connected
 from tests.helpers import raises, warns
@@ -35,7 +36,7 @@ def client():
 
     class Smaller(distributed.WorkerPlugin):  # of a worker that replaces one, too; by value, as the test is not there
         def setup(self, worker):
-            from gmwm.files.readers import arrays, parquet, text
+            from gmwm.files.formats import arrays, parquet, text
 
             arrays.ROWS = parquet.ROWS = 20_000
             text.BLOCK_BYTES = 400_000

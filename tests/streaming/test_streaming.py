@@ -8,7 +8,8 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import DataError, OptionError, ReadError
-from gmwm.files.readers import interpretation, parquet
+from gmwm.files.formats import parquet
+from gmwm.files.readers import interpretation
 from gmwm.measuring.variance.accumulate import WaveletAccumulator
 from gmwm.recording.signals import Signal
 from tests.helpers import raises

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gmwm.files.readers import clock
-from gmwm.files.readers.clock import clock_of
+from gmwm.files.clock import clock
+from gmwm.files.clock.clock import clock_of
 from validation import study_clocks
 from validation.clock_zoo import KINDS
 

@@ -15,7 +15,7 @@ from gmwm.base import _core
 from gmwm.base.errors import DataError
 from gmwm.measuring.variance.biweight import biweight
 from gmwm.measuring.variance.coefficients import HaarCoefficients, PlainCoefficients
-from gmwm.measuring.variance.robust import SAMPLE, haar_robust_variances, robust_variance, robust_variances
+from gmwm.measuring.variance.robust import SAMPLE, robust_variance, robust_variances
 from tests.helpers import only, raises
 
 ORACLES = Path(__file__).resolve().parents[1] / "oracles"
@@ -113,8 +113,7 @@ def test_sign_direction_and_offset_change_nothing(seed, offset):
 def test_the_root_is_a_falling_one(seed, efficiency):
     x = rng(seed).standard_t(3, size=5000)
     tuning = biweight(efficiency)
-    found = haar_robust_variances(x, 11, efficiency)
-    source = HaarCoefficients(x, 11)
+    found = robust_variances(source := HaarCoefficients(x, 11), efficiency)
     for k, outcome in enumerate(found.diagnostics["outcome"]):
         w = source.sample(k, x.size)
         cubed, fourth = _core.biweight_sums(w, tuning.c**2 * float(found.variance[k]))
@@ -176,7 +175,7 @@ SIGNALS = {
 def test_twin(name, efficiency):
     x = SIGNALS[name]
     levels = x.size.bit_length() - 1
-    tuning, found = biweight(efficiency), haar_robust_variances(x, levels, efficiency)
+    tuning, found = biweight(efficiency), robust_variances(HaarCoefficients(x, levels), efficiency)
     for k in range(levels):
         w = np.asarray(haar.coefficients(x, k + 1), dtype=np.float64)
         if w.size > 2:
@@ -187,7 +186,7 @@ def test_twin(name, efficiency):
 def test_large_signals_take_three_passes_at_most():
     n = 1 << 19
     x = white(n) + np.cumsum(1e-3 * white(n, 1))
-    found = haar_robust_variances(x, 18)
+    found = robust_variances(HaarCoefficients(x, 18))
     tuning = biweight(0.6)
     assert set(found.diagnostics["outcome"]) == {"root"}
     assert max(found.diagnostics["passes"]) <= 3

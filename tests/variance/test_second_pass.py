@@ -10,10 +10,10 @@ from gmwm import wavelet_variance
 from gmwm.base import _core
 from gmwm.base.errors import DataError, OptionError
 from gmwm.measuring.variance.accumulate import WaveletAccumulator
+from gmwm.measuring.variance.rise import KEPT, ThinnedValues
 from gmwm.measuring.variance.robust import robust_variance
 from gmwm.measuring.variance.second_pass import SecondPass
 from gmwm.measuring.variance.second_pass_sums import MOST, MedianCells
-from gmwm.measuring.variance.winsorised_mean import KEPT, ThinnedValues
 from gmwm.recording.signals import Signal
 from tests.helpers import raises
 

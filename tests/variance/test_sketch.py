@@ -13,9 +13,8 @@ from scipy.signal import lfilter
 import gmwm
 from gmwm.base import _core
 from gmwm.measuring.variance.coefficients import HaarCoefficients, PlainCoefficients, PooledCoefficients
-from gmwm.measuring.variance.robust import haar_robust_variances, robust_variance, robust_variances
-from gmwm.measuring.variance.sketch import BEYOND, OCTAVE, Sketch, Sketches
-from gmwm.measuring.variance.sketched import SketchCoefficients
+from gmwm.measuring.variance.robust import robust_variance, robust_variances
+from gmwm.measuring.variance.sketch import BEYOND, OCTAVE, Sketch, SketchCoefficients, Sketches
 from tests.helpers import raises
 
 deterministic = settings(derandomize=True, deadline=None, max_examples=25)
@@ -167,7 +166,7 @@ def test_levels_of_a_record_in_parts():
     first = Sketches.of_haar(half, 6, 0)
     second = Sketches.of_haar(whole, 6, 2500)
     joint = first.merge(second)
-    expected = haar_robust_variances(x, 6).variance
+    expected = robust_variances(HaarCoefficients(x, 6)).variance
     np.testing.assert_allclose(robust_variances(SketchCoefficients.of(joint, 6)).variance, expected, rtol=1e-5)
     np.testing.assert_array_equal(joint.resolutions, np.maximum(first.resolutions, second.resolutions))
     deep = joint.merge(Sketches.at(9, Sketch.of(white(50)), 0.5))
@@ -251,7 +250,7 @@ def test_accuracy(name, efficiency):
     cuts = [0, x.size // 3, x.size // 2, x.size]
     parts = [[Sketch.of_haar(exact.sum, j, *ends) for ends in pairwise(cuts)] for j in range(1, levels + 1)]
     sketches = [a.merge(b).merge(c) for a, b, c in parts]
-    expected = haar_robust_variances(x, levels, efficiency)
+    expected = robust_variances(exact, efficiency)
     source = SketchCoefficients(sketches, [exact.resolution(k) for k in range(levels)])
     np.testing.assert_array_equal(source.counts, exact.counts)
     found = robust_variances(source, efficiency)

@@ -115,7 +115,7 @@ def read_json(path: str | os.PathLike[str]) -> Any:
         raise ValueError(f"lists or objects are nested more than {DEEPEST} deep") from None
     layer = [content] if isinstance(content, dict | list) else []
     for _ in range(DEEPEST):
-        inside = [item for one in layer for item in (one.values() if isinstance(one, dict) else one)]
+        inside = [item for parent in layer for item in (parent.values() if isinstance(parent, dict) else parent)]
         if not all(abs(item) < _BEYOND_FLOATS for item in inside if isinstance(item, int | float)):
             raise ValueError("a number is not finite")
         layer = [item for item in inside if isinstance(item, dict | list)]

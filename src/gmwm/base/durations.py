@@ -44,8 +44,8 @@ def parse_length(text: str, argument: str = "duration") -> float:
     """
     if (plain := _PLAIN.fullmatch(text)) and not plain[2]:
         return float(plain[1])
-    terms, rest = _TERM.findall(text), _TERM.sub("", text)
-    if not terms or rest.strip() or any(unit.lower() not in _SECONDS for _, unit in terms):
+    terms, remainder = _TERM.findall(text), _TERM.sub("", text)
+    if not terms or remainder.strip() or any(unit.lower() not in _SECONDS for _, unit in terms):
         raise OptionError(argument=argument, expected="a duration such as 90s, 30min, 1h30m, 2h or 1d", got=text)
     return float(sum(float(number) * _SECONDS[unit.lower()] for number, unit in terms))
 

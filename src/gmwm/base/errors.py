@@ -160,7 +160,7 @@ class GmwmError(Exception):
         """Return the error as text, for users of Python, the shell or HTML."""
         message = self._what(dialect)
         if self.prefix:
-            message = f"{self._named(self.prefix, dialect)}: {message}"
+            message = f"{self._argument_name(self.prefix, dialect)}: {message}"
         if self.subject:
             message = f"{self.subject}: {message}"
         message = shortened(printable(message))
@@ -187,10 +187,10 @@ class GmwmError(Exception):
         """Return what happened, without subject and advice."""
         if self.message:
             return self.message
-        message = f"{self._named(self.argument or 'the value', dialect)} must be {self.expected}"
-        return f"{message}; got {_shown(self.got)}" if self.given else message
+        message = f"{self._argument_name(self.argument or 'the value', dialect)} must be {self.expected}"
+        return f"{message}; got {_value_text(self.got)}" if self.given else message
 
-    def _named(self, argument: str, dialect: Dialect) -> str:
+    def _argument_name(self, argument: str, dialect: Dialect) -> str:
         """Return the argument, or its option in the shell."""
         if dialect is Dialect.PYTHON or not (self.argument or self.prefix):
             return argument
@@ -211,7 +211,7 @@ def _again(kind: type[GmwmError], state: Mapping[str, Any]) -> GmwmError:
     return error
 
 
-def _shown(got: object) -> str:
+def _value_text(got: object) -> str:
     """Return a short representation of the value that was given."""
     text = repr(got)
     return text if len(text) <= 200 else f"{text[:200]}…"

@@ -75,7 +75,7 @@ class Helpers:
         self._lock = Lock()
         with suppress(OSError):  # the system allows no further process
             for _ in range(count):
-                self._idle.append(_started("fork", modules))
+                self._idle.append(_start_helper("fork", modules))
 
     def run(self, function: Callable[..., T], *args: Any) -> T:
         """Call a function in a helper if one is idle, otherwise here; both must be able to pickle the function, the
@@ -84,7 +84,7 @@ class Helpers:
         if helper is None:
             return function(*args)
         helper.begin(function, *args)
-        return self._received(helper, function, *args)
+        return self._receive(helper, function, *args)
 
     def begin(self, function: Callable[..., T], *args: Any) -> Callable[[], T]:
         """Begin a call in a helper if one is idle. Return a function that returns the result; without a helper, this
@@ -97,7 +97,7 @@ class Helpers:
 
         def wait() -> None:
             try:
-                future.set_result(self._received(helper, function, *args))
+                future.set_result(self._receive(helper, function, *args))
             except BaseException as error:
                 future.set_exception(error)
 
@@ -120,9 +120,9 @@ class Helpers:
         with self._lock:
             return self._idle.pop() if self._idle else None
 
-    def _received(self, helper: Helper, function: Callable[..., T], *args: Any) -> T:
+    def _receive(self, helper: Helper, function: Callable[..., T], *args: Any) -> T:
         try:
-            done, found, warned = helper.connection.recv()
+            done, answer, warned = helper.connection.recv()
         except (EOFError, OSError):  # the system has ended the helper, for example because memory is short
             return function(*args)
         with self._lock:
@@ -130,17 +130,17 @@ class Helpers:
         for message in warned:
             warnings.warn(message, stacklevel=2)
         if done:
-            result: T = found
+            result: T = answer
             return result
-        raise found
+        raise answer
 
 
 def helpers(*modules: str, count: int | None = None) -> Helpers:
     """Fork helpers, if the system can fork and this process has one thread. By default, there is one for each further
     processor."""
     alone = sys.platform == "linux" and len(os.listdir("/proc/self/task")) == 1
-    wanted = min(processors() - 1, MOST) if count is None else count
-    return Helpers(wanted if alone else 0, modules)
+    number = min(processors() - 1, MOST) if count is None else count
+    return Helpers(number if alone else 0, modules)
 
 
 def new_helper(*modules: str) -> Helper:
@@ -149,7 +149,7 @@ def new_helper(*modules: str) -> Helper:
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(ONE_THREAD)
     try:
-        return _started("spawn", modules)
+        return _start_helper("spawn", modules)
     finally:
         for name, value in before.items():
             if value is None:
@@ -176,7 +176,7 @@ def spare_garbage_collector() -> None:
     gc.set_threshold(50_000, 20, 50)
 
 
-def _started(method: str, modules: tuple[str, ...]) -> Helper:
+def _start_helper(method: str, modules: tuple[str, ...]) -> Helper:
     from multiprocessing import get_context
 
     context: Any = get_context(method)
@@ -208,7 +208,7 @@ def _serve(connection: Connection, ours: Connection | None, modules: tuple[str, 
             function, args = connection.recv()
             with warnings.catch_warnings(record=True) as warned:
                 try:
-                    done, found = True, function(*args)
+                    done, answer = True, function(*args)
                 except Exception as error:
-                    done, found = False, error
-            connection.send((done, found, [each.message for each in warned]))
+                    done, answer = False, error
+            connection.send((done, answer, [each.message for each in warned]))

@@ -108,10 +108,10 @@ def require_kinds(found: Any, where: str, document: Document) -> None:
         if name in (*_SHARES, *getattr(found, "shares", ())) and value is not None and not 0 < value < 1:
             raise document.error(f"{key} must be between 0 and 1; got {value!r}")
         if not getattr(found, "marks_with_nan", False) and np.any(np.isnan(_numbers_of(value))):
-            raise document.error(f"{key} must contain numbers only; got {_shown(value)}")
+            raise document.error(f"{key} must contain numbers only; got {_value_text(value)}")
         if isinstance(value, np.ndarray):
             if value.ndim == 0 or (value.ndim > 1 and name in _lists(type(found))):
-                raise document.error(f"{key} must be a list of numbers; got {_shown(value)}")
+                raise document.error(f"{key} must be a list of numbers; got {_value_text(value)}")
             if value.ndim == 1:
                 lengths[key] = value.size
     if len(set(lengths.values())) > 1 or 0 in lengths.values():
@@ -161,15 +161,15 @@ def _require_range(name: str, value: Any, key: str, document: Document) -> None:
             _require_range(name, part, f"{key}.{term}", document)
     numbers = _numbers_of(value)
     if name in _POSITIVE and np.any(numbers <= 0):
-        raise document.error(f"{key} must be above zero; got {_shown(value)}")
+        raise document.error(f"{key} must be above zero; got {_value_text(value)}")
     if name in _POSITIVE and np.any(numbers < 1 / LARGEST):
-        raise document.error(f"{key} must be at least {1 / LARGEST:g}; got {_shown(value)}")
+        raise document.error(f"{key} must be at least {1 / LARGEST:g}; got {_value_text(value)}")
     if name in _NOT_NEGATIVE and np.any(numbers < 0):
-        raise document.error(f"{key} must not be negative; got {_shown(value)}")
+        raise document.error(f"{key} must not be negative; got {_value_text(value)}")
     if name in _POSITIVE | _NOT_NEGATIVE and isinstance(value, int) and value > LARGEST_COUNT:
-        raise document.error(f"{key} must not exceed {LARGEST_COUNT}; got {_shown(value)}")
+        raise document.error(f"{key} must not exceed {LARGEST_COUNT}; got {_value_text(value)}")
     if name in _PROBABILITIES and np.any((numbers < 0) | (numbers > 1)):
-        raise document.error(f"{key} must be from 0 to 1; got {_shown(value)}")
+        raise document.error(f"{key} must be from 0 to 1; got {_value_text(value)}")
     if name in _COVARIANCES and isinstance(value, np.ndarray):
         require_covariance(value, key, document)
 
@@ -180,10 +180,10 @@ def require_covariance(values: Matrix, key: str, document: Document) -> None:
         raise document.error(f"{key} must be a square matrix; got the shape {values.shape}")
     diagonal = np.diag(values)
     if not np.all(diagonal >= 0):
-        raise document.error(f"{key} must not have negative numbers on its diagonal; got {_shown(diagonal)}")
-    known = np.isfinite(diagonal) & (diagonal > 0)
-    scale = np.sqrt(diagonal[known])
-    unit = values[np.ix_(known, known)] / scale[:, None] / scale
+        raise document.error(f"{key} must not have negative numbers on its diagonal; got {_value_text(diagonal)}")
+    determined = np.isfinite(diagonal) & (diagonal > 0)
+    scale = np.sqrt(diagonal[determined])
+    unit = values[np.ix_(determined, determined)] / scale[:, None] / scale
     if not np.all(np.abs(unit - unit.T) <= ROUNDING):
         raise document.error(f"{key} must be a symmetric matrix")
     if unit.size and np.linalg.eigvalsh(unit)[0] < -ROUNDING * len(unit):
@@ -192,14 +192,14 @@ def require_covariance(values: Matrix, key: str, document: Document) -> None:
 
 def _numbers_of(value: Any) -> NDArray[np.float64]:
     """Return the numbers of a number, an array, or a tuple of numbers; an empty array for any other value."""
-    if isinstance(value, tuple) and all(_is(one, float) for one in value):
-        value = [float(one) for one in value]
+    if isinstance(value, tuple) and all(_is(number, float) for number in value):
+        value = [float(number) for number in value]
     elif not isinstance(value, np.ndarray) and not _is(value, float):
         value = []
     return np.asarray(value, dtype=np.float64)
 
 
-def _shown(value: Any) -> str:
+def _value_text(value: Any) -> str:
     """Return the text of numbers for a message; the first ones of many."""
     return repr(value.tolist() if isinstance(value, np.ndarray) else value)[:100]
 
@@ -232,15 +232,15 @@ def _is(value: Any, kind: Any) -> bool:
     if kind is Any:
         return True
     if origin in (Union, UnionType):
-        return any(_is(value, one) for one in get_args(kind))
+        return any(_is(value, member) for member in get_args(kind))
     if origin is Literal:
-        return any(value == one and type(value) is type(one) for one in get_args(kind))
+        return any(value == member and type(value) is type(member) for member in get_args(kind))
     if origin is tuple:
         inners = get_args(kind)
         return isinstance(value, tuple) and (inners[-1] is ... or len(value) == len(inners))
     if kind in (int, float):
-        whole = int if kind is int else int | float
-        return isinstance(value, whole | np.integer) and not isinstance(value, bool)
+        number = int if kind is int else int | float
+        return isinstance(value, number | np.integer) and not isinstance(value, bool)
     return isinstance(value, origin or kind)
 
 
@@ -248,14 +248,14 @@ def _alone(kind: Any) -> Any:
     """Return a tuple type, or the tuple type in a union with None."""
     if get_origin(kind) is tuple:
         return kind
-    return next((one for one in get_args(kind) if get_origin(one) is tuple), kind)
+    return next((member for member in get_args(kind) if get_origin(member) is tuple), kind)
 
 
 def _words(kind: Any) -> str:
     origin = _origin(kind)
     if origin in (Union, UnionType):
-        return " or ".join(_words(one) for one in get_args(kind))
+        return " or ".join(_words(member) for member in get_args(kind))
     if origin is Literal:
         return " or ".join(map(repr, get_args(kind)))
-    known = {tuple: "a list", np.ndarray: "a list of numbers"}
-    return _WORDS.get(kind) or known.get(origin, "an object")
+    names = {tuple: "a list", np.ndarray: "a list of numbers"}
+    return _WORDS.get(kind) or names.get(origin, "an object")

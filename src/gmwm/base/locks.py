@@ -19,9 +19,9 @@ class OneAtATime:
 
     def __new__(cls, *_args: Any, **_options: Any) -> Self:
         """Make an object with a lock, also when it is restored from a pickle."""
-        made = super().__new__(cls)
-        made._lock = threading.RLock()
-        return made
+        instance = super().__new__(cls)
+        instance._lock = threading.RLock()
+        return instance
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "_lock"}

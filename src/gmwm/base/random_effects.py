@@ -67,40 +67,40 @@ def between_units(x: Matrix, s2: Matrix, target: Vector | None = None, start: Ve
     Paule and Mandel (1982), Consensus values and weighting factors, J. Res. NBS 87, 377-385. Viechtbauer (2007),
     Confidence intervals for the amount of heterogeneity in meta-analysis, Statistics in Medicine 26, 37-52.
     """
-    there = np.isfinite(x)
-    x, s2 = np.where(there, x, 0.0), np.where(there, s2, 1.0)
-    wanted = there.sum(axis=-1) - 1.0 if target is None else np.asarray(target, dtype=np.float64)
-    open_ = wanted > 0
-    safe = np.where(open_, wanted, 1.0)
-    found = np.zeros(x.shape[:-1]) if start is None else np.array(start, dtype=np.float64)
-    least = np.min(np.where(there, s2, np.inf), axis=-1)
+    finite = np.isfinite(x)
+    x, s2 = np.where(finite, x, 0.0), np.where(finite, s2, 1.0)
+    statistic = finite.sum(axis=-1) - 1.0 if target is None else np.asarray(target, dtype=np.float64)
+    open_ = statistic > 0
+    safe = np.where(open_, statistic, 1.0)
+    spread2 = np.zeros(x.shape[:-1]) if start is None else np.array(start, dtype=np.float64)
+    least = np.min(np.where(finite, s2, np.inf), axis=-1)
     for _ in range(_STEPS):
-        w = there / (found[..., None] + s2)
+        w = finite / (spread2[..., None] + s2)
         off = x - (np.sum(w * x, axis=-1) / np.maximum(np.sum(w, axis=-1), np.finfo(float).tiny))[..., None]
         pull = w * off * off
         q, slope = np.sum(pull, axis=-1), np.sum(w * pull, axis=-1)
         step = np.where(open_ & (slope > 0), (q / safe - 1) * q / np.where(slope > 0, slope, 1.0), 0.0)
-        step = np.maximum(step, -found)
-        found = found + step
-        if np.all(np.abs(step) <= 1e-9 * (found + least)):
+        step = np.maximum(step, -spread2)
+        spread2 = spread2 + step
+        if np.all(np.abs(step) <= 1e-9 * (spread2 + least)):
             break
-    return np.where(open_, found, 0.0)
+    return np.where(open_, spread2, 0.0)
 
 
 def effects(x: Matrix, s2: Matrix, spread2: Vector | None = None, start: Vector | None = None) -> Effects:
     """Estimate the mean and the spread of each sample (…, n). If `spread2` is given, it is the known value of τ²."""
-    known = between_units(x, s2, start=start) if spread2 is None else spread2
-    there = np.isfinite(x)
-    w = np.where(there, 1.0 / (known[..., None] + np.where(there, s2, 1.0)), 0.0)
-    count, total = there.sum(axis=-1).astype(np.float64), np.sum(w, axis=-1)
+    between2 = between_units(x, s2, start=start) if spread2 is None else spread2
+    finite = np.isfinite(x)
+    w = np.where(finite, 1.0 / (between2[..., None] + np.where(finite, s2, 1.0)), 0.0)
+    count, total = finite.sum(axis=-1).astype(np.float64), np.sum(w, axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.sum(w * np.where(there, x, 0.0), axis=-1) / total
+        mean = np.sum(w * np.where(finite, x, 0.0), axis=-1) / total
         share = np.sum(w * w, axis=-1) / total**2
         variance = np.where(count > 1, 2 * (count - 1) / (total * (1 - share)) ** 2, np.inf)
         return Effects(
             mean=mean,
             error=1 / np.sqrt(total),
-            spread2=known,
+            spread2=between2,
             spread2_variance=variance,
             error2_slope=share,
             count=count,
@@ -149,7 +149,7 @@ def predicted(
         means.append(at.mean)
         sizes.append(np.sqrt(at.spread2 + at.error**2 * (1.0 if widened is None else widened)))
     shares = (1 - confidence) / 2, (1 + confidence) / 2
-    low, high = (_mixed(np.array(means), np.array(sizes), weights, share) for share in shares)
+    low, high = (_mixture_cdf(np.array(means), np.array(sizes), weights, share) for share in shares)
     return low, high
 
 
@@ -158,9 +158,9 @@ def confidence_of_mean(x: Matrix, s2: Matrix, confidence: float) -> tuple[Vector
 
     If the errors s_i are zero, this is the t interval μ̂ ± t_{n−1} τ̂ / √n.
     """
-    found = [(at.mean, at.error) for at in _over_spreads(x, s2, None)]
-    means, sizes = (np.array(each) for each in zip(*found, strict=True))
-    low, high = (_mixed(means, sizes, _SHARES, share) for share in ((1 - confidence) / 2, (1 + confidence) / 2))
+    candidates = [(at.mean, at.error) for at in _over_spreads(x, s2, None)]
+    means, sizes = (np.array(each) for each in zip(*candidates, strict=True))
+    low, high = (_mixture_cdf(means, sizes, _SHARES, share) for share in ((1 - confidence) / 2, (1 + confidence) / 2))
     return low, high
 
 
@@ -187,7 +187,7 @@ def _freedom(x: Matrix, freedom: Vector | None) -> tuple[Vector, Vector]:
     return many, many if freedom is None else np.maximum(freedom, 1.0)
 
 
-def _mixed(means: Matrix, sizes: Matrix, weights: Vector, share: float) -> Vector:
+def _mixture_cdf(means: Matrix, sizes: Matrix, weights: Vector, share: float) -> Vector:
     """Return a quantile of a mixture of k normal distributions, given in arrays (k, …), by bisection."""
     from scipy.special import ndtr
 

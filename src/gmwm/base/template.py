@@ -107,7 +107,7 @@ def render(
     >>> render("{--columns=gyro_x:4,time:none} or {--columns=time,gyro_x}")
     "columns={'gyro_x': 4, 'time': None} or columns=['time', 'gyro_x']"
     """
-    known = facts or {}
+    values = facts or {}
     html = dialect is Dialect.HTML
     parts: list[str] = []
     for literal, name, spec, _ in Formatter().parse(template):
@@ -115,13 +115,13 @@ def render(
         if name is None:
             continue
         if name.startswith("--"):
-            text = _option(name[2:] + (f":{spec}" if spec else ""), known, dialect, options or {})
+            text = _option(name[2:] + (f":{spec}" if spec else ""), values, dialect, options or {})
             parts.append(f"<code>{escape(text, quote=False)}</code>" if html else text)
         elif name.startswith("gmwm "):
             text = _PYTHON_COMMANDS[name] if dialect is Dialect.PYTHON else name
             parts.append(f"<code>{escape(text, quote=False)}</code>" if html else f"`{text}`")
         else:
-            text = fact_text(known[name], spec or "")
+            text = fact_text(values[name], spec or "")
             parts.append(escape(text, quote=False) if html else text)
     text = "".join(parts)
     return _code_spans(text) if html else text
@@ -183,11 +183,11 @@ def shell_option(argument: str) -> str:
 
 def _option(text: str, facts: Mapping[str, Fact], dialect: Dialect, options: Mapping[str, str]) -> str:
     """Format an option with its value for Python or the shell."""
-    name, given, value = text.partition("=")
+    name, equals, value = text.partition("=")
     shell = options.get(name) or shell_option(name)
     fact = facts[value[1:]] if value.startswith("@") else None
     python = dialect is Dialect.PYTHON
-    if not given:
+    if not equals:
         return f"{name}=" if python else shell
     if isinstance(fact, Quantity | float | int):
         number = fact.value if isinstance(fact, Quantity) else fact

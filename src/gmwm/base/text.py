@@ -76,8 +76,8 @@ def listed(names: Sequence[str], most: int = 6) -> str:
     >>> listed("abcdefgh"), listed(["time", "pressure"])
     ('a, b, c, d, e, f and 2 others', 'time, pressure')
     """
-    rest = len(names) - most
-    return ", ".join(names) if rest < 2 else f"{', '.join(names[:most])} and {rest} others"
+    others = len(names) - most
+    return ", ".join(names) if others < 2 else f"{', '.join(names[:most])} and {others} others"
 
 
 LONGEST = 1000

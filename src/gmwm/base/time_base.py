@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Vector
 
-__all__ = ["TimeBase", "begins_of", "times_of"]
+__all__ = ["TimeBase", "begins_of", "gap_duration", "lost_before", "lost_samples", "times_of"]
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,39 @@ def times_of(indices: ArrayLike, rate: float, segments: Sequence[tuple[int, int]
     index, firsts = np.asarray(indices, dtype=np.int64), np.array([first for first, _ in segments])
     segment = np.searchsorted(firsts, index, side="right") - 1
     return np.asarray(np.array(starts)[segment] + (index - firsts[segment]) / rate)
+
+
+def lost_samples(late: ArrayLike, rate: float) -> NDArray[np.int64]:
+    """Return the number of samples lost in gaps. All parts of gmwm count them with this function.
+
+    Parameters
+    ----------
+    late : array of float
+        For each gap, the time (s) from the end of the last sample's interval to the sample after the gap. It is
+        negative if the clock was set back; then no sample is lost, and the result is negative too.
+    rate : float
+        Samples per second (Hz).
+
+    >>> lost_samples([0.02, -3.0], 100.0).tolist()
+    [2, -300]
+    """
+    return np.rint(np.asarray(late, dtype=np.float64) * rate).astype(np.int64)
+
+
+def gap_duration(lost: int, rate: float) -> float:
+    """Return the time (s) from the sample before a gap to the sample after it, from the number of lost samples."""
+    return (lost + 1) / rate
+
+
+def lost_before(rate: float, segments: ArrayLike, starts: ArrayLike) -> NDArray[np.int64]:
+    """Return the number of samples lost before each segment but the first; negative if the clock was set back.
+
+    >>> lost_before(10.0, [(0, 30), (30, 70), (70, 80)], [1000.0, 1005.0, 2.0]).tolist()
+    [20, -10070]
+    """
+    times, ranges = np.asarray(starts, dtype=np.float64), np.asarray(segments)
+    ends = times + (ranges[:, 1] - ranges[:, 0]) / rate
+    return lost_samples(times[1:] - ends[:-1], rate)
 
 
 def begins_of(rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]) -> list[float]:

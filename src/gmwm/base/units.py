@@ -138,8 +138,8 @@ def parse_unit(text: str, quantity: Quantity) -> Unit:
     """
     unit = find_unit(text)
     if unit is None or unit.quantity != quantity:
-        known = ", ".join(unit_names(quantity))
-        raise UnitError(f"{text!r} is not a unit of {quantity}; the units are {known}", argument="unit", got=text)
+        names = ", ".join(unit_names(quantity))
+        raise UnitError(f"{text!r} is not a unit of {quantity}; the units are {names}", argument="unit", got=text)
     return unit
 
 
@@ -189,10 +189,10 @@ def spelt(text: str) -> str:
     >>> spelt("°/sqrt(hr)") == spelt("deg / √h"), spelt("ug/sqrt(Hz)") == spelt("µg/√Hz")
     (True, True)
     """
-    found = text.casefold()
+    spelling = text.casefold()
     for pattern, written in _SPELLINGS:
-        found = re.sub(pattern, written, found)
-    return found
+        spelling = re.sub(pattern, written, spelling)
+    return spelling
 
 
 # --- units of noise coefficients ----------------------------------------------------------------------
@@ -236,10 +236,10 @@ def noise_unit(time_power: float, unit: str, empty: str = "u") -> tuple[str, flo
     >>> noise_unit(0.5, "rad/s")
     ('rad/s/√Hz', 1.0)
     """
-    known = find_unit(unit)
-    if known is None:
+    entry = find_unit(unit)
+    if entry is None:
         return f"{unit or empty}{_SECONDS[time_power]}", 1.0
-    return _COEFFICIENTS[known.quantity][time_power][0], known.factor
+    return _COEFFICIENTS[entry.quantity][time_power][0], entry.factor
 
 
 def datasheet_units(si: str) -> dict[str, float]:

@@ -20,7 +20,7 @@ from gmwm.calibration.tables import in_order, merged
 from gmwm.choosing.datasheets import Datasheet, Entry
 from gmwm.choosing.datasheets.bias import SYMBOL as BIAS
 from gmwm.files.importers.quantities import as_reference
-from gmwm.measuring.variance.slope_line import LAWS
+from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.recording.options import as_size
 from gmwm.theory.processes.linear_recursion import Lagged
 from gmwm.theory.processes.model import Model

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from gmwm.base.remarks import Remark, sorted_remarks
 from gmwm.base.text import rounded
 from gmwm.calibration.tables import number
-from gmwm.measuring.variance.slope_line import LAWS
+from gmwm.measuring.variance.allan_regression import LAWS
 
 if TYPE_CHECKING:
     from gmwm.calibration.agreement_result import Agreement, SharedNumber

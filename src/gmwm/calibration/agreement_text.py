@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from gmwm.base.remarks import Dialect, texts
 from gmwm.base.tables import headed
 from gmwm.calibration.tables import WIDTH, bulleted, key, number, wrapped
-from gmwm.measuring.variance.slope_line import LAWS
+from gmwm.measuring.variance.allan_regression import LAWS
 
 if TYPE_CHECKING:
     from gmwm.calibration.agreement_result import Agreement, SharedNumber

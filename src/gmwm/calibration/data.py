@@ -1,9 +1,10 @@
-"""Check the input of `calibrate`, and return the recordings by name and the data of their axes."""
+"""Check the input of `calibrate`: the recordings by name, and the axes to calibrate."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
 
@@ -12,12 +13,66 @@ import numpy as np
 from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.units import SI_UNIT, find_unit
-from gmwm.calibration.measurement import Measured
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.files.readers.streams import Stream
+from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Imu, Signal
 
 _MAKE_A_SIGNAL = "Make a signal from an array: `gmwm.Signal(x, rate, 'rad/s')`."
+
+
+AxisInput = Signal | WaveletVariance | tuple[WaveletVariance, WaveletVariance]
+"""What a user can give for an axis: its samples, a curve, or the classical and the robust curve."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recordings:
+    """The data to calibrate, in one form whatever the user gave.
+
+    Attributes
+    ----------
+    by_name : mapping of name to Imu, Stream, Signal, or mapping of axis to AxisInput
+        The recordings; the name of a single one is "".
+    axes : tuple of str
+        The axes to calibrate, which all recordings have.
+    missing : mapping of axis to str
+        The reason why each other axis is not calibrated.
+    inputs : mapping of name to mapping of axis to AxisInput or None
+        The data of each axis; None for each axis of a stream.
+    comparisons : int
+        Number of axes and recordings that are tested for outliers together.
+    """
+
+    by_name: Mapping[str, Any]
+    axes: tuple[str, ...]
+    missing: Mapping[str, str]
+    inputs: Mapping[str, Mapping[str, AxisInput | None]]
+    comparisons: int
+
+    @classmethod
+    def of(cls, data: Any, options: CalibrationOptions) -> Recordings:
+        """Check the data and the options that concern axes.
+
+        Raises
+        ------
+        OptionError
+            If the data have a wrong type, or if an axis or an option is wrong.
+        DataError
+            If the recordings have no axis in common.
+        """
+        by_name = named(data)
+        if len(by_name) > 1 and options.conditions.arrays:
+            raise OptionError(
+                "against has arrays, which belong to one recording, and there are several", argument="against",
+                advice="Use the temperature of the files, {--against=temperature}, or calibrate each recording by "
+                "itself.",
+            )  # fmt: skip
+        inputs = {name: chosen_axes(recording, options.wanted) for name, recording in by_name.items()}
+        axes, missing = common_axes(inputs)
+        require_axes(options.models, axes)
+        inputs = {name: {axis: own[axis] for axis in axes} for name, own in inputs.items()}
+        comparisons = len(axes) * len(by_name)
+        return cls(by_name=by_name, axes=tuple(axes), missing=missing, inputs=inputs, comparisons=comparisons)
 
 
 def named(data: Any) -> dict[str, Any]:
@@ -52,22 +107,7 @@ def named(data: Any) -> dict[str, Any]:
     return dict(zip(stems if unique else map(str, range(1, len(items) + 1)), items, strict=True))
 
 
-def require_one(options: CalibrationOptions, **processes: object) -> None:
-    """Raise an OptionError if an option is set that can be used with a single recording only."""
-    for name, value in processes.items():
-        if value is not None:
-            raise OptionError(
-                f"{name} can be given for one recording only, and there are several", argument=name, got=value,
-                advice="Leave {--" + name + "} out.",
-            )  # fmt: skip
-    if options.conditions.arrays:
-        raise OptionError(
-            "against has arrays, which belong to one recording, and there are several", argument="against",
-            advice="Use the temperature of the files, {--against=temperature}, or calibrate each recording by itself.",
-        )  # fmt: skip
-
-
-def chosen_axes(data: object, wanted: tuple[str, ...] | None) -> dict[str, Measured | None]:
+def chosen_axes(data: object, wanted: tuple[str, ...] | None) -> dict[str, AxisInput | None]:
     """Return the data of each axis to calibrate; None for each axis of a stream, which is read later.
 
     Raises
@@ -75,7 +115,7 @@ def chosen_axes(data: object, wanted: tuple[str, ...] | None) -> dict[str, Measu
     OptionError
         If the data have a wrong type, an axis is unknown, or a unit does not belong to the sensor of its axis.
     """
-    items: dict[str, Measured | None]
+    items: dict[str, AxisInput | None]
     if isinstance(data, Signal):
         items = {data.axis or "signal": data}
     elif isinstance(data, Stream):
@@ -93,7 +133,7 @@ def chosen_axes(data: object, wanted: tuple[str, ...] | None) -> dict[str, Measu
             advice=_MAKE_A_SIGNAL if isinstance(data, np.ndarray) else advice,
         )
     for axis, item in items.items():
-        if not isinstance(item, Measured | None):
+        if not isinstance(item, Signal | WaveletVariance | None) and not _is_pair(item):
             raise OptionError(
                 f"{axis} must be a Signal or a WaveletVariance; got {type(item).__name__}",
                 argument="data",
@@ -105,8 +145,13 @@ def chosen_axes(data: object, wanted: tuple[str, ...] | None) -> dict[str, Measu
     chosen = {axis: item for axis, item in items.items() if not wanted or axis in wanted or sensor_of(axis) in wanted}
     for axis, item in chosen.items():
         if item is not None:
-            _check_unit(axis, item.unit)
+            _check_unit(axis, item[0].unit if isinstance(item, tuple) else item.unit)
     return chosen
+
+
+def _is_pair(item: object) -> bool:
+    """Return whether an item is a pair of curves."""
+    return isinstance(item, tuple) and len(item) == 2 and all(isinstance(wv, WaveletVariance) for wv in item)
 
 
 def _check_unit(axis: str, unit: str) -> None:

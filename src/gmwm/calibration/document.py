@@ -6,24 +6,26 @@ import json
 import math
 import os
 from collections.abc import Callable, Mapping
+from functools import partial
 from importlib import metadata
 from types import NoneType, UnionType
 from typing import Any, TypeVar
 
 import numpy as np
 
-from gmwm.applications.monitor import Baseline
 from gmwm.base.atomic_files import read_json
 from gmwm.base.errors import ReadError
 from gmwm.base.kinds import Document, require_kinds
 from gmwm.base.remarks import Remark
 from gmwm.base.text import with_article
+from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.options import AGAIN, CalibrationOptions
 from gmwm.calibration.ranking_document import ranking_document, ranking_from
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.rest import BiasAtRest
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.choosing.datasheets import Datasheet
+from gmwm.choosing.selection.search_steps import SearchStep
 from gmwm.fitting.estimation.goodness import GoodnessOfFit
 from gmwm.fitting.estimation.intervals import Interval
 from gmwm.fitting.estimation.model_error import RelativeMisfit
@@ -86,11 +88,15 @@ def _of_axis(found: AxisCalibration) -> dict[str, Any]:
         "misfit": None if found.misfit is None else found.misfit.to_dict(),
         "model_error": found.model_error,
         "tried": list(found.tried),
+        "search": [step.to_dict() for step in found.search],
         "regression": None if found.regression is None else found.regression.to_dict(),
         "left_in": found.left_in,
         "rest": None if found.rest is None else found.rest.to_dict(),
         "replicates": None if found.replicates is None else found.replicates.to_dict(),
-        "baseline": None if found.baseline is None else found.baseline.to_dict(),
+        **{
+            addition.name: None if (value := found.additions.get(addition.name)) is None else addition.to_dict(value)
+            for addition in axis_additions()
+        },
     }
 
 
@@ -140,8 +146,7 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
     content = axes[axis]
     _require_parts(content, _AXIS_PARTS, axis)
     test, verdict = content["goodness_of_fit"], content["contamination"]
-    removed, known = content["regression"], content.get("baseline")
-    rest = content.get("rest")
+    removed, rest = content["regression"], content.get("rest")
     spectrum, misfit = content["spectrum"], content["misfit"]
     fit = _read(f"{axis}.fit", lambda: Fit.from_dict(content["fit"]))
     return AxisCalibration(
@@ -156,10 +161,15 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
         misfit=None if misfit is None else _read(f"{axis}.misfit", lambda: RelativeMisfit.from_dict(misfit)),
         model_error=content["model_error"],
         tried=tuple(content["tried"]),
+        search=_read(f"{axis}.search", lambda: tuple(map(SearchStep.from_dict, content.get("search", ())))),
         regression=None if removed is None else _read(f"{axis}.regression", lambda: Regression.from_dict(removed)),
         left_in=content["left_in"],
         rest=None if rest is None else _read(f"{axis}.rest", lambda: BiasAtRest.from_dict(rest)),
-        baseline=None if known is None else _read(f"{axis}.baseline", lambda: Baseline.from_dict(known)),
+        additions={
+            addition.name: _read(f"{axis}.{addition.name}", partial(addition.from_dict, content[addition.name]))
+            for addition in axis_additions()
+            if content.get(addition.name) is not None
+        },
     )
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm.choosing.datasheets.bias import SYMBOL
-from gmwm.measuring.variance.slope_line import LAWS
+from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.theory.processes.base import Process, registry
 
 if TYPE_CHECKING:

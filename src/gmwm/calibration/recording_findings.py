@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import rounded
 from gmwm.calibration.averaging import WALK
-from gmwm.calibration.findings import SIZE
 from gmwm.measuring.inspection.findings import in_datasheet_units, removed
 
 if TYPE_CHECKING:
-    from gmwm.applications.several.result import SharedNoise
     from gmwm.calibration.result import AxisCalibration
     from gmwm.measuring.inspection import Inspection
     from gmwm.measuring.outliers import Verdict
@@ -59,30 +57,6 @@ def recording_remarks(
         numbers = tuple(symbol for symbol in sheet if symbol.partition("[")[0] in affected)
         facts = {**remark.facts, "numbers": numbers or ("the terms at long scales",)}
         yield Remark.of(remark.code, remark.subject, **facts)
-
-
-def shared_remarks(shared: Sequence[SharedNoise], axes: Collection[str], size: float) -> Iterator[Remark]:
-    """Yield one remark if any of the given axes share noise.
-
-    Parameters
-    ----------
-    shared : sequence of SharedNoise
-        The significant correlations of all pairs of axes and scales.
-    axes : collection of str
-        The axes to consider. Axes with motion or knocks that were not replaced must be left out, because these affect
-        several axes at once without being shared noise.
-    size : float
-        Largest p-value, adjusted for all pairs and scales, for which noise counts as shared.
-    """
-    found = [one for one in shared if one.pvalue <= size and set(one.axes) <= set(axes)]
-    if found:
-        found.sort(key=lambda one: -abs(one.correlation))
-        most = found[0]
-        first, second = most.axes
-        yield Remark.of(
-            "noise-shared", **pairs_facts(tuple(dict.fromkeys("/".join(one.axes) for one in found))), first=first,
-            second=second, correlation=most.correlation, tau=Quantity(most.tau, "s"), size=SIZE,
-        )  # fmt: skip
 
 
 def pairs_facts(pairs: tuple[str, ...]) -> dict[str, Any]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -25,7 +25,8 @@ T = TypeVar("T")
 
 if TYPE_CHECKING:
     from gmwm.calibration.options import CalibrationOptions
-    from gmwm.calibration.result import AxisCalibration
+    from gmwm.choosing.selection.ranking import Ranking
+    from gmwm.fitting.estimation.result import Fit
 
 GRAVITY, GRAVITY_ERROR = 9.806, 0.016
 """Gravity (m/s²) that is assumed if the local gravity is not given, and its standard deviation. Normal gravity at sea
@@ -43,11 +44,15 @@ LONGEST = 3600.0
 
 
 class AxisMean(NamedTuple):
-    """Mean of the samples of one axis in one recording, their number, and their number including those lost in gaps."""
+    """Mean of the samples of one axis in one recording, their number, and their number including those lost in gaps.
+
+    `gravity` is the gravity along the axis with its standard error; None if it is not known.
+    """
 
     mean: float
     samples: int
     span: int
+    gravity: tuple[float, float] | None = (0.0, 0.0)
 
     def variance(self, terms: BiasTerms) -> Variance:
         """Return the error variance of the mean for the terms of a model."""
@@ -171,68 +176,40 @@ class BiasAtRest:
         return cls(**{name: value for name, value in values.items() if name not in ("bias", "bias_error")})
 
 
-def means_of(recordings: Mapping[str, Any], inspections: Mapping[str, Inspection]) -> dict[str, dict[str, AxisMean]]:
-    """Return the mean of each axis in each recording. Axes that are given as a wavelet variance have no mean."""
-    found: dict[str, dict[str, AxisMean]] = {}
-    for name, data in recordings.items():
-        if name in inspections:
-            one = inspections[name]
-            lost = round(Recording.of(one).missing * one.rate)
-            found[name] = {a: AxisMean(own.rest, one.samples, one.samples + lost) for a, own in one.axes.items()}
-            continue
+def means_of(data: Any, inspection: Inspection | None, options: CalibrationOptions) -> dict[str, AxisMean]:
+    """Return the mean of each axis of a recording. Axes that are given as a wavelet variance have no mean."""
+    if inspection is not None:
+        samples = inspection.samples
+        span = samples + round(Recording.of(inspection).missing * inspection.rate)
+        means = {axis: AxisMean(item.rest, samples, span) for axis, item in inspection.axes.items()}
+    else:
         items = {data.axis or "signal": data} if isinstance(data, Signal) else data
         signals = {axis: item for axis, item in items.items() if isinstance(item, Signal)}
-        found[name] = {a: AxisMean(float(np.mean(s.values)), s.values.size, s.values.size) for a, s in signals.items()}
-    return found
+        means = {a: AxisMean(float(np.mean(s.values)), s.values.size, s.values.size) for a, s in signals.items()}
+    gravity = gravity_of({axis: item.mean for axis, item in means.items()}, options)
+    return {axis: item._replace(gravity=gravity[axis]) for axis, item in means.items()}
 
 
-@dataclass(frozen=True)
-class Means:
-    """The mean of one axis in each recording, and what gravity is in it; see `gravity_of`."""
-
-    means: Mapping[str, AxisMean]
-    gravity: Mapping[str, tuple[float, float] | None]
-
-    @classmethod
-    def of_axes(
-        cls, axes: Iterable[str], means: Mapping[str, Mapping[str, AxisMean]], options: CalibrationOptions
-    ) -> dict[str, Means]:
-        """Return the means of each axis, from the means of all axes of each recording (`means_of`)."""
-        gravity = {name: gravity_of({a: one.mean for a, one in own.items()}, options) for name, own in means.items()}
-        having = {axis: [name for name, own in means.items() if axis in own] for axis in axes}
-        return {
-            axis: cls({name: means[name][axis] for name in names}, {name: gravity[name][axis] for name in names})
-            for axis, names in having.items()
-        }
-
-
-def with_rest(found: AxisCalibration, own: Means, level: float) -> AxisCalibration:
-    """Return the calibration of an axis with its bias at rest, if it was calibrated from samples."""
-    return replace(found, rest=bias_at_rest(found, own.means, own.gravity, level=level) if own.means else None)
-
-
-def bias_at_rest(
-    found: AxisCalibration, means: Mapping[str, AxisMean], gravity: Mapping[str, tuple[float, float] | None], *,
-    level: float,
-) -> BiasAtRest:  # fmt: skip
+def bias_at_rest(fit: Fit, ranking: Ranking, means: Sequence[AxisMean], *, level: float) -> BiasAtRest:
     """Compute the bias of one axis at rest.
 
     Parameters
     ----------
-    found : AxisCalibration
-    means : mapping of recording to AxisMean
-    gravity : mapping of recording to (gravity, standard error) or None
-        The gravity along the axis in each recording; None if it is not known.
+    fit : Fit
+        The fit of the recommended model.
+    ranking : Ranking
+        The models over which the noise of the mean is averaged.
+    means : sequence of AxisMean
+        Mean of each recording.
     level : float
         Confidence level of the intervals.
     """
-    known = [gravity[name] for name in means]
-    parts = [one for one in known if one is not None]
-    removed = len(parts) == len(known)
-    values = np.array([one.mean for one in means.values()])
+    parts = [one.gravity for one in means if one.gravity is not None]
+    removed = len(parts) == len(means)
+    values = np.array([one.mean for one in means])
     x = values - (np.array([part[0] for part in parts]) if removed else 0.0)
-    terms = _terms_of_models(found)
-    models = [_of_models(terms, one.variance) for one in means.values()]
+    terms = _terms_of_models(fit, ranking)
+    models = [_of_models(terms, one.variance) for one in means]
     s2 = np.array([_averaged(one).value for one in models])
     spread: tuple[float, float, float] | None = None
     if len(x) == 1:
@@ -247,8 +224,8 @@ def bias_at_rest(
         least, most = (math.sqrt(float(end)) for end in spread_limits(x, s2, level))
         spread = (math.sqrt(float(all_of.spread2)), least, most) if removed else None
     mean = centre + float(np.mean(values - x))
-    wv = found.fit.wavelet_variance
-    duration = min(LONGEST, max(one.span for one in means.values()) / wv.rate)
+    wv = fit.wavelet_variance
+    duration = min(LONGEST, max(one.span for one in means) / wv.rate)
     rms = _averaged(_of_models(terms, lambda one: one.variance_over(duration)))
     rms_ends = _limits(rms, level)
     return BiasAtRest(
@@ -317,9 +294,9 @@ def gravity_of(means: Mapping[str, float], options: CalibrationOptions) -> dict[
     return found
 
 
-def _terms_of_models(found: AxisCalibration) -> list[tuple[float, BiasTerms]]:
+def _terms_of_models(fit: Fit, ranking: Ranking) -> list[tuple[float, BiasTerms]]:
     """Return the terms of the fit of each plausible model, with the weight of the model."""
-    fits = [(w, found.fit if one.recommended else one.fit) for w, one in weighted_candidates(found.ranking)]
+    fits = [(weight, fit if item.recommended else item.fit) for weight, item in weighted_candidates(ranking)]
     return _of_models(fits, BiasTerms.of)
 
 

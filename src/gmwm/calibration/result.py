@@ -9,9 +9,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from gmwm.applications.monitor import Baseline
 from gmwm.base.atomic_files import write_text
 from gmwm.base.errors import DataError, ReadError
+from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Remark, Severity
 from gmwm.base.text import Summarised
 from gmwm.calibration.options import CalibrationOptions
@@ -21,6 +21,7 @@ from gmwm.calibration.summary_text import summary
 from gmwm.choosing.datasheets import Datasheet
 from gmwm.choosing.replicates import Replicates
 from gmwm.choosing.selection import Ranking
+from gmwm.choosing.selection.search_steps import SearchStep
 from gmwm.fitting.estimation.goodness import GoodnessOfFit
 from gmwm.fitting.estimation.intervals import Interval
 from gmwm.fitting.estimation.model_error import RelativeMisfit
@@ -30,13 +31,12 @@ from gmwm.measuring.regression.result import Regression
 from gmwm.measuring.spectrum import PowerSpectrum
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
 
+    from gmwm.applications.monitor import Baseline
     from gmwm.applications.navigation import Budget
     from gmwm.calibration.reference_check import ReferenceCheck, ReferenceLike
     from gmwm.showing.exporters.reduction import Rule
-    from gmwm.showing.plots.view import UnitSystem, ViewName
 
 T = TypeVar("T")
 
@@ -69,6 +69,8 @@ class AxisCalibration:
         addition to the scatter of the data. The intervals include it.
     tried : tuple of str
         The families of models that the search tried, in order.
+    search : tuple of SearchStep
+        The steps of the search: each family with the p-values of its models, and why it was entered and left.
     spectrum : PowerSpectrum or None
         Power spectral density with its lines and bumps, averaged over 1/24 octave except at lines; None if the data
         were a wavelet variance, or if the recording has fewer than 64 samples without a gap.
@@ -79,9 +81,8 @@ class AxisCalibration:
         this K could not be estimated.
     rest : BiasAtRest or None
         Bias at rest; None if the data were a wavelet variance.
-    baseline : Baseline or None
-        Statistics of the innovations of the model in the recording, with which `gmwm.Monitor` compares later samples;
-        None if the data were a wavelet variance, or if the recording is too short.
+    additions : mapping of name to object
+        What applications have computed, such as the "baseline" with which `gmwm.Monitor` compares later samples.
     """
 
     fit: Fit
@@ -94,11 +95,12 @@ class AxisCalibration:
     misfit: RelativeMisfit | None = None
     model_error: float = 0.0
     tried: tuple[str, ...] = ()
+    search: tuple[SearchStep, ...] = ()
     spectrum: PowerSpectrum | None = None
     regression: Regression | None = None
     left_in: float | None = None
     rest: BiasAtRest | None = None
-    baseline: Baseline | None = None
+    additions: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def replicates(self) -> Replicates | None:
@@ -121,7 +123,7 @@ class AxisCalibration:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Calibration(Summarised, Mapping[str, Fit]):
+class Calibration(Summarised, Plotted, Mapping[str, Fit]):
     """The calibration of an inertial sensor: a mapping of axis to the recommended Fit.
 
     Attributes
@@ -198,7 +200,17 @@ class Calibration(Summarised, Mapping[str, Fit]):
     @property
     def baselines(self) -> dict[str, Baseline]:
         """Baselines for a monitor (statistics of the innovations in the recording), for the axes that have one."""
-        return {axis: found.baseline for axis, found in self.axes.items() if found.baseline is not None}
+        return self.addition("baseline")
+
+    def addition(self, name: str) -> dict[str, Any]:
+        """Return what an application has added to the calibration, for the axes that have it.
+
+        Parameters
+        ----------
+        name : str
+            Name of the addition, such as "baseline".
+        """
+        return {axis: found.additions[name] for axis, found in self.axes.items() if name in found.additions}
 
     @property
     def rest(self) -> dict[str, BiasAtRest]:
@@ -357,41 +369,6 @@ class Calibration(Summarised, Mapping[str, Fit]):
             return cls.from_dict(content)
         except ReadError as error:
             raise error.at(str(path)) from error
-
-    def plot(
-        self,
-        *,
-        split: bool = True,
-        view: ViewName = "wavelet",
-        units: UnitSystem = "si",
-        path: str | os.PathLike[str] | None = None,
-    ) -> MatplotlibFigure:
-        """Draw the wavelet variance and the model of every axis.
-
-        Parameters
-        ----------
-        split : bool
-            If True, draw one panel for each axis and one row of panels for each sensor. If False, draw one panel for
-            each sensor, with x, y and z in vermilion, green and blue.
-        view : "wavelet" or "allan"
-            Wavelet variance ν² against the scale τ (s), or Allan deviation √(2ν²) against the averaging time τ/2 (s).
-        units : "si" or "datasheet"
-            rad/s and m/s², or deg/h and mg.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown, or there is nothing to draw.
-        """
-        from gmwm.showing.plots.imu import plot_imu
-
-        return plot_imu(self, split=split, view=view, units=units, path=path)
 
     def export(
         self,

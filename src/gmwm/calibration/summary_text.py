@@ -11,6 +11,7 @@ from gmwm.base.axis_names import by_sensor
 from gmwm.base.remarks import Dialect, brief, texts
 from gmwm.base.tables import headed
 from gmwm.base.text import counted, duration_text, p_text
+from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.misfit import is_line
 from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, in_order, key, number, with_error, wrapped
@@ -55,6 +56,8 @@ def summary(calibration: Calibration, dialect: Dialect = Dialect.PYTHON, *, ever
     for sensor, axes in by_sensor(calibration.axes).items():
         parts.append([SENSORS.get(sensor, sensor or "Axes"), *_table(axes)])
     parts.append(_legend(calibration))
+    for addition in axis_additions():
+        parts.append(wrapped(addition.summary(calibration.addition(addition.name))))
     found = [remark for remark in calibration.remarks if remark not in equality]
     remarks = texts(found, dialect, codes=True) if every else brief(found, dialect, rest=REST[dialect])
     parts.append(["What to know before using the numbers:", *(line for text in remarks for line in bulleted(text))])

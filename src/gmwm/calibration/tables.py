@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from gmwm.base.text import rounded
 from gmwm.fitting.inference.planning import SEEN
-from gmwm.measuring.variance.slope_line import LAWS
+from gmwm.measuring.variance.allan_regression import LAWS
 
 if TYPE_CHECKING:
     from gmwm.choosing.datasheets import Entry

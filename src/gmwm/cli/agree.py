@@ -34,7 +34,6 @@ def agree(
             help="The calibration.json that gmwm calibrate --output wrote for each recording, or its folder. With "
             "--reference, one calibration is enough.",
             metavar="CALIBRATION…",
-            show_default=False,
         ),
     ],
     reference: Annotated[
@@ -44,7 +43,6 @@ def agree(
             "be written sqrt). Repeat the option for more values. Alternatively, give a file of another program, as "
             "for gmwm export --from.",
             metavar="SYMBOL=VALUE|FILE",
-            show_default=False,
         ),
     ] = None,
     label: Annotated[
@@ -52,7 +50,6 @@ def agree(
         typer.Option(
             help="Name of a recording in the output. Give the option once for each recording, in the same order.",
             metavar="NAME",
-            show_default=False,
         ),
     ] = None,
     size: Annotated[
@@ -92,13 +89,13 @@ def agree(
         )
     if not isinstance(references, dict):
         references = _of_axes(references, calibrations[0])
-    recordings = {Path(found.source).stem for found in calibrations} - {""}
+    recordings = {Path(agreement.source).stem for agreement in calibrations} - {""}
     # The library names the calibrations after their recordings. If these names are not unique, the calibration files
     # give the names.
     names = label or (None if len(recordings) == len(files) else names_of(files))
-    found = agree(calibrations, size=size, labels=names, reference=references)
+    agreement = agree(calibrations, size=size, labels=names, reference=references)
     return Outcome(
-        command="agree", document={"files": list(map(str, files)), **found.to_dict()}, text=found.summary()
+        command="agree", document={"files": list(map(str, files)), **agreement.to_dict()}, text=agreement.summary()
     )  # fmt: skip
 
 
@@ -110,10 +107,10 @@ def parse_references(texts: Sequence[str]) -> dict[str, tuple[float, str]] | str
     """
     if len(texts) == 1 and (Path(texts[0]).is_file() or ":" in texts[0] or "=" not in texts[0]):
         return texts[0]
-    found = dict(parse_reference(text) for text in texts)
-    if len(found) != len(texts):
+    references = dict(parse_reference(text) for text in texts)
+    if len(references) != len(texts):
         raise OptionError(argument="reference", expected="given once for each number", got=list(texts))
-    return found
+    return references
 
 
 def _of_axes(source: str, calibration: Calibration) -> dict[str, tuple[float, str]]:

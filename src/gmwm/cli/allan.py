@@ -89,7 +89,7 @@ def allan(
         )
     imu = load(file, reading)
 
-    results = _measured(chosen_axes(imu, axis), kind, clusters)
+    results = _measure(chosen_axes(imu, axis), kind, clusters)
     regressions = _regressions(results) if slopes else {}
     system: UnitSystem = "datasheet" if datasheet else "si"
     files = [] if csv is None else [text_file(csv, _csv_text(results))]
@@ -99,18 +99,24 @@ def allan(
     return Outcome(
         command="allan",
         document={"file": str(file), "kind": kind, "axes": curves, **_slopes(regressions)},
-        text="\n\n".join([_curves_text(results, system), *(found.summary(system) for found in regressions.values())]),
+        text="\n\n".join(
+            [_curves_text(results, system), *(regression.summary(system) for regression in regressions.values())]
+        ),
         files=tuple(files),
     )
 
 
 def _slopes(regressions: Mapping[str, AllanRegression]) -> dict[str, Any]:
     """Return the slope estimates of each axis under the key "slopes" for JSON, without the Allan variance."""
-    found = {name: one.to_dict() for name, one in regressions.items()}
-    return {"slopes": {n: {k: v for k, v in one.items() if k != "allan"} for n, one in found.items()}} if found else {}
+    documents = {name: regression.to_dict() for name, regression in regressions.items()}
+    return (
+        {"slopes": {n: {k: v for k, v in regression.items() if k != "allan"} for n, regression in documents.items()}}
+        if documents
+        else {}
+    )
 
 
-def _measured(
+def _measure(
     signals: Mapping[str, Signal], kind: Kind, clusters: Literal["octave", "decade", "all"]
 ) -> dict[str, ClusterVariance]:
     """Compute the variance of each signal. If all cluster sizes are asked for, first print the expected time."""
@@ -193,8 +199,8 @@ def _draw(
     if len(results) > 1:
         plot_allan_axes(results, units=system, path=path)
         return
-    for found in regressions.values() or results.values():
-        found.plot(units=system, path=path)
+    for result in regressions.values() or results.values():
+        result.plot(units=system, path=path)
 
 
 def _curves_text(results: Mapping[str, ClusterVariance], system: UnitSystem) -> str:
@@ -214,16 +220,22 @@ def _curves_text(results: Mapping[str, ClusterVariance], system: UnitSystem) -> 
         head += f"\n{len(first)} cluster sizes. The table shows octaves; --csv writes all."
     parts = [head]
     for group in sensors.values():
-        one = group[0]
-        view = cluster_view(one, system)
+        leading = group[0]
+        view = cluster_view(leading, system)
         if len(group) == 1:
-            heads, curves = ["lower", one.axis or "value", "upper"], [one.lower, one.variance, one.upper]
+            heads, curves = (
+                ["lower", leading.axis or "value", "upper"],
+                [leading.lower, leading.variance, leading.upper],
+            )
         else:
             heads, curves = [curve.axis for curve in group], [curve.variance for curve in group]
         heights = [view.height(curve) for curve in curves]
-        ends = [[f"{one.degrees_of_freedom[k]:.4g}", one.noise[k]] if len(group) == 1 else [] for k in range(len(one))]
+        ends = [
+            [f"{leading.degrees_of_freedom[k]:.4g}", leading.noise[k]] if len(group) == 1 else []
+            for k in range(len(leading))
+        ]
         rows = [
-            [f"{one.clusters[k]}", f"{one.tau[k]:.6g}", *(f"{curve[k]:{style}}" for curve in heights), *ends[k]]
+            [f"{leading.clusters[k]}", f"{leading.tau[k]:.6g}", *(f"{curve[k]:{style}}" for curve in heights), *ends[k]]
             for k in shown
         ]
         columns = ["cluster", "τ (s)", *heads, *(["edf", "noise"] if len(group) == 1 else [])]

@@ -26,7 +26,6 @@ EXAMPLES = (
 _DURATION = typer.Option(
     help="Time of navigation without corrections, such as 60s, 10min, 1h or a number of seconds.",
     metavar="LENGTH",
-    show_default=False,
 )
 
 
@@ -45,9 +44,7 @@ def budget(
     latitude: Annotated[float, typer.Option(help="Latitude (deg).")] = LATITUDE,
     rate: Annotated[
         float | None,
-        typer.Option(
-            help="Sampling rate (Hz), if SOURCE is a datasheet or a file that does not state it.", show_default=False
-        ),
+        typer.Option(help="Sampling rate (Hz), if SOURCE is a datasheet or a file that does not state it."),
     ] = None,
     level: Annotated[float, typer.Option(help="Confidence level of the intervals.")] = 0.95,
     against: Annotated[
@@ -55,7 +52,6 @@ def budget(
         typer.Option(
             help="Also compute the budget of this calibration, file or datasheet, and compare both budgets.",
             metavar="SOURCE",
-            show_default=False,
         ),
     ] = None,
     plot: Annotated[
@@ -80,19 +76,19 @@ def budget(
         noise = noise_of(text, rate, option)
         return budgeted(noise.axes, seconds, rate=noise.rate, rest=before, latitude=latitude, level=level)
 
-    found = made(source)
-    document = {"source": source, **found.to_dict()}
-    text = found.summary()
+    errors = made(source)
+    document = {"source": source, **errors.to_dict()}
+    text = errors.summary()
     if against is not None:
         if against == source:
             raise OptionError(argument="against", expected="another source", got=against)
         other = made(against, "--against")
         document["against"] = {"source": against, **other.to_dict()}
-        text += "\n\n" + found.compare(other, (short(source), short(against)))
-    files = () if plot is None else (NewFile(plot, lambda target: found.plot(path=target)),)
+        text += "\n\n" + errors.compare(other, (short(source), short(against)))
+    files = () if plot is None else (NewFile(plot, lambda target: errors.plot(path=target)),)
     return Outcome(
         command="budget", document={**document, "written": file_names(files)}, text=text, files=files,
-        in_text=found.remarks,
+        in_text=errors.remarks,
     )  # fmt: skip
 
 

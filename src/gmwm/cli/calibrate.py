@@ -87,7 +87,6 @@ def calibrate(
             "models of the axes that are not named.",
             metavar="[AXIS=]MODEL",
             rich_help_panel="Estimation",
-            show_default=False,
         ),
     ] = None,
     against: AgainstOption = AUTO,
@@ -106,7 +105,6 @@ def calibrate(
             help="Local gravity (m/s²), which determines the bias of the accelerometers. Default: 9.806 ± 0.016, the "
             "range at sea level.",
             rich_help_panel="Bias at rest",
-            show_default=False,
         ),
     ] = None,
     tilt: Annotated[
@@ -116,7 +114,6 @@ def calibrate(
             "With this option, the biases of the level accelerometers are computed too; without it, only the bias of "
             "the vertical accelerometer.",
             rich_help_panel="Bias at rest",
-            show_default=False,
         ),
     ] = None,
     output: Annotated[
@@ -160,7 +157,7 @@ def calibrate(
             got=efficiency,
             advice="Leave {--efficiency} or {--robust=no} out.",
         )
-    asked = CalibrationOptions(
+    options = CalibrationOptions(
         within=parse_searched(within), robust=ROBUST[robust], weighting=weighting, criterion=criterion,
         confidence=confidence, efficiency=EFFICIENCY if efficiency is None else efficiency, seed=seed,
         against=against, gravity=gravity, tilt=tilt,
@@ -169,22 +166,22 @@ def calibrate(
     spread = scheduler is not None or workers is not None
     if spread:
         only_file(files, "--workers" if scheduler is None else "--scheduler")
-    given = parse_models(model or [])
-    beside = calibration_helpers(plots=output is not None)
+    stated = parse_models(model or [])
+    processes = calibration_helpers(plots=output is not None)
 
     def one(readings: Sequence[ReadOptions], output: Path | None) -> Outcome:
         load = partial(opened, chunked=chunked, spread=spread, whole=memory_for(against))
         groups = [[load(file, topic) for file in files] for topic in readings]
         if output is not None:
             made_directory(output)
-        known = dict.fromkeys(name for group in groups for recording in group for name in recording.axes)
-        axes = chosen_names(list(known), axis)
-        models = given if isinstance(given, dict) else dict.fromkeys(axes, given)
+        names = dict.fromkeys(name for group in groups for recording in group for name in recording.axes)
+        axes = chosen_names(list(names), axis)
+        models = stated if isinstance(stated, dict) else dict.fromkeys(axes, stated)
         with named_as_options({"models": "--model"}):
             require_axes(models, axes)
-            wanted = replace(asked, axes=axes, models=models)
-            found = _united(groups, files, wanted, scheduler=scheduler, workers=workers, helpers=beside)
-        return _outcome(found, files, output, view=view, datasheet=datasheet, helpers=beside)
+            chosen = replace(options, axes=axes, models=models)
+            calibration = _unite(groups, files, chosen, scheduler=scheduler, workers=workers, helpers=processes)
+        return _outcome(calibration, files, output, view=view, datasheet=datasheet, helpers=processes)
 
     apart = separate_topics(files, reading)
     if apart:
@@ -194,7 +191,7 @@ def calibrate(
     return one([reading], output)
 
 
-def _united(
+def _unite(
     groups: Sequence[Sequence[Imu | Stream]],
     files: Sequence[Path],
     options: CalibrationOptions,
@@ -207,15 +204,19 @@ def _united(
 
     `groups` has one group of recordings with all axes, or one group for each of the two sensors.
     """
-    found = []
+    calibrations = []
     for group in groups:
-        own = tuple(axis for axis in options.wanted or () if any(axis in recording.axes for recording in group))
+        axes = tuple(axis for axis in options.wanted or () if any(axis in recording.axes for recording in group))
         data = group[0] if len(files) == 1 else dict(zip(names_of(files), group, strict=True))
-        if own:
-            models = {name: one for name, one in options.models.items() if name in own or name in map(sensor_of, own)}
-            wanted = replace(options, axes=own, models=models)
-            found.append(calibrated(data, wanted, helpers, scheduler=scheduler, workers=workers).of_file(*files))
-    return found[0].combined(*found[1:])
+        if axes:
+            models = {
+                name: model for name, model in options.models.items() if name in axes or name in map(sensor_of, axes)
+            }
+            group_options = replace(options, axes=axes, models=models)
+            calibrations.append(
+                calibrated(data, group_options, helpers, scheduler=scheduler, workers=workers).of_file(*files)
+            )
+    return calibrations[0].combined(*calibrations[1:])
 
 
 def _outcome(
@@ -230,17 +231,17 @@ def _outcome(
     """Return the outcome of the command, with the files to write."""
     plots = None if output is None else helpers.begin(pictures, found, view, datasheet)
     document, text = found.to_dict(), summary(found, Dialect.SHELL, every=True)
-    made: tuple[NewFile, ...] = ()
+    files_of_calibration: tuple[NewFile, ...] = ()
     if output is not None and plots is not None:
-        made = calibration_files(found, output, document=document, text=text, plots=plots)
+        files_of_calibration = calibration_files(found, output, document=document, text=text, plots=plots)
     kalibr = KalibrFile() if output is None else kalibr_file(found, output)
-    written = file_names((*made, *kalibr.files))
+    written = file_names((*files_of_calibration, *kalibr.files))
     return Outcome(
         command="calibrate",
         document={**document, **document_of(files), "written": written},
         text=summary(found, Dialect.SHELL),
         all_text=text,
-        files=(*made, *kalibr.files),
+        files=(*files_of_calibration, *kalibr.files),
         together=True,
         obsolete=kalibr.obsolete,
         remarks=kalibr.remarks,
@@ -256,7 +257,8 @@ def calibrated(
     workers: int | None = None,
 ) -> Calibration:
     """Calibrate a recording, or several recordings of one unit by name, with a progress bar."""
-    from gmwm.calibration.api import STAGES, calibrate_recording
+    from gmwm.calibration.api import calibrate_recording
+    from gmwm.calibration.calibrate_axis import STAGES
 
     before = 0
     axes = options.wanted or (next(iter(recording.values())) if isinstance(recording, Mapping) else recording).axes

@@ -24,14 +24,14 @@ def command(function: Callable[..., Outcome]) -> Callable[..., None]:
     hints = get_type_hints(function, include_extras=True)
     texts = get_type_hints(ReadOptionTexts, include_extras=True)
     parameters: list[Parameter] = []
-    for given in signature(function).parameters.values():
-        if hints[given.name] is ReadOptions:
+    for declared in signature(function).parameters.values():
+        if hints[declared.name] is ReadOptions:
             parameters += (
-                Parameter(one.name, Parameter.KEYWORD_ONLY, default=one.default, annotation=texts[one.name])
-                for one in fields(ReadOptionTexts)
+                Parameter(field.name, Parameter.KEYWORD_ONLY, default=field.default, annotation=texts[field.name])
+                for field in fields(ReadOptionTexts)
             )
         else:
-            parameters.append(given.replace(kind=Parameter.KEYWORD_ONLY, annotation=hints[given.name]))
+            parameters.append(declared.replace(kind=Parameter.KEYWORD_ONLY, annotation=hints[declared.name]))
     own_json = "json" in hints
     if not own_json:
         parameters.append(Parameter("json", Parameter.KEYWORD_ONLY, default=False, annotation=Json))
@@ -39,14 +39,14 @@ def command(function: Callable[..., Outcome]) -> Callable[..., None]:
     reads = next((name for name, hint in hints.items() if hint is ReadOptions), None)
 
     @wraps(function)
-    def run(**given: Any) -> None:
-        json = given["json"] if own_json else given.pop("json")
-        every = given.pop("all_remarks")
+    def run(**declared: Any) -> None:
+        json = declared["json"] if own_json else declared.pop("json")
+        every = declared.pop("all_remarks")
         with collected_warnings(every=every) as warned:
             if reads is not None:
-                read = ReadOptionTexts(**{one.name: given.pop(one.name) for one in fields(ReadOptionTexts)})
-                given[reads] = read.parsed()
-            finish(function(**given), warned, json=json, every=every)
+                read = ReadOptionTexts(**{field.name: declared.pop(field.name) for field in fields(ReadOptionTexts)})
+                declared[reads] = read.parsed()
+            finish(function(**declared), warned, json=json, every=every)
 
     run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}

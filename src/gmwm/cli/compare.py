@@ -31,9 +31,7 @@ EXAMPLES = (
 def compare(
     files: Annotated[
         list[Path],
-        typer.Argument(
-            help="One or more recordings, each in any supported format.", metavar="FILE…", show_default=False
-        ),
+        typer.Argument(help="One or more recordings, each in any supported format.", metavar="FILE…"),
     ],
     reading: ReadOptions,
     axis: Axes = None,
@@ -73,14 +71,14 @@ def compare(
             got=efficiency,
             advice="Leave {--efficiency} or {--classical} out.",
         )
-    kinds = [kind for kind, wanted in (("classical", classical), ("robust", robust)) if wanted or classical == robust]
+    kinds = [kind for kind, chosen in (("classical", classical), ("robust", robust)) if chosen or classical == robust]
     system: UnitSystem = "datasheet" if datasheet else "si"
     curves: dict[str, dict[str, WaveletVariance]] = {}
     for file, name in zip(files, _names(files), strict=True):
         signals = chosen_axes(load(file, reading), axis)
         for kind in kinds:
             label = ", ".join(filter(None, (name, kind if name == "" or len(kinds) > 1 else "")))
-            for axis_name, result in _measured(signals, kind, efficiency).items():
+            for axis_name, result in _measure(signals, kind, efficiency).items():
                 curves.setdefault(axis_name, {})[label] = result
                 for remark in result.remarks:
                     tell(remark.about(f"{axis_name}, {label}"))
@@ -103,7 +101,7 @@ def _names(files: Sequence[Path]) -> list[str]:
     raise OptionError(f"a recording is given twice: {', '.join(map(str, files))}", argument="files", got=files)
 
 
-def _measured(signals: Mapping[str, Signal], kind: str, efficiency: float | None) -> dict[str, WaveletVariance]:
+def _measure(signals: Mapping[str, Signal], kind: str, efficiency: float | None) -> dict[str, WaveletVariance]:
     from gmwm import wavelet_variance
     from gmwm.cli.parallel import over_axes
 

@@ -67,18 +67,18 @@ class Table:
                 )
                 raise ReadError(reason, argument="conditions", got=row)
             parts.setdefault(condition, []).append((start, stop))
-        for (_, stop), (start, _) in pairwise(sorted(pair for own in parts.values() for pair in own)):
+        for (_, stop), (start, _) in pairwise(sorted(pair for intervals in parts.values() for pair in intervals)):
             if start < stop:
                 raise ReadError(f"{path}: two parts overlap between {start:g} s and {stop:g} s", argument="conditions")
-        return cls(head[2], {condition: sorted(own) for condition, own in sorted(parts.items())})
+        return cls(head[2], {condition: sorted(intervals) for condition, intervals in sorted(parts.items())})
 
     def of(self, recording: Imu) -> dict[float, Imu]:
         """Return a recording for each value of the condition. It has a gap between two separate parts."""
-        found = {}
-        for condition, own in self.parts.items():
-            gaps = [(stop, start) for (_, stop), (start, _) in pairwise(own) if stop < start]
-            found[condition] = recording.between(own[0][0], own[-1][1], skip=gaps)
-        return found
+        recordings = {}
+        for condition, intervals in self.parts.items():
+            gaps = [(stop, start) for (_, stop), (start, _) in pairwise(intervals) if stop < start]
+            recordings[condition] = recording.between(intervals[0][0], intervals[-1][1], skip=gaps)
+        return recordings
 
 
 def as_varies(texts: Sequence[str]) -> dict[str, str]:
@@ -87,13 +87,13 @@ def as_varies(texts: Sequence[str]) -> dict[str, str]:
     >>> as_varies(["WN: 1 + rate**2"])
     {'WN': '1 + rate**2'}
     """
-    found = {}
+    sums = {}
     for text in texts:
         term, colon, functions = text.partition(":")
-        if not colon or not functions.strip() or term.strip() in found:
+        if not colon or not functions.strip() or term.strip() in sums:
             raise OptionError(argument="varies", expected="a term and its functions, as in 'WN: 1 + rate**2'", got=text)
-        found[term.strip()] = functions.strip()
-    return found
+        sums[term.strip()] = functions.strip()
+    return sums
 
 
 def require_unused(conditions: bool, *, varies: bool, **others: bool) -> None:
@@ -106,7 +106,7 @@ def require_unused(conditions: bool, *, varies: bool, **others: bool) -> None:
     """
     if varies and not conditions:
         raise OptionError("--varies needs --conditions", argument="varies", advice="Add {--conditions}.")
-    if conditions and (name := next((name for name, given in others.items() if given), None)):
+    if conditions and (name := next((name for name, present in others.items() if present), None)):
         raise OptionError(argument=name, expected="left out with --conditions", advice="Leave it out.")
 
 
@@ -120,14 +120,14 @@ def fitted_conditions(
     from gmwm.cli.parallel import over_axes
     from gmwm.fitting.estimation.varies import parse_varies as parsed_functions
 
-    wanted, known = as_varies(varies), Table.read(table)
-    _, named = parsed_functions(wanted)
-    if named not in ("condition", known.condition):
-        raise OptionError(argument="varies", expected=f"functions of {known.condition}, as in {table}", got=named)
+    sums, conditions = as_varies(varies), Table.read(table)
+    _, named = parsed_functions(sums)
+    if named not in ("condition", conditions.condition):
+        raise OptionError(argument="varies", expected=f"functions of {conditions.condition}, as in {table}", got=named)
     recording = load(file, reading)
     if output is not None:
         made_directory(output)
-    parts = known.of(recording)
+    parts = conditions.of(recording)
     names = chosen_names(recording.axes, axis)
     if plot is not None and len(names) > 1:
         raise OptionError(
@@ -140,22 +140,22 @@ def fitted_conditions(
             condition: wavelet_variance(imu[signal.axis], robust=robust, efficiency=efficiency)
             for condition, imu in parts.items()
         }
-        found = fit(model, curves, weighting=weighting, certify=certify, varies=wanted)
-        return replace(found, condition=known.condition)
+        condition_fit = fit(model, curves, weighting=weighting, certify=certify, varies=sums)
+        return replace(condition_fit, condition=conditions.condition)
 
     fits = over_axes(work, {name: recording[name] for name in names}, "fitting")
     content = {
         "file": str(file), "model": str(model), "conditions": str(table),
-        "axes": {name: found.to_dict() for name, found in fits.items()},
+        "axes": {name: condition_fit.to_dict() for name, condition_fit in fits.items()},
     }  # fmt: skip
     files = []
     if output is not None:
         files.append(text_file(output / "fits.json", json_text("fit", content) + "\n"))
-    for name, found in fits.items():
+    for name, condition_fit in fits.items():
         targets = [output / f"fit_{name}.png"] if output is not None else []
         for path in [*targets, *([plot] if plot is not None else [])]:
-            files.append(NewFile(path, partial(_draw, found), f"plotting {path.name}"))
-    text = "\n\n".join(f"{name}: {found.summary()}" for name, found in fits.items())
+            files.append(NewFile(path, partial(_draw, condition_fit), f"plotting {path.name}"))
+    text = "\n\n".join(f"{name}: {condition_fit.summary()}" for name, condition_fit in fits.items())
     return Outcome(command="fit", document=content, text=text, files=tuple(files))
 
 

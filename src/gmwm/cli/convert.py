@@ -34,7 +34,6 @@ def convert(
             "or imu:NAVCHIP_FLT. An .imu file does not state its type, so the option is needed for it.",
             metavar="FORMAT",
             rich_help_panel="Result",
-            show_default=False,
         ),
     ] = None,
 ) -> Outcome:

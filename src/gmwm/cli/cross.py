@@ -65,17 +65,17 @@ def cross(
     recording = opened(file, reading, chunked)
     axes = chosen_names(recording.axes, axis)
     with progress("measuring"):
-        found = cross(
+        result = cross(
             recording, axes=axes, robust=robust, efficiency=0.6 if efficiency is None else efficiency, size=size
         )
     tell_inspection(recording)
-    files = [] if csv is None else [text_file(csv, _csv_text(found))]
+    files = [] if csv is None else [text_file(csv, _csv_text(result))]
     if plot is not None:
-        files.append(NewFile(plot, partial(_draw, found), "plotting"))
+        files.append(NewFile(plot, partial(_draw, result), "plotting"))
     return Outcome(
         command="cross",
-        document={"file": str(file), **found.to_dict()},
-        text=found.summary(Dialect.SHELL),
+        document={"file": str(file), **result.to_dict()},
+        text=result.summary(Dialect.SHELL),
         files=tuple(files),
     )
 

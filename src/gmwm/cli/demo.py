@@ -57,7 +57,7 @@ def demo(
     helpers = calibration_helpers(plots=True)
     truth = {axis: model.sorted(RATE) for axis, model in reference_imu().items()}
     file = made_directory(output) / "imu.csv"
-    imu = _simulated(truth, seed, file)
+    imu = _simulate(truth, seed, file)
     # The demo takes a minute, so it prints each result at once.
     say = _silent if json else print
     say(f"Simulated {imu.duration / 3600:g} h of a six-axis IMU at rest, seed {seed}.\nRead it from {file}:\n")
@@ -66,15 +66,15 @@ def demo(
     with progress("inspecting"):
         inspection = inspect(imu)
     say(inspection_text(inspection, Dialect.SHELL) + "\n")
-    found = calibrated(imu, CalibrationOptions(), helpers).of_file(file)
-    plots = helpers.begin(pictures, found, "wavelet", False)
-    say(summary(found, Dialect.SHELL))
-    document, text = found.to_dict(), summary(found, Dialect.SHELL, every=True)
-    rows, kalibr = _comparison(truth, found), kalibr_file(found, output)
+    calibration = calibrated(imu, CalibrationOptions(), helpers).of_file(file)
+    plots = helpers.begin(pictures, calibration, "wavelet", False)
+    say(summary(calibration, Dialect.SHELL))
+    document, text = calibration.to_dict(), summary(calibration, Dialect.SHELL, every=True)
+    rows, kalibr = _comparison(truth, calibration), kalibr_file(calibration, output)
     files = (
-        *calibration_files(found, output, document=document, text=text, plots=plots),
+        *calibration_files(calibration, output, document=document, text=text, plots=plots),
         *kalibr.files,
-        _allan(found, output),
+        _allan(calibration, output),
     )
     return Outcome(
         command="demo",
@@ -82,7 +82,7 @@ def demo(
             "file": str(file), "seed": seed, "comparison": rows, "calibration": document,
             "inspection": inspection.to_dict(), "written": [str(file), *file_names(files)],
         },
-        text=_comparison_text(rows, truth, found),
+        text=_comparison_text(rows, truth, calibration),
         files=files,
         together=True,
         obsolete=kalibr.obsolete,
@@ -92,7 +92,7 @@ def demo(
     )  # fmt: skip
 
 
-def _simulated(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
+def _simulate(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
     """Simulate a recording, and write it to a file."""
     from gmwm.theory.simulation import simulate
 

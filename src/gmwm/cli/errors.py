@@ -97,12 +97,14 @@ class OnceCommand(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the arguments of the command. Raises a usage error if a single-valued option is given twice."""
         order = self.make_parser(ctx).parse_args(args=list(args))[2]
-        for one in order:
-            several = one.nargs != 1 or getattr(one, "multiple", False) or getattr(one, "is_flag", False)
-            if order.count(one) > 1 and not several:
-                name = max(one.opts, key=len)
-                advice = f": {name} {one.metavar}" if "," in (one.metavar or "") else ""
-                raise _UsageError(f"{name} is given {order.count(one)} times; give it once{advice}", ctx)
+        for parameter in order:
+            several = (
+                parameter.nargs != 1 or getattr(parameter, "multiple", False) or getattr(parameter, "is_flag", False)
+            )
+            if order.count(parameter) > 1 and not several:
+                name = max(parameter.opts, key=len)
+                advice = f": {name} {parameter.metavar}" if "," in (parameter.metavar or "") else ""
+                raise _UsageError(f"{name} is given {order.count(parameter)} times; give it once{advice}", ctx)
         return list(super().parse_args(ctx, args))
 
 

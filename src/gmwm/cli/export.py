@@ -44,15 +44,12 @@ def export(
             help="The calibration.json that gmwm calibrate --output wrote, or its folder. Give two if gyroscopes and "
             "accelerometers were calibrated separately. The state-space formats also accept the fits.json of gmwm fit.",
             metavar="CALIBRATION...",
-            show_default=False,
         ),
     ] = None,
     source: GivenText = None,
     format: Annotated[
         str | None,
-        typer.Option(
-            help=f"Format: {', '.join(export_formats())}. Default: {DEFAULT}.", metavar="NAME", show_default=False
-        ),
+        typer.Option(help=f"Format: {', '.join(export_formats())}. Default: {DEFAULT}.", metavar="NAME"),
     ] = None,
     axes: Annotated[
         Literal["worst", "mean", "each"] | None,
@@ -60,7 +57,6 @@ def export(
             help="How to combine the axes of a sensor: use the largest value (worst), the root mean square (mean), or "
             "one value for each axis (each) if the format allows it. Default: worst for filters, each for simulators "
             "and messages.",
-            show_default=False,
         ),
     ] = None,
     inflation: Annotated[
@@ -77,9 +73,7 @@ def export(
     ] = f"{HORIZON:g}s",
     rate: Annotated[
         float | None,
-        typer.Option(
-            help="Sampling rate (Hz) in the other program. Default: the rate of the recording.", show_default=False
-        ),
+        typer.Option(help="Sampling rate (Hz) in the other program. Default: the rate of the recording."),
     ] = None,
     duration: Annotated[
         str | None,
@@ -87,7 +81,6 @@ def export(
             help="For programs that model the bias as a Gauss-Markov process: longest averaging time to which this "
             "process is fitted. Default: 1h, or the duration of the recording if it is shorter.",
             metavar="LENGTH",
-            show_default=False,
         ),
     ] = None,
     output: Annotated[
@@ -121,12 +114,12 @@ def export(
     if source is not None:
         choice["rate"] = None
     written = DEFAULT if format is None else format
-    fitted = None if source is not None else _fitted(calibrations or [], None if all is not None else written)
-    files, found = _source(calibrations, source, rate) if fitted is None else (calibrations or [], fitted)
+    fitted = None if source is not None else _fits_source(calibrations or [], None if all is not None else written)
+    files, calibration = _source(calibrations, source, rate) if fitted is None else (calibrations or [], fitted)
     with named_as_options({"axes": "--axes"}):
         if all is not None:
-            return _all(found, files, made_directory(all, "all"), choice)
-        return _one(found, files, output=output, name=written, choice=choice)
+            return _all(calibration, files, made_directory(all, "all"), choice)
+        return _one(calibration, files, output=output, name=written, choice=choice)
 
 
 def _source(calibrations: list[Path] | None, source: str | None, rate: float | None) -> tuple[list[Path], Calibration]:
@@ -148,7 +141,7 @@ def _source(calibrations: list[Path] | None, source: str | None, rate: float | N
     return files, first.combined(*others)
 
 
-def _fitted(files: Sequence[Path], format: str | None) -> Calibration | None:
+def _fits_source(files: Sequence[Path], format: str | None) -> Calibration | None:
     """Return the fits of a fits.json as a calibration; None if none of the files is a fits.json.
 
     Raises
@@ -173,7 +166,7 @@ def _fitted(files: Sequence[Path], format: str | None) -> Calibration | None:
             "`gmwm calibrate`.",
         )
     recording, fits = fits_in(files[0])
-    return fitted_calibration({axis: Fit.from_dict(one) for axis, one in fits.items()}, recording or "")
+    return fitted_calibration({axis: Fit.from_dict(content) for axis, content in fits.items()}, recording or "")
 
 
 def _is_fits(path: Path) -> bool:
@@ -218,14 +211,14 @@ def _all(found: Calibration, files: Sequence[Path], folder: Path, choice: _Choic
     """Write every format that the calibration allows. For each other format, a remark gives the reason."""
     from gmwm.showing.exporters import export_all
 
-    written, left = export_all(found, folder, **choice)
+    written, refused = export_all(found, folder, **choice)
     paths = tuple(written.values())
     return Outcome(
         command="export",
-        document={**document_of(files), "written": list(map(str, paths)), "left_out": left},
+        document={**document_of(files), "written": list(map(str, paths)), "left_out": refused},
         written=paths,
-        closing=f"\nWrote {len(paths)} of {len(paths) + len(left)} formats.",
-        remarks=tuple(_reasons(left)),
+        closing=f"\nWrote {len(paths)} of {len(paths) + len(refused)} formats.",
+        remarks=tuple(_reasons(refused)),
     )
 
 

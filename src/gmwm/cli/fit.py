@@ -74,7 +74,6 @@ def fit(
             help=f"Sum of processes: {_PROCESSES}. 2*GM means two Gauss-Markov processes. Values in the model are "
             "starting values; a value in fixed(…), as in GM(beta=fixed(0.01)), is not estimated.",
             metavar="MODEL",
-            show_default=False,
         ),
     ],
     axis: Axes = None,
@@ -87,7 +86,6 @@ def fit(
             "fitted to all parts.",
             metavar="TABLE",
             rich_help_panel="Estimation",
-            show_default=False,
         ),
     ] = None,
     varies: Annotated[
@@ -98,7 +96,6 @@ def fit(
             "Repeat the option for other terms.",
             metavar="TERM: SUM",
             rich_help_panel="Estimation",
-            show_default=False,
         ),
     ] = None,
     weighting: Annotated[
@@ -108,7 +105,6 @@ def fit(
             "or equal weights (identity). Default: diagonal, but optimal for processes with several shape parameters "
             "such as AR(2).",
             rich_help_panel="Estimation",
-            show_default=False,
         ),
     ] = None,
     filter: Filter = "haar",
@@ -140,7 +136,6 @@ def fit(
             metavar="DRAWS",
             min=1,
             rich_help_panel="Estimation",
-            show_default=False,
         ),
     ] = None,
     confidence: Annotated[
@@ -160,7 +155,6 @@ def fit(
             "example 500, instead of from theory. Intervals at 95 % need at least 39 records.",
             metavar="DRAWS",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
     seed: Annotated[
@@ -205,8 +199,8 @@ def fit(
     if likelihood:
         only_file(files, LIKELIHOOD[0])
     how = _interval_method(confidence, bootstrap_draws, seed)
-    whole = memory_for(against, needs_memory(filter, transform))
-    recordings = opened_together(files, reading, chunked, whole=LIKELIHOOD[0] if likelihood else whole)
+    memory = memory_for(against, needs_memory(filter, transform))
+    recordings = opened_together(files, reading, chunked, whole=LIKELIHOOD[0] if likelihood else memory)
     if output is not None:
         made_directory(output)
     signals = measured_together(
@@ -219,9 +213,9 @@ def fit(
     )  # fmt: skip
     _tell_curves(fits)
     carried = {}
-    if likelihood and isinstance(one := next(iter(recordings.values())), Imu):
-        asked = {name: asked_again(found.regression, one.temperature) for name, found in fits.items()}
-        carried = judged(likelihood_fits(fits, chosen_axes(one, axis), parsed, asked), confidence)
+    if likelihood and isinstance(recording := next(iter(recordings.values())), Imu):
+        covariates = {name: asked_again(axis_fit.regression, recording.temperature) for name, axis_fit in fits.items()}
+        carried = judged(likelihood_fits(fits, chosen_axes(recording, axis), parsed, covariates), confidence)
     content = {**document_of(files), "model": str(parsed), "axes": _axes_document(fits, carried, how)}
     parts = [*replicates_text(fits), fits_text(fits, how), *([likelihoods_text(carried)] if carried else [])]
     return Outcome(
@@ -232,17 +226,17 @@ def fit(
 
 def _tell_curves(fits: Mapping[str, Fit]) -> None:
     """Add the remarks on the wavelet variances to the warnings of the command."""
-    for name, found in fits.items():
-        for remark in found.wavelet_variance.remarks:
+    for name, axis_fit in fits.items():
+        for remark in axis_fit.wavelet_variance.remarks:
             tell(remark.about(name))
 
 
 def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, Judged]) -> Iterator[Remark]:
     """Yield the remarks about the wavelet fits and the maximum-likelihood fits."""
-    for name, found in fits.items():
-        yield from (remark.about(name) for remark in found.diagnostics.remarks)
-    for name, one in carried.items():
-        yield from (remark.about(f"{name}, by maximum likelihood") for remark in one.fit.remarks)
+    for name, axis_fit in fits.items():
+        yield from (remark.about(name) for remark in axis_fit.diagnostics.remarks)
+    for name, likelihood_fit in carried.items():
+        yield from (remark.about(f"{name}, by maximum likelihood") for remark in likelihood_fit.fit.remarks)
 
 
 def _axes_document(fits: Mapping[str, Fit], carried: Mapping[str, Judged], how: IntervalMethod) -> dict[str, Any]:
@@ -251,10 +245,10 @@ def _axes_document(fits: Mapping[str, Fit], carried: Mapping[str, Judged], how: 
 
     axes = {}
     with progress("intervals and tests", len(fits)) as advance:
-        for name, found in fits.items():
-            axes[name] = found.to_dict() | inference(found, how)
-            if found.replicates is not None:
-                axes[name]["replicates"] = found.replicates.to_dict()
+        for name, axis_fit in fits.items():
+            axes[name] = axis_fit.to_dict() | inference(axis_fit, how)
+            if axis_fit.replicates is not None:
+                axes[name]["replicates"] = axis_fit.replicates.to_dict()
             if name in carried:
                 axes[name]["likelihood"] = likelihood_as_dict(carried[name])
             advance(f"intervals and tests: {name}")
@@ -337,9 +331,9 @@ def _picture(fits: Mapping[str, Fit], path: Path, view: Literal["wavelet", "alla
 
 def replicates_text(fits: Mapping[str, Fit]) -> Iterator[str]:
     """Yield the comparison of several recordings as text, for each axis."""
-    for name, found in fits.items():
-        if found.replicates is not None:
-            summary = found.replicates.summary()
+    for name, axis_fit in fits.items():
+        if axis_fit.replicates is not None:
+            summary = axis_fit.replicates.summary()
             yield f"{name}\n{summary}" if len(fits) > 1 else summary
 
 
@@ -363,8 +357,8 @@ def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:
     ]
     remarks = [
         remark.about(name)
-        for name, found in fits.items()
-        for remark in (intervals_if_known(found, how)[1], *found.diagnostics.remarks)
+        for name, axis_fit in fits.items()
+        for remark in (intervals_if_known(axis_fit, how)[1], *axis_fit.diagnostics.remarks)
         if remark is not None
     ]
     lines = [line for text in texts(remarks, Dialect.SHELL) for line in wrapped(text)]
@@ -376,15 +370,15 @@ def _sensor_text(group: Mapping[str, Fit], how: IntervalMethod) -> str:
 
     first = next(iter(group.values()))
     units = first.units()
-    values = [short_values(found, how) for found in group.values()]
+    values = [short_values(axis_fit, how) for axis_fit in group.values()]
     rows = [[name, *(shown[name] for shown in values)] for name in first.parameters]
     last = len(rows) - 1
-    tests = [test_in_words(found, how)[0] for found in group.values()]
+    tests = [test_in_words(axis_fit, how)[0] for axis_fit in group.values()]
     rows.append(["p of the fit", *("not tested" if t is None else t.pvalue_in_words for t in tests)])
-    rows.append(["objective", *(f"{found.objective:.5g}" for found in group.values())])
+    rows.append(["objective", *(f"{axis_fit.objective:.5g}" for axis_fit in group.values())])
     rows.append(["optimality gap", *_gaps(list(group.values()))])
     return f"{table_text(['parameter', *group], rows, rules=[last])}\n{units_text(units)}"
 
 
 def _gaps(fits: Sequence[Fit]) -> list[str]:
-    return ["none" if found.gap is None else f"{100 * found.gap:.2g} %" for found in fits]
+    return ["none" if axis_fit.gap is None else f"{100 * axis_fit.gap:.2g} %" for axis_fit in fits]

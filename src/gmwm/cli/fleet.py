@@ -54,7 +54,6 @@ def fleet(
             help="Folder with one recording of each unit; subfolders are searched too. Each IMU topic of a file counts "
             "as a unit.",
             metavar="DIR",
-            show_default=False,
         ),
     ],
     output: Annotated[
@@ -65,7 +64,6 @@ def fleet(
             help="Write units/<unit>.json, fleet.json, fleet.parquet, summary.txt and fleet.png to this directory. "
             "Units whose results are already in this directory are skipped.",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ],
     reading: ReadOptions,
@@ -76,7 +74,6 @@ def fleet(
             "Default: all recordings.",
             metavar="PATTERN",
             rich_help_panel=INPUT,
-            show_default=False,
         ),
     ] = None,
     axis: Axes = None,
@@ -95,7 +92,6 @@ def fleet(
             "paths. Default: this machine.",
             metavar="ADDRESS",
             rich_help_panel=MACHINES,
-            show_default=False,
         ),
     ] = None,
     workers: Annotated[
@@ -105,7 +101,6 @@ def fleet(
             "processor.",
             min=0,
             rich_help_panel=MACHINES,
-            show_default=False,
         ),
     ] = None,
     retries: Annotated[
@@ -128,7 +123,7 @@ def fleet(
     from gmwm.applications.fleets.engine import calibrate_fleet
 
     _check(folder, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers)
-    asked = CalibrationOptions(
+    options = CalibrationOptions(
         within=parse_searched(within), robust=ROBUST[robust], weighting=weighting, criterion=criterion,
         confidence=confidence, efficiency=EFFICIENCY if efficiency is None else efficiency, seed=seed,
         against=against,
@@ -136,31 +131,31 @@ def fleet(
     )  # fmt: skip
     count = processors() if workers is None else workers
     forked = count if scheduler is None and count > (workers is None) else 0
-    beside = calibration_helpers(before="gmwm.applications.fleets.unit_job", count=forked)
+    processes = calibration_helpers(before="gmwm.applications.fleets.unit_job", count=forked)
     with _bar() as advance:
-        found = calibrate_fleet(
-            folder, output, asked, reading, pattern=pattern, scheduler=scheduler, workers=workers, retries=retries,
-            progress=advance, helpers=beside,
+        result = calibrate_fleet(
+            folder, output, options, reading, pattern=pattern, scheduler=scheduler, workers=workers, retries=retries,
+            progress=advance, helpers=processes,
         )  # fmt: skip
-    if not len(found):
-        unit, reason = next(iter(found.failed.items()))
+    if not len(result):
+        unit, reason = next(iter(result.failed.items()))
         raise DataError(
-            f"none of {len(found.units)} units can be calibrated; the first one is {unit}: {reason}",
+            f"none of {len(result.units)} units can be calibrated; the first one is {unit}: {reason}",
             advice="Check its recording with {gmwm info}.",
         )
-    summary = found.summary()
+    summary = result.summary()
     done = (output / FILE, output / TABLE)
     files = (
         text_file(output / "summary.txt", summary + "\n"),
-        NewFile(output / "fleet.png", lambda path: found.plot(path=path), "plotting"),
+        NewFile(output / "fleet.png", lambda path: result.plot(path=path), "plotting"),
     )
     return Outcome(
         command="fleet",
-        document={**_document(found), "written": [*map(str, done), *file_names(files)]},
+        document={**_document(result), "written": [*map(str, done), *file_names(files)]},
         text=summary,
         files=files,
         written=done,
-        remarks=tuple(_trouble(found)),
+        remarks=tuple(_trouble(result)),
     )
 
 

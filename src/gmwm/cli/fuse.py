@@ -37,7 +37,6 @@ def fuse(
             help="Recording at rest of all units: one file with columns such as gyro_x[0] and gyro_x[1] or with "
             "several topics, or a file for each unit.",
             metavar="FILE…",
-            show_default=False,
         ),
     ],
     reading: ReadOptions,
@@ -47,7 +46,6 @@ def fuse(
             help="Use constant weights that minimize the wavelet variance at this scale, such as 60s, 10min or a "
             "number of seconds. Default: use a Kalman filter.",
             metavar="LENGTH",
-            show_default=False,
         ),
     ] = None,
     model: Annotated[
@@ -56,7 +54,6 @@ def fuse(
             help="Joint model of the noise of all units, such as 'WN + shared(RW)'. Default for the Kalman filter: WN, "
             "RW and k GM processes, each shared(…), with the smallest k that fits the data.",
             metavar="MODEL",
-            show_default=False,
         ),
     ] = None,
     axis: Axes = None,
@@ -71,7 +68,6 @@ def fuse(
             "Repeat the option if there is a file for each unit.",
             metavar="FILE",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
     output: Annotated[
@@ -126,7 +122,7 @@ def _load(files: list[Path], reading: ReadOptions, axis: list[str] | None) -> di
     with progress(f"reading {files[0].name}"):
         units = read_units(files, reading)
     return {
-        name: Imu({one: imu[one] for one in chosen_names(imu.axes, axis)}) for name, imu in units.items()
+        name: Imu({a: imu[a] for a in chosen_names(imu.axes, axis)}) for name, imu in units.items()
     }  # fmt: skip
 
 

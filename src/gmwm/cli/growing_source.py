@@ -22,7 +22,6 @@ Idle = Annotated[
     typer.Option(
         help="Stop after this time without new data. Default: stop at Ctrl-C or at the end of standard input.",
         metavar="LENGTH",
-        show_default=False,
     ),
 ]
 
@@ -49,8 +48,8 @@ def growing_source(file: str) -> Iterator[tuple[GrowingFile | GrowingPipe, Path]
 
 def remarks_on_end(take: GrowingFile | GrowingPipe, name: Path, lines: Lines) -> tuple[Remark, ...]:
     """Return remarks if reading ended because of a problem, or if the last line was incomplete."""
-    found = [Remark.of("watch-ended", str(name), reason=take.trouble)] if take.trouble else []
-    return (*found, *([Remark.of("last-line-left-out", str(name))] if lines.rest else []))
+    remarks = [Remark.of("watch-ended", str(name), reason=take.trouble)] if take.trouble else []
+    return (*remarks, *([Remark.of("last-line-left-out", str(name))] if lines.rest else []))
 
 
 @contextmanager

@@ -44,7 +44,6 @@ def info(
             help="Test whether the noise of each axis depends on the temperature or on time, at each scale and for "
             "each term of the noise model.",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
     plot: Annotated[
@@ -63,15 +62,15 @@ def info(
     """
     from gmwm.measuring.inspection import inspect
 
-    whole = "--plot" if plot is not None else "--noise-against" if noise_against is not None else memory_for(against)
-    recording = opened(file, reading, chunked, whole=whole)
+    memory = "--plot" if plot is not None else "--noise-against" if noise_against is not None else memory_for(against)
+    recording = opened(file, reading, chunked, whole=memory)
     with progress("inspecting"):
         inspection = inspect(recording, against=against)
     changes = _noise_changes(recording, noise_against) if noise_against and isinstance(recording, Imu) else {}
     document = {"file": str(file), **inspection.to_dict()}
     if noise_against is not None:
-        document["noise_against"] = {axis: found.to_dict() for axis, found in changes.items()}
-    below = "".join(f"\n\n{found.summary()}" for found in changes.values())
+        document["noise_against"] = {axis: change.to_dict() for axis, change in changes.items()}
+    below = "".join(f"\n\n{change.summary()}" for change in changes.values())
     files = []
     if plot is not None and isinstance(recording, Imu):
         files.append(NewFile(plot, partial(_draw, recording), f"plotting {plot.name}"))
@@ -89,7 +88,7 @@ def _noise_changes(recording: Imu, condition: str) -> dict[str, NoiseAgainst]:
     from gmwm.fitting.inference import noise_against
 
     if condition == TIME:
-        asked: Against = TIME
+        covariates: Against = TIME
     elif recording.temperature is None:
         raise OptionError(
             "the recording has no temperature",
@@ -98,9 +97,9 @@ def _noise_changes(recording: Imu, condition: str) -> dict[str, NoiseAgainst]:
             advice="Name its column with {--columns=temperature:…}, or use {--noise-against=time}.",
         )
     else:
-        asked = {TEMPERATURE: recording.temperature}
+        covariates = {TEMPERATURE: recording.temperature}
     with progress("noise against conditions"):
-        return {axis: noise_against(signal, asked) for axis, signal in recording.signals.items()}
+        return {axis: noise_against(signal, covariates) for axis, signal in recording.signals.items()}
 
 
 def _draw(recording: Imu, path: Path) -> None:

@@ -45,7 +45,6 @@ def joint(
             help="Levels to use: a range such as 9-17, or 12 for the first twelve. Default: all levels with at least "
             "five coefficients.",
             metavar="FIRST-LAST",
-            show_default=False,
         ),
     ] = None,
     certify: Annotated[
@@ -81,11 +80,14 @@ def joint(
         )  # fmt: skip
     with progress("fitting"):
         time = parse_length(certify_within) if certify else False
-        found = fit_joint(model, signals, levels=parse_levels(levels), certify=time)
+        joint_fit = fit_joint(model, signals, levels=parse_levels(levels), certify=time)
     tell_inspection(recording)
-    files = [] if plot is None else [NewFile(plot, partial(_draw, found), "plotting")]
+    files = [] if plot is None else [NewFile(plot, partial(_draw, joint_fit), "plotting")]
     return Outcome(
-        command="joint", document={"file": str(file), **found.to_dict()}, text=found.summary(), files=tuple(files)
+        command="joint",
+        document={"file": str(file), **joint_fit.to_dict()},
+        text=joint_fit.summary(),
+        files=tuple(files),
     )
 
 

@@ -48,7 +48,7 @@ def likelihood_fits(
     A fit starts from the wavelet fit of its axis, or from the model `given` if all of its parameters have values.
     `asked` has the regression to include in the likelihood of each axis.
     """
-    own = given if given is not None and given.is_complete else None
+    complete = given if given is not None and given.is_complete else None
     from gmwm import fit_ml
     from gmwm.base.threads import in_threads
     from gmwm.cli.output import progress
@@ -58,7 +58,7 @@ def likelihood_fits(
         def carried_on(axis: str, start: Fit) -> LikelihoodFit:
             label = f"maximum likelihood: {axis}"
             return fit_ml(
-                start.model, signals[axis], start=start if own is None else own, against=(asked or {}).get(axis),
+                start.model, signals[axis], start=complete or start, against=(asked or {}).get(axis),
                 progress=lambda count, value: advance(f"{label}, evaluation {count}, {value:.2f}", 0),
             )  # fmt: skip
 
@@ -108,8 +108,14 @@ def likelihoods_text(found: Mapping[str, Judged]) -> str:
     from gmwm.fitting.likelihood.summary import in_words
 
     if len(found) == 1:
-        one = next(iter(found.values()))
-        return in_words(one.fit, one.level, intervals=one.intervals, residuals=one.residuals, missing=one.missing)
+        judged_fit = next(iter(found.values()))
+        return in_words(
+            judged_fit.fit,
+            judged_fit.level,
+            intervals=judged_fit.intervals,
+            residuals=judged_fit.residuals,
+            missing=judged_fit.missing,
+        )
     first = next(iter(found.values()))
     sensors = by_sensor(found)
     parts = [
@@ -119,8 +125,8 @@ def likelihoods_text(found: Mapping[str, Judged]) -> str:
     ]
     remarks = [
         remark.about(name)
-        for name, one in found.items()
-        for remark in (one.missing, *one.fit.remarks)
+        for name, judged_fit in found.items()
+        for remark in (judged_fit.missing, *judged_fit.fit.remarks)
         if remark is not None
     ]
     return "\n\n".join([*parts, *(["\n".join(texts(remarks, Dialect.SHELL))] if remarks else [])])
@@ -131,14 +137,14 @@ def _sensor_text(group: Mapping[str, Judged]) -> str:
     from gmwm.fitting.likelihood.summary import short_values
 
     first = next(iter(group.values())).fit
-    values = [short_values(one.fit, one.intervals) for one in group.values()]
+    values = [short_values(judged_fit.fit, judged_fit.intervals) for judged_fit in group.values()]
     rows = [[name, *(shown[name] for shown in values)] for name in first.parameters]
     last = len(rows) - 1
     rows += [
-        ["log-likelihood", *(f"{one.fit.loglikelihood:.3f}" for one in group.values())],
-        ["AIC", *(f"{one.fit.aic:.2f}" for one in group.values())],
-        ["BIC", *(f"{one.fit.bic:.2f}" for one in group.values())],
-        ["Ljung-Box, p", *(p_text(one.residuals.ljung_box().p_value) for one in group.values())],
-        ["Jarque-Bera, p", *(p_text(one.residuals.normality().p_value) for one in group.values())],
+        ["log-likelihood", *(f"{judged_fit.fit.loglikelihood:.3f}" for judged_fit in group.values())],
+        ["AIC", *(f"{judged_fit.fit.aic:.2f}" for judged_fit in group.values())],
+        ["BIC", *(f"{judged_fit.fit.bic:.2f}" for judged_fit in group.values())],
+        ["Ljung-Box, p", *(p_text(judged_fit.residuals.ljung_box().p_value) for judged_fit in group.values())],
+        ["Jarque-Bera, p", *(p_text(judged_fit.residuals.normality().p_value) for judged_fit in group.values())],
     ]
     return f"{table_text(['parameter', *group], rows, rules=[last])}\n{units_text(first.units())}"

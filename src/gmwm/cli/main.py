@@ -70,7 +70,7 @@ def accept_all_characters(stream: io.TextIOWrapper) -> None:
     stream.reconfigure(encoding=None if keep else "utf-8", errors="replace")
 
 
-def _terminated(number: int, _frame: FrameType | None) -> None:
+def _terminate(number: int, _frame: FrameType | None) -> None:
     """Handle SIGTERM and SIGHUP by an exception, as for Ctrl-C, so that temporary files are removed.
 
     Raises
@@ -97,15 +97,15 @@ def run(on_interrupt: Any = signal.default_int_handler) -> None:
             accept_all_characters(stream)
     command = get_command(app)
     # Windows has no SIGHUP, and nohup has it ignored.
-    ends = [one for name in ("SIGTERM", "SIGHUP") if (one := getattr(signal, name, None)) is not None]
-    ends = [one for one in ends if signal.getsignal(one) is signal.SIG_DFL]
-    for one in ends:
-        signal.signal(one, _terminated)
+    ends = [number for name in ("SIGTERM", "SIGHUP") if (number := getattr(signal, name, None)) is not None]
+    ends = [number for number in ends if signal.getsignal(number) is signal.SIG_DFL]
+    for number in ends:
+        signal.signal(number, _terminate)
     signal.signal(signal.SIGINT, on_interrupt)
     try:
         command(prog_name="gmwm")
     finally:
-        for one in ends:
-            signal.signal(one, signal.SIG_DFL)
+        for number in ends:
+            signal.signal(number, signal.SIG_DFL)
         if on_interrupt is signal.default_int_handler:
             signal.signal(signal.SIGINT, signal.SIG_DFL)

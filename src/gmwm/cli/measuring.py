@@ -36,7 +36,6 @@ Scheduler = Annotated[
         "needs the file at the same path. Default: this process.",
         metavar="ADDRESS",
         rich_help_panel=MACHINES,
-        show_default=False,
     ),
 ]
 Workers = Annotated[
@@ -46,7 +45,6 @@ Workers = Annotated[
         "process.",
         min=1,
         rich_help_panel=MACHINES,
-        show_default=False,
     ),
 ]
 
@@ -123,15 +121,15 @@ def stream_curves(
 
     The remarks of its inspection become warnings of the command.
     """
-    from gmwm.calibration.measurement import curves_and_inspection
+    from gmwm.calibration.passes import Run, curves_and_inspection
     from gmwm.cli.output import progress, tell
     from gmwm.measuring.regression.conditions import Conditions
 
     with progress("reading") as advance:
         conditions = Conditions.of_recording(stream, Asked.of(against))
         curves, inspection = curves_and_inspection(
-            stream, axes, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers,
-            progress=lambda text: advance(text, 0), conditions=conditions,
+            stream, axes, robust=robust, efficiency=efficiency, conditions=conditions,
+            run=Run(scheduler=scheduler, workers=workers, progress=lambda text: advance(text, 0)),
         )  # fmt: skip
     for remark in inspection.remarks:
         tell(remark)
@@ -199,7 +197,9 @@ def axes_together(recordings: Mapping[str, Imu | Stream], wanted: Sequence[str] 
     """
     from gmwm.calibration.data import common_axes
 
-    return common_axes({name: dict.fromkeys(chosen_names(one.axes, wanted)) for name, one in recordings.items()})[0]
+    return common_axes(
+        {name: dict.fromkeys(chosen_names(recording.axes, wanted)) for name, recording in recordings.items()}
+    )[0]
 
 
 def measured_together(
@@ -227,19 +227,19 @@ def measured_together(
     from gmwm.measuring.variance.result import WaveletVariance
 
     axes = axes_together(recordings, wanted)
-    found = {
-        name: signals_or_curves(one, axes, robust=robust, efficiency=efficiency, against=against)
-        for name, one in recordings.items()
+    data_of = {
+        name: signals_or_curves(recording, axes, robust=robust, efficiency=efficiency, against=against)
+        for name, recording in recordings.items()
     }
-    if len(found) == 1:
-        return next(iter(found.values()))
+    if len(data_of) == 1:
+        return next(iter(data_of.values()))
 
     def curve(data: Signal | WaveletVariance) -> WaveletVariance:
         if isinstance(data, WaveletVariance):
             return data
         return wavelet_variance(data, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
 
-    return {axis: pooled({name: curve(data[axis]) for name, data in found.items()}) for axis in axes}
+    return {axis: pooled({name: curve(data[axis]) for name, data in data_of.items()}) for axis in axes}
 
 
 def tell_inspection(imu: Imu | Stream, against: str = NONE) -> Conditions:

@@ -26,7 +26,6 @@ ModelText = Annotated[
         help="Sum of processes, as for gmwm fit. If all parameters have values, the command uses these values; "
         "otherwise it first fits the model to each axis.",
         metavar="MODEL",
-        show_default=False,
     ),
 ]
 FromFits = Annotated[
@@ -34,7 +33,6 @@ FromFits = Annotated[
     typer.Option(
         help="Instead of --model: the fits.json of gmwm fit or the calibration.json of gmwm calibrate. It can come "
         "from this recording, or from another recording of the same unit at the same rate.",
-        show_default=False,
     ),
 ]
 ByLikelihood = Annotated[
@@ -177,15 +175,15 @@ def axes_of(source: ModelSource, signals: Mapping[str, Signal], chosen: bool) ->
     """
     if source.model is not None or chosen:
         return signals
-    there = {axis: signal for axis, signal in signals.items() if axis in source.fits}
-    if not there:
+    fitted = {axis: signal for axis, signal in signals.items() if axis in source.fits}
+    if not fitted:
         raise OptionError(
             f"the fits and the recording have no axis in common: {source.fits_file} has {', '.join(source.fits)}, the "
             f"recording has {', '.join(signals)}",
             argument="from_fits",
             got=source.fits_file,
         )
-    return there
+    return fitted
 
 
 def _from_file(source: ModelSource, axis: str, file: Path) -> AxisModel:

@@ -48,7 +48,6 @@ def monitor(
             help="One recording in any supported format, or - for text on standard input; or the recordings of three "
             "or more units that were recorded at the same time.",
             metavar="FILE|-…",
-            show_default=False,
         ),
     ],
     reading: ReadOptions,
@@ -57,7 +56,6 @@ def monitor(
         typer.Option(
             help="Noise models of the sensor: the calibration.json of gmwm calibrate, the fits.json of gmwm fit, or "
             "the folder of one of them.",
-            show_default=False,
         ),
     ] = None,
     source: GivenText = None,
@@ -66,7 +64,6 @@ def monitor(
         typer.Option(
             help="Recording of the healthy sensor at rest, from which the baseline of the control charts is computed. "
             "Default: the baseline in calibration.json.",
-            show_default=False,
         ),
     ] = None,
     every: Annotated[
@@ -86,14 +83,11 @@ def monitor(
         typer.Option(
             help="Plot the signals with the events, and the control charts, to this .png, .pdf or .svg file.",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output", "-o", help="Write a summary to this .html file.", rich_help_panel=RESULT, show_default=False
-        ),
+        typer.Option("--output", "-o", help="Write a summary to this .html file.", rich_help_panel=RESULT),
     ] = None,
     json: Json = False,
 ) -> Outcome:
@@ -119,7 +113,7 @@ def monitor(
         _require_alone(reference=reference, follow=follow, idle=idle, plot=plot, output=output)
         return _side_by_side(files, reading, origin=origin, every=seconds, axes=axis, json=json)
     (file,) = files
-    with _opened(file, reading, follow, patience) as (stream, ended):
+    with _open(file, reading, follow, patience) as (stream, ended):
         trace = _trace(
             origin,
             stream,
@@ -130,19 +124,19 @@ def monitor(
             pictures=plot is not None or output is not None,
             source="standard input" if file == "-" else file,
         )
-        _shown(_watched(stream, trace), json)
+        _print_events(_watch(stream, trace), json)
     remarks = ended()
-    made = []
+    monitors = []
     if plot is not None:
-        made.append(NewFile(plot, lambda path: trace.plot(path=path), f"plotting {plot.name}"))
+        monitors.append(NewFile(plot, lambda path: trace.plot(path=path), f"plotting {plot.name}"))
     if output is not None:
-        made.append(NewFile(output, trace.report, f"writing {output.name}"))
+        monitors.append(NewFile(output, trace.report, f"writing {output.name}"))
     summary = trace.to_dict()
     return Outcome(
         command="monitor",
-        document={"file": file, **summary, "written": file_names(made)},
+        document={"file": file, **summary, "written": file_names(monitors)},
         text=trace.summary(),
-        files=tuple(made),
+        files=tuple(monitors),
         remarks=remarks,
         status=CHANGED if trace.events else 0,
         in_one_line=True,
@@ -150,7 +144,7 @@ def monitor(
 
 
 @contextmanager
-def _opened(
+def _open(
     file: str, reading: ReadOptions, follow: bool, idle: float | None
 ) -> Iterator[tuple[Stream, Callable[[], tuple[Remark, ...]]]]:
     """Open a recording or a growing text. Yield the stream of its samples and a function that returns the remarks on
@@ -193,13 +187,15 @@ def _trace(
         )
     names = chosen_names(both, axes)
     check_rate(stream.rate, rate)
-    known: Mapping[str, Baseline] | None = None
+    reference_baselines: Mapping[str, Baseline] | None = None
     if reference is not None:
-        known = baselines(models, stream_file(reference, reading), names)
-    made = Monitor(models, every, rate=rate, baseline="auto" if known is None else known, axes=names)
-    for remark in made.remarks:
+        reference_baselines = baselines(models, stream_file(reference, reading), names)
+    watcher = Monitor(
+        models, every, rate=rate, baseline="auto" if reference_baselines is None else reference_baselines, axes=names
+    )
+    for remark in watcher.remarks:
         tell(remark)
-    return Trace(made, pictures=pictures, source=source)
+    return Trace(watcher, pictures=pictures, source=source)
 
 
 def _require_alone(**options: object) -> None:
@@ -224,19 +220,19 @@ def _side_by_side(
     }
     models, _ = _models(origin, next(iter(streams.values())).rate)
     both = [axis for axis in models if all(axis in stream.axes for stream in streams.values())]
-    found: list[UnitEvent] = []
+    events: list[UnitEvent] = []
 
     def noted() -> Iterator[UnitEvent]:
         for event in redundant(models, streams, every, axes=chosen_names(both, axes)):
-            found.append(event)
+            events.append(event)
             yield event
 
-    _shown(noted(), json)
+    _print_events(noted(), json)
     return Outcome(
         command="monitor",
-        document={"files": files, "axes": both, "every": every, "events": [event.to_dict() for event in found]},
-        text=f"{counted(len(found), 'event') if found else 'no event'} of {counted(len(files), 'unit')}",
-        status=CHANGED if found else 0,
+        document={"files": files, "axes": both, "every": every, "events": [event.to_dict() for event in events]},
+        text=f"{counted(len(events), 'event') if events else 'no event'} of {counted(len(files), 'unit')}",
+        status=CHANGED if events else 0,
         in_one_line=True,
     )
 
@@ -269,11 +265,11 @@ def _models(origin: Origin, rate: float) -> tuple[Mapping[str, Any], float]:
     if origin.source is not None:
         return given(origin.source, rate).models, rate
     assert origin.fits is not None
-    found = _fitted(origin.fits)
-    return found, next(iter(found.values())).wavelet_variance.rate
+    models = _fit_models(origin.fits)
+    return models, next(iter(models.values())).wavelet_variance.rate
 
 
-def _fitted(path: Path) -> Mapping[str, Any]:
+def _fit_models(path: Path) -> Mapping[str, Any]:
     """Return the calibration in a file or folder, or the fits by axis if it holds a fits.json."""
     from gmwm import Calibration, Fit
     from gmwm.cli.output import calibration_file
@@ -286,7 +282,7 @@ def _fitted(path: Path) -> Mapping[str, Any]:
     return {axis: Fit.from_dict(content) for axis, content in fits.items()}
 
 
-def _watched(stream: Stream, trace: Trace) -> Iterator[Event]:
+def _watch(stream: Stream, trace: Trace) -> Iterator[Event]:
     """Yield the events of a stream, with times from the first sample of the recording, as in the other commands.
 
     Ctrl-C while Polars reads raises KeyboardInterrupt, which ends the stream without an error.
@@ -300,7 +296,7 @@ def _watched(stream: Stream, trace: Trace) -> Iterator[Event]:
     yield from trace.finish()
 
 
-def _shown(events: Iterable[Event | UnitEvent], json: bool) -> None:
+def _print_events(events: Iterable[Event | UnitEvent], json: bool) -> None:
     """Print each event, as text or as one line of JSON."""
     for event in events:
         print(json_module.dumps(event.to_dict()) if json else event, file=sys.stdout, flush=True)

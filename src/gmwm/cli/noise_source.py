@@ -24,7 +24,6 @@ NoiseText = Annotated[
         help="The calibration.json of gmwm calibrate, the fits.json of gmwm fit, or the folder of one of them; or the "
         "numbers of a datasheet or a file of another program, as for gmwm export --from.",
         metavar="SOURCE",
-        show_default=False,
     ),
 ]
 GivenText = Annotated[
@@ -35,7 +34,6 @@ GivenText = Annotated[
         "accel: N=60µg/√Hz, B=0.02mg', or a file of Kalibr, allan_variance_ros, imu_utils, OpenVINS, Kimera, VINS, "
         "ORB-SLAM3, LIO-SAM, FAST-LIO, KF-GINS, PX4, ArduPilot or MATLAB.",
         metavar="SOURCE",
-        show_default=False,
     ),
 ]
 
@@ -91,5 +89,5 @@ def noise_of(text: str, rate: float | None, option: str = "SOURCE") -> NoiseSour
     if path.is_dir() or path.suffix == ".json":
         _, fits = fits_in(path)
         return NoiseSource({axis: Fit.from_dict(content) for axis, content in fits.items()}, rate)
-    found = given(text, rate, option)
-    return NoiseSource(found.models, found.rate)
+    noise = given(text, rate, option)
+    return NoiseSource(noise.models, noise.rate)

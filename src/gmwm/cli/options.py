@@ -78,7 +78,6 @@ Efficiency = Annotated[
         help="Efficiency of the robust wavelet variance for Gaussian noise, 0.3 to 0.99. Lower values suppress "
         "outliers close to the noise; higher values tolerate more distant outliers. Default: 0.6.",
         rich_help_panel="Estimation",
-        show_default=False,
     ),
 ]
 Within = Annotated[

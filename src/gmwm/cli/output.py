@@ -155,9 +155,9 @@ def print_json(
     The list of remarks starts with those in the document, followed by the other remarks without duplicates.
     """
     escaped = codecs.lookup(sys.stdout.encoding or "utf-8").name != "utf-8"
-    known = list(content.get("remarks", ()))
-    known += [one for one in (remark.to_dict() for remark in dict.fromkeys(remarks)) if one not in known]
-    print(json_text(command, {**content, "remarks": known}, escaped=escaped, in_one_line=in_one_line))
+    entries = list(content.get("remarks", ()))
+    entries += [entry for entry in (remark.to_dict() for remark in dict.fromkeys(remarks)) if entry not in entries]
+    print(json_text(command, {**content, "remarks": entries}, escaped=escaped, in_one_line=in_one_line))
 
 
 def json_text(command: str, content: Mapping[str, Any], *, escaped: bool = False, in_one_line: bool = False) -> str:
@@ -270,9 +270,9 @@ class Warned:
         if self._shown:
             return
         self._shown = True
-        found = [remark for remark in self.remarks if remark.severity is not Severity.INFO or self._every]
-        most = len(found) if self._every else MOST
-        for text in brief(found, Dialect.SHELL, rest="--all-remarks", most=most):
+        remarks = [remark for remark in self.remarks if remark.severity is not Severity.INFO or self._every]
+        most = len(remarks) if self._every else MOST
+        for text in brief(remarks, Dialect.SHELL, rest="--all-remarks", most=most):
             print(f"warning: {one_line(text)}", file=sys.stderr)
 
 

@@ -41,7 +41,6 @@ def plan(
         typer.Option(
             help="Duration of the planned recording, such as 90s, 30min, 1h30m, 2h, 1d or a number of seconds.",
             metavar="LENGTH",
-            show_default=False,
         ),
     ],
     model: Annotated[
@@ -50,7 +49,6 @@ def plan(
             help="Model with all parameter values (in SI units, per sample where time enters, but GM.beta in 1/s). "
             "Values in fixed(…) are treated as known.",
             metavar="MODEL",
-            show_default=False,
         ),
     ] = None,
     from_fits: Annotated[
@@ -58,16 +56,11 @@ def plan(
         typer.Option(
             help="Instead of MODEL: the fits.json of gmwm fit or the calibration.json of gmwm calibrate for a pilot "
             "recording.",
-            show_default=False,
         ),
     ] = None,
     source: GivenText = None,
-    axis: Annotated[
-        str | None, typer.Option(help="Axis to use from --from-fits or --from.", show_default=False)
-    ] = None,
-    rate: Annotated[
-        float | None, typer.Option(help="Sampling rate (Hz). Not needed with --from-fits.", show_default=False)
-    ] = None,
+    axis: Annotated[str | None, typer.Option(help="Axis to use from --from-fits or --from.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Sampling rate (Hz). Not needed with --from-fits.")] = None,
     accuracy: Annotated[
         str,
         typer.Option(help="Desired relative standard error, as 0.1 or 10%; at most 0.5.", metavar="SHARE"),
@@ -77,7 +70,6 @@ def plan(
         typer.Option(
             help="Weights of the planned fit: inverse variances (diagonal) or inverse covariance matrix (optimal). "
             "Default: diagonal, but optimal for processes with several shape parameters such as AR(2).",
-            show_default=False,
         ),
     ] = None,
     plot: Annotated[
@@ -91,7 +83,7 @@ def plan(
     datasheet. If the relative standard error of a parameter is above 50 %, the recording does not determine it. With
     --from-fits, the planned recording is assumed to have gaps like those of the pilot recording.
     """
-    if sum(one is not None for one in (model, from_fits, source)) != 1:
+    if sum(source_given is not None for source_given in (model, from_fits, source)) != 1:
         raise OptionError(
             "exactly one of MODEL, --from-fits and --from is needed",
             argument="model",
@@ -99,17 +91,17 @@ def plan(
             advice="Write a model with its values, or pass a fits.json or calibration.json with {--from_fits}, or the "
             "numbers of a datasheet with {--from}.",
         )
-    seconds, wanted = parse_length(duration), parse_share(accuracy)
+    seconds, share = parse_length(duration), parse_share(accuracy)
     origin: dict[str, Any] = {}
     unit, curve = "", None
     if from_fits is not None:
-        axis, found = pilot(from_fits, axis)
+        axis, pilot_fit = pilot(from_fits, axis)
         origin = {"file": str(from_fits), "axis": axis}
-        model, remarks = _as_seen(found)
+        model, remarks = _as_seen(pilot_fit)
         for remark in remarks:
             tell(remark)
-        unit, rate = found["wavelet_variance"]["unit"], _pilot_rate(found, rate, from_fits)
-        curve = found["wavelet_variance"]
+        unit, rate = pilot_fit["wavelet_variance"]["unit"], _pilot_rate(pilot_fit, rate, from_fits)
+        curve = pilot_fit["wavelet_variance"]
     elif source is not None:
         axis, model, rate = _given_axis(source, axis, rate)
         origin = {"file": source, "axis": axis}
@@ -118,16 +110,14 @@ def plan(
         raise OptionError(
             "--axis applies only to --from-fits and --from", argument="axis", got=axis, advice="Leave {--axis} out."
         )
-    made, needed = _planned(
-        str(model), seconds, rate=rate, accuracy=wanted, weighting=weighting, unit=unit, curve=curve
-    )
-    drawn = () if plot is None else (NewFile(plot, lambda path: made.plot(accuracy=wanted, path=path), "plotting"),)
+    design, needed = _plan(str(model), seconds, rate=rate, accuracy=share, weighting=weighting, unit=unit, curve=curve)
+    drawn = () if plot is None else (NewFile(plot, lambda path: design.plot(accuracy=share, path=path), "plotting"),)
     return Outcome(
         command="plan",
-        document={**origin, **made.to_dict(), "accuracy": wanted, "needed": needed},
-        text=made.summary(wanted),
+        document={**origin, **design.to_dict(), "accuracy": share, "needed": needed},
+        text=design.summary(share),
         files=drawn,
-        in_text=made.remarks,
+        in_text=design.remarks,
     )
 
 
@@ -136,29 +126,29 @@ def _given_axis(source: str, axis: str | None, rate: float | None) -> tuple[str,
 
     `axis` can be None if all axes have the same model.
     """
-    found = given(source, rate)
-    models = {name: str(model) for name, model in found.models.items()}
+    noise = given(source, rate)
+    models = {name: str(model) for name, model in noise.models.items()}
     if axis is None and len(set(models.values())) == 1:
         axis = next(iter(models))
     if axis not in models:
         raise OptionError(argument="axis", expected=f"one of {', '.join(models)}", got=axis)
-    return str(axis), models[axis], found.rate
+    return str(axis), models[axis], noise.rate
 
 
 def _pilot_rate(found: Mapping[str, Any], rate: float | None, file: Path) -> float:
     """Return the sampling rate (Hz) of a pilot fit. Raises an OptionError if --rate is given and differs from it."""
-    own = float(found["wavelet_variance"]["rate"])
-    if rate is not None and abs(rate / own - 1) > 1e-3:
+    pilot_rate = float(found["wavelet_variance"]["rate"])
+    if rate is not None and abs(rate / pilot_rate - 1) > 1e-3:
         raise OptionError(
-            f"--rate {rate:g} differs from the rate in {file}, {own:g} Hz, for which its values are",
+            f"--rate {rate:g} differs from the rate in {file}, {pilot_rate:g} Hz, for which its values are",
             argument="rate",
             got=rate,
             advice="Leave {--rate} out.",
         )
-    return own
+    return pilot_rate
 
 
-def _planned(
+def _plan(
     model: str,
     seconds: float,
     rate: float | None,
@@ -175,8 +165,8 @@ def _planned(
     as_accuracy(accuracy)
     with progress("planning"):
         pilot = None if curve is None else WaveletVariance.from_dict(curve)
-        made = planned(model, duration=seconds, rate=as_rate(rate), weighting=weighting, unit=unit, pilot=pilot)
-        return made, made.needed(accuracy)
+        design = planned(model, duration=seconds, rate=as_rate(rate), weighting=weighting, unit=unit, pilot=pilot)
+        return design, design.needed(accuracy)
 
 
 def pilot(path: Path, axis: str | None) -> tuple[str, dict[str, Any]]:
@@ -259,23 +249,23 @@ def _fits(content: Any) -> tuple[str | None, dict[str, Any]]:
     if not isinstance(content, Mapping):
         raise ReadError("it is not an object")
     if content.get("format") == FORMAT:
-        found = Calibration.from_dict(content)
-        file = None if found.recording is None else found.recording.file
-        return file, {axis: one.to_dict() for axis, one in found.items()}
+        calibration = Calibration.from_dict(content)
+        file = None if calibration.recording is None else calibration.recording.file
+        return file, {axis: document.to_dict() for axis, document in calibration.items()}
     if content.get("command") != "fit":
         raise ReadError('it has neither "format": "gmwm-calibration" nor "command": "fit"')
     file, axes = content.get("file"), content.get("axes")
-    if not isinstance(axes, Mapping) or not all(isinstance(one, Mapping) for one in axes.values()):
+    if not isinstance(axes, Mapping) or not all(isinstance(document, Mapping) for document in axes.values()):
         raise ReadError("axes must be an object of fits")
     if not isinstance(file, str | None):
         raise ReadError("file must be a string or null")
     fits = {}
-    for axis, one in axes.items():
+    for axis, document in axes.items():
         try:
             # Values that the document leaves out have defaults.
-            fits[axis] = dict(one) | Fit.from_dict(one).to_dict()
-            if one.get("likelihood") is not None:
-                LikelihoodFit.from_dict(one["likelihood"])
+            fits[axis] = dict(document) | Fit.from_dict(document).to_dict()
+            if document.get("likelihood") is not None:
+                LikelihoodFit.from_dict(document["likelihood"])
         except ReadError as error:
             raise error.at(axis) from error
     return file, fits
@@ -295,7 +285,7 @@ def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
     if zero := [term for term, process in processes.items() if process.scale == 0]:
         remarks.append(Remark.of("pilot-left-out", terms=tuple(zero)))
     processes = {term: process for term, process in processes.items() if term not in zero}
-    levels, rate, filter, matrix = _measured(found)
+    levels, rate, filter, matrix = _measure(found)
     for term, name in found["acts_as"].items():
         like = (
             likeness(processes[term], name, levels=levels, rate=rate, filter=filter, matrix=matrix)
@@ -308,11 +298,11 @@ def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
         del processes[term]
         value = ", ".join(f"{parameter}={value:.4g}" for parameter, value in like.values.items())
         remarks.append(Remark.of("pilot-acts-as", term=term, process=f"{name}({value})"))
-        processes[name] = _added(processes[name], like) if name in processes else like
+        processes[name] = _add(processes[name], like) if name in processes else like
     return (str(Model(tuple(processes.values()))) if processes else found["model"]), remarks
 
 
-def _measured(found: Mapping[str, Any]) -> tuple[NDArray[np.int64], float, WaveletFilter, Matrix]:
+def _measure(found: Mapping[str, Any]) -> tuple[NDArray[np.int64], float, WaveletFilter, Matrix]:
     """Return the levels, sampling rate (Hz), wavelet filter and weighting matrix of a fit from its JSON document."""
     import numpy as np
 
@@ -325,7 +315,7 @@ def _measured(found: Mapping[str, Any]) -> tuple[NDArray[np.int64], float, Wavel
     )  # fmt: skip
 
 
-def _added(process: Process, like: Process) -> Process:
+def _add(process: Process, like: Process) -> Process:
     """Return the sum of two processes of the same kind, as one process."""
     value = like.value_from(process.scale + like.scale)
     return like.with_values(**{like.scale_parameter().name: value})

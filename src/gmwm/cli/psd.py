@@ -41,7 +41,6 @@ def psd(
             help="Length of the blocks (samples), an even number of at least 8. Default: the largest power of two up "
             "to 65536 that gives at least 15 blocks.",
             rich_help_panel=ESTIMATION,
-            show_default=False,
         ),
     ] = None,
     detrend: Annotated[
@@ -69,20 +68,20 @@ def psd(
     divided by the width.
     """
     recording = opened(file, reading, chunked)
-    found = _measured(recording, axis, length=length, detrend=detrend)
+    spectra = _measure(recording, axis, length=length, detrend=detrend)
     system: UnitSystem = "datasheet" if datasheet else "si"
-    files = [] if csv is None else [text_file(csv, _csv_text(found))]
+    files = [] if csv is None else [text_file(csv, _csv_text(spectra))]
     if plot is not None:
-        files.append(NewFile(plot, partial(_draw, found, system), "plotting"))
+        files.append(NewFile(plot, partial(_draw, spectra, system), "plotting"))
     return Outcome(
         command="psd",
-        document={"file": str(file), "axes": found.to_dict()},
-        text=_text(found),
+        document={"file": str(file), "axes": spectra.to_dict()},
+        text=_text(spectra),
         files=tuple(files),
     )
 
 
-def _measured(
+def _measure(
     recording: Imu | Stream, axis: list[str] | None, *, length: int | None, detrend: Literal["constant", "linear"]
 ) -> PowerSpectra:
     """Estimate the spectrum of each axis."""
@@ -93,10 +92,10 @@ def _measured(
     if isinstance(recording, Stream):
         chosen = chosen_names(recording.axes, axis)
         with progress("reading") as advance:
-            found = recording.psd(
+            axis_spectra = recording.psd(
                 length=length, detrend=detrend, done=lambda samples: advance(f"{samples} samples", samples)
             )
-        return PowerSpectra(spectra={name: found[name] for name in chosen})
+        return PowerSpectra(spectra={name: axis_spectra[name] for name in chosen})
     measure = partial(psd, length=length, detrend=detrend)
     spectra = over_axes(measure, chosen_axes(recording, axis), "spectrum")
     tell_inspection(recording)

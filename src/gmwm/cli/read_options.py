@@ -13,8 +13,8 @@ import typer
 from gmwm.base.durations import parse_length
 from gmwm.base.errors import OptionError
 from gmwm.base.units import SI_UNIT
-from gmwm.files.readers.columns import parse_columns
-from gmwm.files.readers.scale_factors import parse_scale
+from gmwm.files.columns.columns import parse_columns
+from gmwm.files.columns.scale_factors import parse_scale
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -28,7 +28,6 @@ File = Annotated[
         help="Recording in any supported format; or a pattern in quotes, such as 'hour_*.csv', for files that continue "
         "one another.",
         metavar="FILE",
-        show_default=False,
     ),
 ]
 Files = Annotated[
@@ -38,7 +37,6 @@ Files = Annotated[
         "one another. If several recordings are given, they must be of one unit, and one model is fitted to all of "
         "them. Their lengths may differ.",
         metavar="FILE…",
-        show_default=False,
     ),
 ]
 Rate = Annotated[
@@ -60,7 +58,6 @@ Scale = Annotated[
         help="Scale factors for raw counts, by sensor or axis. Each number in the file is multiplied by its factor.",
         metavar="gyro=1/131,accel_x=6.1e-5",
         rich_help_panel=INPUT,
-        show_default=False,
     ),
 ]
 Increments = Annotated[
@@ -70,7 +67,6 @@ Increments = Annotated[
         "multiplied by the sampling rate; for increments in degrees, give the unit deg/s in --units.",
         metavar="gyro,accel",
         rich_help_panel=INPUT,
-        show_default=False,
     ),
 ]
 Columns = Annotated[
@@ -105,7 +101,6 @@ Format = Annotated[
         "sensor. If the name is unknown, the error lists all formats.",
         metavar="NAME",
         rich_help_panel=INPUT,
-        show_default=False,
     ),
 ]
 
@@ -116,7 +111,6 @@ Start = Annotated[
         help="Start at this time after the first sample, such as 90s, 10min, 1h30m or a number of seconds.",
         metavar="LENGTH",
         rich_help_panel=INPUT,
-        show_default=False,
     ),
 ]
 Stop = Annotated[
@@ -125,7 +119,6 @@ Stop = Annotated[
         help="Stop at this time after the first sample.",
         metavar="LENGTH",
         rich_help_panel=INPUT,
-        show_default=False,
     ),
 ]
 Skip = Annotated[
@@ -135,7 +128,6 @@ Skip = Annotated[
         "option or use commas.",
         metavar="FROM-TO",
         rich_help_panel=INPUT,
-        show_default=False,
     ),
 ]
 Topic = Annotated[
@@ -145,7 +137,6 @@ Topic = Annotated[
         "missing for such a file, the error lists the names.",
         metavar="NAME",
         rich_help_panel=INPUT,
-        show_default=False,
     ),
 ]
 
@@ -199,7 +190,6 @@ Axes = Annotated[
         "the option or use commas. Default: all axes.",
         metavar="AXIS",
         rich_help_panel=INPUT,
-        show_default=False,
     ),
 ]
 
@@ -238,12 +228,12 @@ def parse_units(text: str | None) -> dict[str, str] | None:
     """
     if text is None:
         return None
-    known = (*SI_UNIT, "time")
+    sensors = (*SI_UNIT, "time")
     units = {}
     for part in text.split(","):
         name, mark, unit = (piece.strip() for piece in part.partition("="))
-        if not mark or name not in known or not unit:
-            expected = f"units of {', '.join(known)}, such as gyro=deg/s,accel=g"
+        if not mark or name not in sensors or not unit:
+            expected = f"units of {', '.join(sensors)}, such as gyro=deg/s,accel=g"
             raise OptionError(argument="units", expected=expected, got=part.strip())
         units[name] = unit
     return units

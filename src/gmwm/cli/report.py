@@ -26,7 +26,6 @@ def report(
         typer.Argument(
             help="The calibration.json that gmwm calibrate --output wrote, or its folder.",
             metavar="CALIBRATION",
-            show_default=False,
         ),
     ],
     one_page: Annotated[
@@ -50,7 +49,6 @@ def report(
             "-o",
             help="Write to this file. Default: report.html, or one_page.html, in the folder of the calibration.",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
 ) -> Outcome:
@@ -63,9 +61,9 @@ def report(
 
     file = calibration_file(file)
     with progress("writing the report"):
-        found = Calibration.load(file)
+        calibration = Calibration.load(file)
         name = f"{'one_page' if one_page else 'report'}.{'pdf' if pdf else 'html'}"
         if pdf and output is not None and output.suffix.lower() != ".pdf":
             raise OptionError(argument="output", expected="a file name that ends in .pdf with {--pdf}", got=str(output))
-        page = found.report(file.with_name(name) if output is None else output, one_page=one_page)
+        page = calibration.report(file.with_name(name) if output is None else output, one_page=one_page)
     return Outcome(command="report", document={"file": str(file), "written": [str(page)]}, written=(page,))

@@ -45,7 +45,6 @@ def residuals(
             help="Number of lags of the Ljung-Box test. Default: 10 log₁₀ n for n samples.",
             min=1,
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
     plot: Annotated[
@@ -54,7 +53,6 @@ def residuals(
             help="Plot the residuals of one axis, their quantiles and their autocorrelation to this .png, .pdf or "
             ".svg file.",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
 ) -> Outcome:
@@ -79,9 +77,9 @@ def residuals(
         )
     tell_inspection(imu)
     models = axis_models(source, signals, file)
-    found = _residuals(models, signals)
-    checks = {name: one.to_dict(lags) for name, one in found.items()}
-    first = next(iter(found.values()))
+    by_axis = _residuals(models, signals)
+    checks = {name: result.to_dict(lags) for name, result in by_axis.items()}
+    first = next(iter(by_axis.values()))
     files = () if plot is None else (NewFile(plot, lambda path: first.plot(lags, path=path), f"plotting {plot.name}"),)
     axes = {name: {**models[name].to_dict(), **check} for name, check in checks.items()}
     return Outcome(
@@ -97,8 +95,8 @@ def _residuals(models: Mapping[str, AxisModel], signals: Mapping[str, Signal]) -
     from gmwm.fitting.likelihood import residuals as residuals_of
 
     def one(signal: Signal) -> Residuals:
-        given = models[signal.axis]
-        return residuals_of(given.model, signal, estimated=None if given.own else 0)
+        axis_model = models[signal.axis]
+        return residuals_of(axis_model.model, signal, estimated=None if axis_model.own else 0)
 
     return over_axes(one, signals, "checking residuals")
 

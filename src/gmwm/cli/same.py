@@ -25,9 +25,7 @@ EXAMPLES = (
 def same(
     files: Annotated[
         list[Path],
-        typer.Argument(
-            help="Two or more recordings of any supported format.", metavar="FILE FILE…", show_default=False
-        ),
+        typer.Argument(help="Two or more recordings of any supported format.", metavar="FILE FILE…"),
     ],
     reading: ReadOptions,
     axis: Axes = None,
@@ -36,7 +34,6 @@ def same(
         typer.Option(
             help="Compare the parameters of this model, such as 'WN + RW', instead of the noise at each scale.",
             metavar="MODEL",
-            show_default=False,
         ),
     ] = None,
     tolerance: Annotated[
@@ -60,7 +57,7 @@ def same(
     if len(files) < 2:
         raise OptionError(f"pass at least two recordings; got one, {files[0]}", argument="files", got=str(files[0]))
     recordings = [Imu(chosen_axes(load(file, reading), axis)) for file in files]
-    found = same(*recordings, labels=names_of(files), model=model, tolerance=tolerance, size=size)
+    noise = same(*recordings, labels=names_of(files), model=model, tolerance=tolerance, size=size)
     return Outcome(
-        command="same", document={"files": list(map(str, files)), **found.to_dict()}, text=found.summary(Dialect.SHELL)
+        command="same", document={"files": list(map(str, files)), **noise.to_dict()}, text=noise.summary(Dialect.SHELL)
     )  # fmt: skip

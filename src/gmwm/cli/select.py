@@ -87,7 +87,7 @@ def select(
     curves, and ranked by cross-validation: each recording is predicted by a fit to the other recordings.
     """
     largest, strength = parse_within(within), chosen_efficiency(robust, efficiency)
-    asked = RankingOptions(weighting=weighting, criterion=criterion, confidence=confidence, seed=seed)
+    options = RankingOptions(weighting=weighting, criterion=criterion, confidence=confidence, seed=seed)
     recordings = opened_together(files, reading, chunked, whole=memory_for(against))
     names = axes_together(recordings, axis)
     if plot is not None and len(names) > 1:
@@ -100,22 +100,22 @@ def select(
     if output is not None:
         made_directory(output)
     measured = measured_together(recordings, axis, robust=robust, efficiency=strength, against=against)
-    rankings = _ranked(largest, measured, options=asked, robust=robust, efficiency=strength)
+    rankings = _rank(largest, measured, options=options, robust=robust, efficiency=strength)
     axes = {name: ranking.to_dict() for name, ranking in rankings.items()}
     content = {**document_of(files), "within": within, "axes": axes}
-    made = [] if output is None else _files(rankings, output, content)
+    new_files = [] if output is None else _files(rankings, output, content)
     if plot is not None:
-        made.append(_picture(next(iter(rankings.values())), plot))
+        new_files.append(_picture(next(iter(rankings.values())), plot))
     parts = {name: ranking.summary(limit) for name, ranking in rankings.items()}
     return Outcome(
         command="select",
-        document={**content, "written": file_names(made)},
+        document={**content, "written": file_names(new_files)},
         text="\n\n".join(f"{name}\n{part}" if len(parts) > 1 else part for name, part in parts.items()),
-        files=tuple(made),
+        files=tuple(new_files),
     )
 
 
-def _ranked(
+def _rank(
     largest: Model,
     measured: Mapping[str, Signal | WaveletVariance],
     options: RankingOptions,

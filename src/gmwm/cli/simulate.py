@@ -30,15 +30,12 @@ EXAMPLES = (
 
 @command
 def simulate(
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help="File to write: .csv or .parquet.", show_default=False)
-    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .csv or .parquet.")],
     duration: Annotated[
         str,
         typer.Option(
             help="Duration of the recording, such as 90s, 20min, 1h30m, 2h, 1d or a number of seconds.",
             metavar="LENGTH",
-            show_default=False,
         ),
     ],
     model: Annotated[
@@ -49,7 +46,6 @@ def simulate(
             help="Model with all parameter values: MODEL for all six axes, gyro=MODEL or accel=MODEL for the three "
             "axes of a sensor, gyro_x=MODEL for one axis. Repeat the option for other axes.",
             metavar="[AXIS=]MODEL",
-            show_default=False,
         ),
     ] = None,
     reference: Annotated[
@@ -61,7 +57,7 @@ def simulate(
     source: GivenText = None,
     rate: Annotated[
         float | None,
-        typer.Option(help="Sampling rate (Hz). Default: 100, or the rate in the file of --from.", show_default=False),
+        typer.Option(help="Sampling rate (Hz). Default: 100, or the rate in the file of --from."),
     ] = None,
     seed: Annotated[
         int, typer.Option(help="Seed of the simulation. The same seed gives the same recording.", min=0)
@@ -71,7 +67,6 @@ def simulate(
         typer.Option(
             help="Also write the simulated process of each term to this .csv or .parquet file, in columns such as "
             "'gyro_x WN \\[rad/s]'.",
-            show_default=False,
         ),
     ] = None,
 ) -> Outcome:
@@ -102,7 +97,7 @@ def simulate(
     truth = models_by_axis(
         noise.models if source is not None else reference_imu() if reference else parse_models(model or [])
     )
-    imu, columns = _written(
+    imu, columns = _write(
         truth, 100.0 if rate is None else rate, seconds=seconds, seed=seed, output=output, components=components
     )
     lines = [f"{axis:<8} {m}" for axis, m in truth.items()]
@@ -122,7 +117,7 @@ def simulate(
     )  # fmt: skip
 
 
-def _written(
+def _write(
     truth: Mapping[str, Model], rate: float, seconds: float, seed: int, output: Path, components: Path | None
 ) -> tuple[Imu, tuple[str, ...]]:
     """Simulate a recording, and write it and its processes to their files.
@@ -132,14 +127,14 @@ def _written(
     from gmwm.base.text import duration_text
     from gmwm.theory.simulation import simulate as simulated
 
-    made = None
+    files = None
     with progress(f"simulating {duration_text(seconds)}"):
         if components is not None:
-            made = simulated(truth, rate=rate, duration=seconds, rng=seed, components=True)
-        imu = made.imu if made is not None else simulated(truth, rate=rate, duration=seconds, rng=seed)
+            files = simulated(truth, rate=rate, duration=seconds, rng=seed, components=True)
+        imu = files.imu if files is not None else simulated(truth, rate=rate, duration=seconds, rng=seed)
     with progress(f"writing {output.name}"):
         imu.write(output)
-        return imu, () if components is None or made is None else tuple(made.write_components(components))
+        return imu, () if components is None or files is None else tuple(files.write_components(components))
 
 
 def _given_at(source: str, rate: float | None) -> Given:

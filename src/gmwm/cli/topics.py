@@ -51,13 +51,13 @@ def each_topic(
     outcomes = tuple(done.values())
     return Outcome(
         command=outcomes[0].command,
-        document={"file": str(file), "topics": {topic: found.document for topic, found in done.items()}},
-        text="\n\n".join(f"Topic {topic}\n{found.text}" for topic, found in done.items()),
-        all_text="\n\n".join(f"Topic {topic}\n{found.all_text}" for topic, found in done.items()),
-        files=tuple(new for found in outcomes for new in found.files),
-        obsolete=tuple(old for found in outcomes for old in found.obsolete),
+        document={"file": str(file), "topics": {topic: outcome.document for topic, outcome in done.items()}},
+        text="\n\n".join(f"Topic {topic}\n{outcome.text}" for topic, outcome in done.items()),
+        all_text="\n\n".join(f"Topic {topic}\n{outcome.all_text}" for topic, outcome in done.items()),
+        files=tuple(new for outcome in outcomes for new in outcome.files),
+        obsolete=tuple(old for outcome in outcomes for old in outcome.obsolete),
         remarks=(
-            *(remark for found in outcomes for remark in found.remarks),
+            *(remark for outcome in outcomes for remark in outcome.remarks),
             *(Remark.of("not-calibrated", topic, reason=reason) for topic, reason in failed.items()),
         ),
     )

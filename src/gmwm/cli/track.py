@@ -61,7 +61,6 @@ def track(
             "number of seconds, instead of estimating them in it.",
             metavar="LENGTH",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
     label: Annotated[
@@ -71,7 +70,6 @@ def track(
             "option for more processes. Default: all processes for --output, the bias for --plot.",
             metavar="LABEL",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
     confidence: Annotated[
@@ -88,7 +86,6 @@ def track(
             help="Write the time, the data, and each process with its standard deviation to this .csv or .parquet "
             "file, in SI units. Missing samples are NaN.",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
     plot: Annotated[
@@ -96,7 +93,6 @@ def track(
         typer.Option(
             help="Plot the data and the processes of one axis, with confidence bands, to this .png, .pdf or .svg file.",
             rich_help_panel=RESULT,
-            show_default=False,
         ),
     ] = None,
     datasheet: Datasheet = False,
@@ -132,17 +128,17 @@ def track(
     if plot is not None:
         first = next(iter(tracks.values()))
         files.append(NewFile(plot, partial(_draw, first, label, confidence, datasheet), f"plotting {plot.name}"))
-    axes = {name: as_dict(models[name], found, confidence) for name, found in tracks.items()}
+    axes = {name: as_dict(models[name], axis_tracks, confidence) for name, axis_tracks in tracks.items()}
     parts = [
-        tracks_text(name, models[name], found=found, level=confidence, datasheet=datasheet)
-        for name, found in tracks.items()
+        tracks_text(name, models[name], found=axis_tracks, level=confidence, datasheet=datasheet)
+        for name, axis_tracks in tracks.items()
     ]
     return Outcome(
         command="track",
         document={"file": str(file), "confidence": confidence, "axes": axes, "written": file_names(files)},
         text="\n\n".join(parts),
         files=tuple(files),
-        remarks=tuple(remark for name, found in tracks.items() for remark in _fast_terms(name, found)),
+        remarks=tuple(remark for name, axis_tracks in tracks.items() for remark in _fast_terms(name, axis_tracks)),
     )
 
 
@@ -175,22 +171,22 @@ def _tracks(
     from gmwm.fitting.likelihood import filter_tracks, predict_tracks, smooth_tracks
 
     def one(signal: Signal) -> Tracks:
-        given = models[signal.axis].model
+        model = models[signal.axis].model
         if ahead is not None:
             steps = round(ahead * signal.rate)
             if steps < 1:
                 raise OptionError(argument="predict", expected=f"at least {1 / signal.rate:g} s, one sample", got=ahead)
-            return predict_tracks(given, signal, steps)
-        return smooth_tracks(given, signal) if kind == "smooth" else filter_tracks(given, signal)
+            return predict_tracks(model, signal, steps)
+        return smooth_tracks(model, signal) if kind == "smooth" else filter_tracks(model, signal)
 
     return over_axes(one, signals, "estimating")
 
 
 def _check_labels(tracks: Mapping[str, Tracks], labels: Sequence[str]) -> None:
-    for name, found in tracks.items():
-        unknown = [label for label in labels if label not in found.labels]
+    for name, axis_tracks in tracks.items():
+        unknown = [label for label in labels if label not in axis_tracks.labels]
         if unknown:
-            expected = f"one of {', '.join(found.labels)} for {name}"
+            expected = f"one of {', '.join(axis_tracks.labels)} for {name}"
             raise OptionError(argument="label", expected=expected, got=unknown[0])
 
 
@@ -210,12 +206,12 @@ def _write(tracks: Mapping[str, Tracks], labels: Sequence[str] | None, path: Pat
     from gmwm.recording.writers import write_table
 
     columns: dict[str, Vector] = {"time [s]": next(iter(tracks.values())).times}
-    for name, found in tracks.items():
-        if found.kind != "predict":
-            columns[f"{name} [{found.unit}]"] = found.data
-        for label in labels or found.labels:
-            columns[f"{name} {label} [{found.unit}]"] = found.mean[label]
-            columns[f"{name} {label} sd [{found.unit}]"] = found.error[label]
+    for name, axis_tracks in tracks.items():
+        if axis_tracks.kind != "predict":
+            columns[f"{name} [{axis_tracks.unit}]"] = axis_tracks.data
+        for label in labels or axis_tracks.labels:
+            columns[f"{name} {label} [{axis_tracks.unit}]"] = axis_tracks.mean[label]
+            columns[f"{name} {label} sd [{axis_tracks.unit}]"] = axis_tracks.error[label]
     write_table(columns, path)
 
 

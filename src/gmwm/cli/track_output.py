@@ -42,15 +42,15 @@ def _brief(found: Tracks, label: str, level: float) -> dict[str, float | None]:
     first and last values with half the width of their confidence bands.
     """
     path, error = found.mean[label], found.error[label]
-    known = np.isfinite(error)
+    finite = np.isfinite(error)
     low, _ = found.band(label, level)
     numbers: dict[str, float] = {}
     for end, at in (("first", 0), ("last", -1)):
-        if known[at]:
+        if finite[at]:
             numbers |= {end: float(path[at]), f"{end}_reach": float(path[at] - low[at])}
-    if np.any(known):
-        mean, rms = float(np.mean(path[known])), float(np.std(path[known]))
-        numbers |= {"mean": mean, "rms_about_mean": rms, "rms_error": math.sqrt(np.mean(np.square(error[known])))}
+    if np.any(finite):
+        mean, rms = float(np.mean(path[finite])), float(np.std(path[finite]))
+        numbers |= {"mean": mean, "rms_about_mean": rms, "rms_error": math.sqrt(np.mean(np.square(error[finite])))}
     return {name: numbers.get(name) for name in NUMBERS}
 
 

@@ -54,7 +54,6 @@ def watch(
             "-m",
             help="Sum of processes, as for gmwm fit. It is fitted again at each update.",
             metavar="MODEL",
-            show_default=False,
         ),
     ] = None,
     accuracy: Annotated[
@@ -82,32 +81,32 @@ def watch(
     from gmwm.measuring.streaming.passes import accumulators
 
     seconds, patience = parse_length(every, "every"), None if idle is None else parse_length(idle, "idle")
-    wanted = as_accuracy(parse_share(accuracy))
+    share = as_accuracy(parse_share(accuracy))
     parsed = None if model is None else Model.parse(model)
     if seconds <= 0:
         raise OptionError(argument="every", expected="longer than 0 s", got=every)
     reading = ReadOptionTexts(rate=rate, units=units, columns=columns, scale=scale, increments=increments).parsed()
     with growing_source(file) as (take, name), interruptible() as stopped:
-        view = _View(every=seconds, stopped=stopped, model=parsed, accuracy=wanted, datasheet=datasheet, json=json)
+        view = _View(every=seconds, stopped=stopped, model=parsed, accuracy=share, datasheet=datasheet, json=json)
         lines = Lines(take, view.breathe, patience)
         source = growing_stream(lines, name, reading, patience=min(seconds, 5.0))
         measured = accumulators(source, chosen_names(source.axes, axis))
-        failure = _fed(source, measured, view)
-    curves = {one: made.result() for one, made in measured.items()}
+        failure = _feed(source, measured, view)
+    curves = {axis_name: accumulator.result() for axis_name, accumulator in measured.items()}
     fits, failed = fitted(parsed, curves)
     return Outcome(
         command="watch",
-        document={"file": file, "accuracy": wanted, "axes": as_dicts(curves, fits, wanted)},
-        text=whole_text(curves, fits, failed=failed, accuracy=wanted, datasheet=datasheet),
+        document={"file": file, "accuracy": share, "axes": as_dicts(curves, fits, share)},
+        text=whole_text(curves, fits, failed=failed, accuracy=share, datasheet=datasheet),
         remarks=(
             *remarks_on_end(take, name, lines),
-            *(Remark.of("not-fitted", one, reason=reason) for one, reason in failed.items()),
+            *(Remark.of("not-fitted", axis_name, reason=reason) for axis_name, reason in failed.items()),
         ),
         failure=failure,
     )
 
 
-def _fed(source: Stream, measured: Mapping[str, WaveletAccumulator], view: _View) -> GmwmError | None:
+def _feed(source: Stream, measured: Mapping[str, WaveletAccumulator], view: _View) -> GmwmError | None:
     """Feed the accumulators until the source ends.
 
     Returns the error that ended the source, or None. Raises the error if the samples before it are too few for a
@@ -127,7 +126,7 @@ def _fed(source: Stream, measured: Mapping[str, WaveletAccumulator], view: _View
 
     with view.shown(measured), suppress(KeyboardInterrupt):
         feed_chunks(chunks(), measured)
-    if failures and not all(len(made) >= MINIMUM_SAMPLES for made in measured.values()):
+    if failures and not all(len(accumulator) >= MINIMUM_SAMPLES for accumulator in measured.values()):
         raise failures[0]
     return failures[0] if failures else None
 
@@ -173,7 +172,7 @@ class _View:
         from rich.text import Text
 
         with Live(console=Console(file=self._out), transient=True, auto_refresh=False) as live:
-            self._update = lambda text: live.update(_unwrapped(Text.from_ansi(text)), refresh=True)
+            self._update = lambda text: live.update(_unwrap(Text.from_ansi(text)), refresh=True)
             try:
                 yield
             finally:
@@ -186,7 +185,7 @@ class _View:
             return
         self._samples = samples
         try:
-            curves = {one: made.result() for one, made in self._measured.items()}
+            curves = {axis_name: accumulator.result() for axis_name, accumulator in self._measured.items()}
         except GmwmError:
             return  # too few samples yet
         fits, failed = fitted(self._model, curves)
@@ -198,6 +197,6 @@ class _View:
         )
 
 
-def _unwrapped(text: Text) -> Text:
+def _unwrap(text: Text) -> Text:
     text.no_wrap = True
     return text

@@ -36,17 +36,17 @@ def fitted(model: Model | None, curves: Mapping[str, WaveletVariance]) -> tuple[
     return fits, failed
 
 
-def _needed(fit: Fit, accuracy: float) -> dict[str, float | None]:
+def _needed_durations(fit: Fit, accuracy: float) -> dict[str, float | None]:
     """Return the recording duration (s) at which each parameter reaches an accuracy; None if unknown or infinite."""
     from gmwm import Model, plan
 
     wv = fit.wavelet_variance
     present = tuple(process for process in fit.model.processes if process.scale > 0)
     try:
-        found = plan(Model(present), duration=wv.samples / wv.rate, rate=wv.rate).needed(accuracy) if present else {}
+        needed = plan(Model(present), duration=wv.samples / wv.rate, rate=wv.rate).needed(accuracy) if present else {}
     except GmwmError:
-        found = {}
-    return {name: (seconds if seconds < float("inf") else None) for name, seconds in found.items()}
+        needed = {}
+    return {name: (seconds if seconds < float("inf") else None) for name, seconds in needed.items()}
 
 
 def _errors(fit: Fit) -> dict[str, float]:
@@ -72,12 +72,12 @@ def whole_text(
     parts = [f"{first.extent}: {duration_text(first.samples / first.rate)}"]
     sensors = by_sensor(curves)
     for group in sensors.values():
-        one = next(iter(group.values()))
-        shown = view_of(one.unit, "allan", "datasheet" if datasheet else "si")
+        leading = next(iter(group.values()))
+        shown = view_of(leading.unit, "allan", "datasheet" if datasheet else "si")
         heights = [shown.height(curve.variance) for curve in group.values()]
         rows = [
             [f"{t:.6g}", *(f"{h[k]:.3e}" for h in heights), f"{100 * e:.2g} %"]
-            for k, (t, e) in enumerate(zip(shown.time(one.tau), _relative(one), strict=True))
+            for k, (t, e) in enumerate(zip(shown.time(leading.tau), _relative(leading), strict=True))
         ]
         parts.append(table_text(["τ (s)", *group, "±"], rows, title=shown.height_label, texts=0))
     answers = [_estimates(axis, fit, accuracy) for axis, fit in fits.items()]
@@ -100,7 +100,7 @@ def _estimates(axis: str, fit: Fit, accuracy: float) -> str:
     from gmwm.cli.output import table_text
     from gmwm.fitting.estimation.summary import IntervalMethod, intervals_if_known, rows
 
-    errors, needed = _errors(fit), _needed(fit, accuracy)
+    errors, needed = _errors(fit), _needed_durations(fit, accuracy)
     now = fit.wavelet_variance.samples / fit.wavelet_variance.rate
     lines = []
     for row in rows(fit, intervals_if_known(fit, IntervalMethod())[0], IntervalMethod()):
@@ -164,5 +164,5 @@ def as_dicts(
             fit = fits[axis]
             out[axis]["fit"] = fit.to_dict() | inference(fit, IntervalMethod())
             out[axis]["relative_errors"] = _errors(fit)
-            out[axis]["needed"] = _needed(fit, accuracy)
+            out[axis]["needed"] = _needed_durations(fit, accuracy)
     return out

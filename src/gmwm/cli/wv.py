@@ -75,7 +75,7 @@ def wv(
         file, reading, chunked, spread=scheduler is not None or workers is not None,
         whole=needs_memory(filter, transform),
     )  # fmt: skip
-    results = _measured(
+    results = _measure(
         recording, axis, filter=filter, transform=transform, robust=robust, efficiency=strength, scheduler=scheduler,
         workers=workers,
     )  # fmt: skip
@@ -92,7 +92,7 @@ def wv(
     )
 
 
-def _measured(
+def _measure(
     recording: Imu | Stream,
     axis: list[str] | None,
     *,
@@ -145,17 +145,17 @@ def _curves_text(results: Mapping[str, WaveletVariance], view: ViewName, system:
     # Deviations in deg/h and mg are neither very small nor very large, so they are easier to read without exponents.
     style = "#.5g" if view == "allan" and system == "datasheet" else ".4e"
     for group in sensors.values():
-        one = next(iter(group.values()))
-        shown = view_of(one.unit, view, system)
+        leading = next(iter(group.values()))
+        shown = view_of(leading.unit, view, system)
         if len(group) == 1:
             heads = ["lower", next(iter(group)), "upper"]
-            curves = [one.lower, one.variance, one.upper]
+            curves = [leading.lower, leading.variance, leading.upper]
         else:
             heads, curves = list(group), [result.variance for result in group.values()]
         heights = [shown.height(curve) for curve in curves]
         rows = [
             [f"{j}", f"{t:.6g}", *(f"{curve[k]:{style}}" for curve in heights), f"{m}"]
-            for k, (j, t, m) in enumerate(zip(one.levels, shown.time(one.tau), one.counts, strict=True))
+            for k, (j, t, m) in enumerate(zip(leading.levels, shown.time(leading.tau), leading.counts, strict=True))
         ]
         parts.append(table_text(["level", "τ (s)", *heads, "coefficients"], rows, title=shown.height_label, texts=0))
     return "\n\n".join(parts)

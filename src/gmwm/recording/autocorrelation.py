@@ -9,17 +9,17 @@ from gmwm.base.arrays import Vector
 
 def autocorrelation(values: Vector, lags: int) -> Vector:
     """Return the autocorrelation (L + 1,) at lags 0 … L; pairs with a missing sample (NaN) are left out."""
-    there = np.isfinite(values)
-    products = _products(np.where(there, values - np.mean(values, where=there), 0.0), lags)
+    finite = np.isfinite(values)
+    products = _products(np.where(finite, values - np.mean(values, where=finite), 0.0), lags)
     return np.asarray(products / products[0])
 
 
 def observed_pairs(values: Vector, lags: int) -> Vector:
     """Return the number of pairs of observed samples (L,) at lags 1 … L."""
-    there = np.isfinite(values)
-    if np.all(there):
+    finite = np.isfinite(values)
+    if np.all(finite):
         return values.size - np.arange(1.0, lags + 1)
-    return np.round(_products(there.astype(np.float64), lags)[1:])
+    return np.round(_products(finite.astype(np.float64), lags)[1:])
 
 
 def _products(z: Vector, lags: int) -> Vector:

@@ -131,13 +131,13 @@ class Segments:
 
     def update(self, batch: Batch) -> None:
         """Add the next batch."""
-        one = next(iter(batch.signals.values()))
-        ranges = [(batch.first + a, batch.first + b) for a, b in one.segments]
+        first = next(iter(batch.signals.values()))
+        ranges = [(batch.first + a, batch.first + b) for a, b in first.segments]
         if batch.continues:
             self.ranges[-1] = (self.ranges[-1][0], ranges.pop(0)[1])
         self.ranges += ranges
-        self.starts += one.starts[batch.continues :]
-        self.gaps_known &= one.gaps_known or len(one.segments) == 1
+        self.starts += first.starts[batch.continues :]
+        self.gaps_known &= first.gaps_known or len(first.segments) == 1
 
 
 class Accumulator(Protocol):
@@ -206,8 +206,8 @@ class Batches:
     def each(self, *work: Callable[[Batch], None]) -> None:
         """Call functions with each batch, which is released before the next one is gathered."""
         for batch in self:
-            for one in work:
-                one(batch)
+            for piece in work:
+                piece(batch)
             del batch
 
     def values(self, axis: str, first: int, last: int) -> Vector:
@@ -230,9 +230,9 @@ def batches(recording: Imu | Streamed, done: Callable[[int], None] | None = None
     if len(recording) <= BATCH:
         yield Batch(recording.signals, temperature=heat)
     else:
-        whole = Batch(recording.signals, temperature=heat)
+        complete = Batch(recording.signals, temperature=heat)
         for first in range(0, len(recording), BATCH):
-            yield whole.between(first, first + BATCH)
+            yield complete.between(first, first + BATCH)
     if done is not None:
         done(len(recording))
 
@@ -242,10 +242,10 @@ def gathered(
 ) -> Iterator[Batch]:
     """Gather samples in portions of any size into batches."""
     batch = _Gathered(axes, rate)
-    for some in samples:
+    for chunk in samples:
         if done is not None:
-            done(some.first + len(some))
-        yield from batch.add(some)
+            done(chunk.first + len(chunk))
+        yield from batch.add(chunk)
     yield from batch.end()
 
 
@@ -276,11 +276,11 @@ class _Gathered:
                 self._begins.append((self._size, time + (number - sample) / self._rate))
             for begin in begins[at + 1 : bisect_left(begins, part.stop)]:
                 self._begins.append((self._size + begin - taken, runs[begin][1]))
-            given = dict(samples.values)
+            arrays = dict(samples.values)
             if samples.temperature is not None:
-                given["temperature"] = samples.temperature
+                arrays["temperature"] = samples.temperature
             for role, values in self._values.items():
-                values[self._size : self._size + part.stop - taken] = given[role][part]
+                values[self._size : self._size + part.stop - taken] = arrays[role][part]
             self._size, taken = self._size + part.stop - taken, part.stop
             if self._size == BATCH:
                 yield from self.end()
@@ -295,9 +295,9 @@ class _Gathered:
         temperature = values.pop("temperature", None)
         signals = {
             axis: Signal(
-                own, self._rate, unit=SI_UNIT[axis_quantity(axis)], axis=axis, segments=segments, starts=starts
+                array, self._rate, unit=SI_UNIT[axis_quantity(axis)], axis=axis, segments=segments, starts=starts
             )
-            for axis, own in values.items()
+            for axis, array in values.items()
         }
         self._begins, self._size = [], 0
         yield Batch(signals, self._first, self._continues, temperature)
@@ -318,19 +318,19 @@ def _one(parts: Sequence[Batch], axis: str) -> Signal:
 def end_to_end(signals: Sequence[Signal], continues: Sequence[bool]) -> Signal:
     """Join consecutive parts of a signal. `continues` states for each part whether it continues the previous part."""
     segments, starts, size = list[tuple[int, int]](), list[float](), 0
-    for one, follows in zip(signals, [False, *continues[1:]], strict=True):
-        moved = [(first + size, last + size) for first, last in one.segments]
+    for signal, follows in zip(signals, [False, *continues[1:]], strict=True):
+        moved = [(first + size, last + size) for first, last in signal.segments]
         if follows:
             segments[-1] = segments[-1][0], moved.pop(0)[1]
         segments += moved
-        starts += one.starts[follows:]
-        size += len(one)
+        starts += signal.starts[follows:]
+        size += len(signal)
     return replace(
         signals[0],
-        values=freeze(np.concatenate([one.values for one in signals])),
+        values=freeze(np.concatenate([signal.values for signal in signals])),
         segments=tuple(segments),
         starts=tuple(starts),
-        filled=sum(one.filled for one in signals),
+        filled=sum(signal.filled for signal in signals),
     )
 
 

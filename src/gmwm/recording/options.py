@@ -115,8 +115,8 @@ class ReadOptions:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the values that differ from the defaults, as numbers, strings, lists and mappings."""
-        given = {one.name: getattr(self, one.name) for one in fields(self)}
-        return {name: _plain(value) for name, value in given.items() if value not in (None, "keep", "error", (), {})}
+        values = {option.name: getattr(self, option.name) for option in fields(self)}
+        return {name: _plain(value) for name, value in values.items() if value not in (None, "keep", "error", (), {})}
 
 
 # --- checks that several functions share ----------------------------------------------------------------
@@ -166,15 +166,15 @@ def as_confidence(value: object, name: str = "confidence") -> float:
     >>> as_confidence(0.95)
     0.95
     """
-    known = isinstance(value, float | int | np.floating | np.integer) and not isinstance(value, bool)
-    known = known and abs(value) < 1e300  # type: ignore[arg-type]  # an integer may be too large for a float
-    number = float(value) if known else math.nan  # type: ignore[arg-type]
+    is_number = isinstance(value, float | int | np.floating | np.integer) and not isinstance(value, bool)
+    is_number = is_number and abs(value) < 1e300  # type: ignore[arg-type]  # an integer may be too large for a float
+    number = float(value) if is_number else math.nan  # type: ignore[arg-type]
     if not 0.5 <= number < 1:
         percent = number if 50 <= number < 100 else 95.0
         raise OptionError(
             argument=name,
             expected="at least 0.5 and less than 1",
-            got=number if known else value,
+            got=number if is_number else value,
             advice="Write {percent:g} % as {share:g}.",
             percent=percent,
             share=percent / 100,
@@ -226,22 +226,22 @@ def _checked_units(units: Mapping[str, str]) -> dict[str, str]:
     """Check the keys and values of the units; units of time become symbols."""
     if not isinstance(units, Mapping):
         raise OptionError(argument="units", expected=f"a mapping such as {_UNITS}", got=units)
-    given = dict(units)
-    for quantity, text in given.items():
+    checked = dict(units)
+    for quantity, text in checked.items():
         if quantity not in (*SI_UNIT, "time"):
             raise OptionError(argument="units", expected="units of gyro, accel or time", got=quantity)
         if not isinstance(text, str):
             raise OptionError(argument="units", expected=f"a mapping to texts, such as {_UNITS}", got=text)
         if quantity == "time":
-            given[quantity] = find_time_unit(text)
-            if not given[quantity]:
+            checked[quantity] = find_time_unit(text)
+            if not checked[quantity]:
                 raise UnitError(
                     f"{text!r} is not a unit of time", argument="units", got=text, advice="Use one of {known}.",
                     known=TIME_NAMES,
                 )  # fmt: skip
         else:
             parse_unit(text, quantity)  # type: ignore[arg-type]
-    return given
+    return checked
 
 
 def _checked_scale(scale: Mapping[str, float]) -> dict[str, float]:

@@ -91,10 +91,10 @@ def _usual_distance(levels: Vector, counts: Vector) -> float | None:
     distances are irregular, or there are too few samples."""
     below = np.cumsum(counts) / np.sum(counts)
     middle = (below > 0.25) & (below - counts / np.sum(counts) < 0.75)
-    own = levels[middle]
-    if own.size < 4 or np.sum(counts[middle]) < _SEEN * own.size:
+    level = levels[middle]
+    if level.size < 4 or np.sum(counts[middle]) < _SEEN * level.size:
         return None
-    steps = np.diff(own)
+    steps = np.diff(level)
     # Larger distances are gaps between two parts of a recording with different means.
     steps = steps[steps <= 1.6 * np.quantile(steps, 0.75)]
     usual = float(np.mean(steps))

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,16 +15,11 @@ from numpy.typing import ArrayLike
 from gmwm.base.arrays import Vector, as_rate, as_vector, freeze, runs_of
 from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError, OptionError
+from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Remark
 from gmwm.base.text import counted
 from gmwm.base.time_base import TimeBase, begins_of, times_of
 from gmwm.base.units import SI_UNIT, Quantity, parse_unit, require_measurable
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    from gmwm.showing.plots.view import UnitSystem
 
 __all__ = ["Imu", "Signal"]
 
@@ -33,7 +28,7 @@ MINIMUM_SAMPLES = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Signal:
+class Signal(Plotted):
     """One axis of a static recording.
 
     Parameters
@@ -95,7 +90,7 @@ class Signal:
         if ranges[0][0] != 0 or ranges[-1][1] != vector.size or any(a >= b for a, b in ranges):
             expected = f"non-empty ranges that cover all {vector.size} samples"
             raise DataError(argument="segments", expected=expected, got=segments)
-        if any(left[1] != right[0] for left, right in pairwise(ranges)):
+        if any(before[1] != right[0] for before, right in pairwise(ranges)):
             raise DataError(argument="segments", expected="consecutive ranges without overlap", got=segments)
         rate = as_rate(rate)
         times = tuple(map(float, starts)) or tuple(start + (a + k) / rate for k, (a, _) in enumerate(ranges))
@@ -217,35 +212,6 @@ class Signal:
         """
         return [self.values[first:last] for first, last in self.segments]
 
-    def plot(
-        self, *, units: UnitSystem = "si", ax: Axes | None = None, path: str | os.PathLike[str] | None = None
-    ) -> MatplotlibFigure:
-        """Draw the signal over time, with its line broken where samples are missing.
-
-        If the samples are far from zero, their mean is subtracted, and the title states it.
-
-        Parameters
-        ----------
-        units : "si" or "datasheet"
-            Units of the plot: rad/s and m/s², or deg/h and mg. A signal in another unit is not converted.
-        ax : matplotlib Axes, optional
-            Where to draw; a new figure by default.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown, or the signal does not support it.
-        """
-        from gmwm.showing.plots.series import plot_signal
-
-        return plot_signal(self, units=units, ax=ax, path=path)
-
     def write(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
         """Write the signal as a recording of one axis to the file `path` in a `format`; see `Imu.write`."""
         from gmwm.recording.writers import write
@@ -280,7 +246,7 @@ class Signal:
 
 
 @dataclass(frozen=True, eq=False)
-class Imu:
+class Imu(Plotted):
     """A recording of several axes with one time base.
 
     Parameters
@@ -324,9 +290,9 @@ class Imu:
         first = signals[0]
         for name, signal in self.signals.items():
             if len(signal) != len(first) or signal.rate != first.rate or signal.segments != first.segments:
-                given = f"{name} is {signal!r}, {first.axis or 'the first'} is {first!r}"
+                difference = f"{name} is {signal!r}, {first.axis or 'the first'} is {first!r}"
                 raise DataError(
-                    f"all axes of an Imu must have the same length, rate and segments, but {given}",
+                    f"all axes of an Imu must have the same length, rate and segments, but {difference}",
                     argument="signals",
                     got=self.signals,
                 )
@@ -392,12 +358,12 @@ class Imu:
             return read_table(arrays, rate, units, source)
         if rate is None:
             raise OptionError(argument="rate", expected="samples per second (Hz), because there is no time", got=rate)
-        given = arrays if isinstance(arrays, Mapping) else _columns(arrays, axes)
+        columns = arrays if isinstance(arrays, Mapping) else _columns(arrays, axes)
         unknown = sorted(set(units or {}) - set(SI_UNIT))
         if unknown:
             raise OptionError(argument="units", expected="a mapping of gyro and accel to units", got=units)
         signals = {}
-        for axis, values in given.items():
+        for axis, values in columns.items():
             quantity = axis_quantity(axis)
             si = SI_UNIT[quantity]
             factor = parse_unit((units or {}).get(quantity, si), quantity).factor
@@ -500,32 +466,6 @@ class Imu:
 
         return cut(self, start, stop, skip)
 
-    def plot(self, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw all axes over time, gyroscopes next to accelerometers, with lines broken where samples are missing.
-
-        If the samples of an axis are far from zero, as with gravity, their mean is subtracted, and the title states it.
-        The axes of a sensor have the same scale, unless a curve would be flat.
-
-        Parameters
-        ----------
-        units : "si" or "datasheet"
-            Units of the plot: rad/s and m/s², or deg/h and mg.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown.
-        """
-        from gmwm.showing.plots.series import plot_recording
-
-        return plot_recording(self, units=units, path=path)
-
     def write(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
         """Write the recording to a file; the suffix of the path chooses the format: .csv, .parquet or .imu.
 
@@ -574,8 +514,8 @@ class Imu:
         remark = Remark.of("longest-segment", segments=len(self.segments), first=first, last=last - 1)
         signals = {axis: signal.longest() for axis, signal in self.signals.items()}
         base, start = self.time_base, next(iter(signals.values())).start
-        one = self[self.axes[0]]
-        begin = begins_of(one.rate, one.segments, one.starts)[self.segments.index(longest)]
+        leading = self[self.axes[0]]
+        begin = begins_of(leading.rate, leading.segments, leading.starts)[self.segments.index(longest)]
         return replace(
             self,
             signals=signals,

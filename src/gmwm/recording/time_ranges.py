@@ -29,11 +29,11 @@ def cut(
     imu: Imu, start: float | None = None, stop: float | None = None, skip: Sequence[tuple[float, float]] = ()
 ) -> Imu:
     """Return the part of a recording between two times; see `Imu.between`."""
-    kept = kept_ranges(start, stop, skip)
+    intervals = kept_ranges(start, stop, skip)
     first = next(iter(imu.signals.values()))
     runs = tuple((begin, time) for (begin, _), time in zip(first.segments, first.starts, strict=True))
     values = {axis: signal.values for axis, signal in imu.signals.items()}
-    trimmer = Trimmer(kept, imu.rate)
+    trimmer = Trimmer(intervals, imu.rate)
     part = trimmer.take(Samples(values, imu.rate, first=0, segment=0, runs=runs, temperature=imu.temperature))
     base = trimmer.time_base(imu.time_base or TimeBase(imu.rate, start=first.start))
     if part is None or len(part) == len(imu):
@@ -56,7 +56,7 @@ def cut(
         known="yes",
         kept=Quantity(len(part) / imu.rate, "s"),
         whole=Quantity(imu.duration, "s"),
-        ranges=range_texts(kept),
+        ranges=range_texts(intervals),
     )
     remarks = (*imu.remarks, remark)
     return replace(imu, signals=signals, remarks=remarks, time_base=base, temperature=part.temperature)
@@ -173,14 +173,14 @@ def kept_ranges(
         end = _seconds(stop, "stop")
         if not begin < end:
             raise OptionError(argument="stop", expected=f"a time after the start at {moment(begin)}", got=stop)
-    kept = []
-    for pair in sorted(_checked(pair) for pair in skip):
+    ranges = []
+    for pair in sorted(_check(pair) for pair in skip):
         if begin < min(pair[0], end):
-            kept.append((begin, min(pair[0], end)))
+            ranges.append((begin, min(pair[0], end)))
         begin = max(begin, pair[1])
     if begin < end:
-        kept.append((begin, end))
-    return kept
+        ranges.append((begin, end))
+    return ranges
 
 
 def require_some(longest: int, kept: Sequence[tuple[float, float]], end: float) -> None:
@@ -193,10 +193,10 @@ def require_some(longest: int, kept: Sequence[tuple[float, float]], end: float) 
         If the longest segment has fewer than `MINIMUM_SAMPLES` samples.
     """
     if longest < MINIMUM_SAMPLES:
-        wanted = joined(range_texts(kept)) or "nothing"
+        requested = joined(range_texts(kept)) or "nothing"
         raise DataError(
             f"no segment of {MINIMUM_SAMPLES} samples or more is left of the recording, which lasts {moment(end)}; "
-            f"wanted is {wanted}",
+            f"wanted is {requested}",
             advice="Times are measured from the first sample; check {--start}, {--stop} and {--skip}.",
         )
 
@@ -220,7 +220,7 @@ def require_inside(kept: Sequence[tuple[float, float]], end: float, rate: float)
         warnings.warn(GmwmWarning(remark), stacklevel=3)
 
 
-def _checked(pair: tuple[float, float]) -> tuple[float, float]:
+def _check(pair: tuple[float, float]) -> tuple[float, float]:
     """Check a range to skip, and return it."""
     if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
         raise OptionError(argument="skip", expected="a list of pairs (from, to) in seconds", got=pair)

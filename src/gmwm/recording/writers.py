@@ -111,11 +111,11 @@ def _columns(imu: Imu) -> dict[str, Vector]:
 def _record_type(format: str | None, target: Path) -> RecordType:
     """Return the type of the records to write."""
     named = {kind.format.casefold(): kind for kind in TYPES}
-    known = ", ".join(kind.format for kind in TYPES)
+    names = ", ".join(kind.format for kind in TYPES)
     if format is None:
-        raise OptionError(argument="format", expected=f"one of {known} for {target.name}", got=None)
+        raise OptionError(argument="format", expected=f"one of {names} for {target.name}", got=None)
     if not isinstance(format, str) or format.casefold() not in named:
-        raise OptionError(argument="format", expected=f"one of {known}", got=format)
+        raise OptionError(argument="format", expected=f"one of {names}", got=format)
     return named[format.casefold()]
 
 

@@ -52,8 +52,8 @@ def python_lines(session: Session) -> list[str]:
     calibration.report('report.html')
     calibration.export('imu.yaml', 'kalibr')
     """
-    asked: dict[str, Any] = {"robust": session.robust, "confidence": session.confidence, "models": session.models}
-    wanted = {name: value for name, value in asked.items() if value != getattr(EMPTY, name)}
+    options: dict[str, Any] = {"robust": session.robust, "confidence": session.confidence, "models": session.models}
+    changed = {name: value for name, value in options.items() if value != getattr(EMPTY, name)}
     export: dict[str, Any] = {"axes": session.rule, "inflation": session.inflation, "horizon": session.horizon}
     defaults = {"axes": EMPTY.rule, "inflation": EMPTY.inflation, "horizon": EMPTY.horizon}
     chosen = {name: value for name, value in export.items() if value != defaults[name]}
@@ -62,7 +62,7 @@ def python_lines(session: Session) -> list[str]:
         "import gmwm",
         "",
         f"imu = gmwm.{opened}({_call(session.file, **session.reading)})",
-        f"calibration = gmwm.calibrate({_call(**wanted, first='imu')}).of_file({session.file!r})",
+        f"calibration = gmwm.calibrate({_call(**changed, first='imu')}).of_file({session.file!r})",
         "calibration.save('calibration.json')",
         "calibration.report('report.html')",
         f"calibration.export({_call(file_name(session), session.export, **chosen)})",

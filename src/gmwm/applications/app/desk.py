@@ -36,12 +36,12 @@ class Desk:
     def workspace(self, page: str) -> Workspace:
         """Return the workspace of a page by its identifier. A new page gets a new workspace."""
         with self._lock:
-            found = self._pages.setdefault(page, Workspace(self.folders))
+            workspace = self._pages.setdefault(page, Workspace(self.folders))
             self._pages.move_to_end(page)
             while len(self._pages) > PAGES:
                 _, oldest = self._pages.popitem(last=False)
                 oldest.jobs.cancel()
-            return found
+            return workspace
 
     def session(self, data: dict[str, Any] | None) -> Session:
         """Return the session for the data that a page has stored. Raises an error if a value is not allowed."""

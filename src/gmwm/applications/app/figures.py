@@ -56,7 +56,7 @@ def half_of(width: float) -> float:
     return width - 40 if width < NARROW else min(width, WIDEST) / 2 - 30
 
 
-def drawn(panel: Panel, width: float, height: float = 330, *, title: bool = False) -> Drawn:
+def plotly_figure(panel: Panel, width: float, height: float = 330, *, title: bool = False) -> Drawn:
     """Return a panel as a Plotly figure.
 
     Parameters
@@ -69,13 +69,13 @@ def drawn(panel: Panel, width: float, height: float = 330, *, title: bool = Fals
     title : bool
         Whether to show the title of the panel.
     """
-    found = plotly_panel(panel if title else replace(panel, title=""))
-    names = [trace["name"] for trace in found["data"] if trace["showlegend"]]
+    figure = plotly_panel(panel if title else replace(panel, title=""))
+    names = [trace["name"] for trace in figure["data"] if trace["showlegend"]]
     longest = max(map(len, names), default=0)
     entry = min(width - SIDE, 70 + 7 * longest)
     rows = math.ceil(len(names) / max(1, (width - SIDE + 10) // entry)) if names else 0
     foot = 66 + 20 * rows
-    layout = found["layout"]
+    layout = figure["layout"]
     if title and "title" in layout:
         layout["title"] |= {"x": 0.01, "xanchor": "left", "font": {"size": 13}, "y": 0.98, "yanchor": "top"}
     layout |= {
@@ -90,7 +90,7 @@ def drawn(panel: Panel, width: float, height: float = 330, *, title: bool = Fals
             "entrywidth": entry - 50, "traceorder": "normal", "font": {"size": 11.5},
         },
     }  # fmt: skip
-    return {"data": found["data"], "layout": layout}
+    return {"data": figure["data"], "layout": layout}
 
 
 # --- the recording ----------------------------------------------------------------------------------
@@ -112,17 +112,17 @@ def traces(imu: Imu, width: float, units: UnitSystem) -> tuple[dict[str, Drawn],
     else:
         panels = dict(zip(imu, figure.panels, strict=True))
     below = next(panel.x for panel in reversed(figure.panels) if panel.x.label)
-    found = {axis: _trace(replace(panels[axis], x=below), width) for axis in imu}
-    return found, time_unit(_duration(imu))[1]
+    figures = {axis: _trace(replace(panels[axis], x=below), width) for axis in imu}
+    return figures, time_unit(_duration(imu))[1]
 
 
 def _trace(panel: Panel, width: float) -> Drawn:
-    found = drawn(panel, width, 190, title=True)
-    found["layout"] |= {
+    figure = plotly_figure(panel, width, 190, title=True)
+    figure["layout"] |= {
         "dragmode": "select", "selectdirection": "h",
         "newselection": {"line": {"color": "#0072b2", "width": 2, "dash": "solid"}},
     }  # fmt: skip
-    return found
+    return figure
 
 
 def _duration(imu: Imu) -> float:
@@ -182,15 +182,15 @@ def spectra(axes: Mapping[str, PowerSpectrum], units: UnitSystem) -> Panel:
 
 def fitted(fit: Fit, session: Session, width: float) -> Drawn:
     """Return the figure of a fit. The curve of each term has a handle with which users can drag it."""
-    found = drawn(fit_panel(fit, view=session.view, units=session.units), width, 380)
+    figure = plotly_figure(fit_panel(fit, view=session.view, units=session.units), width, 380)
     shown = view_for(fit.wavelet_variance, session.view, session.units)
-    found["layout"]["shapes"] = [
+    figure["layout"]["shapes"] = [
         {"type": "circle", "xref": "x", "yref": "y", "xsizemode": "pixel", "ysizemode": "pixel", "xanchor": x,
          "yanchor": y, "x0": -HANDLE, "x1": HANDLE, "y0": -HANDLE, "y1": HANDLE, "editable": True,
          "line": {"color": "#1b1f24", "width": 1.5}, "fillcolor": stroke.colour, "label": {"text": ""}}
         for (x, y), stroke in _handles(fit, shown)
     ]  # fmt: skip
-    return found
+    return figure
 
 
 def _handles(fit: Fit, shown: View) -> list[tuple[tuple[float, float], Stroke]]:
@@ -212,7 +212,7 @@ def _place(fit: Fit, term: str, shown: View) -> tuple[float, float]:
     return float(time), float(shown.height(curve)[level])
 
 
-def moved(fit: Fit, term: str, to: tuple[float, float], session: Session) -> Process:
+def axis_at(fit: Fit, term: str, to: tuple[float, float], session: Session) -> Process:
     """Return the process of a term after its handle was dragged to a new position, with the new values held fixed.
 
     The curve of the new process goes through the position `to` (time, value). If the process has a correlation time,
@@ -236,11 +236,13 @@ def moved(fit: Fit, term: str, to: tuple[float, float], session: Session) -> Pro
 def misfit(fit: Fit, view: ViewName, units: UnitSystem) -> Panel:
     """Return a panel with the relative difference of model and data at each scale, and ± 2 standard errors of the
     data."""
-    found, wv = relative_misfit(fit), fit.wavelet_variance
+    deviation, wv = relative_misfit(fit), fit.wavelet_variance
     shown = view_for(wv, view, units)
-    times, percent = shown.time(wv.tau), 100 * found.distance
-    band = Band(times, -200 * found.error, 200 * found.error, colour=OBSERVED.colour, label="± 2 standard errors")
-    judged = np.where(found.judged, percent, np.nan)
+    times, percent = shown.time(wv.tau), 100 * deviation.distance
+    band = Band(
+        times, -200 * deviation.error, 200 * deviation.error, colour=OBSERVED.colour, label="± 2 standard errors"
+    )
+    judged = np.where(deviation.judged, percent, np.nan)
     line = Line(times, judged, stroke=IMPLIED_DOTS, label="Model / data − 1", layer=FRONT)
     ends = np.array([times[0], times[-1]])
     zero = Line(ends, np.zeros(2), stroke=Stroke(OBSERVED.colour, 0.9), label="")

@@ -55,10 +55,14 @@ class Folders:
         folder = self._inside(text)
         if not folder.is_dir():
             raise ReadError(f"{text} is not a folder", code="is-directory")
-        names = sorted((one for one in folder.iterdir() if not one.name.startswith(".")), key=lambda one: one.name)
-        kept = [one for one in names if self._is_inside(one)]
+        names = sorted((name for name in folder.iterdir() if not name.name.startswith(".")), key=lambda name: name.name)
+        inside = [name for name in names if self._is_inside(name)]
         here = folder.relative_to(self.root) if folder.is_relative_to(self.root) else Path(".")
-        return str(here), [one.name for one in kept if one.is_dir()], [one.name for one in kept if one.is_file()]
+        return (
+            str(here),
+            [name.name for name in inside if name.is_dir()],
+            [name.name for name in inside if name.is_file()],
+        )
 
     def store(self, name: str, content: IO[bytes]) -> Path:
         """Copy a dropped file to the temporary folder, and return its path."""

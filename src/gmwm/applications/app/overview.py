@@ -53,15 +53,15 @@ class Overview:
 
     def result(self, source: str) -> Imu:
         """Return a recording with two samples for each part, its smallest and its largest sample. Gaps are kept."""
-        there = np.isfinite(self.least[0])
-        runs = runs_of(there).tolist()
+        finite = np.isfinite(self.least[0])
+        runs = runs_of(finite).tolist()
         lengths = np.cumsum([0, *(2 * (b - a) for a, b in runs)]).tolist()
         segments = tuple(pairwise(lengths))
         starts = tuple(a * self.width / self.rate for a, _ in runs)
         rate = 2 * self.rate / self.width
         signals = {}
         for k, axis in enumerate(self.axes):
-            pairs: Vector = np.stack([self.least[k, there], self.greatest[k, there]], axis=1).ravel()
+            pairs: Vector = np.stack([self.least[k, finite], self.greatest[k, finite]], axis=1).ravel()
             unit = next((si for sensor, si in SI_UNIT.items() if axis.startswith(sensor)), "")
             signals[axis] = Signal(pairs, rate, unit=unit, axis=axis, segments=segments, starts=starts)
         return Imu(signals, source, time_base=TimeBase(rate))
@@ -84,12 +84,12 @@ def overview(recording: Imu | Stream, done: Callable[[int], None]) -> Imu:
     """
     if isinstance(recording, Imu):
         return recording
-    found, samples = Overview(recording.axes, recording.rate), 0
+    summary, samples = Overview(recording.axes, recording.rate), 0
     for chunk in recording:
-        found.update(chunk)
+        summary.update(chunk)
         samples += len(chunk)
         done(samples)
-    return found.result(recording.source)
+    return summary.result(recording.source)
 
 
 def shown_times(relayout: dict[str, Any] | None) -> tuple[float, float] | None:

@@ -173,12 +173,12 @@ def _allowed(request: Any, host: str, token: str) -> bool:
     The token, the host and the origin must be correct. The host is checked because a foreign page could have a host
     name that resolves to 127.0.0.1. The origin is checked because a foreign page can send requests to any address.
     """
-    given = request.path.split("/", 2)[1] if request.path.startswith("/") else ""
+    sent_token = request.path.split("/", 2)[1] if request.path.startswith("/") else ""
     origin = request.headers.get("Origin")
     if origin is None and request.method not in ("GET", "HEAD"):
         return False
     same = origin is None or origin == f"http://{host}"
-    return request.host == host and same and hmac.compare_digest(given.encode(), token.encode())
+    return request.host == host and same and hmac.compare_digest(sent_token.encode(), token.encode())
 
 
 def _unready(environ: Any, start: Any) -> list[bytes]:

@@ -128,7 +128,7 @@ class Session:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the values that differ from their defaults, as plain values for JSON."""
-        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: _plain(value) for name, value in values.items() if value != getattr(EMPTY, name)}
 
     def to_text(self) -> str:
@@ -147,8 +147,8 @@ class Session:
         GmwmError
             If a value is not allowed.
         """
-        known = [one.name for one in fields(cls)]
-        unknown = next((name for name in content if name not in known), None)
+        names = [field.name for field in fields(cls)]
+        unknown = next((name for name in content if name not in names), None)
         if unknown is not None:
             raise ReadError(f"not a session: the key {unknown!r} is unknown", code="unsupported")
         return cls(**content)

@@ -27,12 +27,12 @@ def removing(fit: Fit, term: str) -> str:
     OptionError
         If the model has only this term.
     """
-    kept = tuple(process for name, process in _terms(fit).items() if name != term)
-    if not kept:
+    remaining = tuple(process for name, process in _terms(fit).items() if name != term)
+    if not remaining:
         raise OptionError(
             "a model needs at least one term", argument="model", got=term, advice="Add another term first."
         )
-    return str(Model(kept))
+    return str(Model(remaining))
 
 
 def holding(fit: Fit, parameter: str) -> str:

@@ -15,9 +15,11 @@ from gmwm.applications.app.overview import overview
 from gmwm.applications.app.session import Session
 from gmwm.base.errors import GmwmError
 from gmwm.base.text import duration_text
-from gmwm.calibration.choice import chosen_model, final_fit, given_fit
-from gmwm.calibration.reading import AxisData, axes_data
-from gmwm.choosing.selection.search import Searched
+from gmwm.calibration.calibrate_axis import choose_model, final_fit, given_fit
+from gmwm.calibration.data import Recordings
+from gmwm.calibration.measure import MeasuredAxis, measure
+from gmwm.calibration.passes import Run
+from gmwm.choosing.selection.search import ModelChoice
 from gmwm.files.readers.streams import Stream, is_large
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.inspection import inspect
@@ -67,11 +69,11 @@ class Workspace:
 
     def overview(self, session: Session) -> Job:
         """Reduce the recording for a plot over time, including the samples that the session leaves out."""
-        whole = self.recording(session, cut=False)
+        uncut = self.recording(session, cut=False)
 
         def work(job: Job) -> Imu:
             try:
-                recording = whole.result_for(job)
+                recording = uncut.result_for(job)
             except GmwmError:
                 # The selected part may be readable although the whole recording is not, for example because its
                 # sampling rate changes.
@@ -90,8 +92,8 @@ class Workspace:
         def work(recording: Imu | Stream, job: Job) -> WaveletVariances:
             if isinstance(recording, Stream):
                 return recording.wavelet_variance(robust=robust, done=lambda n: job.step(_length(n, recording)))
-            found: WaveletVariances = gmwm.wavelet_variance(recording, robust=robust)
-            return found
+            variances: WaveletVariances = gmwm.wavelet_variance(recording, robust=robust)
+            return variances
 
         return self._of_recording(f"curves{robust}", session, "Measuring", work)
 
@@ -108,8 +110,9 @@ class Workspace:
     def data(self, session: Session) -> Job:
         """Measure all axes like `gmwm calibrate`, with wrong samples replaced and temperature effects removed."""
 
-        def work(recording: Imu | Stream, job: Job) -> dict[str, AxisData]:
-            return axes_data(recording, session.calibration, progress=job.step)
+        def work(recording: Imu | Stream, job: Job) -> dict[str, MeasuredAxis | GmwmError]:
+            options = replace(session.calibration, models={})
+            return measure(Recordings.of(recording, options), options, Run(progress=job.step)).axes
 
         return self._of_recording("data", session, "Measuring", work)
 
@@ -119,9 +122,9 @@ class Workspace:
 
         def work(job: Job) -> Fit:
             if options.models:
-                return given_fit(options.general, self._axis(session, axis, job).measured(options).wv, options)
-            found: Searched = self.search(session, axis).result_for(job)
-            return final_fit(found.ranking.recommended.model, found.with_error, options.weighting)
+                return given_fit(options.general, self._axis(session, axis, job).curve(options), options)
+            choice: ModelChoice = self.search(session, axis).result_for(job)
+            return final_fit(choice.ranking.recommended.model, choice.with_error, options.weighting)
 
         key = self._of_axis(session, axis, session.models.get(axis))
         return self.jobs.ask("fit", key, f"Fitting {axis}", work, kept=FITS)
@@ -130,9 +133,9 @@ class Workspace:
         """Search for the model of an axis like `gmwm calibrate`."""
         options = replace(session.calibration, models={})
 
-        def work(job: Job) -> Searched:
-            found = self._axis(session, axis, job).measured(options)
-            return chosen_model(found.wv, found.spectrum, options, check=job.check)
+        def work(job: Job) -> ModelChoice:
+            measured = self._axis(session, axis, job)
+            return choose_model(measured.curve(options), measured.spectrum, options, check=job.check)
 
         return self.jobs.ask("search", self._of_axis(session, axis), f"Comparing models of {axis}", work, kept=12)
 
@@ -141,11 +144,11 @@ class Workspace:
         path = self.path(session)
 
         def work(recording: Imu | Stream, job: Job) -> Any:
-            found = gmwm.calibrate(
+            calibration = gmwm.calibrate(
                 recording, robust=session.robust, confidence=session.confidence, models=session.models,
                 progress=lambda done, total, text: job.step(text, done, total),
             )  # fmt: skip
-            return found.of_file(path)
+            return calibration.of_file(path)
 
         more = (session.robust, session.confidence, _key(session.models))
         return self._of_recording("calibration", session, "Calibrating", work, *more)
@@ -156,9 +159,11 @@ class Workspace:
 
         return self.jobs.ask(kind, (*self._recorded(session), *more), title, begin)
 
-    def _axis(self, session: Session, axis: str, job: Job) -> AxisData:
-        found: AxisData = self.data(session).result_for(job)[axis]
-        return found
+    def _axis(self, session: Session, axis: str, job: Job) -> MeasuredAxis:
+        measured: MeasuredAxis | GmwmError = self.data(session).result_for(job)[axis]
+        if isinstance(measured, GmwmError):
+            raise measured
+        return measured
 
     def _recorded(self, session: Session, *, cut: bool = True) -> tuple[Hashable, ...]:
         reading = dict(session.reading) if cut else _uncut(session.reading)

@@ -20,27 +20,14 @@ then left."""
 def differences(
     numbers: Sequence[tuple[str, str, str, str | None]], x: Matrix, size: float
 ) -> tuple[AxisDifference, ...]:
-    """Test for each noise parameter whether the axes of a sensor differ.
+    """Test for each noise parameter, a row (axis, symbol, unit, model) of `x` (m, n), whether the axes of a sensor
+    differ.
 
         T² = n d̄ᵀ S⁻¹ d̄,   (n − p) T² / (p (n − 1)) ~ F(p, n − p).
 
-    Here d (p,) are the differences between successive axes (x and y, y and z) in a unit, and p is the number of axes
-    minus one. d̄ is their mean over the n units with values on all axes, and S is their covariance. A factor that all
-    axes of a unit share cancels in d. The axes may have different precision.
-
-    Parameters
-    ----------
-    numbers : sequence of (axis, symbol, unit, model)
-        Axis, symbol of the parameter, SI unit and noise model of each row of `x`.
-    x : (m, n) array
-        Logarithms of the parameters of n units (for R, the values themselves); NaN for a missing value.
-    size : float
-        Significance level of all tests together.
-
-    References
-    ----------
-    Hotelling (1931), The generalization of Student's ratio, Annals of Mathematical Statistics 2, 360-378.
-    """
+    Here d (p,) are the differences between successive axes (x and y, y and z) in a unit, with the mean d̄ over the n
+    units with values on all axes and the covariance S. A factor that all axes of a unit share cancels in d. The axes
+    may have different precision (Hotelling 1931, Annals of Mathematical Statistics 2, 360-378)."""
     groups: dict[tuple[str, str], list[int]] = {}
     for k, (axis, symbol, _, _) in enumerate(numbers):
         if sensor := sensor_of(axis):
@@ -72,10 +59,7 @@ def differences(
 
 
 def hotelling(d: Matrix) -> float | None:
-    """Return the p-value of Hotelling's test that the mean of the differences d (p, n) over the n units is zero.
-
-    The result is None if the covariance is singular.
-    """
+    """Return the p-value of Hotelling's test that the mean of d (p, n) over n units is zero; None if it is singular."""
     from scipy.special import fdtrc
 
     p, n = d.shape

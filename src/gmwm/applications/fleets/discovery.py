@@ -11,8 +11,8 @@ from typing import NoReturn
 
 from gmwm.base.errors import OptionError
 from gmwm.base.text import printable
+from gmwm.files.contract import HEAD_BYTES
 from gmwm.files.readers import registered
-from gmwm.files.readers.base import HEAD_BYTES
 from gmwm.files.readers.topics import sensor_topics, topic_folder
 from gmwm.recording.options import ReadOptions
 
@@ -25,30 +25,18 @@ Recordings = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Mapping
 
 @dataclass(frozen=True)
 class FleetUnits:
-    """Recordings of a fleet by unit, and the files of the folder that are not recordings.
+    """Recordings of a fleet by unit, and the files of the folder that are not recordings."""
 
-    Attributes
-    ----------
-    paths : mapping of unit to Path
-        Recording of each unit.
-    left_out : tuple of str
-        Files that no reader recognizes.
-    topics : mapping of unit to str
-        Name of the recording inside its file, for units whose file contains several recordings.
-    """
-
-    paths: Mapping[str, Path]
-    left_out: tuple[str, ...] = ()
+    paths: Mapping[str, Path]  # by unit
+    left_out: tuple[str, ...] = ()  # files that no reader recognizes
+    # name of the recording inside its file, for units whose file contains several recordings
     topics: Mapping[str, str] = field(default_factory=dict)
 
     def by_topic(self, reading: ReadOptions) -> FleetUnits:
-        """Return the fleet with a unit for each inertial recording of a file.
+        """Return the fleet with a unit `file/topic`, such as `log.bin/IMU_1`, for each inertial recording of a file.
 
-        Such a unit is named `file/topic`, for example `log.bin/IMU_1`. If a file has recordings with all six axes, its
-        other recordings are left out, because they repeat some of these axes.
-
-        If the user chose a topic, only this recording of each file is used.
-        """
+        If a file has recordings with all six axes, its other recordings are left out, because they repeat some of these
+        axes. If the user chose a topic, only this recording of each file is used."""
         if reading.topic is not None:
             return self
         paths, topics = dict[str, Path](), dict[str, str]()
@@ -123,10 +111,7 @@ def _in_folder(folder: Path, output: Path, pattern: str | None) -> FleetUnits:
 
 
 def _walk(folder: Path, output: Path) -> Iterator[Path]:
-    """Yield all files below a folder, and subfolders that are a recording.
-
-    Hidden files and output folders of fleets are left out.
-    """
+    """Yield all files below a folder, and subfolders that are a recording, except hidden files and fleet outputs."""
     signs = {reader.folder_sign for reader in registered()} - {""}
     for name, folders, files in os.walk(folder, onerror=_raise_unreadable):
         here = Path(name)
@@ -141,13 +126,7 @@ def _walk(folder: Path, output: Path) -> Iterator[Path]:
 
 
 def _raise_unreadable(error: OSError) -> NoReturn:
-    """Raise an error for a folder that cannot be listed or entered, because its units would be missing from the fleet.
-
-    Raises
-    ------
-    OptionError
-        Always; it states the folder and the reason.
-    """
+    """Raise an error for an unreadable folder, because its units would be missing from the fleet."""
     raise OptionError(
         f"{error.filename} cannot be read: {error.strerror}",
         argument="recordings",
@@ -157,10 +136,9 @@ def _raise_unreadable(error: OSError) -> NoReturn:
 
 
 def _is_recording(path: Path) -> bool:
-    """Return whether a file is a recording, judged by its name or content. A text file needs a known extension.
+    """Return whether a file is a recording, by its name or content. A text file needs a known extension.
 
-    A file that cannot be opened is treated as a recording, so that the reason is reported.
-    """
+    A file that cannot be opened counts as a recording, so that the reason is reported."""
     for reader in registered():
         # The file that marks a folder as a recording is not a recording itself. A .yaml file may contain anything.
         if path.suffix.lower() in set(reader.extensions) - {Path(reader.folder_sign).suffix}:
@@ -192,8 +170,7 @@ def _named(paths: Sequence[Path]) -> dict[str, Path]:
 
 
 def _check_names(units: Mapping[str, Path]) -> None:
-    """Check that the name of each unit is a valid path inside the output folder, and that no result would overwrite
-    another."""
+    """Check that each name is a valid path inside the output folder, and that no result would overwrite another."""
     for unit in units:
         parts = PurePosixPath(unit)
         if not unit or "\0" in unit or parts.is_absolute() or ".." in parts.parts or parts.as_posix() != unit:

@@ -109,10 +109,7 @@ def _by_model(rows: Iterable[FleetNumber]) -> Mapping[str, list[FleetNumber]]:
 
 
 def _groups(rows: Iterable[FleetNumber], every: Iterable[FleetNumber]) -> list[str]:
-    """Return names of groups of parameters, such as "Q, N of gyro" and "K of gyro_y".
-
-    "gyro" stands for all axes of the gyroscope that have the parameter.
-    """
+    """Return names of groups of parameters, such as "Q, N of gyro" (all its axes) and "K of gyro_y"."""
     axes: dict[str, list[str]] = {}
     complete: dict[str, list[str]] = {}
     for found, given in ((axes, rows), (complete, every)):

@@ -20,26 +20,15 @@ another type of unit."""
 
 @dataclass(frozen=True, eq=False)
 class Deviants:
-    """For each of m samples, the k units with the largest distances from the remaining units.
+    """For each of m samples, the k units with the largest distances from the remaining units."""
 
-    Attributes
-    ----------
-    places : (m, k) array of int
-        Indices of the units, in the order of removal; −1 if fewer units were tested.
-    distance : (m, k) array
-        t statistic of each unit relative to the remaining units.
-    pvalue : (m, k) array
-        p-value of each unit, for a sample without outliers.
-    """
-
-    places: NDArray[np.int64]
-    distance: Matrix
-    pvalue: Matrix
+    places: NDArray[np.int64]  # (m, k) indices of the units, in the order of removal; −1 if fewer units were tested
+    distance: Matrix  # (m, k) t statistic of each unit relative to the remaining units
+    pvalue: Matrix  # (m, k) p-value of each unit, for a sample without outliers
 
 
 def looked_for(count: Vector) -> NDArray[np.int64]:
-    """Return how many of `count` units are tested as outliers: a tenth of them and at least one, but no unit of a small
-    fleet.
+    """Return how many of `count` units are tested as outliers: a tenth and at least one, but none of a small fleet.
 
     >>> looked_for(np.array([7, 8, 20, 5000])).tolist()
     [0, 1, 2, 100]
@@ -50,25 +39,15 @@ def looked_for(count: Vector) -> NDArray[np.int64]:
 def deviants(x: Matrix, s2: Matrix) -> Deviants:
     """Remove the farthest unit repeatedly, and test each removed unit against the remaining ones.
 
-    For unit i with the estimate x_i and the standard error s_i, the test statistic is
+    For unit i with the estimate x_i and the standard error s_i (NaN in x is a missing estimate), the test statistic is
 
         t_i = (x_i − μ̂_{−i}) / v_i,   v_i² = τ̂²_{−i} + s_i² + Var μ̂_{−i},   ν_i = 2 v_i⁴ / Var v_i².
 
-    Here μ̂_{−i} and τ̂²_{−i} are the estimated mean and variance between the remaining units. The statistic is compared
-    with the t distribution with ν_i degrees of freedom (Satterthwaite's approximation), at most n − 2. Because the unit
-    is the farthest of the n units that were left, its p-value is multiplied by n. The p-value of each unit is then
-    replaced by the smallest p-value of this unit and the units removed after it. All units up to the last significant
-    one are therefore outliers. If all s_i are zero, this is Rosner's generalised ESD procedure with ν_i = n − 2.
-
-    Parameters
-    ----------
-    x, s2 : (m, n) arrays
-        Estimates of n units and their squared standard errors, which are positive. A missing estimate is NaN in `x`.
-
-    References
-    ----------
-    Rosner (1983), Percentage points for a generalized ESD many-outlier procedure, Technometrics 25, 165-172.
-    """
+    Here μ̂_{−i} and τ̂²_{−i} are the mean and variance between the remaining units. The statistic has about a t
+    distribution with ν_i degrees of freedom (Satterthwaite), at most n − 2. The unit is the farthest of n, so its
+    p-value is multiplied by n. It is then replaced by the smallest p-value of this unit and the units removed later:
+    all units up to the last significant one are outliers. If all s_i are zero, this is Rosner's generalised ESD
+    procedure (1983, Technometrics 25, 165-172) with ν_i = n − 2."""
     from scipy.special import stdtr
 
     left = np.array(x, dtype=np.float64)

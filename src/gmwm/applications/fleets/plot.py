@@ -19,6 +19,7 @@ from gmwm.base.errors import OptionError
 from gmwm.base.text import counted
 from gmwm.showing.plots.axes import limits_of, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, Symbol, Text, Tick
 from gmwm.showing.plots.imu import PAGE
 from gmwm.showing.plots.labels import sensor_and_letter, sensor_title
@@ -27,7 +28,6 @@ from gmwm.showing.plots.style import BLACK, DASHED, GREY, curve_stroke, letter_s
 
 if TYPE_CHECKING:
     import polars
-    from matplotlib.figure import Figure as MatplotlibFigure
 
     from gmwm.applications.fleets.statistics_result import FleetNumber, FleetStatistics
 
@@ -74,10 +74,7 @@ class FleetLike(Protocol):
 
 
 def fleet_figure(fleet: FleetLike) -> Figure:
-    """Return the figure that `plot_fleet` draws.
-
-    It has a panel for each quantity of a sensor, such as N of the gyroscopes. A panel has a strip for each axis.
-    """
+    """Return the figure of `Fleet.plot`: a panel for each quantity of a sensor, with a strip for each axis."""
     found = fleet.statistics
     if not found.rows:
         raise OptionError(
@@ -101,11 +98,20 @@ def fleet_figure(fleet: FleetLike) -> Figure:
     return Figure(tuple(rows), width=PAGE, height=ROW * len(rows) + BELOW, title=title, legend_columns=3)
 
 
-def plot_fleet(fleet: FleetLike, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw the values of all units. `Fleet.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
+@drawing
+def plot_fleet(fleet: FleetLike, *, path: str | os.PathLike[str] | None = None) -> Figure:
+    """Draw the datasheet parameters of all units in ascending order, for each axis.
 
-    return draw(fleet_figure(fleet), path=path)
+    Up to 40 units are drawn as dots with confidence intervals, more units as a curve. The line is the typical
+    value. The shaded region contains the true value of a further unit with the confidence level. Stars with names
+    are outlying units, and triangles are upper limits.
+
+    Raises
+    ------
+    OptionError
+        If there is nothing to draw, or if the picture cannot be written to `path`.
+    """
+    return fleet_figure(fleet)
 
 
 # --- one panel --------------------------------------------------------------------------------------
@@ -134,20 +140,11 @@ def _ticks(samples: Sequence[Sample]) -> tuple[Tick, ...]:
 
 @dataclass(frozen=True, eq=False)
 class _Strip:
-    """Part of a panel that shows one axis.
-
-    Attributes
-    ----------
-    marks : list of Mark
-    heights : (n,) array
-        Values that the vertical axis must include.
-    stars : list of (x, y, name)
-        Positions and names of outliers.
-    """
+    """Part of a panel that shows one axis."""
 
     marks: list[Mark]
-    heights: Vector
-    stars: list[tuple[float, float, str]]
+    heights: Vector  # (n,) values that the vertical axis must include
+    stars: list[tuple[float, float, str]]  # positions and names of outliers
 
 
 def _strips(samples: Sequence[Sample], found: FleetStatistics, factor: float, units: Sequence[str]) -> list[_Strip]:
@@ -228,10 +225,7 @@ def _dots(
 def _further(
     place: int, row: FleetNumber, *, factor: float, colour: str, confidence: float
 ) -> tuple[list[Mark], Vector]:
-    """Return the marks of the prediction interval for a new unit and of the typical value, and the interval's ends.
-
-    If they are unknown, both results are empty.
-    """
+    """Return the marks of the prediction interval and the typical value, and the interval's ends; all may be empty."""
     if row.predicted_low is None or row.predicted_high is None or row.typical is None:
         return [], np.array([])
     ends = place + np.array([-HALF, HALF])
@@ -247,10 +241,7 @@ def _further(
 
 
 def _limited(place: int, sample: Sample, row: FleetNumber, factor: float) -> tuple[list[Mark], Vector]:
-    """Return the marks for units that have only an upper limit, and the heights of these marks.
-
-    Each limit is a triangle. If there are many limits, a line shows their 5 % to 95 % quantiles.
-    """
+    """Return the marks of upper limits and their heights: triangles, or a line over the quantiles of many limits."""
     if row.signed or not np.any(sample.limited):
         return [], np.array([])
     high = np.sort(factor * sample.high[sample.limited])
@@ -310,9 +301,7 @@ def _names(stars: Sequence[tuple[float, float, str]], x: Axis, y: Axis) -> tuple
 
 
 def _short(unit: str) -> str:
-    """Return a short name of a unit: its file name without folder and suffix, of which only the last letters are kept.
-
-    Most file names differ in their last letters.
+    """Return the last letters of a unit's file name without suffix, in which most names differ.
 
     >>> _short("lot2/unit_0005.csv"), _short("a_recording_of_unit_0005.csv")
     ('unit_0005', '…g_of_unit_0005')

@@ -17,15 +17,7 @@ MODULES = ("gmwm.applications.fleets.unit_job",)
 
 
 class Processes:
-    """Processes on this machine, which end with the block of a `with` statement.
-
-    Parameters
-    ----------
-    count : int
-        Number of processes.
-    helpers : sequence of Helper
-        Processes that are already running. The others are started, and import the script that runs.
-    """
+    """Processes on this machine, which end with a `with` block. New ones import the script that runs."""
 
     def __init__(self, count: int, helpers: Sequence[Helper] = ()) -> None:
         self._idle = list(helpers)
@@ -52,14 +44,7 @@ class Processes:
     def outcomes(self, jobs: Iterable[Job], retries: int) -> Generator[Outcome, None, None]:
         """Run jobs, and yield their outcomes in the order of completion.
 
-        The job of a process that ends, for example because memory is short, is repeated after all others, without
-        another job beside it.
-
-        Raises
-        ------
-        GmwmError
-            If a process does not start.
-        """
+        The job of a process that ends, for example because memory is short, is repeated alone after all others."""
         waiting, alone = deque(jobs), deque[Job]()
         tries, deaths = Counter[str](), Counter[str]()
         while waiting or alone or any(self._busy.values()):

@@ -12,20 +12,20 @@ from typing import TYPE_CHECKING, Any
 from gmwm.applications.fleets.storage import TABLE, read_facts, unit_file
 from gmwm.applications.fleets.table import RUN_AGAIN, read_table
 from gmwm.base.errors import DataError, OptionError, ReadError
+from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Remark, sorted_remarks
 from gmwm.base.text import Summarised
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.result import Calibration
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
 
     from gmwm.applications.fleets.statistics_result import FleetStatistics
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Fleet(Summarised):
+class Fleet(Summarised, Plotted):
     """A fleet of calibrated units. `fleet["unit"]` loads the Calibration of one unit.
 
     Attributes
@@ -113,31 +113,6 @@ class Fleet(Summarised):
 
         return summary_text.summary(self)
 
-    def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the datasheet parameters of all units in ascending order, for each axis.
-
-        Up to 40 units are drawn as dots with confidence intervals, more units as a curve. The line is the typical
-        value. The shaded region contains the true value of a further unit with the confidence level. Stars with names
-        are outlying units, and triangles are upper limits.
-
-        Parameters
-        ----------
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If there is nothing to draw, or if the picture cannot be written to `path`.
-        """
-        from gmwm.applications.fleets.plot import plot_fleet
-
-        return plot_fleet(self, path=path)
-
     @classmethod
     def load(cls, folder: str | os.PathLike[str]) -> Fleet:
         """Load a fleet from an output folder of `gmwm.fleet` or of the command `gmwm fleet`.
@@ -170,3 +145,6 @@ class Fleet(Summarised):
     def __repr__(self) -> str:
         failed = f", {len(self.failed)} failed" if self.failed else ""
         return f"Fleet({len(self)} of {len(self.paths)} units calibrated{failed})"
+
+
+register(Fleet, "gmwm.applications.fleets.plot:plot_fleet")

@@ -14,7 +14,7 @@ from gmwm.applications.fleets.statistics_result import SIGNED
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import DataError
 from gmwm.calibration.tables import in_order
-from gmwm.measuring.variance.slope_line import LAWS
+from gmwm.measuring.variance.allan_regression import LAWS
 
 if TYPE_CHECKING:
     import polars
@@ -24,36 +24,22 @@ _NEEDED = ("unit", "axis", "status", "model")
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """One parameter of one axis over all n units.
-
-    Attributes
-    ----------
-    axis, symbol, unit : str
-        Axis, symbol of the parameter and SI unit.
-    model : str or None
-        Noise model of the compared units; None if units with different models are compared.
-    x, s2 : (n,) arrays
-        Logarithms of the estimates (for R, the estimates), and their squared standard errors. NaN in `x` for units that
-        are not compared.
-    value, low, high : (n,) arrays
-        Estimates and confidence limits.
-    limited : (n,) array of bool
-        Units with only an upper limit.
-    left_out : int
-        Number of units with the parameter that are not compared and have no upper limit.
-    """
+    """One parameter of one axis over all n units."""
 
     axis: str
     symbol: str
     unit: str
-    model: str | None
+    model: str | None  # noise model of the compared units; None if units with different models are compared
+    # x, s2 (n,): logarithms of the estimates (for R, the estimates), and their squared standard errors. NaN in `x` for
+    # units that are not compared.
     x: Vector
     s2: Vector
+    # value, low, high (n,): estimates and confidence limits
     value: Vector
     low: Vector
     high: Vector
-    limited: NDArray[np.bool_]
-    left_out: int
+    limited: NDArray[np.bool_]  # (n,) units with only an upper limit
+    left_out: int  # number of units with the parameter that are not compared and have no upper limit
 
     def back(self, x: float) -> float | None:
         """Convert a logarithm to the value of the parameter (for R, return it unchanged). NaN becomes None."""

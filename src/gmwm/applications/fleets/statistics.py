@@ -130,10 +130,7 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
 def _outliers(
     read: Reading, samples: Sequence[Sample], x: Matrix, s2: Matrix, kept: Matrix, size: float
 ) -> tuple[tuple[OutlierUnit, ...], NDArray[np.bool_]]:
-    """Return the outliers, and the mask of the samples in which outliers were searched.
-
-    The outliers are set to NaN in `kept`.
-    """
+    """Return the outliers, set to NaN in `kept`, and the mask of the samples in which outliers were searched."""
     searched = looked_for(np.isfinite(x).sum(axis=1)) > 0
     if not np.any(searched):
         return (), searched
@@ -194,10 +191,7 @@ def _rows(
 
 
 def _together(read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix) -> list[FleetNumber]:
-    """Return the statistics of each parameter over all axes of a sensor, if they can be compared.
-
-    At least two axes must have the parameter, with the same unit and the same noise model if it depends on the model.
-    """
+    """Return the statistics of each parameter over all axes of a sensor that have the same unit and noise model."""
     groups: dict[tuple[str, str], list[int]] = {}
     for k, sample in enumerate(samples):
         if sensor := sensor_of(sample.axis):
@@ -220,10 +214,7 @@ def _together(read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix,
 def _described(
     read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix, *, axes: int = 1
 ) -> list[FleetNumber]:
-    """Compute typical value, spread and prediction for samples (m, n).
-
-    `axes` is the number of axes in each sample. The values of one unit on several axes are treated as dependent.
-    """
+    """Compute typical value, spread and prediction for samples (m, n), each of one or more (dependent) axes."""
     from scipy.special import stdtrit
 
     at = effects(kept, s2)
@@ -274,10 +265,7 @@ def _described(
 
 
 def _clustered(x: Matrix, s2: Matrix, axes: int) -> Vector:
-    """Compute the standard error of μ̂ if the axes of a unit are dependent.
-
-    It is √(n/(n − 1) Σ_units (Σ_axes w (x − μ̂))²) / Σ w, with weights w for the n units and their axes.
-    """
+    """Compute the error of μ̂ of n units with dependent axes: √(n/(n − 1) Σ_units (Σ_axes w (x − μ̂))²) / Σ w."""
     at = effects(x, s2)
     w = np.where(np.isfinite(x), 1 / (at.spread2[:, None] + s2), 0.0)
     pulls = (w * np.where(np.isfinite(x), x - at.mean[:, None], 0.0)).reshape(x.shape[0], axes, -1).sum(axis=1)

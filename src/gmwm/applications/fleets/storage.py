@@ -50,10 +50,7 @@ def foreign_units(folder: Path, units: Mapping[str, Path]) -> list[str]:
 
 
 def finished_rows(folder: Path, unit: str, path: Path, options: UnitOptions) -> list[Row] | None:
-    """Return the table rows of a finished unit, or None if the unit must be calibrated.
-
-    A unit is finished if it was calibrated with the same options from the same recording.
-    """
+    """Return the table rows of a unit that was calibrated from the same recording with the same options, or None."""
     try:
         content = read_json(unit_file(folder, unit))
         if content["format"] != CALIBRATION or content["version"] != CALIBRATION_VERSION:
@@ -94,13 +91,7 @@ def write_facts(folder: Path, found: FleetUnits, options: UnitOptions) -> None:
 
 
 def read_facts(folder: Path) -> Mapping[str, Any]:
-    """Read fleet.json.
-
-    Raises
-    ------
-    ReadError
-        If the folder is not the output folder of a fleet, or if its file has another version.
-    """
+    """Read fleet.json."""
     file = folder / FILE
     if not file.is_file():
         raise ReadError(

@@ -13,7 +13,7 @@ from gmwm.base.text import counted
 from gmwm.base.units import datasheet_units
 from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, wrapped
 from gmwm.choosing.datasheets.entry import significant
-from gmwm.measuring.variance.slope_line import LAWS
+from gmwm.measuring.variance.allan_regression import LAWS
 
 if TYPE_CHECKING:
     from gmwm.applications.fleets.statistics_result import AxisDifference, FleetNumber, FleetStatistics, OutlierUnit
@@ -175,9 +175,7 @@ def _span(low: float | None, high: float | None, factor: float) -> str:
 
 
 def shown_unit(si: str) -> tuple[str, float]:
-    """Return the usual datasheet unit for an SI unit, and the factor from SI to it.
-
-    If there is no datasheet unit, the SI unit and 1 are returned.
+    """Return the usual datasheet unit for an SI unit, or the SI unit, and the factor from SI to it.
 
     >>> shown_unit("rad/s/√Hz")[0], shown_unit("s")
     ('deg/√h', ('s', 1.0))

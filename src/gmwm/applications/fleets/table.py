@@ -55,13 +55,7 @@ def write_table(table: DataFrame, path: Path) -> None:
 
 
 def read_table(path: Path) -> DataFrame:
-    """Read the table from a file that `write_table` wrote.
-
-    Raises
-    ------
-    ReadError
-        If the file does not exist, or is not the table of a fleet.
-    """
+    """Read the table from a file that `write_table` wrote."""
     import polars as pl
 
     if not path.is_file():

@@ -61,10 +61,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of a job: the JSON document and the table rows of a unit, or the reason of its failure.
-
-    `passing` is true if a retry may succeed.
-    """
+    """Document and table rows of a unit, or the reason of its failure, which may be `passing`: a retry may succeed."""
 
     unit: str
     document: str | None = None
@@ -98,8 +95,7 @@ def lost(job: Job, deaths: int) -> Outcome:
 
 
 def _calibrated(job: Job) -> tuple[Calibration, dict[str, Any]]:
-    """Return the calibration of a unit, and the options and the size and time of the recording that it was made
-    from."""
+    """Return the calibration of a unit, and the options, size and time of the recording that it was made from."""
     path, options = Path(job.path), job.options
     stamp = stamp_of(path)  # taken before the file is read, so that the next run notices a later change
     recording, warned = _read(path, options.reading)

@@ -37,10 +37,8 @@ def in_process(jobs: Iterable[Job], retries: int) -> Iterator[Outcome]:
 def on_cluster(jobs: Iterable[Job], client: Any, retries: int) -> Generator[Outcome, None, None]:
     """Run the jobs on the workers of a cluster, and yield their outcomes in the order of completion.
 
-    Dask repeats the jobs of a lost worker on another worker, and gives up a job after several lost workers. It does not
-    know which of the jobs of a worker caused the loss. The given-up jobs are therefore repeated at the end, one at a
-    time.
-    """
+    Dask repeats the jobs of a lost worker elsewhere, and gives them up after several lost workers, without knowing
+    which job caused the loss. The given-up jobs are therefore repeated at the end, one at a time."""
     suspects: list[Job] = []
 
     def on_lost(job: Job, _: Exception) -> Outcome | None:

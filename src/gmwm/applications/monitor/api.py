@@ -31,6 +31,7 @@ from gmwm.applications.monitor.whitening import Gain
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import ReadError
 from gmwm.base.locks import OneAtATime, one_at_a_time
+from gmwm.base.time_base import lost_samples
 from gmwm.recording.chunks import Chunk
 from gmwm.recording.options import as_whole_number
 
@@ -303,7 +304,7 @@ class Monitor(OneAtATime):
             return []
         events = self.finish()
         expected = self._now
-        late = round((chunk.start - expected) * self.rate)
+        late = int(lost_samples(chunk.start - expected, self.rate))
         if chunk.start < expected - 0.5 / self.rate:
             # After the clock was set back, times follow the new time stamps.
             event = Event(kind="clock", time=expected, began=expected, size=expected - chunk.start, unit="s")
@@ -326,8 +327,7 @@ class Monitor(OneAtATime):
         return [Event(kind="lost", time=before, began=before, size=size, unit="samples")]
 
     def _advance(self, parts: Mapping[str, Vector], events: list[Event]) -> int:
-        """Process samples up to the time at which pending alarms are evaluated, and return the number of processed
-        samples."""
+        """Process samples up to the time at which pending alarms are evaluated, and return their number."""
         n = next(iter(parts.values())).size
         before = {axis: one.save() for axis, one in self._axes.items()}
         found = self._passed(parts)

@@ -52,37 +52,15 @@ _OWN: Mapping[str, frozenset[str]] = {
 
 @dataclass(frozen=True)
 class Open:
-    """A reported fault to which further alarms are attributed.
-
-    Attributes
-    ----------
-    kind : str
-        Kind of the fault.
-    until : int
-        Last sample at which alarms are attributed to it. Each such alarm moves it to a later sample.
-    hold : int
-        Number of samples after the last alarm for which further alarms are attributed to it.
-    """
+    """A reported fault to which further alarms are attributed."""
 
     kind: Kind
-    until: int
-    hold: int
+    until: int  # Last sample at which alarms are attributed to it. Each such alarm moves it to a later sample.
+    hold: int  # number of samples after the last alarm for which further alarms are attributed to it
 
 
 class Axis:
-    """Filter, charts and faults of one axis of a monitor.
-
-    Parameters
-    ----------
-    gain : Gain
-        Kalman filter of the model of the axis.
-    settings : ChartSettings
-        Settings of its charts.
-    run_length : float
-        Average number of samples between two false alarms of a chart.
-    rest, longest_rest : int
-        Pauses of a chart after an alarm; see `Charts`.
-    """
+    """Filter, charts and faults of one axis of a monitor; see `Charts` for the run length and the pauses."""
 
     def __init__(self, gain: Gain, settings: ChartSettings, *, run_length: float, rest: int, longest_rest: int) -> None:
         self.gain, self.settings = gain, settings
@@ -164,23 +142,10 @@ class Axis:
     def report(
         self, kind: Kind, alarms: Sequence[Alarm], *, hold: int, remembered: int = 0, magnitude: float = 0.0
     ) -> bool:
-        """Register a fault, and return whether it should be reported because it is new or larger than before.
+        """Register a fault, and return whether it is new or larger than before. A jump or a ramp restarts the level.
 
-        After a jump or a ramp, the level is estimated again.
-
-        Parameters
-        ----------
-        kind : Kind
-            Kind of the fault.
-        alarms : sequence of Alarm
-            Alarms that it caused.
-        hold : int
-            Smallest number of samples for which further alarms are attributed to the fault.
-        remembered : int
-            Number of samples after the last alarm of a fault for which the same fault is not new.
-        magnitude : float
-            Size of the fault, to compare it with an earlier one.
-        """
+        Further alarms belong to the fault for at least `hold` samples, and for `remembered` samples the same fault is
+        not new."""
         now = self.charts.count
         longest = max((alarm.sample - alarm.onset for alarm in alarms), default=0)
         self.open = Open(kind, now + max(hold, longest), hold)

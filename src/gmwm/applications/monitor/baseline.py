@@ -218,10 +218,9 @@ def _mean_squares(sums: _Sums) -> tuple[Vector, Vector]:
 
 
 def _shapes(blocks: Vector) -> Iterator[float]:
-    """Yield the Gamma shape 1/Var of relative mean squares for single blocks and for groups of 2, 4, … blocks.
+    """Yield the Gamma shape 1/Var of relative mean squares for groups of 1, 2, 4, … blocks, scaled to one block.
 
-    The variance of a group is scaled to one block. Bursts of noise make the shape of larger groups smaller.
-    """
+    Bursts of noise make the shape of larger groups smaller."""
     together = 1
     while together <= LONGEST_BURST and blocks.size >= LEAST_BLOCKS:
         yield 1.0 / max(together * float(np.var(blocks, ddof=1)), 1e-300)
@@ -230,10 +229,7 @@ def _shapes(blocks: Vector) -> Iterator[float]:
 
 
 def _blocks(sums: Vector, m: int, level: int) -> Vector:
-    """Return the mean squares of the standardised Haar coefficients in the blocks of a level.
-
-    Each coefficient is a difference of sums of m consecutive entries of `sums`.
-    """
+    """Return the mean squares of the standardised Haar coefficients, of m entries of `sums` each, in blocks."""
     if sums.size < m:
         return np.zeros(0)
     w = np.square(differences(sums, m)) / 2.0**level

@@ -52,30 +52,14 @@ LONGEST_REST = 60.0
 
 
 class Alarm(NamedTuple):
-    """An alarm of a chart: its statistic exceeded the threshold.
+    """An alarm of a chart: its statistic exceeded the threshold."""
 
-    Attributes
-    ----------
-    sample : int
-        Number of the sample at which the chart exceeded its threshold.
-    family : Family
-        Quantity that the chart monitors.
-    level : int
-        Haar level of the chart; 0 for single innovations.
-    sign : int
-        Direction of the change: 1 for an increase, −1 for a decrease.
-    onset : int
-        Number of the last sample at which the chart statistic was 0, before the alarm.
-    score : float
-        Value of the chart statistic, the logarithm of the likelihood ratio.
-    """
-
-    sample: int
-    family: Family
-    level: int
-    sign: int
-    onset: int
-    score: float
+    sample: int  # number of the sample at which the chart exceeded its threshold
+    family: Family  # quantity that the chart monitors
+    level: int  # Haar level of the chart; 0 for single innovations
+    sign: int  # direction of the change: 1 for an increase, −1 for a decrease
+    onset: int  # number of the last sample at which the chart statistic was 0, before the alarm
+    score: float  # value of the chart statistic, the logarithm of the likelihood ratio
 
 
 def window(level: int) -> tuple[int, int]:
@@ -98,30 +82,17 @@ def white_shape(level: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class ChartSettings:
-    """Settings of the charts of one axis, from the statistics of a healthy sensor.
+    """Settings of the charts of one axis, from the statistics of a healthy sensor."""
 
-    Attributes
-    ----------
-    ratios : (J,) array
-        Expected mean squares of the standardised Haar coefficients at levels 1 … J; 1 if the model is right.
-    shapes : (J,) array
-        Shape k = 1/Var y of the relative mean squares y of a block at these levels.
-    scatter : (J + 1 or fewer,) array
-        Standard deviations of the standardised block means at levels 0, 1, …
-    band : float
-        Dead band. A variance that differs from the expected one by less than this factor is not a fault.
-    tail : float
-        Factor by which the limit for single innovations is multiplied; 1 for normally distributed noise.
-    equal : int
-        Length of a run of equal samples that causes an alarm; 0 for no limit.
-    """
-
+    # (J,) expected mean squares of the standardised Haar coefficients at levels 1 … J; 1 if the model is right
     ratios: Vector
-    shapes: Vector
-    scatter: Vector
+    shapes: Vector  # (J,) shape k = 1/Var y of the relative mean squares y of a block at these levels
+    scatter: Vector  # (J + 1 or fewer,) standard deviations of the standardised block means at levels 0, 1, …
+    # Dead band. A variance that differs from the expected one by less than this factor is not a fault.
     band: float = 1.0
+    # factor by which the limit for single innovations is multiplied; 1 for normally distributed noise
     tail: float = 1.0
-    equal: int = 0
+    equal: int = 0  # length of a run of equal samples that causes an alarm; 0 for no limit
 
     @classmethod
     def of_model(cls, rate: float) -> ChartSettings:
@@ -138,19 +109,7 @@ class ChartSettings:
 
 
 class Charts:
-    """The charts of one axis.
-
-    Parameters
-    ----------
-    settings : ChartSettings
-        Expected statistics and limits.
-    run_length : float
-        Average number of samples between two false alarms of one chart.
-    rest : int
-        Number of samples for which a chart pauses after an alarm.
-    longest_rest : int
-        Largest number of samples for which it pauses if alarms repeat.
-    """
+    """Charts of one axis, with `run_length` samples between false alarms of a chart, and pauses after alarms."""
 
     STATE = ("count", "base", "left", "tails", "squares", "done", "sums", "zeros", "rests", "pauses", "recent")
 
@@ -239,8 +198,7 @@ class Charts:
         return alarms
 
     def _coefficients(self, base: int) -> Iterator[tuple[int, int]]:
-        """Yield the levels whose coefficients are made of block sums of level `base`, with the number of sums in
-        each."""
+        """Yield the levels whose coefficients are made of block sums of level `base`, and the sums in each."""
         for level in (1, 2, 3) if base == 0 else (base + 3,):
             if level <= self.settings.ratios.size:
                 yield level, window(level)[1]
@@ -265,8 +223,7 @@ class Charts:
     def _variances(
         self, level: int, m: int, sums: Vector, tails: list[Vector], squares: list[Vector], done: int, states: States
     ) -> Iterator[Alarm]:
-        """Update the noise charts of a level, whose coefficients are made of m block sums each, and yield their
-        alarms."""
+        """Update the noise charts of a level, whose coefficients have m block sums each, and yield their alarms."""
         at = level - 1
         joined = np.concatenate([tails[at], sums])
         tails[at] = joined[-(m - 1) :]
@@ -302,8 +259,7 @@ class Charts:
     def _chart(
         self, place: int, steps: Integers, first: int, states: States, width: int | None = None
     ) -> Iterator[Alarm]:
-        """Add the increments of consecutive blocks to one chart, and yield its alarms. The first block ends at sample
-        `first`."""
+        """Add the increments of consecutive blocks, the first ending at `first`, to one chart, and yield its alarms."""
         sums, zeros, rests, pauses = states
         family, level, sign = self.names[place]
         width = width or 1 << level
@@ -368,8 +324,7 @@ HISTORY_LEVEL = 6
 
 
 def differences(sums: Vector, m: int) -> Vector:
-    """Return, for each run of m consecutive sums, the total of the last m/2 of them minus the total of the first
-    m/2."""
+    """Return, for each run of m consecutive sums, the total of its second half minus the total of its first half."""
     half = m // 2
     while half > 1:
         # Sums of 2, then of 4 consecutive entries, by adding neighbours.

@@ -17,18 +17,10 @@ _PER_SECOND = {"rad/s": "rad/s²", "m/s²": "m/s³"}
 
 @dataclass(frozen=True)
 class Clock:
-    """Conversion of the sample numbers of a monitor to times.
+    """Conversion of the sample numbers of a monitor to times."""
 
-    Attributes
-    ----------
-    rate : float
-        Sampling rate (Hz).
-    runs : tuple of (int, float)
-        Number and time (s) of the first sample after each gap, for the last gaps.
-    """
-
-    rate: float
-    runs: tuple[tuple[int, float], ...]
+    rate: float  # Hz
+    runs: tuple[tuple[int, float], ...]  # number and time (s) of the first sample after each gap, for the last gaps
 
     def time(self, sample: int) -> float:
         """Return the time (s) of a sample."""

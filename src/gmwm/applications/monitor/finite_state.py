@@ -23,36 +23,18 @@ and from mains power drift slowly."""
 
 @dataclass(frozen=True, eq=False)
 class Finite:
-    """State-space form of a model for the monitor.
+    """State-space form of a model for the monitor."""
 
-    Attributes
-    ----------
-    space : StateSpace
-        State space of all terms. It includes a state for the constant level if no term has a diffuse level.
-    moving : (p,) array of bool
-        Mask of the states that are not constant: False only for the state of the constant level.
-    slope : float
-        Slope of the drifts, in the unit of the signal per sample.
-    remarks : tuple of Remark
-        Remarks on terms whose state space is an approximation.
-    """
-
+    # State space of all terms. It includes a state for the constant level if no term has a diffuse level.
     space: StateSpace
+    # (p,) mask of the states that are not constant: False only for the state of the constant level
     moving: NDArray[np.bool_]
-    slope: float
-    remarks: tuple[Remark, ...]
+    slope: float  # slope of the drifts, in the unit of the signal per sample
+    remarks: tuple[Remark, ...]  # remarks on terms whose state space is an approximation
 
     @classmethod
     def of(cls, model: Model, rate: float) -> Finite:
-        """Return the state-space form of a model with values.
-
-        Raises
-        ------
-        ModelError
-            If a parameter has no value, or if the model has no noise.
-        MissingTheoryError
-            If a term has no state-space form.
-        """
+        """Return the state-space form of a model with values."""
         missing = [name for name, value in model.parameters.items() if value is None]
         if missing:
             raise ModelError(
@@ -83,8 +65,7 @@ class Finite:
 
 
 def _line(process: Process, rate: float) -> StateSpace:
-    """Return the state space of a sinusoid with slowly changing amplitude and phase, and with the power of the
-    process."""
+    """Return the state space of a sinusoid of slowly changing amplitude and phase, with the power of the process."""
     space = process.state_space(rate)
     decay = math.exp(-1.0 / (COHERENCE * rate))
     return StateSpace(F=decay * space.F, Q=(1.0 - decay**2) * space.P0, H=space.H, R=space.R, P0=space.P0)

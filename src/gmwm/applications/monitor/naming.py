@@ -34,28 +34,15 @@ SHORTEST_LINE = 64
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """The last standardised innovations of an axis.
+    """The last standardised innovations of an axis."""
 
-    Attributes
-    ----------
-    now : int
-        Number of the next sample.
-    fast : (n,) array
-        The last innovations, up to sample `now` − 1.
-    slow : (m,) array
-        The last sums of innovations over 2^HISTORY_LEVEL samples.
-    slow_stop : int
-        Number of the first sample after the last of these sums.
-    """
-
-    now: int
-    fast: Vector
-    slow: Vector
-    slow_stop: int
+    now: int  # number of the next sample
+    fast: Vector  # (n,) the last innovations, up to sample `now` − 1
+    slow: Vector  # (m,) the last sums of innovations over 2^HISTORY_LEVEL samples
+    slow_stop: int  # number of the first sample after the last of these sums
 
     def since(self, sample: int) -> tuple[Vector, int, int]:
-        """Return innovations from `sample` or earlier on, number of samples per value, and number of the first
-        sample."""
+        """Return innovations from `sample` or earlier on, the number of samples per value, and the first sample."""
         width = 1 << HISTORY_LEVEL
         if sample >= self.now - self.fast.size or self.slow.size * width <= self.fast.size:
             first = max(sample, self.now - self.fast.size)
@@ -67,30 +54,14 @@ class History:
 
 @dataclass(frozen=True, kw_only=True)
 class Named:
-    """A fault whose kind was determined.
-
-    Attributes
-    ----------
-    kind : Kind
-        Kind of the fault.
-    onset : int
-        Number of the sample at which it began.
-    level : int or None
-        Haar level at which it was found.
-    size : float or None
-        Size in the unit of the signal, per sample for a ramp.
-    ratio : float or None
-        Ratio of the standard deviation of the noise to the expected one.
-    cycles : float or None
-        Frequency of a hum (cycles per sample).
-    """
+    """A fault whose kind was determined."""
 
     kind: Kind
-    onset: int
-    level: int | None = None
-    size: float | None = None
-    ratio: float | None = None
-    cycles: float | None = None
+    onset: int  # number of the sample at which it began
+    level: int | None = None  # Haar level at which it was found
+    size: float | None = None  # size in the unit of the signal, per sample for a ramp
+    ratio: float | None = None  # ratio of the standard deviation of the noise to the expected one
+    cycles: float | None = None  # frequency of a hum (cycles per sample)
 
     @property
     def is_motion(self) -> bool:
@@ -108,8 +79,7 @@ class Named:
 
 @dataclass(frozen=True)
 class _Shape:
-    """A jump or a ramp fitted to innovations: kind, increase of the log-likelihood, size, and index of its
-    beginning."""
+    """A jump or a ramp fitted to innovations: kind, gain of log-likelihood, size, and index of its beginning."""
 
     kind: Kind
     gain: float
@@ -118,10 +88,7 @@ class _Shape:
 
 
 def naming_time(alarm: Alarm, rate: float) -> int:
-    """Return the number of samples after a first alarm at which its fault is determined.
-
-    It is larger for a slow change of the level.
-    """
+    """Return the number of samples after a first alarm at which its fault is determined; more for a slow change."""
     usual = max(round(NAMING * rate), 1)
     if alarm.family != "level":
         return usual
@@ -130,19 +97,7 @@ def naming_time(alarm: Alarm, rate: float) -> int:
 
 
 def named(alarms: Sequence[Alarm], history: History, gain: Gain, settings: ChartSettings) -> Named:
-    """Determine the fault that caused the alarms of one axis.
-
-    Parameters
-    ----------
-    alarms : sequence of Alarm
-        Alarms since the first one, in order of time. The family "constant" is not allowed.
-    history : History
-        The last innovations.
-    gain : Gain
-        The filter that computed them.
-    settings : ChartSettings
-        Settings of the charts.
-    """
+    """Determine the fault that caused the alarms of one axis, in order of time and without the family "constant"."""
     families = {alarm.family for alarm in alarms}
     first = alarms[0]
     if families == {"spike"}:
@@ -225,12 +180,9 @@ def _course(history: History, onset: int, gain: Gain) -> _Shape:
 
 
 def _slow_excess(history: History, onset: int) -> tuple[float, int]:
-    """Return the log-likelihood ratio of an increased variance of block means since the onset, and the level of the
-    blocks.
+    """Return the largest log-likelihood ratio of an increased variance of block means since the onset, and its level.
 
-    The largest ratio over all levels is returned. It measures slow noise, whose block means do not follow a jump or
-    ramp.
-    """
+    It measures slow noise, whose block means do not follow a jump or ramp."""
     values, width, _ = history.since(onset)
     best, level = (0.0, 0), width.bit_length() - 1
     while values.size >= 4:
@@ -256,10 +208,7 @@ def _fitted(kind: Kind, values: Vector, response: Vector, begin: int) -> _Shape:
 
 
 def _line(history: History, onset: int, gain: Gain) -> tuple[float, float] | None:
-    """Return the frequency (cycles per sample) and the amplitude of a sinusoid in the innovations.
-
-    The result is None if no sinusoid is significant and explains a large part of the excess power.
-    """
+    """Return frequency (cycles per sample) and amplitude of a significant sinusoid that explains much of the excess."""
     start = max(onset, history.now - history.fast.size)
     values = history.fast[history.fast.size - (history.now - start) :]
     if values.size < SHORTEST_LINE:

@@ -14,6 +14,7 @@ from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError
 from gmwm.base.units import SI_UNIT
 from gmwm.showing.plots.axes import quiet
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.linear import even_axis, time_unit
@@ -22,7 +23,7 @@ from gmwm.showing.plots.style import BLUE, DASHED, GREEN, ORANGE, PURPLE, VERMIL
 from gmwm.showing.plots.view import view_of
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
+    pass
 
 _CHARTS = {"noise up": ("Noise up", ORANGE), "noise down": ("Noise down", GREEN), "level": ("Level", PURPLE)}
 TOP = 1.1
@@ -32,13 +33,7 @@ HEIGHT = 30.0
 
 
 def trace_figure(trace: Trace) -> Figure:
-    """Return the figure that `plot_trace` draws, with a row for each axis that shows its signal and its charts.
-
-    Raises
-    ------
-    DataError
-        If the trace has no samples.
-    """
+    """Return the figure that `plot_trace` draws, with a row for each axis that shows its signal and its charts."""
     axes = trace.monitor.axes
     times = [trace.signal(axis)[0] for axis in axes]
     if not times[0].size:
@@ -92,8 +87,15 @@ def _uprights(places: Vector, limits: tuple[float, float]) -> tuple[Vector, Vect
     return x, y
 
 
-def plot_trace(trace: Trace, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw the signals with the events, and the control charts. `Trace.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
+@drawing
+def plot_trace(trace: Trace, *, path: str | os.PathLike[str] | None = None) -> Figure:
+    """Draw the signals with the events, and the chart statistics over time.
 
-    return draw(trace_figure(trace), path=path)
+    Raises
+    ------
+    DataError
+        If there are no samples.
+    OptionError
+        If the ending of `path` is unknown.
+    """
+    return trace_figure(trace)

@@ -167,8 +167,7 @@ def _magnitude(event: Event) -> float:
 
 
 def _times(model: Model, factor: float, rate: float) -> Model:
-    """Return a model with all variances multiplied by a factor, without drifts, because their slopes differ between
-    units."""
+    """Return a model with all variances times a factor, without drifts: their slopes differ between units."""
     scaled = []
     for process in model.processes:
         if process.scale > 0 and not is_ramp(process, rate):

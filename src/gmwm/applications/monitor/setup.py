@@ -127,13 +127,7 @@ def as_lists(value: Any) -> Any:
 
 
 def checked_samples(axes: Sequence[str], values: Mapping[str, ArrayLike]) -> dict[str, Vector]:
-    """Return the samples of the axes as vectors of equal length.
-
-    Raises
-    ------
-    DataError
-        If an axis is missing, if the axes have different lengths, or if a value is not finite.
-    """
+    """Return the samples of the axes as vectors of equal length."""
     arrays: dict[str, Vector] = {}
     for axis in axes:
         if axis not in values:

@@ -25,25 +25,14 @@ blocks."""
 
 @dataclass(frozen=True)
 class Stillness:
-    """State of the detection: samples of the present block, and number of blocks without motion before it.
+    """State of the detection: samples of the present block, and number of blocks without motion before it."""
 
-    Attributes
-    ----------
-    calm : int
-        Number of consecutive blocks without motion.
-    samples : int
-        Number of samples since the motion was detected.
-    held : mapping of axis to (n,) array
-        Samples of the present block.
-    """
-
-    calm: int = 0
-    samples: int = 0
-    held: Mapping[str, Vector] = field(default_factory=dict)
+    calm: int = 0  # number of consecutive blocks without motion
+    samples: int = 0  # number of samples since the motion was detected
+    held: Mapping[str, Vector] = field(default_factory=dict)  # samples of the present block
 
     def update(self, parts: Mapping[str, Vector], axes: Mapping[str, Axis], naming: int) -> tuple[int, Stillness, bool]:
-        """Add samples of all axes. Return the number of used samples, the new state, and whether the unit is at
-        rest."""
+        """Add samples of all axes. Return the number of used samples, the new state, and whether the unit rests."""
         block = max(naming, SHORTEST)
         filled = next(iter(self.held.values())).size if self.held else 0
         used = min(next(iter(parts.values())).size, block - filled)

@@ -14,13 +14,7 @@ LARGEST = 1 << 62
 
 
 def whole(value: Any) -> int:
-    """Check that a value is a whole number, and return it.
-
-    Raises
-    ------
-    ValueError
-        If the value is not a whole number, or is larger than `LARGEST`.
-    """
+    """Check that a value is a whole number, and return it."""
     if type(value) is not int or abs(value) > LARGEST:
         raise ValueError(f"expected a whole number; got {value!r:.50}")
     return value
@@ -33,37 +27,19 @@ def require_scale(axis: str, variance: float) -> None:
 
 
 def wholes(values: Any, like: Sequence[int]) -> tuple[int, ...]:
-    """Check that `values` contains whole numbers and has the length of `like`, and return the numbers.
-
-    Raises
-    ------
-    ValueError
-        If a value is not a whole number, or if the number of values differs.
-    """
+    """Check that `values` contains whole numbers and has the length of `like`, and return the numbers."""
     if len(values) != len(like):
         raise ValueError(f"expected {len(like)} whole numbers; got {len(values)}")
     return tuple(map(whole, values))
 
 
 def number(value: Any) -> float:
-    """Check that a value is a number, and return it as a float.
-
-    Raises
-    ------
-    ValueError
-        If the value is not a number below 1e100, whose square cannot overflow.
-    """
+    """Check that a value is a number, and return it as a float."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e100:
         raise ValueError(f"expected a number; got {value!r:.50}")
     return float(value)
 
 
 def numbers(values: Any) -> Vector:
-    """Check that values are finite numbers, and return them as an array (n,).
-
-    Raises
-    ------
-    ValueError
-        If a value is not a finite number.
-    """
+    """Check that values are finite numbers, and return them as an array (n,)."""
     return np.array([number(value) for value in values], dtype=np.float64)

@@ -23,18 +23,8 @@ _CELLS = 120
 def level_threshold(run_length: float) -> float:
     """Return the threshold h of the chart S ← max(0, S + z − SHIFT/2) for independent standard normal z.
 
-    The average run length is (e^{2κb} − 2κb − 1)/(2κ²) with κ = SHIFT/2 and b = h + 1.166, where 1.166 is Siegmund's
-    correction for discrete time.
-
-    Parameters
-    ----------
-    run_length : float
-        Average number of blocks between false alarms.
-
-    References
-    ----------
-    Siegmund (1985), Sequential Analysis, section 2.6.
-    """
+    The average run length in blocks is (e^{2κb} − 2κb − 1)/(2κ²) with κ = SHIFT/2 and b = h + 1.166, Siegmund's
+    correction for discrete time (Siegmund 1985, Sequential Analysis, section 2.6)."""
     kappa = SHIFT / 2.0
     low, high = 0.0, math.log(run_length + 10.0) / (2.0 * kappa) + 10.0
     while high - low > 1e-9:
@@ -48,25 +38,10 @@ def level_threshold(run_length: float) -> float:
 def noise_threshold(run_length: float, shape: float, ratio: float) -> float:
     """Return the threshold h of the chart S ← max(0, S + l) with the increments l = k[y(1 − 1/R) − ln R].
 
-    The values y are independent and have a Gamma distribution with shape k and mean 1.
-
-    The average run length is at least e^h (Lorden). By renewal theory, it is C e^h for large h. Page's integral
-    equation, solved for a run length of 10⁵ blocks, gives C.
-
-    Parameters
-    ----------
-    run_length : float
-        Average number of blocks between false alarms.
-    shape : float
-        k = 1/Var y, where y is a relative mean square with mean 1.
-    ratio : float
-        R, the ratio of variances for which the chart has the shortest delay; below 1 for a decrease.
-
-    References
-    ----------
-    Lorden (1971), Procedures for reacting to a change in distribution, Annals of Mathematical Statistics 42, 1897-1908.
-    Brook and Evans (1972), An approach to the probability distribution of cusum run length, Biometrika 59, 539-549.
-    """
+    The values y are independent, with a Gamma distribution of shape k and mean 1. R is the ratio of variances for which
+    the chart has the shortest delay. The average run length is at least e^h (Lorden 1971, Annals of Mathematical
+    Statistics 42, 1897-1908), and C e^h for large h. Page's integral equation, solved for 10⁵ blocks, gives C (Brook
+    and Evans 1972, Biometrika 59, 539-549)."""
     return max(math.log(run_length) - _advantage(round(shape, 2), ratio), 0.5)
 
 
@@ -82,22 +57,14 @@ def _advantage(shape: float, ratio: float) -> float:
 
 @lru_cache(maxsize=64)
 def shape_factor(sums: int, ratio: float) -> float:
-    """Return the factor for the shape k of a noise chart that corrects for correlated coefficients.
+    """Return the factor for the shape k of a noise chart that corrects for correlated coefficients of `sums` block sums
+    each.
 
-    Mean squares of overlapping coefficients have a longer tail than a Gamma distribution with shape k = 1/Var y. A
-    chart with this k would raise too many false alarms: at R = 2 up to 1.4 times as many in 500 blocks, and more in
-    longer runs. With the factor, E e^l = 1 holds in a long run of blocks, for white normal innovations. Consecutive
-    coefficients that are made of m block sums have the spectral density g(ω) = |Σ ± e^{ikω}|²/m. By Szegő's theorem,
-    the shape q per coefficient follows from −½ mean ln(1 − 2q(1 − 1/R)g(ω)) = q ln R, where the mean is over all
-    frequencies ω. For a Gamma distribution, the factor would be 1.
-
-    Parameters
-    ----------
-    sums : int
-        m, the number of block sums in a coefficient: 2, 4 or 8.
-    ratio : float
-        R, the ratio of variances for which the chart has the shortest delay.
-    """
+    Mean squares of overlapping coefficients have a longer tail than a Gamma distribution with shape k = 1/Var y: at R =
+    2, up to 1.4 times as many false alarms in 500 blocks. With the factor, E e^l = 1 holds in a long run of blocks, for
+    white normal innovations. Consecutive coefficients of m block sums have the spectral density g(ω) = |Σ ±
+    e^{ikω}|²/m. By Szegő's theorem, the shape q per coefficient follows from −½ mean ln(1 − 2q(1 − 1/R)g(ω)) = q ln R,
+    over all ω."""
     from scipy.optimize import brentq
 
     omega = (np.arange(4096) + 0.5) * np.pi / 4096
@@ -115,10 +82,7 @@ def shape_factor(sums: int, ratio: float) -> float:
 
 
 def noise_run_length(threshold: float, shape: float, ratio: float, cells: int = _CELLS) -> float:
-    """Return the average run length (blocks) of a noise chart that starts at 0, from Page's integral equation.
-
-    The values of the chart statistic S are discretised in cells.
-    """
+    """Return the average run length (blocks) of a noise chart that starts at 0, from Page's equation on cells."""
     width = threshold / cells
     states = np.concatenate([[0.0], (np.arange(cells) + 0.5) * width])
     # All rows are values of one function: the probability of an increment below each multiple of half a cell.

@@ -13,12 +13,11 @@ from gmwm.applications.monitor.api import Monitor
 from gmwm.applications.monitor.events import Event
 from gmwm.applications.monitor.setup import chunks_of
 from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.plotting import Plotted, register
 from gmwm.base.text import counted, duration_text
 from gmwm.recording.chunks import Chunk
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
     from gmwm.files.readers.streams import Stream
     from gmwm.recording.signals import Imu
 
@@ -32,7 +31,7 @@ FAMILIES = ("noise up", "noise down", "level")
 """Families of charts whose statistics are recorded."""
 
 
-class Trace:
+class Trace(Plotted):
     """Run a monitor, and record its events, the extremes of its signals and its chart statistics over time.
 
     Parameters
@@ -148,29 +147,6 @@ class Trace:
         rest = "; the unit was moved and is not yet still" if one.resting else ""
         return f"{found} in {length} ({counted(one.samples, 'sample')}) of {', '.join(one.axes)}{rest}"
 
-    def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the signals with the events, and the chart statistics over time.
-
-        Parameters
-        ----------
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        DataError
-            If there are no samples.
-        OptionError
-            If the ending of `path` is unknown.
-        """
-        from gmwm.applications.monitor.plot import plot_trace
-
-        return plot_trace(self, path=path)
-
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write a report with the result, the events and the plots as one HTML page.
 
@@ -198,6 +174,9 @@ class Trace:
         for axis, x in values.items():
             self._signals[axis].update(time, 1.0 / self.monitor.rate, np.stack([-x, x], axis=1))
             self._heights[axis].update(time, 0.0, np.array([[heights[axis][family] for family in FAMILIES]]))
+
+
+register(Trace, "gmwm.applications.monitor.plot:plot_trace")
 
 
 class _Course:

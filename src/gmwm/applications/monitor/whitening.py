@@ -48,36 +48,21 @@ as unknown."""
 
 @dataclass(frozen=True, eq=False)
 class Gain:
-    """Constant-gain Kalman filter of a model.
-
-    Attributes
-    ----------
-    finite : Finite
-        State-space form of the model.
-    F, H, Q : (p, p), (p,) and (p, p) arrays
-        Transition matrix, observation row and process noise of the model, including its level.
-    P : (p, p) array
-        Steady-state covariance of the predicted state; 0 for a constant level.
-    S : float
-        Variance of an innovation, in the squared unit of the signal.
-    phi : (p, p) array
-        Φ = F − K H, with the constant gain K.
-    start : (p, m) array
-        B at the first sample. The first columns are the diffuse states; the others describe the initial uncertainty of
-        the other states in excess of P.
-    diffuse : int
-        Number of diffuse columns of `start`.
-    """
+    """Constant-gain Kalman filter of a model."""
 
     finite: Finite
+    # (p, p), (p,), (p, p) transition matrix, observation row and process noise of the model, including its
+    # level
     F: Matrix
     H: Vector
     Q: Matrix
-    P: Matrix
-    S: float
-    phi: Matrix
+    P: Matrix  # (p, p) steady-state covariance of the predicted state; 0 for a constant level
+    S: float  # variance of an innovation, in the squared unit of the signal
+    phi: Matrix  # (p, p) Φ = F − K H, with the constant gain K
+    # (p, m) B at the first sample. The first columns are the diffuse states; the others describe the initial
+    # uncertainty of the other states in excess of P.
     start: Matrix
-    diffuse: int
+    diffuse: int  # number of diffuse columns of `start`
 
     @classmethod
     def of(cls, finite: Finite) -> Gain:
@@ -135,8 +120,7 @@ class Gain:
         return np.linalg.matrix_power(self.phi, FRAME)
 
     def after_gap(self, samples: int) -> Matrix:
-        """Return B (p, m) after a gap: a factor of the covariance that the missing samples add to the predicted
-        state."""
+        """Return B (p, m) after a gap: a factor of the covariance that missing samples add to the predicted state."""
         P, power = self.P.copy(), self.P.copy()
         for _ in range(samples):
             power = self.F @ power @ self.F.T + self.Q
@@ -151,8 +135,7 @@ class Gain:
         return np.asarray(response / math.sqrt(self.S))
 
     def magnitude(self, cycles: float) -> float:
-        """Return the amplitude of the standardised innovations for a sinusoid of amplitude 1 at a frequency (cycles per
-        sample)."""
+        """Return the amplitude of standardised innovations for a unit sinusoid at a frequency (cycles per sample)."""
         z = np.exp(-2j * np.pi * cycles) ** np.arange(3)
         return float(np.prod(np.abs(self.sections[:, :3] @ z) / np.abs(self.sections[:, 3:] @ z))) / math.sqrt(self.S)
 
@@ -160,9 +143,8 @@ class Gain:
 def _sections(zeros: NDArray[Any], poles: NDArray[Any]) -> Matrix:
     """Return second-order sections with the given zeros and the same number of poles.
 
-    The poles nearest to the unit circle come last, and each pair of poles gets the nearest zeros, so that no section
-    has a large gain.
-    """
+    The poles nearest to the unit circle come last, each pair with the nearest zeros, so that no section has a large
+    gain."""
     left = _roots(zeros)
     rows = []
     for pole in _roots(poles):
@@ -172,10 +154,7 @@ def _sections(zeros: NDArray[Any], poles: NDArray[Any]) -> Matrix:
 
 
 def _roots(roots: NDArray[Any]) -> list[tuple[complex, complex]]:
-    """Group roots in pairs of conjugate or of two real roots, the largest pair first.
-
-    If the number of real roots is odd, a root at 0 is added. Tiny imaginary parts are removed.
-    """
+    """Group roots in conjugate or real pairs, the largest first; a root at 0 completes an odd number of real roots."""
     real = sorted(roots.real[np.abs(roots.imag) < 1e-12].tolist(), key=abs, reverse=True)
     real += [0.0] * (len(real) % 2)
     pairs = [(z, z.conjugate()) for z in roots[roots.imag >= 1e-12].tolist()]
@@ -190,15 +169,12 @@ def _polynomial(roots: tuple[complex, complex]) -> list[float]:
 
 
 def _riccati(F: Matrix, H: Vector, Q: Matrix, R: float) -> Matrix:
-    """Return the steady-state covariance of the predicted state, by a doubling algorithm.
+    """Return the steady-state covariance of the predicted state, by a doubling algorithm (Anderson 1978, Second-order
+    convergent algorithms for the steady-state Riccati equation, Int. J. Control 28, 295-306).
 
-    Each step doubles the number of samples. The recursion is for the covariance of the filtered state. Given this
-    state, the noise of the next sample is H w + v, where w is the process noise and v the measurement noise. The
-    variance of H w + v is never small, but the variance of v alone is zero for moving averages and autoregressions.
-
-    Source: Anderson (1978), Second-order convergent algorithms for the steady-state Riccati equation, Int. J. Control
-    28, 295-306.
-    """
+    The recursion is for the filtered state. Given this state, the noise of the next sample is H w + v, with process
+    noise w and measurement noise v. Its variance is never small, but that of v is zero for moving averages and
+    autoregressions."""
     eye = np.eye(H.size)
     seen, common = H @ F, Q @ H
     whole = float(H @ common) + R
@@ -217,13 +193,7 @@ def _riccati(F: Matrix, H: Vector, Q: Matrix, R: float) -> Matrix:
 
 
 class Whitener:
-    """Computes the standardised innovations of one axis from chunks of any size.
-
-    Parameters
-    ----------
-    gain : Gain
-        The filter of the model.
-    """
+    """Computes the standardised innovations of one axis from chunks of any size."""
 
     STATE = ("sections", "origin", "count", "drifted", "columns", "power", "information", "moments")
 

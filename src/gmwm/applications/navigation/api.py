@@ -168,15 +168,7 @@ def _seconds(given: float | str, name: str, least: float = 1e-9) -> float:
 
 
 def _times(duration: float, step: float) -> Vector:
-    """Return the times (s) of the curves, from 1 s (or a tenth of a short duration) to the duration.
-
-    Parameters
-    ----------
-    duration : float
-        Duration (s).
-    step : float
-        Longest sampling interval of the axes (s), below which there is no time.
-    """
+    """Return the times (s) of the curves, from 1 s, or a tenth of a short duration, to the duration."""
     if duration < step:
         raise OptionError(argument="duration", expected=f"at least one sample, {step:g} s", got=duration)
     first = max(min(FIRST, duration / 10), step)
@@ -186,25 +178,13 @@ def _times(duration: float, step: float) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class _Maker:
-    """Computation of the errors of a budget from the noise of its axes.
-
-    Attributes
-    ----------
-    axes : mapping of axis to AxisNoise
-    times : (T,) array, s
-    rest : float
-        Time at rest before navigation starts (s).
-    gravity : float
-        Gravity (m/s²).
-    reach : float
-        Half the width of a confidence interval in standard errors.
-    """
+    """Computation of the errors of a budget from the noise of its axes."""
 
     axes: Mapping[str, AxisNoise]
-    times: Vector
-    rest: float
-    gravity: float
-    reach: float
+    times: Vector  # (T,) in s
+    rest: float  # time at rest before navigation starts (s)
+    gravity: float  # m/s²
+    reach: float  # half the width of a confidence interval in standard errors
 
     def growths(self, latitude: float) -> dict[str, Growth]:
         """Return the attitude, velocity and position errors by name. The latitude is in rad."""
@@ -232,10 +212,7 @@ class _Maker:
         return found
 
     def _parts(self, motions: Mapping[str, Response], rest: float) -> list[tuple[dict[str, Matrix], Matrix]]:
-        """Return for each axis the mean squares (T, q) of its terms, and the standard errors (T, q) of their sum.
-
-        q is the number of errors in the error equations of `motions`.
-        """
+        """Return for each axis the mean squares (T, q) of its terms, and the standard errors (T, q) of their sum."""
         found = []
         for axis, motion in motions.items():
             noise = self.axes[axis]

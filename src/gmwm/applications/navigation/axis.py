@@ -27,41 +27,18 @@ relative error of the derivatives is about 1e-6."""
 
 @dataclass(frozen=True, eq=False)
 class AxisNoise:
-    """The noise of one axis.
-
-    Attributes
-    ----------
-    axis : str
-        Name of the axis.
-    terms : mapping of label to Process
-        The terms of the model that are not zero.
-    rate : float
-        Sampling rate (Hz).
-    curve : Curve or None
-        The estimated parameters and their covariance; None if the values were given, or have no standard errors.
-    longest : float
-        Longest averaging time (s) of the recording; infinite if the values were given.
-    """
+    """The noise of one axis."""
 
     axis: str
-    terms: Mapping[str, Process]
-    rate: float
+    terms: Mapping[str, Process]  # the terms of the model that are not zero
+    rate: float  # Hz
+    # the estimated parameters and their covariance; None if the values were given, or have no standard errors
     curve: Curve | None = None
-    longest: float = np.inf
+    longest: float = np.inf  # longest averaging time (s) of the recording; infinite if the values were given
 
     @classmethod
     def of(cls, axis: str, source: Fit | Model | Process | str, rate: float | None) -> AxisNoise:
-        """Return the noise of an axis from a fit, or from a model with all values and its sampling rate (Hz).
-
-        Raises
-        ------
-        OptionError
-            If the axis is not an axis of an IMU, or `rate` is missing for a model.
-        ModelError
-            If a parameter has no value, or the unit of a fit is not the SI unit of the axis.
-        MissingTheoryError
-            If a term has no state-space form.
-        """
+        """Return the noise of an axis from a fit, or from a model with all values and its sampling rate (Hz)."""
         if axis not in AXES:
             raise OptionError(argument="axis", expected=f"one of {', '.join(AXES)}", got=axis)
         if isinstance(source, Fit):
@@ -101,17 +78,7 @@ class AxisNoise:
         return (Remark.of("budget-extrapolated", self.axis, **facts), *found)
 
     def mean_squares(self, motion: Response, times: Sequence[float], rest: float) -> dict[str, Matrix]:
-        """Return the mean square (T, q) of the errors that each term causes.
-
-        Parameters
-        ----------
-        motion : Response
-            The error equations with q errors.
-        times : (T,) sequence of float
-            Times after the start (s).
-        rest : float
-            Time at rest before the start (s).
-        """
+        """Return the mean square (T, q) of the errors that each term causes at T times (s) after a rest (s)."""
         return {label: self._of(process, motion, times, rest) for label, process in self.terms.items()}
 
     def errors(self, motion: Response, times: Sequence[float], rest: float, terms: Mapping[str, Matrix]) -> Matrix:
@@ -121,10 +88,7 @@ class AxisNoise:
         known = {id(process): terms[label] for label, process in self.terms.items()}
 
         def slope(process: Process, name: str | None) -> Matrix:
-            """Return the derivative (T, q) of the mean squares with respect to the logarithm of the parameter `name`.
-
-            If `name` is None, the derivative is with respect to the scale of a term that is estimated as zero.
-            """
+            """Return the derivative (T, q) of the mean squares by the logarithm of a parameter, or by a zero scale."""
             if name is None:
                 return self._of(process, motion, times, rest)
             parameter = next(p for p in process.parameters if p.name == name)

@@ -15,11 +15,12 @@ from gmwm.base.arrays import Vector
 from gmwm.base.text import duration_text
 from gmwm.showing.plots.axes import limits_near, time_axis, value_axis
 from gmwm.showing.plots.curves import ABOVE, BAND, MIDDLE
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.style import BLACK, GREY, curve_stroke, term_stroke
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
+    pass
 
 LEAST_SHARE = 0.03
 """A term is drawn only if its largest ratio to the total error is above this number. Pinned by
@@ -106,8 +107,7 @@ def _upper(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def plot_budget(budget: Budget, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw an error budget. `Budget.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
-
-    return draw(budget_figure(budget), path=path)
+@drawing
+def plot_budget(budget: Budget, *, path: str | os.PathLike[str] | None = None) -> Figure:
+    """Draw the largest attitude, velocity and position error over time with its terms, and the alignment errors."""
+    return budget_figure(budget)

@@ -42,24 +42,12 @@ EARTH_RATE = 7.292115e-5
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """Linear system dn/dt = a n + drive e for the navigation errors n that the error e of one sensor causes.
+    """Linear system dn/dt = a n + drive e for the navigation errors n that the error e of one sensor causes."""
 
-    Attributes
-    ----------
-    a : (q, q) array, in 1/s
-        System matrix.
-    drive : (q,) array
-        Effect of e on the derivative of each error.
-    at_start : (q,) array
-        Errors n at the start per unit of the mean of e over the rest before.
-    removed : bool
-        Whether the mean over the rest is subtracted from the sensor.
-    """
-
-    a: Matrix
-    drive: Vector
-    at_start: Vector
-    removed: bool
+    a: Matrix  # (q, q) system matrix, in 1/s
+    drive: Vector  # (q,) effect of e on the derivative of each error
+    at_start: Vector  # (q,) errors n at the start per unit of the mean of e over the rest before
+    removed: bool  # whether the mean over the rest is subtracted from the sensor
 
     def step(self, dt: float) -> tuple[Matrix, Vector]:
         """Return the transition matrix over a sample of `dt` (s), and the effect of a constant e during the sample."""
@@ -105,24 +93,12 @@ def _crossed(v: Vector) -> Matrix:
 
 
 def mean_squares(process: Process, rate: float, motion: Response, steps: Sequence[int], *, rest: int = 0) -> Matrix:
-    """Return the mean squares (T, q) of the errors that a process causes after each number of samples.
+    """Return the mean squares (T, q) of the errors that a process causes after each number of samples, in ascending
+    order.
 
     Stationary processes start in their stationary distribution. Random walks start at zero, and so does flicker noise
     if there is no rest. After a rest whose mean is removed, the time at which flicker noise starts has no effect,
-    except on the tilt from levelling. For this tilt, it is assumed to start at zero at the beginning of the rest.
-
-    Parameters
-    ----------
-    process : Process
-    rate : float
-        Sampling rate (Hz).
-    motion : Response
-        The error equations with q errors.
-    steps : (T,) sequence of int
-        Numbers of samples after the start, in ascending order.
-    rest : int
-        Number of samples at rest before the start.
-    """
+    except on the tilt from levelling. For this tilt, it is assumed to start at zero at the beginning of the rest."""
     if rest and process.approximate and not process.stationary:
         old = _mean_squares(process.state_space(rate), rate, motion, steps, rest=rest)
         if np.any(motion.at_start):
@@ -151,8 +127,7 @@ def _mean_squares(space: StateSpace, rate: float, motion: Response, steps: Seque
 def _resting(space: StateSpace, rest: int, q: int) -> tuple[Matrix, Matrix]:
     """Return the transition matrix and noise covariance of (x, m, n) for one sample of the rest.
 
-    x are the states of the process, m is its mean over the rest, to which each sample adds, and n are the q navigation
-    errors, which stay zero.
+    x are the states of the process, m is its mean over the rest so far, and n are the q navigation errors, still zero.
     """
     p = space.states
     transition, noise = np.eye(p + 1 + q), np.zeros((p + 1 + q, p + 1 + q))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -10,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gmwm.base.arrays import Vector, freeze
+from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Remark
 from gmwm.base.text import Summarised
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
 
 
@@ -65,7 +64,7 @@ class Growth:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Budget(Summarised, Mapping[str, Growth]):
+class Budget(Summarised, Plotted, Mapping[str, Growth]):
     """The error budget of unaided inertial navigation: a mapping of name to `Growth`.
 
     Attributes
@@ -160,18 +159,5 @@ class Budget(Summarised, Mapping[str, Growth]):
         ]
         return DataFrame(rows, infer_schema_length=None)
 
-    def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the largest attitude, velocity and position error over time with its terms, and the alignment errors.
 
-        Parameters
-        ----------
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-        """
-        from gmwm.applications.navigation.plot import plot_budget
-
-        return plot_budget(self, path=path)
+register(Budget, "gmwm.applications.navigation.plot:plot_budget")

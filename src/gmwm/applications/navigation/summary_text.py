@@ -40,10 +40,7 @@ def summary(budget: Budget) -> str:
 
 
 def headline(budget: Budget) -> str:
-    """Return one sentence with the largest tilt, heading and position errors at the end of the duration.
-
-    An example is "After 60 s of navigation without corrections: tilt 0.31 deg, heading 0.3 deg, position 40 m (1 σ)."
-    """
+    """Return one sentence with the largest tilt, heading and position errors at the end of the duration."""
     parts = [
         f"{kind} {significant(float(worst.error[-1]), 2)} {worst.unit}"
         for kind in ("tilt", "heading", "position")
@@ -137,13 +134,7 @@ def comparison(one: Budget, other: Budget, labels: tuple[str, str] = ("this", "o
 
 
 def compared(one: Budget, other: Budget) -> list[tuple[str, str, str, float]]:
-    """Return the title of each error that both budgets have, its two values as text, and their ratio.
-
-    Raises
-    ------
-    OptionError
-        If the durations, the times at rest or the latitudes differ, or the budgets have no error in common.
-    """
+    """Return the title of each error that both budgets have, its two values as text, and their ratio."""
     for name in ("duration", "rest", "latitude"):
         if getattr(one, name) != getattr(other, name):
             raise OptionError(argument="other", expected=f"a budget with the same {name}", got=getattr(other, name))

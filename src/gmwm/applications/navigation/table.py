@@ -1,12 +1,13 @@
-"""Table of the error budget in a report: the navigation errors after one minute, and the terms that cause them."""
+"""Section of the error budget in a report: the navigation errors after one minute, and the terms that cause them."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gmwm.applications.navigation.summary_text import error_text, headline, terms_text
 from gmwm.base.errors import GmwmError
 from gmwm.base.remarks import Dialect, texts
+from gmwm.showing.reports.sections import Section
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import Calibration
@@ -15,15 +16,18 @@ DURATION = 60.0
 """Time of navigation without corrections (s) for the report, such as an outage of satellite positions in a tunnel."""
 
 
-def budget_table(calibration: Calibration) -> dict[str, Any]:
-    """Return the headline, table rows and remarks of the error budget.
-
-    The result is empty if the budget cannot be computed, for example because an axis is in raw counts.
-    """
+def budget_section(calibration: Calibration) -> Section | None:
+    """Return the error budget; None if it cannot be computed, for example because an axis is in raw counts."""
     try:
-        found = calibration.budget(DURATION)
+        budget = calibration.budget(DURATION)
     except GmwmError:
-        return {}
-    rows = [["Error (1 σ)", "After 60 s", "Largest contributions"]]
-    rows += [[one.title, error_text(one), terms_text(one)] for one in found.growths.values()]
-    return {"headline": headline(found), "rows": rows, "remarks": texts(found.remarks, Dialect.HTML)}
+        return None
+    rows = [[growth.title, error_text(growth), terms_text(growth)] for growth in budget.growths.values()]
+    return Section(
+        title="An error budget: one minute without corrections",
+        text=f"{headline(budget)} A level vehicle starts at rest, and nothing is known about the biases. The errors "
+        "are those that the noise causes in unaided inertial navigation. For other durations, a rest before the start, "
+        "and the growth over time, use `gmwm budget`.",
+        rows=[["Error (1 σ)", "After 60 s", "Largest contributions"], *rows],
+        remarks=texts(budget.remarks, Dialect.HTML),
+    )

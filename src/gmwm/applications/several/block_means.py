@@ -30,20 +30,9 @@ def shared_noise(
 ) -> tuple[SharedNoise, ...]:
     """Return the scales at which two axes share noise according to the test of `cross`, sorted by p-value.
 
-    A recording of more than `MOST` samples is replaced by the means of blocks of 2^k samples. k is the smallest number
-    for which there are at most `MOST` blocks. The k finest scales are then not tested. Linear trends are removed first,
-    because two axes with unrelated drifts are correlated at the largest scales. Axes without noise at some scale are
-    left out.
-
-    Parameters
-    ----------
-    signals : mapping of axis to Signal
-        Signals of one recording.
-    size : float
-        Significance level of the tests of all levels and pairs together.
-    threads : int, optional
-        Number of axes, and of pairs, that are processed at the same time.
-    """
+    Of more than `MOST` samples, the means of blocks of 2^k samples are tested, with the smallest sufficient k; the k
+    finest scales are then not tested. Linear trends are removed first, because two axes with unrelated drifts are
+    correlated at the largest scales. Axes without noise at some scale are left out."""
     try:
         filled = synchronous_signals(signals, None)
         k = max(0, (len(next(iter(filled.values()))) - 1).bit_length() - MOST.bit_length() + 1)

@@ -50,31 +50,17 @@ ADDED = 6
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Table of the shapes of a term as a function of its search coordinate.
+    """Table of the shapes of a term as a function of its search coordinate."""
 
-    Attributes
-    ----------
-    kind : type of Process
-        Class of the process of the term.
-    branch : Branch
-        Map from the search coordinate to the shape parameter.
-    nodes : (n,) array
-        Tabulated search coordinates.
-    length : (n,) array
-        Distance of each tabulated shape from the first one, along the curve of the logarithms of the shapes. Factors of
-        a shape do not count.
-    controls : (n − 1, 4, J) array
-        Control points of the cubic in each cell between neighbouring tabulated coordinates.
-    margin : (n − 1, J) array
-        Bound on the error of the cubic.
-    """
-
-    kind: type[Process]
-    branch: Branch
-    nodes: Vector
+    kind: type[Process]  # class of the process of the term
+    branch: Branch  # map from the search coordinate to the shape parameter
+    nodes: Vector  # (n,) tabulated search coordinates
+    # (n,) Distance of each tabulated shape from the first one, along the curve of the logarithms of the shapes.
+    # Factors of a shape do not count.
     length: Vector
+    # (n − 1, 4, J) control points of the cubic in each cell between neighbouring tabulated coordinates
     controls: NDArray[np.float64]
-    margin: Matrix
+    margin: Matrix  # (n − 1, J) bound on the error of the cubic
 
     @classmethod
     def of(cls, problem: JointProblem, place: int, weights: Vector) -> Curve:
@@ -106,8 +92,7 @@ class Curve:
         return np.arange(first, max(last, first + 1))
 
     def pieces(self, low: float, high: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Return the cells that overlap an interval of `length`, and control points (k, 4, J) of the part of each cell
-        inside it."""
+        """Return the cells that overlap an interval of `length`, and control points (k, 4, J) of their parts in it."""
         cells = self.cells(low, high)
         controls = self.controls[cells]
         first, last = (self._inside(cells[k], at) for k, at in ((0, low), (-1, high)))
@@ -128,8 +113,7 @@ class Curve:
 
 
 def _part(controls: Matrix, first: float, last: float) -> Matrix:
-    """Return the control points (4, J) of the part of a cubic between two positions, as values of its blossom (polar
-    form)."""
+    """Return the control points (4, J) of the part of a cubic between two positions, as values of its blossom."""
 
     def blossom(*at: float) -> Vector:
         points = controls
@@ -142,23 +126,12 @@ def _part(controls: Matrix, first: float, last: float) -> Matrix:
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """Lower bounds on the objective of a model, and the best fit that the search found.
+    """Lower bounds on the objective of a model, and the best fit that the search found."""
 
-    Attributes
-    ----------
-    lower_bound : float
-        Lower bound: no parameter values of the model have a smaller objective.
-    relaxed_bound : float
-        Lower bound on the objective if the model may have any number of terms of each searched process.
-    nodes : int
-        Number of nodes that were bounded.
-    best : Found
-        The best fit.
-    """
-
-    lower_bound: float
+    lower_bound: float  # no parameter values of the model have a smaller objective
+    # lower bound on the objective if the model may have any number of terms of each searched process
     relaxed_bound: float
-    nodes: int
+    nodes: int  # number of bounded nodes
     best: Found
 
 
@@ -183,16 +156,7 @@ class Prover:
         self.fixed = problem.shapes(np.array([curve.nodes[0] for curve in self.curves]))[self.linear]
 
     def prove(self, found: Found, seconds: float = np.inf) -> Certificate:
-        """Compute a lower bound on the objective of the model, and replace the fit if the search finds a better one.
-
-        Parameters
-        ----------
-        found : Found
-            The best fit so far.
-        seconds : float
-            Time limit (s). If the search stops at this limit, the relative gap between bound and objective is larger
-            than `GAP`.
-        """
+        """Compute a lower bound on the objective within a time limit (s), and the best fit that the search finds."""
         end = time.monotonic() + seconds
         whole: Intervals = tuple((0.0, float(curve.length[-1])) for curve in self.curves)
         best, ticket = found, count()
@@ -240,8 +204,7 @@ class Prover:
         """Return a lower bound for a node, and the search coordinate of the largest shape of each term in its relaxed
         solution.
 
-        The iteration stops when the bound reaches `enough`.
-        """
+        The iteration stops when the bound reaches `enough`."""
         problem = self.problem
         chosen = [np.linspace(low, high, FIRST) for low, high in node]
         best, parts = 0.0, np.array([float(np.mean(interval)) for interval in node])
@@ -269,8 +232,7 @@ class Prover:
         return best, np.array([float(curve.at(np.array([s]))[0]) for curve, s in zip(self.curves, parts, strict=True)])
 
     def _dual(self, residual: Vector, node: Intervals) -> tuple[float, list[Vector]]:
-        """Return the bound that follows from a residual, and for each term the values of `length` at which to add
-        shapes."""
+        """Return the bound from a residual, and for each term the values of `length` at which to add shapes."""
         problem = self.problem
         rows, columns = entries(problem.d)
         pull = (problem.root.T @ residual).reshape(rows.size, -1) / np.where(rows == columns, 1.0, 2.0)[:, None]
@@ -291,11 +253,7 @@ class Prover:
         return (product**2 / float(y @ y) if product > 0 else 0.0), peaks
 
     def _largest(self, shapes: Matrix, levels: Matrix, whole: bool) -> Vector:
-        """Return the largest product of the residual with a unit column of each shape.
-
-        This is the largest eigenvalue of A for a whole covariance matrix, or its largest diagonal entry for a diagonal
-        one.
-        """
+        """Return the largest product of the residual with a unit column of each shape."""
         gradients = np.tensordot(shapes, levels, axes=1)
         if whole:
             return np.asarray(np.linalg.eigvalsh(gradients)[:, -1])

@@ -38,18 +38,10 @@ except the last one, and the second value for the last one."""
 
 @dataclass(frozen=True, eq=False)
 class Cone:
-    """Pattern of the free entries in the covariance matrices of P terms.
-
-    Attributes
-    ----------
-    d : int
-        Number of signals.
-    full : (P,) array of bool
-        True if all entries of the matrix of a term are free, False if it is diagonal.
-    """
+    """Pattern of the free entries in the covariance matrices of P terms."""
 
     d: int
-    full: NDArray[np.bool_]
+    full: NDArray[np.bool_]  # (P,) true if all entries of the matrix of a term are free, False if it is diagonal
 
     @cached_property
     def free(self) -> NDArray[np.bool_]:
@@ -77,30 +69,15 @@ class Cone:
 
 @dataclass(frozen=True, eq=False)
 class Conic:
-    """Solution of a conic least-squares problem.
+    """Solution of a conic least-squares problem."""
 
-    Attributes
-    ----------
-    sigmas : (P, d, d) array
-        Covariance matrices of the terms.
-    objective : float
-        |b − A s|² at the solution.
-    gap : float
-        Upper bound on the difference between `objective` and the optimum.
-    hessian : (k, k) array
-        Second derivatives of the objective plus the last barrier term, with respect to the free entries.
-    steps : int
-        Number of Newton steps.
-    warm : (P, d, d) array
-        Positive definite matrices to start a similar problem from.
-    """
-
-    sigmas: Matrix
-    objective: float
-    gap: float
+    sigmas: Matrix  # (P, d, d) covariance matrices of the terms
+    objective: float  # |b − A s|² at the solution
+    gap: float  # upper bound on the difference between `objective` and the optimum
+    # (k, k) second derivatives of the objective plus the last barrier term, with respect to the free entries
     hessian: Matrix
-    steps: int
-    warm: Matrix
+    steps: int  # Newton steps
+    warm: Matrix  # (P, d, d) positive definite matrices to start a similar problem from
 
 
 def least_squares(
@@ -108,19 +85,8 @@ def least_squares(
 ) -> Conic:
     """Minimise |b − A s|² subject to Σ_p ⪰ 0, until the relative gap to the optimum is small enough.
 
-    Parameters
-    ----------
-    design : (n, k) array
-        A, with one column for each free entry.
-    target : (n,) array
-        b.
-    cone : Cone
-        The free entries of the matrices.
-    gap : float
-        Largest error of the objective, relative to the objective.
-    warm : (P, d, d) array, optional
-        `Conic.warm` of a similar problem.
-    """
+    `design` is A (n, k), with a column for each free entry, `target` is b (n,), and `warm` the result of a similar
+    problem."""
     if warm is not None:
         try:
             return _least_squares(design, target, cone, gap=gap, warm=warm)
@@ -241,8 +207,7 @@ class _Barrier:
         return np.asarray(s)
 
     def reach(self, step: Vector) -> float:
-        """Return the largest factor, at most 1, with which a step keeps all matrices positive definite with a
-        margin."""
+        """Return the largest factor, at most 1, with which a step keeps all matrices positive definite."""
         least = float(np.min(step[self.diagonal] / self.s[self.diagonal], initial=0.0))
         if self.count:
             moved = self.root @ symmetric(step[self.blocks], self.cone.d) @ np.swapaxes(self.root, 1, 2)

@@ -10,12 +10,11 @@ import numpy as np
 
 from gmwm.showing.plots.axes import quiet, signed_axis, time_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Panel, Stroke
 from gmwm.showing.plots.style import BLUE, GREY, SOLID
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
     from gmwm.applications.several.result import CrossCovariance
 
 ZERO = Stroke(GREY, 0.8, SOLID)
@@ -64,10 +63,15 @@ def _panel(found: CrossCovariance, a: str, b: str, *, x: Axis, y: Axis, confiden
     return Panel(x, y, tuple(marks), title=f"{a}, {b}")
 
 
+@drawing
 def plot_cross(
     found: CrossCovariance, *, confidence: bool = True, path: str | os.PathLike[str] | None = None
-) -> MatplotlibFigure:
-    """Draw the correlations by scale. `CrossCovariance.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
+) -> Figure:
+    """Draw the correlation of each pair as a function of the scale. Filled symbols mark significant correlations.
 
-    return draw(cross_figure(found, confidence=confidence), path=path)
+    Parameters
+    ----------
+    confidence : bool
+        Whether to draw the confidence limits.
+    """
+    return cross_figure(found, confidence=confidence)

@@ -31,9 +31,8 @@ a share of the correlation at the delay."""
 def delays_of(signals: Mapping[str, Signal]) -> Pairs[int]:
     """Return the delay d (samples) of each pair (a, b) in which b lags behind a; pairs without a delay are left out.
 
-    If two signals share noise but one is delayed by d samples, their correlation at fine scales is small or negative.
-    The correlation between samples that are d apart is larger.
-    """
+    If one of two signals with shared noise is delayed, their correlation at fine scales is small or negative, and the
+    correlation between samples that are d apart is larger."""
     longest = max(next(iter(signals.values())).segments, key=lambda ends: ends[1] - ends[0])
     first, last = longest[0], min(longest[1], longest[0] + MOST)
     found: dict[tuple[str, str], int] = {}

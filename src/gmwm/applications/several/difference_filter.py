@@ -35,26 +35,14 @@ BLOCK = 256
 
 @dataclass(frozen=True, eq=False)
 class DifferenceFilter:
-    """A Kalman filter with constant gain: ξ_t = A ξ_{t−1} + K B x_t, ŝ_t = w₀ᵀ x_t − C ξ_t, for signals x_t and states
-    ξ_t.
+    """A Kalman filter with constant gain for signals x_t: ξ_t = A ξ_{t−1} + K B x_t, ŝ_t = w₀ᵀ x_t − C ξ_t."""
 
-    Attributes
-    ----------
-    weights : (d,) array
-        w₀.
-    differences : (d − 1, d) array
-        B.
-    A, K : (n, n) and (n, d − 1) arrays
-        Transition matrix and gain.
-    C : (n,) array
-        Row that predicts the noise of w₀ᵀ x_t from the states.
-    """
-
-    weights: Vector
-    differences: Matrix
+    weights: Vector  # (d,) w₀
+    differences: Matrix  # (d − 1, d) B
+    # A (n, n), K (n, d − 1): transition matrix and gain
     A: Matrix
     K: Matrix
-    C: Vector
+    C: Vector  # (n,) row that predicts the noise of w₀ᵀ x_t from the states
 
     @classmethod
     def static(cls, weights: Vector) -> DifferenceFilter:
@@ -78,8 +66,7 @@ class DifferenceFilter:
         """Return the fused signal (N,) of the samples (d, N) of one segment.
 
         The mean of the differences over the first time constant of the filter is subtracted first, so that the initial
-        transient is small. This changes the result only by a constant.
-        """
+        transient is small. This changes the result only by a constant."""
         base = self.weights @ x
         if not self.C.size:
             return np.asarray(base)
@@ -113,21 +100,11 @@ class DifferenceFilter:
 
 @dataclass(frozen=True, eq=False)
 class ArrayNoise:
-    """Noise model of an array: processes at unit scale, and a covariance matrix between the d signals for each process.
+    """Noise of an array: processes at unit scale, and the covariance matrix of each between the d signals."""
 
-    Attributes
-    ----------
-    processes : tuple of Process
-        The P processes at unit scale.
-    sigmas : (P, d, d) array
-        Covariance matrix of each process.
-    rate : float
-        Sampling rate (Hz).
-    """
-
-    processes: tuple[Process, ...]
-    sigmas: Matrix
-    rate: float
+    processes: tuple[Process, ...]  # the P processes at unit scale
+    sigmas: Matrix  # (P, d, d) covariance matrix of each process
+    rate: float  # Hz
 
     @property
     def spaces(self) -> list[StateSpace]:
@@ -136,8 +113,7 @@ class ArrayNoise:
 
     @property
     def white(self) -> Matrix:
-        """Covariance (d, d) of the white measurement noise of one sample, plus a small diagonal matrix (see
-        `RIDGE`)."""
+        """Covariance (d, d) of the white measurement noise of one sample, with the diagonal `RIDGE`."""
         d = self.sigmas.shape[-1]
         total = sum((space.R[0, 0] * sigma for space, sigma in zip(self.spaces, self.sigmas, strict=True)),
                     np.zeros((d, d)))  # fmt: skip
@@ -179,11 +155,9 @@ class ArrayNoise:
     def fused(self, filter: DifferenceFilter) -> StateSpace:
         """Return the state space of the fused signal of an array at rest, for any difference filter.
 
-        The noise states z without a stationary distribution (random walks) make the filter states non-stationary too.
-        The filter states are therefore written as ξ = G z + e, where G is the steady-state response to a constant z.
-        The remainder e is stationary, with e_t = A e_{t−1} − A G w_{t−1} + K B n_t. Here w are the increments of z, and
-        n is all other noise.
-        """
+        Random walks z make the filter states ξ non-stationary. They are therefore written as ξ = G z + e, where G is
+        the steady-state response to a constant z. The remainder e is stationary: e_t = A e_{t−1} − A G w_{t−1} + K B
+        n_t, with the increments w of z and all other noise n."""
         from scipy.linalg import block_diag
 
         parts = [(space, factor(sigma)) for space, sigma in zip(self.spaces, self.sigmas, strict=True) if space.states]
@@ -222,11 +196,8 @@ def wavelet_variance(noise: ArrayNoise, filter: DifferenceFilter, levels: NDArra
 
 
 def _steady(F: Matrix, Q: Matrix, H: Matrix, R: Matrix) -> Matrix:
-    """Return the steady-state covariance of the predicted state, computed by the doubling algorithm.
-
-    Each doubling advances the Riccati recursion by as many steps as all earlier doublings together (Anderson and Moore
-    1979, Optimal Filtering, section 6.7).
-    """
+    """Return the steady-state covariance of the predicted state, by the doubling algorithm for the Riccati recursion
+    (Anderson and Moore 1979, Optimal Filtering, section 6.7)."""
     a, g, p = F.T.copy(), H.T @ np.linalg.solve(R, H), Q.copy()
     eye = np.eye(len(F))
     for _ in range(DOUBLINGS):

@@ -49,30 +49,16 @@ MEMORY = (-3.0, 0.9)
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """The weighted least-squares problem of a joint fit with its final weights, and its solution.
+    """The weighted least-squares problem of a joint fit with its final weights, and its solution."""
 
-    Attributes
-    ----------
-    problem : JointProblem
-        The problem, in scaled units.
-    found : Found
-        The solution, in scaled units.
-    unit : (d,) array
-        Factors by which the signals were multiplied.
-    products : (P, P, J, J) array
-        G at the estimate; see `gmwm.several.moments`.
-    measured : WaveletMatrices
-        Estimated covariance matrices Γ̂ of the wavelet coefficients at the levels used, in the units of the signals.
-    converged : bool
-        Whether the weights are the inverse of the covariance V under the estimate. If weights and estimate do not agree
-        after `ROUNDS` rounds, the weights are inverse variances of the moments, estimated from the data.
-    """
-
-    problem: JointProblem
-    found: Found
-    unit: Vector
-    products: Matrix
+    problem: JointProblem  # the problem, in scaled units
+    found: Found  # the solution, in scaled units
+    unit: Vector  # (d,) factors by which the signals were multiplied
+    products: Matrix  # (P, P, J, J) G at the estimate; see `gmwm.several.moments`
+    # estimated covariance matrices Γ̂ of the wavelet coefficients at the levels used, in the units of the signals
     measured: WaveletMatrices
+    # Whether the weights are the inverse of the covariance V under the estimate. If weights and estimate do not agree
+    # after `ROUNDS` rounds, the weights are inverse variances of the moments, estimated from the data.
     converged: bool
 
     @property
@@ -81,8 +67,7 @@ class Settled:
         return np.asarray(self.found.sigmas / np.outer(self.unit, self.unit))
 
     def wavelet(self) -> Matrix:
-        """Return the covariance V (n, n) of the stacked moments under the estimated model, in the units of the
-        problem."""
+        """Return the covariance V (n, n) of the stacked moments under the estimated model, in scaled units."""
         return self.problem.design.loss_factor * moment_covariance(self.found.sigmas, self.products)
 
 
@@ -120,10 +105,7 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> Settled:
 
 
 def _accuracy(change: float) -> float:
-    """Return the relative accuracy of the objective that a round needs.
-
-    The error of its fitted variances is then a tenth of their change in the last round.
-    """
+    """Return the accuracy of the objective with which a round changes its variances by a tenth of the last change."""
     return float(np.clip(0.01 * change**2, EXACT, ROUGH))
 
 
@@ -132,28 +114,16 @@ class _Mixed:
     """The parameter values from which the weights of the next round are computed.
 
     They are extrapolated from the estimates of the last two rounds by the secant method (Anderson 1965, Iterative
-    procedures for nonlinear integral equations, J. ACM 12, 547-560, with one step of memory).
+    procedures for nonlinear integral equations, J. ACM 12, 547-560, with one step of memory)."""
 
-    Attributes
-    ----------
-    u : (K,) array
-        Search coordinates of the shapes.
-    sigmas : (P, d, d) array
-        Covariance matrices of the terms.
-    implied : (J, d) array
-        Wavelet variances of the model with these values.
-    change : float
-        Largest relative difference, in the last round, between the wavelet variances that gave the weights and the
-        fitted ones.
-    last : tuple of (K,) array, (P, d, d) array and (J, d) array, optional
-        Coordinates and matrices estimated in the last round, and the difference of two logarithms: of the fitted
-        wavelet variances, and of the wavelet variances that gave the weights of this round.
-    """
-
-    u: Vector
-    sigmas: Matrix
-    implied: Matrix
+    u: Vector  # (K,) search coordinates of the shapes
+    sigmas: Matrix  # (P, d, d) covariance matrices of the terms
+    implied: Matrix  # (J, d) wavelet variances of the model with these values
+    # largest relative difference, in the last round, between the wavelet variances that gave the weights and the fitted
+    # ones
     change: float = np.inf
+    # coordinates and matrices estimated in the last round, and the difference of two logarithms: of the fitted wavelet
+    # variances, and of the wavelet variances that gave the weights of this round
     last: tuple[Vector, Matrix, Matrix] | None = None
 
     @classmethod
@@ -185,10 +155,7 @@ def _implied(problem: JointProblem, u: Vector, sigmas: Matrix) -> Matrix:
 
 
 def _first_root(gamma: Matrix, design: Design) -> Matrix:
-    """Return diagonal weights for the first round from the data alone: Var γ̂_ab ≈ (ν_a² ν_b² + γ_ab²)/η.
-
-    Wavelet variances far below both neighbours are replaced by a smoothed value.
-    """
+    """Return diagonal weights for the first round from the data alone: Var γ̂_ab ≈ (ν_a² ν_b² + γ_ab²)/η."""
     variances = np.einsum("jaa->ja", gamma)
     # The wavelet variance of a level cannot be far below the variances of both neighbouring levels.
     padded = np.concatenate([variances[:1], variances, variances[-1:]])
@@ -198,10 +165,7 @@ def _first_root(gamma: Matrix, design: Design) -> Matrix:
 
 
 def _scale(problem: JointProblem, implied: Matrix) -> Matrix:
-    """Return the factors (n, n) that scale V from the fitted wavelet variances to averages of fitted and measured ones.
-
-    See `gmwm.estimation.reweighting.implied_weights`.
-    """
+    """Return the factors (n, n) that scale V to averages of fitted and measured variances, like `implied_weights`."""
     freedom = problem.design.degrees_of_freedom[:, None]
     observed = np.einsum("jaa->ja", _matrices(problem))
     ratio = np.sqrt((freedom * observed / implied + PRIOR) / (freedom + PRIOR))
@@ -215,13 +179,7 @@ def _matrices(problem: JointProblem) -> Matrix:
 
 
 def _root(wavelet: Matrix) -> Matrix:
-    """Return L with LᵀL = V⁻¹.
-
-    Raises
-    ------
-    ModelError
-        If the model has no noise in some combination of signals and scales.
-    """
+    """Return L with LᵀL = V⁻¹."""
     from scipy.linalg.lapack import dtrtri
 
     size = np.sqrt(np.diag(wavelet))
@@ -240,16 +198,7 @@ def _root(wavelet: Matrix) -> Matrix:
 
 
 def chosen_levels(design: Design, levels: int | Sequence[int] | None, least: float = LEAST) -> NDArray[np.bool_]:
-    """Return the mask of the levels to use.
-
-    `levels` lists the levels or is the number of finest levels; by default, levels with at least `least` coefficients
-    per scale are used.
-
-    Raises
-    ------
-    OptionError
-        If a level does not exist.
-    """
+    """Return the mask of the levels: those listed, a number of finest ones, or those with `least` coefficients per scale."""
     if levels is None:
         return np.asarray(design.degrees_of_freedom >= least)
     wanted = list(range(1, levels + 1)) if isinstance(levels, int) else list(levels)
@@ -264,13 +213,7 @@ def chosen_levels(design: Design, levels: int | Sequence[int] | None, least: flo
 def chosen_signals(
     x: Imu | Mapping[str, Signal | ArrayLike], rate: float | None, axes: str | Sequence[str] | None
 ) -> dict[str, Signal]:
-    """Return the synchronous signals of the selected axes, with short gaps filled.
-
-    Raises
-    ------
-    DataError, OptionError
-        If the signals are not synchronous, if there are too many or too few of them, or if an axis does not exist.
-    """
+    """Return the synchronous signals of the selected axes, with short gaps filled."""
     signals = synchronous_signals(x, rate)
     signals = {name: signals[name] for name in chosen_names(tuple(signals), axes)}
     if len(signals) > MOST_SIGNALS:
@@ -281,13 +224,7 @@ def chosen_signals(
 def measured_at(
     signals: Mapping[str, Signal], levels: int | Sequence[int] | None, unknowns: int, *, least: float = LEAST
 ) -> WaveletMatrices:
-    """Return the estimated covariance matrices Γ̂ of the wavelet coefficients at the chosen levels.
-
-    Raises
-    ------
-    DataError
-        If there are not more levels than `unknowns`, the number of unknown parameters of each signal.
-    """
+    """Return the estimated covariance matrices Γ̂ of the wavelet coefficients at the chosen levels."""
     whole = wavelet_matrices(signals)
     kept = chosen_levels(whole.design, levels, least)
     if np.count_nonzero(kept) <= unknowns:

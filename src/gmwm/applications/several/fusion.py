@@ -204,8 +204,7 @@ def _static(axis: str, signals: Mapping[str, Signal], horizon: float, *, nonnega
 
 
 def _shares(measured: WaveletMatrices, horizon: float) -> Vector:
-    """Return the interpolation weights (J,) of the two levels nearest to a scale, linear in the logarithm of the
-    scale."""
+    """Return the weights (J,) of the two levels nearest to a scale, interpolated in the logarithm of the scale."""
     at = np.log2(horizon * measured.design.rate) - measured.design.levels[0]
     if not 0 <= at <= measured.design.levels.size - 1:
         low, high = (duration_text(measured.tau[k]) for k in (0, -1))
@@ -222,13 +221,7 @@ def _shares(measured: WaveletMatrices, horizon: float) -> Vector:
 
 
 def best_weights(gamma: Matrix, *, nonnegative: bool = False) -> Vector:
-    """Return the weights w (d,) with sum 1 that minimise wᵀ Γ w.
-
-    Raises
-    ------
-    DataError
-        If Γ is singular.
-    """
+    """Return the weights w (d,) with sum 1 that minimise wᵀ Γ w."""
     size = np.sqrt(np.diag(gamma))
     try:
         root = np.linalg.cholesky(gamma / np.outer(size, size))
@@ -250,9 +243,7 @@ def _optimism(measured: WaveletMatrices, own: Vector, shares: Vector, d: int) ->
     """Return the factor (J,) from the wavelet variance in the recording itself to the expected one in other recordings.
 
     If the estimate Γ̂ has η degrees of freedom, E 1/(1ᵀΓ̂⁻¹1) = (η − d + 1)/η · 1/(1ᵀΓ⁻¹1) and E wᵀΓw = (η − 1)/(η − d)
-    · 1/(1ᵀΓ⁻¹1), with the true matrix Γ (Basak, Jagannathan and Ma 2009, Management Science 55, 990-1002, for a known
-    mean).
-    """
+    · 1/(1ᵀΓ⁻¹1), with the true matrix Γ (Basak, Jagannathan and Ma 2009, Management Science 55, 990-1002)."""
     design = measured.design
     curve, model = mixture(own, design.degrees_of_freedom, design, random=True)
     relative = covariance(model, design) / np.outer(curve, curve)

@@ -9,13 +9,12 @@ import numpy as np
 
 from gmwm.showing.plots.axes import limits_of, time_axis, value_axis
 from gmwm.showing.plots.curves import BEHIND, FRONT, MIDDLE
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Figure, Line, Panel, Stroke
 from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.style import BLUE, DASHED, ORANGE, PALE, SOLID
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
     from gmwm.applications.several.fusion_result import VirtualAxis, VirtualSensor
 
 EACH = Stroke(PALE, 0.8, SOLID)
@@ -56,8 +55,9 @@ def _panel(one: VirtualAxis) -> Panel:
     )
 
 
-def plot_fusion(virtual: VirtualSensor, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw the deviations of each sensor, of their average and of the virtual sensor, like `VirtualSensor.plot`."""
-    from gmwm.showing.plots.matplotlib import draw
-
-    return draw(fusion_figure(virtual), path=path)
+@drawing
+def plot_fusion(virtual: VirtualSensor, *, path: str | os.PathLike[str] | None = None) -> Figure:
+    """Draw the wavelet deviations of each signal, of their average and of the virtual sensor as functions of the
+    scale.
+    """
+    return fusion_figure(virtual)

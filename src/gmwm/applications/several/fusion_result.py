@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -14,13 +13,13 @@ from gmwm.applications.several.difference_filter import DifferenceFilter
 from gmwm.applications.several.sensor_array import like_axes
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import DataError
+from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
 from gmwm.base.tables import headed
 from gmwm.base.text import Summarised, duration_text
 from gmwm.recording.signals import Imu, Signal
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
 
 
@@ -146,7 +145,7 @@ class VirtualAxis:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class VirtualSensor(Summarised):
+class VirtualSensor(Summarised, Plotted):
     """A virtual sensor that fuses an array of sensors of the same type.
 
     `virtual["gyro_x"]` returns one of its axes.
@@ -226,23 +225,6 @@ class VirtualSensor(Summarised):
                 )  # fmt: skip
         return tuple(found)
 
-    def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the wavelet deviations of each signal, of their average and of the virtual sensor as functions of the
-        scale.
-
-        Parameters
-        ----------
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-        """
-        from gmwm.applications.several.fusion_plot import plot_fusion
-
-        return plot_fusion(self, path=path)
-
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers, lists and strings."""
         return {
@@ -305,3 +287,6 @@ class VirtualSensor(Summarised):
     def __repr__(self) -> str:
         count = len(next(iter(self.axes.values())).members)
         return f"VirtualSensor({', '.join(self.axes)}: {count} units, {self._method})"
+
+
+register(VirtualSensor, "gmwm.applications.several.fusion_plot:plot_fusion")

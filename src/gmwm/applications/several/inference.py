@@ -23,23 +23,12 @@ and 1.69 for WN. With the smaller one, the test of the model rejects 2 to 6 % of
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """Covariance of the estimates of a joint fit, in the scaled units of the problem.
+    """Covariance of the estimates of a joint fit, in scaled units, for m = d(d + 1)/2 entries of a matrix."""
 
-    m = d(d + 1)/2 is the number of entries of a symmetric matrix of d signals.
-
-    Attributes
-    ----------
-    bases : tuple of (m, k_p) arrays
-        For each term, a basis of the directions in which the entries of its matrix may vary.
-    covariance : (k, k) array
-        Covariance of the coefficients of all these directions, followed by the search coordinates of the shapes.
-    shapes : tuple of int
-        Numbers of the terms whose shape has a standard error.
-    """
-
-    bases: tuple[Matrix, ...]
+    bases: tuple[Matrix, ...]  # for each term, a basis of the directions in which the entries of its matrix may vary
+    # (k, k) covariance of the coefficients of all these directions, followed by the search coordinates of the shapes
     covariance: Matrix
-    shapes: tuple[int, ...]
+    shapes: tuple[int, ...]  # numbers of the terms whose shape has a standard error
 
     def of_matrix(self, place: int) -> Matrix:
         """Return the covariance (m, m) of the entries of the matrix of one term."""
@@ -49,8 +38,7 @@ class Errors:
         return np.asarray(basis @ self.covariance[own, own] @ basis.T)
 
     def of_shape(self, place: int) -> float:
-        """Return the variance of the search coordinate of the shape of a term, or NaN if the data do not determine
-        it."""
+        """Return the variance of the search coordinate of a shape, or NaN if the data do not determine it."""
         if place not in self.shapes:
             return float("nan")
         at = sum(basis.shape[1] for basis in self.bases) + self.shapes.index(place)
@@ -61,17 +49,8 @@ def errors(settled: Settled, *, inside: bool = False) -> Errors:
     """Return the covariance of the estimates, B V Bᵀ, with V the covariance of the moments and B the derivatives of the
     estimates with respect to the moments.
 
-    Estimated matrices may be singular. By default, the estimates then vary only in directions that keep the rank of
-    each matrix.
-
-    Parameters
-    ----------
-    settled : Settled
-        The fit.
-    inside : bool
-        Whether to let all entries vary, even if a matrix is singular. This gives the covariance of the estimates
-        without the condition that the matrices are positive semidefinite.
-    """
+    Estimated matrices may be singular. The estimates then vary only in directions that keep the rank of each matrix;
+    with `inside`, all entries vary, as without the condition that the matrices are positive semidefinite."""
     problem, found = settled.problem, settled.found
     blocks = problem.blocks(problem.shapes(found.u))
     bases = tuple(
@@ -101,8 +80,7 @@ def _whole(cone: Cone, place: int) -> Matrix:
 
 
 def _tangent(cone: Cone, place: int, sigma: Matrix, single: bool) -> Matrix:
-    """Return the directions (m, k) that keep the rank of the matrix of a term. In a diagonal matrix, zeros stay
-    zero."""
+    """Return the directions (m, k) that keep the rank of the matrix of a term, or the zeros of a diagonal matrix."""
     rows, columns = entries(cone.d)
     if not cone.full[place]:
         return np.eye(rows.size)[:, (rows == columns) & (sigma[rows, columns] > 0)]
@@ -120,21 +98,11 @@ def _tangent(cone: Cone, place: int, sigma: Matrix, single: bool) -> Matrix:
 
 @dataclass(frozen=True)
 class Misfit:
-    """The goodness-of-fit test of a model.
+    """The goodness-of-fit test of a model."""
 
-    Attributes
-    ----------
-    statistic : float
-        Weighted sum of squared residuals of a fit that does not require positive semidefinite matrices.
-    df : int
-        Its degrees of freedom.
-    inflation : float
-        Its variance for a correct model, divided by 2·df, the variance of a chi-square variable.
-    """
-
-    statistic: float
-    df: int
-    inflation: float
+    statistic: float  # weighted sum of squared residuals of a fit that does not require positive semidefinite matrices
+    df: int  # its degrees of freedom
+    inflation: float  # its variance for a correct model, divided by 2·df, the variance of a chi-square variable
 
     @property
     def pvalue(self) -> float:
@@ -147,12 +115,10 @@ class Misfit:
 def misfit(settled: Settled) -> Misfit:
     """Compute the goodness-of-fit test of the model.
 
-    The distribution of the moments of coarse levels is skewed, and the variance of the statistic larger than the
-    variance of a chi-square variable. For η independent coefficients of d signals, S = W/η has a Wishart distribution,
-    and the part of the level in the statistic, (η/2) tr(S − I)², has the mean d(d + 1)/2 and the variance
-    d(d + 1) + d(2d² + 5d + 5)/η. The estimated parameters reduce this part by the share h_j, the mean leverage of the
-    level.
-    """
+    The moments of coarse levels are skewed, so the variance of the statistic is larger than that of a chi-square
+    variable. For η independent coefficients of d signals, S = W/η has a Wishart distribution, and the part (η/2) tr(S −
+    I)² of a level has the mean d(d + 1)/2 and the variance d(d + 1) + d(2d² + 5d + 5)/η. The estimated parameters
+    reduce this part by the mean leverage h_j of the level."""
     problem, found = settled.problem, settled.found
     factor = np.linalg.cholesky(_unit(settled.wavelet()))
     size = np.sqrt(np.diag(settled.wavelet()))
@@ -198,18 +164,10 @@ def _residual(columns: Matrix, target: Vector) -> tuple[float, int]:
 
 
 def sharing(null: Settled, place: int) -> tuple[float, int]:
-    """Return the statistic of the test that a term is not shared, and its degrees of freedom.
+    """Return the statistic of the test that term number `place` is not shared, and its degrees of freedom.
 
-    The statistic is the decrease of the weighted residual sum of squares when the off-diagonal entries of the term are
-    added.
-
-    Parameters
-    ----------
-    null : Settled
-        The fit in which each signal has the term independently.
-    place : int
-        Number of the term in the model.
-    """
+    It is the decrease of the weighted residuals of `null`, where the term is independent, when its other entries are
+    added."""
     problem, found = null.problem, null.found
     wavelet = null.wavelet()
     size = np.sqrt(np.diag(wavelet))
@@ -228,10 +186,7 @@ def sharing(null: Settled, place: int) -> tuple[float, int]:
 
 
 def unconstrained(settled: Settled, place: int) -> Matrix:
-    """Return the matrix of one term in the least-squares fit at the estimated shapes.
-
-    The fit does not require that the matrices are positive semidefinite.
-    """
+    """Return the matrix of a term in the fit at the estimated shapes, without the condition that it is semidefinite."""
     problem = settled.problem
     columns = problem.columns(problem.shapes(settled.found.u))
     found, *_ = np.linalg.lstsq(columns / (length := np.linalg.norm(columns, axis=0)), problem.target, rcond=None)
@@ -247,10 +202,7 @@ def correlation_of(sigma: Matrix) -> Matrix:
 
 
 def correlation_errors(sigma: Matrix, scatter: Matrix) -> Matrix:
-    """Return the standard errors (d, d) of the correlations of a matrix.
-
-    `scatter` is the covariance (m, m) of the estimates of its entries.
-    """
+    """Return the standard errors (d, d) of the correlations of a matrix, from the covariance (m, m) of its entries."""
     d = len(sigma)
     rows, columns = entries(d)
     place = {(int(a), int(b)): k for k, (a, b) in enumerate(zip(rows, columns, strict=True))}

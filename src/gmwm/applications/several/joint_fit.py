@@ -116,11 +116,7 @@ def _as_seconds(certify: bool | float) -> float:
 
 
 def _bounds(settled: Settled, seconds: float) -> tuple[tuple[float, float] | None, Settled]:
-    """Return the two lower bounds on the objective, and the fit.
-
-    The bounds are `JointFit.lower_bound` and `JointFit.relaxed_bound`, or None without a proof. If the search for the
-    bound finds a better fit, this fit is returned.
-    """
+    """Return `JointFit.lower_bound` and `JointFit.relaxed_bound`, or None without a proof, and the best fit."""
     problem, found = settled.problem, settled.found
     if not problem.searched:
         convex = problem.solve(found.u)

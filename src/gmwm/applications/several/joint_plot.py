@@ -11,12 +11,11 @@ import numpy as np
 from gmwm.applications.several.cross_plot import ZERO
 from gmwm.showing.plots.axes import limits_of, quiet, signed_axis, time_axis, value_axis
 from gmwm.showing.plots.curves import BEHIND, FRONT, MIDDLE
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Axis, Figure, Line, Mark, Panel
 from gmwm.showing.plots.style import IMPLIED, OBSERVED
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
     from gmwm.applications.several.joint_result import JointFit
 
 
@@ -59,8 +58,9 @@ def _correlations(tau: np.ndarray, data: np.ndarray, model: np.ndarray, *, x: Ax
     return Panel(x, y, (zero, *_curves(tau, data, model)), title=title)
 
 
-def plot_joint(fit: JointFit, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw the deviations and the correlations of a joint fit. `JointFit.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
-
-    return draw(joint_figure(fit), path=path)
+@drawing
+def plot_joint(fit: JointFit, *, path: str | os.PathLike[str] | None = None) -> Figure:
+    """Draw the wavelet deviation of each signal and the correlation of each pair of signals, for the data and the
+    model.
+    """
+    return joint_figure(fit)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -28,6 +27,7 @@ from gmwm.applications.several.state_space import JointContinuousStateSpace, Joi
 from gmwm.applications.several.terms import summed, with_kind
 from gmwm.base.arrays import Matrix
 from gmwm.base.errors import MissingTheoryError, OptionError
+from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Remark, texts
 from gmwm.base.tables import headed
 from gmwm.base.text import Named, Summarised, p_relation
@@ -37,8 +37,6 @@ from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import Model
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
     from gmwm.fitting.likelihood.tracks import Tracks
 
 
@@ -72,7 +70,7 @@ class SharedTerm:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class JointFit(Summarised):
+class JointFit(Summarised, Plotted):
     """Joint fit of several signals: the covariance matrix of each term of the model, and the parameters of its shape.
 
     Attributes
@@ -393,23 +391,6 @@ class JointFit(Summarised):
 
     # --- output ---------------------------------------------------------------------------------------
 
-    def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the wavelet deviation of each signal and the correlation of each pair of signals, for the data and the
-        model.
-
-        Parameters
-        ----------
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-        """
-        from gmwm.applications.several.joint_plot import plot_joint
-
-        return plot_joint(self, path=path)
-
     def to_dict(self) -> dict[str, Any]:
         """Return the estimates, standard errors, tests and state spaces as plain numbers, lists and strings."""
         states: dict[str, Any] | None
@@ -484,6 +465,9 @@ class JointFit(Summarised):
 
     def __repr__(self) -> str:
         return f"JointFit({', '.join(self.axes)}: {self.model})"
+
+
+register(JointFit, "gmwm.applications.several.joint_plot:plot_joint")
 
 
 def _number(value: float) -> float | None:

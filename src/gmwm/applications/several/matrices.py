@@ -19,21 +19,11 @@ from gmwm.recording.signals import Signal
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WaveletMatrices:
-    """Estimated covariance matrices Γ̂_j of the wavelet coefficients of d signals.
+    """Estimated covariance matrices Γ̂_j of the wavelet coefficients of d signals."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Names of the d signals.
-    values : (J, d, d) array
-        Γ̂_j, in the squared unit of the signals.
-    design : Design
-        Levels, sampling rate and length, which are the same for all signals.
-    """
-
-    names: tuple[str, ...]
-    values: Matrix
-    design: Design
+    names: tuple[str, ...]  # names of the d signals
+    values: Matrix  # (J, d, d) Γ̂_j, in the squared unit of the signals
+    design: Design  # levels, sampling rate and length, which are the same for all signals
 
     @property
     def tau(self) -> Vector:
@@ -42,13 +32,7 @@ class WaveletMatrices:
 
 
 def wavelet_matrices(signals: Mapping[str, Signal]) -> WaveletMatrices:
-    """Estimate the covariance matrices of synchronous signals, with one pass over the samples for each signal and pair.
-
-    Raises
-    ------
-    DataError
-        If a signal has a level without any variance.
-    """
+    """Estimate the covariance matrices of synchronous signals, in one pass over each signal and pair."""
     own = {name: measured(signal, False, 0.6) for name, signal in signals.items()}
     unit = units_of(own)
     names = list(signals)
@@ -63,15 +47,7 @@ def wavelet_matrices(signals: Mapping[str, Signal]) -> WaveletMatrices:
 
 
 def units_of(own: Mapping[str, WaveletVariance]) -> dict[str, float]:
-    """Return factors for the signals with which each wavelet variance has the geometric mean 1.
-
-    Differences between signals of similar size are numerically accurate.
-
-    Raises
-    ------
-    DataError
-        If a signal has a level without any variance.
-    """
+    """Return factors that scale each wavelet variance to the geometric mean 1, so that differences are accurate."""
     short = next((name for name, wv in own.items() if not np.all(wv.variance > 0)), None)
     if short is not None:
         raise DataError(
@@ -93,10 +69,7 @@ def product_moment(
     *,
     pair: tuple[str, str],
 ) -> Vector:
-    """Return the cross-covariance γ̂_j (J,) of a pair of signals, in the product of their units.
-
-    It follows from the wavelet variances of the sum and of the difference of the scaled signals.
-    """
+    """Return the cross-covariance γ̂_j (J,) of a pair of signals, from the variance of their sum and difference."""
     a, b = pair
     robust = own[a].robust
     curves = []
@@ -110,10 +83,7 @@ def product_moment(
 def moment_of(
     curves: Sequence[Vector], own: Mapping[str, WaveletVariance], unit: Mapping[str, float], *, pair: tuple[str, str]
 ) -> Vector:
-    """Return the cross-covariance γ̂_j (J,) of a pair of signals, in the product of their units.
-
-    `curves` contains the wavelet variance of the sum of the scaled signals, and of their difference if it was measured.
-    """
+    """Return γ̂_j (J,) from the variances of the sum of the scaled signals and, if measured, of their difference."""
     a, b = pair
     if len(curves) == 2:
         gamma = (curves[0] - curves[1]) / 4

@@ -39,10 +39,7 @@ Design = Callable[[ArrayNoise], DifferenceFilter]
 
 
 def fitted(signals: Mapping[str, Signal], model: ModelLike | None) -> Settled:
-    """Return the joint fit of a model; without one, of WN + RW + k·GM with the smallest k for which it fits.
-
-    If none of these fits, the model with the best score is returned.
-    """
+    """Return the joint fit of a model; without one, of WN + RW + k·GM with the smallest k that fits, or fits best."""
     if model is not None:
         terms = joint_terms(model)
         return settle(terms, measured_at(signals, None, len(terms), least=LEAST))
@@ -84,10 +81,7 @@ def model_text(settled: Settled) -> str:
 
 
 def noise_of(settled: Settled, sigmas: Matrix | None = None) -> ArrayNoise:
-    """Return the noise model of an array, with one scale factor for all signals; see `unit_of`.
-
-    Terms with the same shape are added. `sigmas` replaces the estimated covariance matrices.
-    """
+    """Return the noise of an array with one scale factor for all signals (see `unit_of`); equal shapes are added."""
     problem = settled.problem
     own = problem.processes(settled.found.u)
     scale = float(np.exp(np.mean(np.log(settled.unit))))
@@ -104,11 +98,9 @@ def noise_of(settled: Settled, sigmas: Matrix | None = None) -> ArrayNoise:
 def shrunk(settled: Settled, sigmas: Matrix, scatter: Vector) -> Matrix:
     """Return the covariance matrices with those of shared and common terms shrunk towards a multiple of the identity.
 
-    Shrinkage makes the weights more stable, because they depend on the inverse matrices. Its share is the total
-    estimation variance of the entries of a matrix divided by their squared distance from the multiple of the identity
-    (Ledoit and Wolf 2004, Journal of Multivariate Analysis 88, 365-411). It is near 0 if the matrix is well determined,
-    and 1 if the data do not determine the differences between the signals.
-    """
+    Weights depend on the inverse matrices, and shrinkage makes them more stable. Its share is the estimation variance
+    of the entries over their squared distance from the multiple of the identity, at most 1 (Ledoit and Wolf 2004,
+    Journal of Multivariate Analysis 88, 365-411)."""
     out = sigmas.copy()
     for place, term in enumerate(settled.problem.terms):
         if term.kind != "own":
@@ -120,10 +112,7 @@ def shrunk(settled: Settled, sigmas: Matrix, scatter: Vector) -> Matrix:
 
 
 def scatters(settled: Settled) -> Vector:
-    """Return the total estimation variance (P,) of the entries of the matrix of each term.
-
-    Except for common terms, the fit does not require that the matrices are positive semidefinite.
-    """
+    """Return the total estimation variance (P,) of the entries of each matrix, unconstrained except if common."""
     inside, tangent = errors(settled, inside=True), errors(settled)
     found = [tangent if term.kind == "common" else inside for term in settled.problem.terms]
     rows, columns = entries(settled.problem.d)
@@ -142,13 +131,11 @@ def unit_of(settled: Settled) -> float:
 
 
 def optimism(settled: Settled, design: Design, levels: NDArray[np.int64]) -> Vector:
-    """Return the factor (J,) by which the variance in other recordings is larger than predicted.
+    """Return the factor (J,) by which the variance in other recordings is larger than predicted, by a parametric
+    bootstrap.
 
-    The factor comes from a parametric bootstrap. Moments are drawn from their distribution under the fitted model, the
-    covariance matrices are estimated from them, and a filter is designed for these estimates. Its predicted variance
-    follows from the estimates, and its achieved variance from the fitted model. The factor is the ratio of the mean
-    achieved variance to the mean predicted one, and at least 1.
-    """
+    Moments are drawn under the fitted model, and a filter is designed for the matrices estimated from them. The factor
+    is the mean variance under the fitted model over the mean variance under these estimates, and at least 1."""
     problem, scatter = settled.problem, scatters(settled)
     centre = shrunk(settled, settled.found.sigmas, scatter)
     truth = noise_of(settled, centre)

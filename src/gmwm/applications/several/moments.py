@@ -32,15 +32,13 @@ Indices = NDArray[np.int64]
 
 @lru_cache(maxsize=32)
 def entries(d: int) -> tuple[Indices, Indices]:
-    """Return the rows a and columns b of the d(d + 1)/2 entries with a ≤ b of a symmetric matrix, in the order of the
-    moments."""
+    """Return the rows a and columns b of the d(d + 1)/2 entries with a ≤ b of a symmetric matrix."""
     rows, columns = np.triu_indices(d)
     return rows.astype(np.int64), columns.astype(np.int64)
 
 
 def stacked(matrices: Matrix) -> Vector:
-    """Return matrices Γ (J, d, d) as a vector of moments: all levels of entry (0, 0), then of entry (0, 1), and so
-    on."""
+    """Return matrices Γ (J, d, d) as a vector of moments: all levels of entry (0, 0), then of (0, 1), and so on."""
     rows, columns = entries(matrices.shape[-1])
     return np.ascontiguousarray(matrices[:, rows, columns].T).ravel()
 
@@ -91,10 +89,7 @@ def _over_lags(processes: Sequence[Process], design: Design) -> Matrix:
 
 
 def _by_polarisation(processes: Sequence[Process], design: Design) -> Matrix:
-    """Return G from the covariances V of the wavelet variances of single processes and of sums of two processes.
-
-    V_{p+q} = V_p + V_q + 4 G_pq, and V_p = 2 G_pp.
-    """
+    """Return G from covariances V of wavelet variances: V_{p+q} = V_p + V_q + 4 G_pq, and V_p = 2 G_pp."""
     own = [covariance(Model((process,)), design) for process in processes]
     count, size = len(processes), design.levels.size
     out = np.empty((count, count, size, size))

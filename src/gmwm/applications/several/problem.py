@@ -18,35 +18,18 @@ from gmwm.theory.processes.parameter import Branch
 
 @dataclass(frozen=True, eq=False)
 class JointProblem:
-    """Moments of d signals, their weight matrix Ω, and the terms of the model.
+    """Moments of d signals, their weight matrix Ω, and the terms of the model."""
 
-    Attributes
-    ----------
-    terms : tuple of JointTerm
-        The P terms of the model.
-    moments : (n,) array
-        Stacked entries of Γ̂. The signals are scaled so that each wavelet variance has the geometric mean 1.
-    root : (n, n) array
-        L with LᵀL = Ω.
-    design : Design
-        Levels, sampling rate and length of the signals.
-    d : int
-        Number of signals.
-    target : (n,) array
-        Weighted moments L γ̂.
-    branches : tuple of Branch or None
-        For each term, the map from the search coordinate to the shape parameter; None if the shape is not searched.
-    held : (P, J) array
-        Shapes κ of the terms whose shape is not searched. The other rows are not used.
-    """
-
-    terms: tuple[JointTerm, ...]
+    terms: tuple[JointTerm, ...]  # the P terms of the model
+    # (n,) Stacked entries of Γ̂. The signals are scaled so that each wavelet variance has the geometric mean 1.
     moments: Vector
-    root: Matrix
-    design: Design
+    root: Matrix  # (n, n) L with LᵀL = Ω
+    design: Design  # levels, sampling rate and length of the signals
     d: int
-    target: Vector = field(init=False)
+    target: Vector = field(init=False)  # (n,) weighted moments L γ̂
+    # for each term, the map from the search coordinate to the shape parameter; None if the shape is not searched
     branches: tuple[Branch | None, ...] = field(init=False)
+    # (P, J) Shapes κ of the terms whose shape is not searched. The other rows are not used.
     held: Matrix = field(init=False)
 
     def __post_init__(self) -> None:
@@ -76,8 +59,7 @@ class JointProblem:
 
     @cached_property
     def cone(self) -> Cone:
-        """The free entries of the covariance matrices. A common term has a full matrix here; its rank is reduced
-        later."""
+        """Free entries of the covariance matrices. A common term has a full matrix here; its rank is reduced later."""
         return Cone(self.d, np.array([term.kind != "own" for term in self.terms]))
 
     def processes(self, u: Vector) -> list[Process]:
@@ -111,8 +93,7 @@ class JointProblem:
         return np.array(rows).reshape(len(rows), self.design.levels.size)
 
     def blocks(self, shapes: Matrix) -> Matrix:
-        """Return the weighted design columns L (e_i ⊗ κ_p) as an array (P, m, n), for each term p and matrix entry
-        i."""
+        """Return the weighted design columns L (e_i ⊗ κ_p) as an array (P, m, n), for each term p and entry i."""
         size, count = self.design.levels.size, entries(self.d)[0].size
         return np.asarray((self.root.reshape(-1, size) @ shapes.T).reshape(-1, count, len(shapes)).transpose(2, 1, 0))
 
@@ -143,8 +124,7 @@ class JointProblem:
 
 
 def coordinates(problem: JointProblem) -> Vector | None:
-    """Return the search coordinates (K,) of the shape parameters that the model states, or None if it does not state
-    all."""
+    """Return the search coordinates (K,) that the model states, or None if it does not state all."""
     found = []
     for place in problem.searched:
         branch, process = problem.branches[place], problem.terms[place].process

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,12 +12,12 @@ from numpy.typing import NDArray
 
 from gmwm.applications.several.pairs import Pairs
 from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
 from gmwm.base.tables import headed
 from gmwm.base.text import Summarised, counted, duration_text
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
 
 
@@ -50,7 +49,7 @@ class SharedNoise:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class CrossCovariance(Summarised):
+class CrossCovariance(Summarised, Plotted):
     """Covariance and correlation of the noise of several axes at each scale.
 
     Attributes
@@ -167,24 +166,6 @@ class CrossCovariance(Summarised):
         shared = Remark.of("axes-share-noise", **counts, first=a, second=b, correlation=most.correlation, tau=tau)
         return (shared, *late)
 
-    def plot(self, *, confidence: bool = True, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the correlation of each pair as a function of the scale. Filled symbols mark significant correlations.
-
-        Parameters
-        ----------
-        confidence : bool
-            Whether to draw the confidence limits.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-        """
-        from gmwm.applications.several.cross_plot import plot_cross
-
-        return plot_cross(self, confidence=confidence, path=path)
-
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers, lists and strings.
 
@@ -265,6 +246,9 @@ class CrossCovariance(Summarised):
 
     def __repr__(self) -> str:
         return f"CrossCovariance({', '.join(self.axes)}: {len(self.shared)} of {self.tests} tests significant)"
+
+
+register(CrossCovariance, "gmwm.applications.several.cross_plot:plot_cross")
 
 
 def _plain(values: Vector) -> list[float | None]:

@@ -81,13 +81,7 @@ class SameParameters:
 def same_parameters(
     model: ModelLike, curves: Mapping[str, WaveletVariance], axis: str, confidence: float
 ) -> SameParameters:
-    """Test the recordings of one axis, with the p-value of this test alone.
-
-    Raises
-    ------
-    ModelError
-        If the model cannot be fitted to the recordings.
-    """
+    """Test the recordings of one axis, with the p-value of this test alone."""
     together = fit(model, pooled(curves), certify=False)
     apart = deviations(together)
     return SameParameters(
@@ -121,11 +115,9 @@ def _ratios(together: Fit, confidence: float) -> list[ParameterRatio]:
 
 
 def _on_logarithm(step: float, precision: float, scale: bool) -> tuple[float, float] | None:
-    """Return the logarithm of a parameter over its pooled value, and its standard error; None if the recording does not
-    determine the parameter.
+    """Return the logarithm of a parameter over its pooled value, and its standard error; None if it is not determined.
 
-    The curve is linear in variances, so one step is exact.
-    """
+    The curve is linear in variances, so one step is exact."""
     size = 1.0 + step if scale else 1.0
     error = 1 / math.sqrt(precision) / size if size > 0 else math.inf
     if error > LONGEST or abs(step) > LONGEST:

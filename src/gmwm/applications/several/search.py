@@ -34,27 +34,13 @@ DESCENT = 40
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """An estimate of the parameters of a joint model.
+    """An estimate of the parameters of a joint model."""
 
-    Attributes
-    ----------
-    u : (K,) array
-        Search coordinates of the shapes.
-    sigmas : (P, d, d) array
-        Covariance matrices of the terms.
-    objective : float
-        Weighted residual sum of squares.
-    gap : float
-        Upper bound on the error of `objective` for these shapes.
-    warm : (P, d, d) array, optional
-        Positive definite matrices to start a similar problem from.
-    """
-
-    u: Vector
-    sigmas: Matrix
-    objective: float
-    gap: float = 0.0
-    warm: Matrix | None = None
+    u: Vector  # (K,) search coordinates of the shapes
+    sigmas: Matrix  # (P, d, d) covariance matrices of the terms
+    objective: float  # weighted residual sum of squares
+    gap: float = 0.0  # upper bound on the error of `objective` for these shapes
+    warm: Matrix | None = None  # (P, d, d) positive definite matrices to start a similar problem from
 
 
 def search(problem: JointProblem) -> Found:
@@ -164,10 +150,7 @@ def _supported(problem: JointProblem, place: int, grid: Vector) -> Vector:
 
 
 def descend(problem: JointProblem, u: Vector, *, warm: Matrix | None = None, accuracy: float = EXACT) -> Found:
-    """Minimise the objective over the search coordinates by Newton's method, to a relative accuracy.
-
-    At each step, the covariance matrices are optimal for the coordinates.
-    """
+    """Minimise the objective over the search coordinates by Newton's method, with optimal matrices at each step."""
     low, high = problem.limits
     u = np.clip(u, low, high)
     now = problem.solve(u, gap=accuracy, warm=warm)
@@ -198,10 +181,7 @@ def descend(problem: JointProblem, u: Vector, *, warm: Matrix | None = None, acc
 
 
 def _derivatives(problem: JointProblem, u: Vector, now: Conic) -> tuple[Vector, Matrix]:
-    """Return the gradient and the Gauss-Newton curvature of the objective with respect to the search coordinates.
-
-    The covariance matrices are optimal for the coordinates.
-    """
+    """Return gradient and Gauss-Newton curvature of the objective at the optimal matrices of the search coordinates."""
     shapes, cone = problem.shapes(u), problem.cone
     residual = problem.residual(shapes, now.sigmas)
     along = problem.directions(u, now.sigmas)
@@ -228,10 +208,7 @@ def _newton(curvature: Matrix, gradient: Vector) -> Vector:
 
 
 def polish(problem: JointProblem, found: Found, accuracy: float = EXACT) -> Found:
-    """Return the optimum in which the matrices of common terms have rank one, starting from a fit with any rank.
-
-    The unknowns are the search coordinates and factors F of the matrices, Σ = FFᵀ.
-    """
+    """Return the optimum with matrices of rank one for common terms: Σ = FFᵀ, from a fit with any rank."""
     from scipy.optimize import least_squares as levenberg_marquardt
 
     if not any(term.kind == "common" for term in problem.terms):
@@ -247,10 +224,7 @@ def polish(problem: JointProblem, found: Found, accuracy: float = EXACT) -> Foun
 
 
 class _Factors:
-    """Nonlinear least-squares problem with covariance matrices written as Σ = FFᵀ.
-
-    The factor F is diagonal for independent terms, one column for common terms, and a full matrix for shared terms.
-    """
+    """Nonlinear least squares with Σ = FFᵀ: F is diagonal (own), a column (common) or a full matrix (shared)."""
 
     def __init__(self, problem: JointProblem) -> None:
         self.problem, self.low, self.high = problem, *problem.limits

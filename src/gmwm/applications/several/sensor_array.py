@@ -18,22 +18,7 @@ _EXPECTED = "several recordings, or a mapping of names such as gyro_x[0] to sign
 
 
 def like_axes(x: Any, rate: float | None) -> dict[str, dict[str, Signal]]:
-    """Group the signals of an array of units by axis. The result has the signals of all units by name, for each axis.
-
-    Parameters
-    ----------
-    x : mapping or sequence
-        A mapping of names to recordings of the units, a sequence of recordings, or a mapping of names such as gyro_x[2]
-        to signals. If the names have no brackets, all signals belong to one axis.
-    rate : float or None
-        Sampling rate (Hz), for plain arrays.
-
-    Raises
-    ------
-    DataError
-        If `x` has another type, if an axis has fewer than two signals, or if the signals of an axis differ in unit,
-        rate, length or gaps.
-    """
+    """Group the signals of an array of units by axis, and by name within each axis; `fuse` describes the arguments."""
     groups = _groups(x)
     found = {}
     for axis, members in groups.items():

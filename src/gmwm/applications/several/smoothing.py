@@ -37,36 +37,16 @@ as constant (tests/joint/test_smoothing.py)."""
 
 @dataclass(frozen=True, eq=False)
 class _Gain:
-    """Matrices of one step of the filter, for the m signals that are observed at this sample.
+    """Matrices of one step of the filter, for the m signals that are observed at this sample."""
 
-    Attributes
-    ----------
-    before : (p, p) array
-        Covariance P of the states before the step.
-    seen : (m, p) array
-        Rows H of the observed signals.
-    precision : (m, m) array
-        Inverse S⁻¹ of the covariance of the innovations.
-    rest : (p, p) array
-        F − F K H, with K the Kalman gain.
-    information : (p, p) array
-        Hᵀ S⁻¹ H.
-    weight : (p, m) array
-        Hᵀ S⁻¹.
-    gain : (p, m) array
-        F K.
-    after : (p, p) array
-        Covariance of the states before the next step.
-    """
-
-    before: Matrix
-    seen: Matrix
-    precision: Matrix
-    rest: Matrix
-    information: Matrix
-    weight: Matrix
-    gain: Matrix
-    after: Matrix = field(repr=False)
+    before: Matrix  # (p, p) covariance P of the states before the step
+    seen: Matrix  # (m, p) rows H of the observed signals
+    precision: Matrix  # (m, m) inverse S⁻¹ of the covariance of the innovations
+    rest: Matrix  # (p, p) F − F K H, with K the Kalman gain
+    information: Matrix  # (p, p) Hᵀ S⁻¹ H
+    weight: Matrix  # (p, m) Hᵀ S⁻¹
+    gain: Matrix  # (p, m) F K
+    after: Matrix = field(repr=False)  # (p, p) covariance of the states before the next step
 
 
 def smooth_joint(
@@ -87,13 +67,7 @@ def smooth_joint(
 
 
 def _records(fit: JointFit, x: Imu | Mapping[str, Signal | ArrayLike], rate: float | None) -> dict[str, Record]:
-    """Return the data of each axis of a fit.
-
-    Raises
-    ------
-    DataError, OptionError
-        If an axis is missing, if a rate differs from the rate of the fit, or if the signals are not synchronous.
-    """
+    """Return the data of each axis of a fit."""
     given = x.signals if isinstance(x, Imu) else dict(x)
     if missing := [axis for axis in fit.axes if axis not in given]:
         raise DataError(argument="x", expected=f"the axes {', '.join(fit.axes)} of the fit", got=missing)
@@ -144,11 +118,10 @@ def _tracks(
 
 
 def _white(smoother: _Smoother, record: Record, space: JointStateSpace, k: int) -> tuple[Vector, Vector]:
-    """Return the mean and variance (N,) of the white noise of a signal.
+    """Return the mean and variance (N,) of the white noise of a signal: what the other terms do not explain of a
+    sample.
 
-    The mean is the part of a sample that the other terms do not explain. For a missing sample, it is 0 with the
-    variance of the model.
-    """
+    For a missing sample, the mean is 0 with the variance of the model."""
     mean, variance = smoother.track(space.H[k], k)
     there = np.isfinite(record.values)
     rest = np.where(there, record.values, 0.0) - np.where(there, mean + record.centre, 0.0)
@@ -184,8 +157,7 @@ class _Smoother:
         self._levels = self._spread @ products[1:, 0]
 
     def track(self, row: Vector, level: int | None) -> tuple[Vector, Vector]:
-        """Return the mean and variance (N,) of a weighted sum of states, plus the level of one signal if it is
-        given."""
+        """Return the mean and variance (N,) of a weighted sum of states, plus the level of one signal."""
         seen = np.einsum("p,tpk->tk", row, self._means)
         slopes = -seen[:, 1:]
         if level is not None:
@@ -194,10 +166,7 @@ class _Smoother:
         return seen[:, 0] + slopes @ self._levels, own + np.einsum("ta,ab,tb->t", slopes, self._spread, slopes)
 
     def _gains(self, start: Matrix, present: np.ndarray) -> tuple[list[_Gain], np.ndarray]:
-        """Return the list of distinct gains, and the index of the gain of each sample.
-
-        The gain is constant when the covariance of the states has become constant.
-        """
+        """Return the distinct gains, and the index of the gain of each sample. It ends at a constant covariance."""
         gains: list[_Gain] = []
         which = np.empty(len(present), dtype=np.int64)
         covariance, settled = start, False
@@ -226,8 +195,7 @@ class _Smoother:
         )  # fmt: skip
 
     def _backward(self, gains: list[_Gain], innovations: list[Matrix]) -> tuple[list[Matrix], np.ndarray]:
-        """Replace the filtered means by smoothed ones. Return the list of distinct covariances, and the index for each
-        sample."""
+        """Replace the filtered means by smoothed ones. Return the distinct covariances, and their index by sample."""
         p, columns = self._means.shape[1:]
         r, information = np.zeros((p, columns)), np.zeros((p, p))
         variances: list[Matrix] = []

@@ -123,10 +123,7 @@ class JointContinuousStateSpace:
         )  # fmt: skip
 
     def discrete(self, rate: float) -> JointStateSpace:
-        """Return the discrete-time model at a sampling rate (Hz), without the terms in `left_out`.
-
-        `ContinuousStateSpace.discrete` describes the method.
-        """
+        """Return the discrete-time state space of all terms: blocks F_p ⊗ I, Q_p ⊗ I, H_p ⊗ L_p and R = Σ_p R_p Σ_p."""
         space = self.along(np.zeros(len(self.axes))).discrete(rate)
         return JointStateSpace(
             F=space.F, Q=space.Q, H=self.H, R=self.Rc * rate, P0=self.P0, diffuse=self.diffuse, axes=self.axes,
@@ -150,10 +147,7 @@ def factor(sigma: Matrix) -> Matrix:
 def discrete(
     processes: Sequence[Process], sigmas: Matrix, rate: float, *, axes: tuple[str, ...], labels: Sequence[str]
 ) -> JointStateSpace:
-    """Return the discrete-time state space of all terms p, with blocks F_p ⊗ I, Q_p ⊗ I, H_p ⊗ L_p and R = Σ_p R_p Σ_p.
-
-    L_p L_pᵀ = Σ_p is the covariance matrix of term p.
-    """
+    """Return the discrete-time state space of all terms: blocks F_p ⊗ I, Q_p ⊗ I, H_p ⊗ L_p and R = Σ_p R_p Σ_p."""
     parts = [(process.state_space(rate), factor(sigma)) for process, sigma in zip(processes, sigmas, strict=True)]
     d = len(axes)
     return JointStateSpace(

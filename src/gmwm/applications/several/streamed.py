@@ -28,30 +28,19 @@ Pair = tuple[str, str]
 
 
 class Curves(NamedTuple):
-    """Wavelet variances and cross-covariances of several axes.
+    """Wavelet variances and cross-covariances of several axes."""
 
-    Attributes
-    ----------
-    own : mapping of axis to WaveletVariance
-        Wavelet variance of each axis.
-    moments : mapping of pair to (J,) array
-        Cross-covariances γ̂_j of each pair.
-    first : mapping of axis to Signal
-        The first batch of samples of each axis, or the whole signals.
-    """
-
-    own: Mapping[str, WaveletVariance]
-    moments: Mapping[Pair, Vector]
-    first: Mapping[str, Signal]
+    own: Mapping[str, WaveletVariance]  # wavelet variance of each axis
+    moments: Mapping[Pair, Vector]  # cross-covariances γ̂_j of each pair
+    first: Mapping[str, Signal]  # the first batch of samples of each axis, or the whole signals
 
 
 def streamed_curves(stream: Stream, axes: Sequence[str], *, robust: bool, efficiency: float) -> Curves:
     """Read a recording, and return the wavelet variances of its axes and the cross-covariances of all pairs.
 
-    The axes are scaled to similar size before they are added. Classical estimates do not depend on these scales and
-    need one pass. Robust estimates depend on them, so the axes are measured first to find the scales, and the sums and
-    differences of the scaled axes are measured afterwards. This takes up to four passes.
-    """
+    The axes are scaled to similar size before they are added. Classical estimates do not depend on the scales and need
+    one pass. Robust estimates do, so the axes are measured first, and their sums and differences afterwards, in up to
+    four passes."""
     pairs, signs = pairs_of(list(axes)), (1.0, -1.0) if robust else (1.0,)
     sums = {f"{a} {sign:+g} {b}": (a, b, sign) for a, b in pairs for sign in signs}
     count, held = exact_levels(len(axes) + len(sums)), held_samples(len(axes) + len(sums))
@@ -91,15 +80,7 @@ def _robust(source: _Sums, curves: Mapping[str, AxisCurves]) -> dict[str, Wavele
 
 
 class _Sums:
-    """Reads a recording in batches, and adds its axes and their sums to accumulators of wavelet variances.
-
-    Attributes
-    ----------
-    scale : dict of axis to float
-        Factor of each axis in the sums, computed from the first batch.
-    first : dict of axis to Signal
-        The first batch.
-    """
+    """Reads a recording in batches, and adds its axes and their sums to accumulators of wavelet variances."""
 
     def __init__(self, stream: Stream, axes: Sequence[str], sums: Mapping[str, tuple[str, str, float]]) -> None:
         self._batches, self._axes, self._sums = Batches(stream), axes, sums

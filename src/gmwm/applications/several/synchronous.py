@@ -14,13 +14,7 @@ from gmwm.recording.signals import Imu, Signal
 
 
 def synchronous_signals(x: Any, rate: float | None, *, fill: bool = True) -> dict[str, Signal]:
-    """Return the signals by name, after a check that they are synchronous. With `fill`, short gaps are filled.
-
-    Raises
-    ------
-    DataError
-        If there are fewer than two signals, or they differ in rate, length or gaps.
-    """
+    """Return the signals by name, after a check that they are synchronous. With `fill`, short gaps are filled."""
     x = x.signals if isinstance(x, Imu) else x
     if not isinstance(x, Mapping):
         raise DataError(argument="x", expected="a recording, or a mapping of names to signals", got=x)
@@ -54,13 +48,7 @@ def synchronous_signals(x: Any, rate: float | None, *, fill: bool = True) -> dic
 
 
 def chosen_names(names: Sequence[str], axes: str | Sequence[str] | None) -> list[str]:
-    """Return the names of the signals that `axes` selects by name or by sensor; all by default.
-
-    Raises
-    ------
-    OptionError
-        If a selected axis does not exist, or if fewer than two signals are selected.
-    """
+    """Return the names of the signals that `axes` selects by name or by sensor; all by default."""
     if axes is None:
         return list(names)
     wanted = [axes] if isinstance(axes, str) else list(axes)

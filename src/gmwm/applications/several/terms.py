@@ -21,21 +21,11 @@ _SHARED = re.compile(r"\s*(?:(\d+)\s*\*\s*)?(own|common|shared)\s*\((.*)\)\s*(?:
 
 @dataclass(frozen=True, kw_only=True)
 class JointTerm:
-    """One term of a joint model of several signals.
+    """One term of a joint model of several signals."""
 
-    Attributes
-    ----------
-    label : str
-        Name of the term in results, such as "RW" or "GM[1]"; "common(GM)" if the model also has a term "GM".
-    kind : "own", "common" or "shared"
-        Kind of the term; see `Kind`.
-    process : Process
-        Process of the term. Its shape parameter may have a starting value or be fixed.
-    """
-
-    label: str
+    label: str  # name of the term in results, such as "RW" or "GM[1]"; "common(GM)" if the model also has a term "GM"
     kind: Kind
-    process: Process
+    process: Process  # Process of the term. Its shape parameter may have a starting value or be fixed.
 
     @property
     def branch(self) -> Branch | None:
@@ -50,13 +40,7 @@ class JointTerm:
 
 
 def joint_terms(model: ModelLike) -> tuple[JointTerm, ...]:
-    """Parse a joint model of several signals, such as "common(RW) + 2*GM + WN".
-
-    Raises
-    ------
-    ModelError
-        If the text cannot be parsed, or if a process cannot be a term of a joint model.
-    """
+    """Parse a joint model of several signals, such as "common(RW) + 2*GM + WN"."""
     parts = [str(model)] if not isinstance(model, str) else _summands(model)
     found: list[tuple[Kind, Process]] = []
     for part in parts:
@@ -99,13 +83,7 @@ def _keys(found: list[tuple[Kind, Process]]) -> list[tuple[Kind, str]]:
 
 
 def _summands(text: str) -> list[str]:
-    """Split the text of a model at each plus sign outside parentheses and numbers.
-
-    Raises
-    ------
-    ModelError
-        If an opening or a closing parenthesis has no counterpart.
-    """
+    """Split the text of a model at each plus sign outside parentheses and numbers."""
     parts, opened, start = [], list[int](), 0
     for k, letter in enumerate(text):
         if letter == "(":
@@ -130,8 +108,7 @@ def _unbalanced(text: str, at: int, missing: str) -> ModelError:
 
 
 def _require_shape(process: Process) -> None:
-    """Raise a ModelError unless the process is random noise with at most one unknown shape parameter and no fixed
-    scale."""
+    """Raise a ModelError unless a process is noise with at most one unknown shape parameter and no fixed scale."""
     free = [p.name for p in process.nonlinear_parameters() if not process.is_fixed(p.name)]
     scale = process.scale_parameter().name
     kind = type(process)

@@ -128,13 +128,13 @@ def message(code: str) -> Message:
     KeyError
         If the code is not registered.
     """
-    return _parsed(_tables()[code])[code]
+    return _parse(_tables()[code])[code]
 
 
 @cache
 def messages() -> Mapping[str, Message]:
     """Return all messages by code, in the order of the file."""
-    return _parsed(_content())
+    return _parse(_content())
 
 
 def _content() -> str:
@@ -145,11 +145,11 @@ def _content() -> str:
 def _tables() -> Mapping[str, str]:
     """Return the text of each table of the file by its name. A line that begins like a name is a link if more follows
     after the bracket."""
-    found = re.finditer(r"^\[([a-z0-9-]+)\]\n.*?(?=^\[[a-z0-9-]+\]\n|\Z)", _content(), re.MULTILINE | re.DOTALL)
-    return {one[1]: one[0] for one in found}
+    matches = re.finditer(r"^\[([a-z0-9-]+)\]\n.*?(?=^\[[a-z0-9-]+\]\n|\Z)", _content(), re.MULTILINE | re.DOTALL)
+    return {match[1]: match[0] for match in matches}
 
 
-def _parsed(text: str) -> dict[str, Message]:
+def _parse(text: str) -> dict[str, Message]:
     return {code: _message(code, entry) for code, entry in tomllib.loads(text).items()}
 
 

@@ -50,10 +50,10 @@ class Remark:
         KeyError
             If the code is not registered, or if a fact that the message needs is missing.
         """
-        known = message(code)
-        if missing := known.needs(facts) - facts.keys():
+        entry = message(code)
+        if missing := entry.needs(facts) - facts.keys():
             raise KeyError(f"{code} needs the facts {', '.join(sorted(missing))}")
-        return cls(code, known.severity, subject=subject, facts=facts, advice=known.advice_for(facts))
+        return cls(code, entry.severity, subject=subject, facts=facts, advice=entry.advice_for(facts))
 
     @property
     def message(self) -> Message:

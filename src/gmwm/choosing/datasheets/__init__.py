@@ -18,7 +18,7 @@ from gmwm.choosing.datasheets.equivalent_terms import translated
 from gmwm.choosing.datasheets.sheet import Datasheet
 from gmwm.fitting.estimation.intervals import Interval, confidence_intervals, free_shape, is_weak
 from gmwm.fitting.estimation.result import Fit
-from gmwm.measuring.variance.slope_line import LAWS
+from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.physical import Physical

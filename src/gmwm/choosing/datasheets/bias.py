@@ -16,8 +16,8 @@ from gmwm.base.units import noise_unit
 from gmwm.choosing.datasheets.curve import ENDLESS, Curve
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.fitting.estimation.result import Fit
+from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.measuring.variance.slope_line import LAWS
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
 

@@ -45,13 +45,9 @@ def compared(fit: Fit) -> Replicates | None:
 
 
 def _own_fit(fit: Fit, curve: WaveletVariance, apart: Deviations, place: int) -> Fit | None:
-    """Return the fit to one recording, one Gauss-Newton step from the pooled fit.
+    """Return the fit to one recording, one Gauss-Newton step from the pooled fit; None if the recording is too short.
 
-    The result is None if the recording is too short for the model.
-
-    A new fit could give terms another meaning. For example, a Gauss-Markov term that is slow in the pooled fit can
-    become fast in a single recording.
-    """
+    A new fit could give terms another meaning: a slow Gauss-Markov term can become fast in a single recording."""
     if not np.all(np.isfinite(apart.values[place])):
         return None
     wv = curve.first(min(len(curve), len(fit.wavelet_variance)))
@@ -80,10 +76,7 @@ def _own_fit(fit: Fit, curve: WaveletVariance, apart: Deviations, place: int) ->
 
 
 def _quick_sheet(fit: Fit) -> Datasheet:
-    """Return the datasheet of a fit with approximate upper limits.
-
-    If a term is zero, there is no approximation, and exact limits are computed.
-    """
+    """Return the datasheet of a fit with approximate upper limits, or exact ones if a term is zero."""
     try:
         return datasheet(with_quick_intervals(fit, CONFIDENCE), CONFIDENCE)
     except GmwmError:
@@ -91,8 +84,7 @@ def _quick_sheet(fit: Fit) -> Datasheet:
 
 
 def _numbers(pooled: Datasheet, sheets: Mapping[str, Datasheet], names: tuple[str, ...]) -> list[RecordingNumber]:
-    """Return each free datasheet parameter of the pooled fit with its values in the recordings, except the rate
-    ramp."""
+    """Return each free datasheet parameter of the pooled fit, except the rate ramp, with its recorded values."""
     found = []
     for symbol, entry in pooled.items():
         if entry.held or symbol.partition("[")[0] == _RAMP:
@@ -121,7 +113,7 @@ def _number(symbol: str, pooled: Entry, entries: Mapping[str, Entry | None]) -> 
 
 
 def _point(entry: Entry | None, pooled: Entry) -> tuple[float, float]:
-    """Return the logarithm of a parameter in one recording, and its variance. The logarithm is NaN if it is not known.
+    """Return the logarithm of a parameter in one recording, or NaN, and its variance.
 
     An upper limit below the pooled value is treated as a value, because the recording deviates by at least this much.
     """

@@ -65,22 +65,7 @@ class _Curve(NamedTuple):
 def level_ratios(
     curves: Mapping[str, WaveletVariance], axis: str = "", *, confidence: float = 0.95, tolerance: float = 0.0
 ) -> list[LevelRatio]:
-    """Return the ratios of wavelet variances at each level that all recordings have, with unadjusted p-values.
-
-    Parameters
-    ----------
-    curves : mapping of name to WaveletVariance
-        Wavelet variances of two or more recordings with the same sampling rate; see `same`.
-    axis : str
-        Name of the axis.
-    confidence, tolerance : float
-        As for `same`.
-
-    Raises
-    ------
-    DataError
-        If a wavelet variance is 0.
-    """
+    """Return the ratios of wavelet variances at each common level, with unadjusted p-values; see `same`."""
     measured = list(curves.values())
     levels = min(map(len, measured))
     if not all(np.all(wv.variance[:levels] > 0) for wv in measured):

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from gmwm.base.multiple_tests import holm
+from gmwm.base.plotting import Plotted
 from gmwm.base.random_effects import predicted
 from gmwm.base.remarks import Remark, texts
 from gmwm.base.tables import headed
@@ -25,9 +25,6 @@ from gmwm.fitting.estimation.recordings import Deviations, step_parameter
 from gmwm.fitting.estimation.result import Fit
 from gmwm.recording.options import as_confidence, one_of
 from gmwm.theory.processes.model import Model
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
 
 WIDTH = 80
 """Largest number of characters in a line of the summary."""
@@ -86,7 +83,7 @@ class RecordingNumber:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Replicates(Summarised):
+class Replicates(Summarised, Plotted):
     """Comparison of several recordings of one unit.
 
     Attributes
@@ -268,20 +265,6 @@ class Replicates(Summarised):
             "for_filter": {use: str(self.for_filter(use)) for use in get_args(Use)},
             "remarks": [remark.to_dict() for remark in self.remarks],
         }
-
-    def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the relative difference between the wavelet deviation of each recording and of all recordings together.
-
-        A band shows the range of differences that chance explains.
-
-        Parameters
-        ----------
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-        """
-        from gmwm.showing.plots.recordings import plot_recordings
-
-        return plot_recordings(self, path=path)
 
     def __repr__(self) -> str:
         found = "different" if self.differs else "equal"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ import numpy as np
 
 from gmwm.base.arrays import Matrix
 from gmwm.base.errors import GmwmError, ModelError, OptionError
+from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.tables import aligned
 from gmwm.base.text import Summarised, counted
@@ -24,10 +24,8 @@ from gmwm.fitting.estimation.result import Fit
 from gmwm.theory.processes.model import Model, as_model
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
 
-    from gmwm.showing.plots.view import UnitSystem, ViewName
 
 WIDTH = 80
 """Largest number of characters in a line of the remarks."""
@@ -127,7 +125,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Ranking:
+class Ranking(Plotted):
     """Candidate models sorted by the criterion, the best first.
 
     `ranking[0]` is the best candidate, `ranking["GM + WN"]` is the candidate with this model, and a loop visits all
@@ -332,57 +330,12 @@ class Ranking:
     def __len__(self) -> int:
         return len(self.candidates)
 
-    def plot(
-        self,
-        *,
-        limit: int = 4,
-        view: ViewName = "wavelet",
-        units: UnitSystem = "si",
-        path: str | os.PathLike[str] | None = None,
-    ) -> MatplotlibFigure:
-        """Draw the best models with the data, their distances from the data, and the criteria.
-
-        The curves of different models often look the same. The second panel shows their distances from the data, scaled
-        so that the confidence limits are at −1 and 1. With several recordings, the mean wavelet variance is drawn.
-
-        Parameters
-        ----------
-        limit : int
-            Number of the best distinct candidates to draw. The recommended candidate is always drawn.
-        view : "wavelet" or "allan"
-            Wavelet variance ν² against the scale τ (s), or Allan deviation √(2ν²) against the averaging time τ/2 (s).
-        units : "si" or "datasheet"
-            rad/s and m/s², or deg/h and mg.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown, or the data do not support it.
-
-        Examples
-        --------
-        >>> from gmwm import QN, RW, WN, select
-        >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(20_000, 100.0, rng=1)
-        >>> figure = select(WN() + QN() + RW(), x, rate=100.0).plot()
-        >>> figure.axes[2].get_xlabel()
-        'WIC above the best'
-        """
-        from gmwm.showing.plots.ranking import plot_ranking
-
-        return plot_ranking(self, limit=limit, view=view, units=units, path=path)
-
     def __repr__(self) -> str:
         return f"Ranking({counted(len(self), 'model')}, {self.recommended.structure} recommended)"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Comparison(Summarised):
+class Comparison(Summarised, Plotted):
     """Comparison of two candidates of a ranking.
 
     Attributes
@@ -416,35 +369,6 @@ class Comparison(Summarised):
     def summary(self) -> str:
         """Return the comparison as text."""
         return self.remark.text()
-
-    def plot(
-        self, *, view: ViewName = "wavelet", units: UnitSystem = "si", path: str | os.PathLike[str] | None = None
-    ) -> MatplotlibFigure:
-        """Draw the two candidates with the data, and their distances from the data.
-
-        The title states the difference of the criteria. With several recordings, the mean wavelet variance is drawn.
-
-        Parameters
-        ----------
-        view : "wavelet" or "allan"
-            Wavelet variance ν² against the scale τ (s), or Allan deviation √(2ν²) against the averaging time τ/2 (s).
-        units : "si" or "datasheet"
-            rad/s and m/s², or deg/h and mg.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown, or the data do not support it.
-        """
-        from gmwm.showing.plots.ranking import plot_candidates
-
-        return plot_candidates(self, view=view, units=units, path=path)
 
     def __repr__(self) -> str:
         return f"Comparison({self.first.structure} − {self.second.structure}: {self.difference:.4g} ± {self.error:.2g})"

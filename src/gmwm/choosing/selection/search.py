@@ -21,7 +21,8 @@ from gmwm.base.arrays import Vector
 from gmwm.base.errors import GmwmError
 from gmwm.choosing.selection.api import rank_models, select_within
 from gmwm.choosing.selection.options import RankingOptions
-from gmwm.choosing.selection.ranking import Candidate, Ranking
+from gmwm.choosing.selection.ranking import Ranking
+from gmwm.choosing.selection.search_steps import Entry, SearchStep
 from gmwm.choosing.selection.shape_error import (
     acts_as_filter,
     band_errors,
@@ -77,8 +78,8 @@ _ROUNDS = 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Searched:
-    """Result of the search for a model of one axis.
+class ModelChoice:
+    """The models that were fitted to one axis, and the choice among them.
 
     Attributes
     ----------
@@ -90,6 +91,8 @@ class Searched:
         Relative model error τ, which is not included in this covariance.
     tried : tuple of str
         General models that were tried, in order.
+    steps : tuple of SearchStep
+        The steps that led to the choice.
     band : mapping of str to float
         Relative standard errors of the bandwidth f_b, the resonance frequency f_r and the quality factor Q_r of the
         shape at high frequencies; empty if the shape is not from the spectrum.
@@ -99,12 +102,17 @@ class Searched:
     wavelet_variance: WaveletVariance
     error: float
     tried: tuple[str, ...]
+    steps: tuple[SearchStep, ...]
     band: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def with_error(self) -> WaveletVariance:
         """The wavelet variance with the model error included in its covariance."""
         return having_error(self.wavelet_variance, self.error)
+
+    def after(self, *steps: SearchStep) -> ModelChoice:
+        """Return the choice with these steps before its own."""
+        return replace(self, steps=(*steps, *self.steps))
 
 
 def search(
@@ -113,7 +121,7 @@ def search(
     options: RankingOptions,
     *,
     check: Callable[[], None] = lambda: None,
-) -> Searched:
+) -> ModelChoice:
     """Search for the noise model of one axis. The module docstring describes the steps.
 
     Parameters
@@ -128,28 +136,54 @@ def search(
         Function that is called between steps. It may raise an exception to end the search.
     """
     general = nearly_fitted(_largest(SLOW, wv), wv, options.weighting)
-    if Distance.of(general).surely >= REJECTED:
+    bound = Distance.of(general).surely
+    slow = SearchStep(family=general.model.structure, entered="slow", bound=bound, left="all-rejected")
+    if bound >= REJECTED:
         ranking = select_within(SLOW, wv, options, progress=lambda *_: check())
-        if _accepted(ranking):
-            found = _as_sampled(Searched(ranking=ranking, wavelet_variance=wv, error=0.0, tried=(SLOW,)))
-            if spectrum is None or not _filtered(ranking.recommended.fit):
-                return found
-            shown = _required(general, wv, spectrum, (), options=options, check=check)
-            if not shown.terms:
-                return found
-            shaped = shown.searched(BESIDE, options, check)
-            return shaped if _accepted(shaped.ranking) else found
+        slow = _with_result(replace(slow, left="rejected"), ranking)
+        if _is_accepted(ranking):
+            return _accepted_choice(general, ranking, slow, wv, spectrum, options=options, check=check)
     check()
     lines = () if spectrum is None else _lines(spectrum, wv)
+    steps = [slow]
     if lines:
         with_lines = nearly_fitted(_largest(SLOW, wv, lines), wv, options.weighting)
-        if Distance.of(with_lines).surely >= REJECTED:
-            return within_family(SLOW, wv, options, required=lines, check=check, tried=(SLOW,))
+        bound = Distance.of(with_lines).surely
+        if bound >= REJECTED:
+            choice = within_family(SLOW, wv, options, required=lines, check=check, entered="lines")
+            return replace(choice, tried=(SLOW, *choice.tried)).after(*steps)
+        family = with_lines.model.structure
+        steps.append(SearchStep(family=family, entered="lines", bound=bound, left="all-rejected"))
     shown = _required(general, wv, spectrum, lines, options=options, check=check)
     if not shown.terms:
-        return within_family(SLOW, wv, options, check=check)
+        return within_family(SLOW, wv, options, check=check, entered="nothing-shown").after(*steps)
     # A shape that was fitted to the wavelet variance does not include white and quantization noise.
-    return shown.searched(SLOW if spectrum is None else BESIDE, options, check)
+    return shown.choice(SLOW if spectrum is None else BESIDE, options, check, "shape").after(*steps)
+
+
+def _accepted_choice(
+    general: Fit,
+    ranking: Ranking,
+    slow: SearchStep,
+    wv: WaveletVariance,
+    spectrum: PowerSpectrum | None,
+    *,
+    options: RankingOptions,
+    check: Callable[[], None],
+) -> ModelChoice:
+    """Return the accepted model of the slow family, or the model with a filter if the test accepts this one too."""
+    accepted = replace(slow, left="accepted", used=True)
+    choice = _as_sampled(ModelChoice(ranking=ranking, wavelet_variance=wv, error=0.0, tried=(SLOW,), steps=(accepted,)))
+    if spectrum is None or not _has_filter(ranking.recommended.fit):
+        return choice
+    shown = _required(general, wv, spectrum, (), options=options, check=check)
+    if not shown.terms:
+        return choice
+    shaped = shown.choice(BESIDE, options, check, "filter")
+    if _is_accepted(shaped.ranking):
+        return shaped.after(replace(slow, left="filter-possible"))
+    unused = (replace(step, left="rejected", used=False) for step in shaped.steps)
+    return replace(choice, steps=(replace(accepted, left="filter-possible"), *unused))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -163,41 +197,45 @@ class _Shown:
     terms : tuple of Process
         The terms.
     band : mapping of str to float
-        Relative standard errors of the bandwidth and the resonance; see `Searched`.
+        Relative standard errors of the bandwidth and the resonance; see `ModelChoice`.
     """
 
     wavelet_variance: WaveletVariance
     terms: tuple[Process, ...]
     band: Mapping[str, float] = field(default_factory=dict)
 
-    def searched(self, beside: str, options: RankingOptions, check: Callable[[], None]) -> Searched:
+    def choice(self, beside: str, options: RankingOptions, check: Callable[[], None], entered: Entry) -> ModelChoice:
         """Rank all models within a general one, with these terms added to each."""
-        found = within_family(
-            beside, self.wavelet_variance, options, required=self.terms, check=check, tried=(SLOW,)
+        choice = within_family(
+            beside, self.wavelet_variance, options, required=self.terms, check=check, entered=entered
         )  # fmt: skip
-        return replace(found, band=self.band)
+        return replace(choice, band=self.band, tried=(SLOW, *choice.tried))
 
 
-def _as_sampled(found: Searched) -> Searched:
+def _with_result(step: SearchStep, ranking: Ranking) -> SearchStep:
+    """Return a step with the recommended model of its family."""
+    return replace(step, recommended=ranking.label(ranking.recommended), pvalue=ranking.recommended.pvalue)
+
+
+def _as_sampled(choice: ModelChoice) -> ModelChoice:
     """Add the uncertainty of flicker noise near half the sampling rate to the covariance of the data of every fit."""
-    wv = with_sampling_error(found.wavelet_variance, found.ranking.recommended.fit)
-    if wv is found.wavelet_variance:
-        return found
-    curve = having_error(wv, found.error)
+    wv = with_sampling_error(choice.wavelet_variance, choice.ranking.recommended.fit)
+    if wv is choice.wavelet_variance:
+        return choice
+    curve = having_error(wv, choice.error)
+    candidates = (
+        replace(candidate, fit=replace(candidate.fit, wavelet_variance=curve))
+        for candidate in choice.ranking.candidates
+    )
+    return replace(choice, ranking=replace(choice.ranking, candidates=tuple(candidates)), wavelet_variance=wv)
 
-    def moved(candidate: Candidate) -> Candidate:
-        return replace(candidate, fit=replace(candidate.fit, wavelet_variance=curve))
 
-    ranking = replace(found.ranking, candidates=tuple(map(moved, found.ranking.candidates)))
-    return replace(found, ranking=ranking, wavelet_variance=wv)
-
-
-def _accepted(ranking: Ranking) -> bool:
+def _is_accepted(ranking: Ranking) -> bool:
     pvalue = ranking.recommended.pvalue
     return pvalue is None or pvalue >= REJECTED
 
 
-def _filtered(fit: Fit) -> bool:
+def _has_filter(fit: Fit) -> bool:
     """Return whether a term has such a short correlation time that it may describe the low-pass filter of the
     sensor."""
     return any(process.scale > 0 and acts_as_filter(process, fit) for process in fit.model.processes)
@@ -210,40 +248,56 @@ def within_family(
     *,
     required: Sequence[Process] = (),
     check: Callable[[], None] = lambda: None,
-    tried: tuple[str, ...] = (),
-) -> Searched:
+    entered: Entry = "within",
+) -> ModelChoice:
     """Rank all models within a general one (`family`), with the model error of its largest model.
 
     The `required` terms are in every model. Lines among them whose power is estimated as zero are dropped.
     """
     whole = _largest(family, wv, required)
-    error = _error_of(whole, wv, options.weighting)
+    bound, error = _bound_and_error(whole, wv, options.weighting)
     check()
     ranking = select_within(family, having_error(wv, error), options, required=required, progress=lambda *_: check())
     supported = _supported(required, ranking.recommended.fit)
+    step = SearchStep(family=whole.structure, entered=entered, bound=bound, model_error=error, left="lines-absent")
+    step = _with_result(step, ranking)
     if len(supported) < len(required):
-        return within_family(family, wv, options, required=supported, check=check, tried=tried)
-    return _as_sampled(Searched(ranking=ranking, wavelet_variance=wv, error=error, tried=(*tried, whole.structure)))
+        choice = within_family(
+            family, wv, options, required=supported, check=check, entered="without-absent-lines"
+        )  # fmt: skip
+        return choice.after(step)
+    return _only_choice(ranking, wv, step, tried=(whole.structure,))
 
 
-def given_model(model: Model, wv: WaveletVariance, options: RankingOptions) -> Searched:
+def given_model(model: Model, wv: WaveletVariance, options: RankingOptions) -> ModelChoice:
     """Return the result for a single given model, with its model error."""
-    error = _error_of(without_values(model), wv, options.weighting)
+    bound, error = _bound_and_error(without_values(model), wv, options.weighting)
     ranking = rank_models([model], having_error(wv, error), options)
-    return _as_sampled(Searched(ranking=ranking, wavelet_variance=wv, error=error, tried=()))
+    step = SearchStep(family=model.structure, entered="model", bound=bound, model_error=error, left="last")
+    return _only_choice(ranking, wv, _with_result(step, ranking), tried=())
+
+
+def _only_choice(ranking: Ranking, wv: WaveletVariance, step: SearchStep, *, tried: tuple[str, ...]) -> ModelChoice:
+    """Return the choice from the last family."""
+    step = replace(step, left="accepted" if _is_accepted(ranking) else "last", used=True)
+    return _as_sampled(
+        ModelChoice(ranking=ranking, wavelet_variance=wv, error=step.model_error, tried=tried, steps=(step,))
+    )
 
 
 def given_curve(model: Model, wv: WaveletVariance, weighting: str) -> WaveletVariance:
     """Return the wavelet variance with the model error of a single model, like `given_model` but without a ranking."""
-    error = _error_of(without_values(model), wv, weighting)
+    _, error = _bound_and_error(without_values(model), wv, weighting)
     near = nearly_fitted(model, having_error(wv, error), weighting)
     return having_error(with_sampling_error(wv, near), error)
 
 
-def _error_of(model: Model, wv: WaveletVariance, weighting: str) -> float:
-    """Return the relative model error of a model, or 0 if the goodness-of-fit test accepts the model."""
+def _bound_and_error(model: Model, wv: WaveletVariance, weighting: str) -> tuple[float, float]:
+    """Return the upper bound of the p-value of a model and its relative model error, which is 0 for an accepted
+    model."""
     general = nearly_fitted(model, wv, weighting)
-    return model_error(general) if Distance.of(general).surely < REJECTED else 0.0
+    bound = Distance.of(general).surely
+    return bound, model_error(general) if bound < REJECTED else 0.0
 
 
 def _supported(required: Sequence[Process], fit: Fit) -> Sequence[Process]:

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from gmwm.base.errors import ReadError
-from gmwm.files.readers.axis_units import time_unit
+from gmwm.files.clock.clock import rows_between
+from gmwm.files.columns.axis_units import time_unit
+from gmwm.files.columns.columns import choose
 from gmwm.files.readers.builder import SampleBuilder, collected
-from gmwm.files.readers.clock import rows_between
-from gmwm.files.readers.columns import choose
 from gmwm.files.readers.interpretation import Interpretation, RowSource, require_time, understand
 from gmwm.files.readers.reading_warnings import of_file, warn
 from gmwm.files.readers.several_files import Source, found_reader, source_words
@@ -201,8 +201,7 @@ def read_file(path: Source, options: ReadOptions) -> Imu:
 
 
 def stream_file(path: Source, options: ReadOptions, chunk: int = CHUNK) -> Stream:
-    """Open the recording in a file as a stream, with options that are already checked; see `stream`. All segments are
-    kept; the option `gaps` is not applied."""
+    """Open a recording as a stream, with checked options; see `stream`. The option `gaps` is not applied."""
     with np.errstate(all="ignore"):
         opened = _Opened.of(path, options, in_memory=False)
     warn(opened.found.remarks, stacklevel=3)
@@ -234,7 +233,7 @@ class _Opened:
         layout = one_layout(reader, file, options.topic)
         choice = choose(layout, options.columns, file)
         require_time(layout, choice, options.rate, file)
-        layout = layout.read_as(options.bad_lines, "time" in choice.columns)
+        layout = replace(layout, skip_bad_lines=options.bad_lines == "skip", stamped="time" in choice.columns)
         origin = FileRows(file, reader, layout, topic=options.topic)
         rows = origin.held(choice) if in_memory else origin
 

@@ -16,10 +16,10 @@ from gmwm.base.errors import DataError
 from gmwm.base.remarks import Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import SI_UNIT, beyond_sensors
-from gmwm.files.readers.base import Rows
+from gmwm.files.clock.lost_samples import about_lost, as_floats, gaps_of, sift
+from gmwm.files.clock.running_clock import KnownClock, RunningClock, Settled
+from gmwm.files.contract import Rows
 from gmwm.files.readers.interpretation import TEMPERATURE, Interpretation, RowSource
-from gmwm.files.readers.lost_samples import about_lost, as_floats, gaps_of, sift
-from gmwm.files.readers.running_clock import KnownClock, RunningClock, Settled
 from gmwm.files.readers.temperature import with_temperature
 from gmwm.recording.chunks import Samples
 from gmwm.recording.signals import Imu, Signal
@@ -27,37 +27,18 @@ from gmwm.recording.signals import Imu, Signal
 
 @dataclass(frozen=True, eq=False)
 class RowSummary:
-    """Summary of consecutive rows: their time stamps and the number of lost samples.
+    """Summary of consecutive rows: their time stamps and the number of lost samples."""
 
-    Attributes
-    ----------
-    first, stop : int
-        Number of the first sample, and of the sample after the last one.
-    start : float
-        Time of the first sample (s).
-    parted : bool
-        Whether there is a gap before the first sample.
-    lost : int
-        Number of lost samples.
-    impossible : int
-        Number of the lost samples with values that no sensor can measure.
-    gaps : tuple of (sample, seconds)
-        For each gap, the number of the first sample after it, and its length (s).
-    live : TimeBase or None
-        The time base of a live stream.
-    about : tuple of Remark
-        Remarks on the time stamps of a live stream.
-    """
-
-    first: int
+    first: int  # number of the first sample, and of the sample after the last one
     stop: int
-    start: float
-    parted: bool
-    lost: int = 0
-    impossible: int = 0
+    start: float  # time of the first sample (s)
+    parted: bool  # whether there is a gap before the first sample
+    lost: int = 0  # number of lost samples
+    impossible: int = 0  # number of the lost samples with values that no sensor can measure
+    # for each gap, the number of the first sample after it, and its length (s)
     gaps: tuple[tuple[int, float], ...] = ()
-    live: TimeBase | None = None
-    about: tuple[Remark, ...] = ()
+    live: TimeBase | None = None  # the time base of a live stream
+    about: tuple[Remark, ...] = ()  # remarks on the time stamps of a live stream
 
     def followed_by(self, later: RowSummary) -> RowSummary:
         """Merge this summary with the summary of the rows that directly follow."""
@@ -79,19 +60,9 @@ class RowSummary:
 
 
 class SampleBuilder:
-    """Builds the samples of a recording from its rows, starting at any row.
-
-    Parameters
-    ----------
-    found : Interpretation
-        Columns, units and rate of the recording.
-    first : int
-        Number of the first row that will be added.
-    lost_before : bool
-        Whether the row before `first` is lost.
-    owned : bool
-        Whether the arrays of the rows may be modified in place, which saves a copy.
-    """
+    """Builds the samples of a recording from its rows, starting at any row. `first` is the number of the first row that
+    will be added, `lost_before` whether the row before it is lost. With `owned`, the arrays of the rows are changed in
+    place, which saves a copy."""
 
     def __init__(
         self, found: Interpretation, first: int = 0, lost_before: bool = False, *, owned: bool = False
@@ -115,13 +86,7 @@ class SampleBuilder:
         self._cuts = {first} if lost_before else set[int]()  # rows after a row without a time stamp
 
     def add(self, rows: Rows) -> Iterator[Samples]:
-        """Add the next rows, and yield the samples whose segments are now known.
-
-        Raises
-        ------
-        ReadError, DataError
-            In the same cases as `read`.
-        """
+        """Add the next rows, and yield the samples whose segments are now known."""
         found, columns = self._found, self._found.choice.columns
         sifted = sift(rows, columns, found.choice.axes)
         self._count += sifted.unplaced
@@ -168,16 +133,11 @@ class SampleBuilder:
         known = {row for row, _ in stamped} | self._cuts
         gaps = [((a, b), sample) for a, b, sample in self._breaks if b - a > 1 or b in known]
         return RowSummary(
-            self._first,
-            self._next,
-            start=self._begun[1] if self._start is None else self._start,
-            parted=self._parted,
+            self._first, self._next, start=self._begun[1] if self._start is None else self._start, parted=self._parted,
             gaps=gaps_of([pair for pair, _ in gaps], [k for _, k in gaps], stamped=stamped, rate=self._found.rate),
-            lost=self._count,
-            impossible=self._impossible,
-            live=live,
+            lost=self._count, impossible=self._impossible, live=live,
             about=() if self._live is None else tuple(self._live.remarks()),
-        )
+        )  # fmt: skip
 
     def _in_si(self, values: Vector, factors: Sequence[float]) -> Vector:
         for factor in factors:
@@ -256,22 +216,7 @@ def _joined(before: NDArray[Any], after: NDArray[Any]) -> NDArray[Any]:
 
 
 def collected(parts: Sequence[Samples], found: Interpretation, base: TimeBase, remarks: Sequence[Remark]) -> Imu:
-    """Join samples into one recording, from its beginning.
-
-    Parameters
-    ----------
-    parts : sequence of Samples
-        All samples in order.
-    found : Interpretation
-        Columns, units and rate of the recording.
-    base, remarks
-        Time base and remarks of the recording.
-
-    Raises
-    ------
-    DataError
-        If there is no sample.
-    """
+    """Join samples into one recording, from its beginning."""
     if not parts:
         raise DataError(
             "the recording has no sample: each row has a value that no sensor measures",

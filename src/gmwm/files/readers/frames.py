@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError
 from gmwm.base.units import SI_UNIT
+from gmwm.files.columns.column_names import named_unit, unit_of
+from gmwm.files.columns.columns import Choice, choose
+from gmwm.files.contract import Layout
+from gmwm.files.formats.arrays import Array, chunks_of, fields_of, layouts_of, part_of
 from gmwm.files.readers.api import recording_of
-from gmwm.files.readers.arrays import Array, chunks_of, fields_of, layouts_of, part_of
-from gmwm.files.readers.base import Layout
-from gmwm.files.readers.column_names import named_unit, unit_of
-from gmwm.files.readers.columns import Choice, choose
 from gmwm.files.readers.interpretation import require_time, understand
 from gmwm.files.readers.reading_warnings import warn
 from gmwm.files.readers.streams import HeldRows
@@ -52,25 +52,7 @@ def _has_missing(values: Any) -> bool:
 
 
 def read_table(data: Any, rate: float | None, units: Mapping[str, str] | None, source: str) -> Imu:
-    """Read the recording in a table. Names are recognised as in a file. Without a stated unit, rad/s and m/s² are
-    assumed.
-
-    Parameters
-    ----------
-    data : table
-        One of the tables of `is_table`, or a mapping of name to array.
-    rate : float or None
-        Samples per second (Hz); None if the table has a time.
-    units : mapping or None
-        Units of "gyro", "accel" and "time".
-    source : str
-        Name of the recording.
-
-    Raises
-    ------
-    ReadError, DataError, UnitError
-        In the same cases as `read`.
-    """
+    """Read the recording in a table, with names as in a file. Without a stated unit, rad/s and m/s² are assumed."""
     options = ReadOptions(rate=rate, units={} if units is None else units)
     arrays = [one for name, values in _columns(data) for one in _arrays(str(name), values)]
     layouts = layouts_of(arrays, _NAME)
@@ -154,8 +136,7 @@ def _of_xarray(data: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _arrays(name: str, values: Any) -> list[Array]:
-    """Convert a column or a table to arrays of the readers, with NaN for masked and missing values. The list is empty
-    if the values are not numbers."""
+    """Convert a column or a table to arrays, with NaN for missing values; [] if the values are not numbers."""
     if isinstance(values, np.ma.MaskedArray):
         values = np.ma.filled(values.astype(np.float64), np.nan)
     array: NDArray[Any] = np.asarray(values)

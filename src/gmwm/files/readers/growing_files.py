@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import BinaryIO, cast
 
 from gmwm.base.errors import ReadError
-from gmwm.files.readers.base import Layout, Rows, registered
-from gmwm.files.readers.byte_sources import FileSource
-from gmwm.files.readers.columns import Choice, choose
+from gmwm.files.columns.columns import Choice, choose
+from gmwm.files.contract import Layout, Rows, without_guests
+from gmwm.files.formats.byte_sources import FileSource
+from gmwm.files.formats.text import TextReader
 from gmwm.files.readers.interpretation import require_time, understand
 from gmwm.files.readers.reading_warnings import warn
 from gmwm.files.readers.streams import Stream, first_rows
-from gmwm.files.readers.text import TextReader
 from gmwm.recording.options import ReadOptions
 
 POLL = 0.2
@@ -117,18 +117,10 @@ class GrowingPipe:
 
 
 class Lines:
-    """Complete lines of growing text. An incomplete line is kept until the rest of it arrives.
-
-    Parameters
-    ----------
-    take : callable
-        Function that returns the bytes since its last call; see `Take`.
-    breathe : callable
-        Function that is called before each check for new data. If it returns False, reading ends.
-    idle : float, optional
-        Time (s) without new data after which reading ends. It is counted from the first check that finds no data,
-        because data can already be available while the caller processes the previous lines.
-    """
+    """Complete lines of growing text. An incomplete line is kept until the rest of it arrives. `breathe` is called
+    before each check for new data, and ends the reading if it returns False. `idle` is the time (s) without new data
+    after which reading ends, counted from the first check that finds none, because data can be available while the
+    caller processes earlier lines."""
 
     def __init__(self, take: Take, breathe: Callable[[], bool], idle: float | None = None) -> None:
         self._take, self._breathe, self._idle, self.rest = take, breathe, idle, b""
@@ -233,24 +225,9 @@ class _LiveRows:
 
 
 def growing_stream(lines: Lines, path: Path, options: ReadOptions | None = None, *, patience: float = 5.0) -> Stream:
-    """Make a stream from a growing text, after its first lines have arrived. It can be iterated over once.
-
-    Parameters
-    ----------
-    lines : Lines
-        The lines of the text.
-    path : Path
-        Name of the text in messages.
-    options : ReadOptions, optional
-        Only rate, columns, units, scale and increments are used.
-    patience : float
-        Seconds after which `FEWEST` lines are sufficient.
-
-    Raises
-    ------
-    ReadError, UnitError, DataError, OptionError
-        In the same cases as `read`.
-    """
+    """Make a stream from a growing text, after its first lines have arrived. It can be iterated over once. Only rate,
+    columns, units, scale and increments of `options` are used. After `patience` seconds, `FEWEST` lines are
+    sufficient."""
     options = ReadOptions() if options is None else options
     head = _first_lines(lines, patience)
     if not head:
@@ -286,7 +263,7 @@ def _first_lines(lines: Lines, patience: float) -> bytes:
 
 def _text_layout(path: Path, head: bytes) -> tuple[TextReader, Layout]:
     """Return the reader for the text dialect of the first lines, and their columns."""
-    readers = [reader for reader in registered() if isinstance(reader, TextReader)]
+    readers = [reader for reader in without_guests() if isinstance(reader, TextReader)]
     best = max(readers, key=lambda reader: reader.sniff(path, head))
     if best.sniff(path, head) <= 0:
         raise ReadError(

@@ -15,59 +15,40 @@ from gmwm.base.arrays import Vector, as_rate
 from gmwm.base.errors import DataError, ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.text import counted
-from gmwm.files.readers.axis_units import resolve, time_unit
-from gmwm.files.readers.base import Layout, Rows
-from gmwm.files.readers.clock import clock_of
-from gmwm.files.readers.columns import Choice, described
-from gmwm.files.readers.lost_samples import Sifted, as_floats, dead_axes, is_missing, sift
+from gmwm.files.clock.clock import clock_of
+from gmwm.files.clock.lost_samples import Sifted, as_floats, dead_axes, is_missing, sift
+from gmwm.files.clock.running_clock import Pace
+from gmwm.files.clock.text_stamps import holds_stamps, require_readable
+from gmwm.files.clock.time_stamps import Timing, as_stamps, beside_stated, unstamped
+from gmwm.files.columns.axis_units import resolve, time_unit
+from gmwm.files.columns.columns import Choice, described
+from gmwm.files.columns.scale_factors import multiply
+from gmwm.files.contract import Layout, Rows
 from gmwm.files.readers.reading_warnings import STAMPS, of_file
-from gmwm.files.readers.running_clock import Pace
-from gmwm.files.readers.scale_factors import multiply
-from gmwm.files.readers.text_stamps import holds_stamps, require_readable
-from gmwm.files.readers.time_stamps import Timing, as_stamps, beside_stated, unstamped
 from gmwm.recording.options import ReadOptions
 from gmwm.recording.signals import MINIMUM_SAMPLES
 
 T = TypeVar("T")
 
 HEAD = 1 << 18
-"""Number of rows from which the unit of the accelerometers and the unit of time stamps are inferred: 44 min at 100 Hz.
-The number is a choice."""
+"""Rows from which the units of accelerometers and time stamps are inferred: 44 min at 100 Hz. It is a choice."""
 TEMPERATURE = "temperature"
 
 
 @dataclass(frozen=True, eq=False)
 class Interpretation:
-    """Columns, units and clock of a recording.
+    """Columns, units and clock of a recording."""
 
-    Attributes
-    ----------
-    choice : Choice
-        The columns to read: the axes, the temperature, and the time if it is needed to place rows.
-    words : mapping
-        Name of each column in messages.
-    factors : mapping of axis to factors
-        Factors by which the numbers in the file are multiplied, one after the other.
-    timing : Timing
-        Rate and segments of all rows; for a live stream, of the first rows.
-    pace : Pace or None
-        Sampling interval, unit and origin of the time stamps of a live stream; None for a file.
-    remarks : tuple of Remark
-        Remarks on how gmwm read the file.
-    sparse : bool
-        Whether some rows of the file are left out, so that the clock counts fewer rows than the file has.
-    first_temperature : float or None
-        The first reading of the temperature (°C); None if it is not read.
-    """
-
-    choice: Choice
-    words: Mapping[str, str]
+    choice: Choice  # the columns to read: the axes, the temperature, and the time if it is needed to place rows
+    words: Mapping[str, str]  # name of each column in messages
+    # factors by which the numbers in the file are multiplied, one after the other
     factors: Mapping[str, tuple[float, ...]]
-    timing: Timing
-    pace: Pace | None
-    remarks: tuple[Remark, ...]
+    timing: Timing  # rate and segments of all rows; for a live stream, of the first rows
+    pace: Pace | None  # sampling interval, unit and origin of the time stamps of a live stream; None for a file
+    remarks: tuple[Remark, ...]  # remarks on how gmwm read the file
+    # whether some rows of the file are left out, so that the clock counts fewer rows than the file has
     sparse: bool = False
-    first_temperature: float | None = None
+    first_temperature: float | None = None  # the first reading of the temperature (°C); None if it is not read
 
     @property
     def rate(self) -> float:
@@ -80,8 +61,7 @@ class Interpretation:
         return (*self.choice.axes, *([TEMPERATURE] if TEMPERATURE in self.choice.columns else []))
 
     def without_temperature(self) -> Interpretation:
-        """Return the interpretation without the temperature, because a part of a recording cannot interpolate it at its
-        ends."""
+        """Return it without the temperature, which a part of a recording cannot interpolate at its ends."""
         columns = {role: k for role, k in self.choice.columns.items() if role != TEMPERATURE}
         return replace(self, choice=Choice(columns, self.choice.remarks), first_temperature=None)
 
@@ -96,27 +76,9 @@ class RowSource(Protocol):
 def understand(
     layout: Layout, choice: Choice, rows: Rows, *, path: Path, options: ReadOptions, source: RowSource | None
 ) -> Interpretation:
-    """Find the working axes, the units and the clock of a recording.
-
-    Parameters
-    ----------
-    layout, choice
-        Description of the file, and the columns to read.
-    rows : mapping of column index to (n,) array
-        All rows of a recording in memory, or at least `HEAD` of them from the first one on.
-    path : Path
-        The file, for messages.
-    options : ReadOptions
-        Rate, units, factors and increments.
-    source : RowSource or None
-        All rows. None for a live stream: its clock begins with the first rows, and no axis is left out, because a few
-        rows do not show whether it works.
-
-    Raises
-    ------
-    ReadError, UnitError, DataError, OptionError
-        In the same cases as `gmwm.read`.
-    """
+    """Find the working axes, the units and the clock of a recording. `rows` are all rows of a recording in memory, or
+    its first `HEAD`. `source` is None for a live stream: its clock begins with the first rows, and no axis is left out,
+    because a few rows do not show whether it works."""
     words = {role: column_words(layout, choice, role, path) for role in choice.columns}
     constants = {} if source is None else _dead(rows, choice, source)
     axes = tuple(axis for axis in choice.axes if axis not in constants)
@@ -160,20 +122,15 @@ def understand(
     # The remarks on all time stamps of a live stream follow at the end of an iteration.
     remarks += [remark for remark in time.remarks if pace is None or remark.code not in STAMPS]
     return Interpretation(
-        choice=_read_columns(choice.only(axes), rows, column, temperature=reading is not None),
-        words=words,
+        choice=_read_columns(choice.only(axes), rows, column, temperature=reading is not None), words=words,
         factors={axis: tuple(f for f in (float(ones[axis][0]), scales.units[axis].factor) if f != 1) for axis in axes},
-        timing=time,
-        pace=pace,
-        remarks=of_file(remarks, path),
-        sparse=column is not None and column.sparse,
+        timing=time, pace=pace, remarks=of_file(remarks, path), sparse=column is not None and column.sparse,
         first_temperature=reading,
-    )
+    )  # fmt: skip
 
 
 def _read_columns(choice: Choice, rows: Rows, column: TimeColumn | None, *, temperature: bool) -> Choice:
-    """Return the columns to read for the samples. Time stamps are left out if the segments do not depend on them and no
-    temperature is interpolated."""
+    """Return the columns to read; time stamps only if segments or a temperature depend on them."""
     columns = dict(choice.columns)
     if not temperature:
         columns.pop(TEMPERATURE, None)
@@ -184,8 +141,7 @@ def _read_columns(choice: Choice, rows: Rows, column: TimeColumn | None, *, temp
 
 
 def _first_samples(rows: Rows, choice: Choice, axes: Sequence[str]) -> dict[str, Vector]:
-    """Return the values of each axis in the first rows, in the unit of the file. Rows without a value in one of `axes`
-    are left out."""
+    """Return the values of each axis in the first rows, without rows that lack one of `axes`."""
     head = sift({k: column[:HEAD] for k, column in rows.items()}, choice.columns, axes)
     kept = slice(None) if head.lost is None else ~head.lost
     return {axis: as_floats(head.rows[choice.columns[axis]])[kept] for axis in choice.axes}
@@ -231,11 +187,8 @@ def _first_reading(rows: Rows, column: int, source: RowSource | None) -> float |
 def _timing(
     layout: Layout, choice: Choice, options: ReadOptions, samples: int, stamps: Iterable[NDArray[Any]] | None
 ) -> tuple[Timing, tuple[Remark, ...]]:
-    """Return the time base, and remarks on the unit or form of the time stamps.
-
-    `stamps` yields the chunks of the time column. If it is None, the recording has no time stamps, and is one segment
-    of `samples` rows.
-    """
+    """Return the time base, and remarks on the unit or form of the time stamps. Without `stamps`, the recording is one
+    segment of `samples` rows."""
     if stamps is None:
         return unstamped(as_rate(layout.rate if options.rate is None else options.rate), samples), ()
     unit, about_unit = time_unit(layout, choice, options.units)
@@ -246,22 +199,8 @@ def _timing(
 
 
 class TimeColumn:
-    """The time stamps of all rows that the clock counts, in chunks, from a pass over the file.
-
-    Parameters
-    ----------
-    source, choice, axes
-        The rows of the recording, its columns, and the axes that work.
-
-    Attributes
-    ----------
-    alone : bool
-        Whether only the time column is read. The other columns are needed to leave out rows without a value in any
-        axis. If the first rows have all values, gmwm assumes that the recording has no such rows.
-    rows, other, unplaced : int
-        Number of rows, number of rows left out because they have no value in any axis, and number of rows left out
-        because they have no time stamp.
-    """
+    """The time stamps of all rows that the clock counts, in chunks. If the first rows have all values, only the time
+    column is read, because gmwm assumes that no row lacks all values."""
 
     def __init__(self, source: RowSource, choice: Choice, axes: Sequence[str]) -> None:
         self._source, self._columns, self._axes = source, choice.columns, axes
@@ -286,8 +225,7 @@ class TimeColumn:
             yield sifted.rows[time]
 
     def of(self, clock: Callable[[Iterable[NDArray[Any]]], T]) -> T:
-        """Return the result of `clock` for the time stamps. If a row has no time stamp, the analysis is repeated with
-        all columns."""
+        """Return `clock` of the time stamps; again with all columns if a row has no time stamp."""
         try:
             return clock(self)
         except _UnplacedRowsError:
@@ -300,14 +238,7 @@ class _UnplacedRowsError(Exception):
 
 
 def require_time(layout: Layout, choice: Choice, rate: float | None, path: Path) -> None:
-    """Require that a recording has time stamps or a rate, and that time stamps are numbers, dates with times, or times
-    of day.
-
-    Raises
-    ------
-    ReadError
-        If it has neither, or the time stamps cannot be read.
-    """
+    """Require time stamps or a rate; time stamps are numbers, dates with times, or times of day."""
     for role, column in choice.columns.items():
         if role != "time" and holds_stamps(layout, column):
             raise ReadError(
@@ -336,8 +267,7 @@ def require_time(layout: Layout, choice: Choice, rate: float | None, path: Path)
 
 
 def _apart_in_rows(sifted: Sifted, choice: Choice, axes: Sequence[str], layout: Layout, path: Path) -> DataError:
-    """Make the error for a file in which most rows lack some axes, for example because the sensors have different
-    rates."""
+    """Make the error for a file in which most rows lack some axes, as sensors of different rates write it."""
     size = next(iter(sifted.rows.values())).size
     counts = {}
     for axis in axes:
@@ -354,13 +284,7 @@ def _apart_in_rows(sifted: Sifted, choice: Choice, axes: Sequence[str], layout: 
 
 
 def require_samples(samples: int, what: str) -> None:
-    """Require at least `MINIMUM_SAMPLES` samples of the column `what`.
-
-    Raises
-    ------
-    DataError
-        If there are fewer samples.
-    """
+    """Require at least `MINIMUM_SAMPLES` samples of the column `what`."""
     if samples < MINIMUM_SAMPLES:
         raise DataError(
             f"{what} has {counted(samples, 'sample')}, but at least {MINIMUM_SAMPLES} are needed",

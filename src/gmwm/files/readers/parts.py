@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from gmwm.base.errors import OptionError, ReadError
-from gmwm.files.readers.base import Layout, Mark, Reader, existing_file, find_reader
+from gmwm.files.clock.lost_samples import Sifted, sift
+from gmwm.files.contract import Layout, Mark, Reader, existing_file, find_reader
 from gmwm.files.readers.builder import RowSummary, SampleBuilder
 from gmwm.files.readers.interpretation import Interpretation
-from gmwm.files.readers.lost_samples import Sifted, sift
 from gmwm.files.readers.several_files import SeveralFiles
 from gmwm.files.readers.streams import FileRows, Stream
 from gmwm.files.readers.topics import one_layout
@@ -90,13 +90,7 @@ class Part:
 
 
 class PartReader:
-    """Reads a part once. `summary` is available after the last chunk.
-
-    Raises
-    ------
-    ReadError, DataError
-        In the same cases as `gmwm.read`, and if the file has changed since it was divided.
-    """
+    """Reads a part once. `summary` is available after the last chunk."""
 
     summary: RowSummary
 
@@ -173,18 +167,10 @@ def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
     marks = () if stream._found.sparse else origin.reader.marks(origin.path, origin.layout)
     cuts = _cuts(marks, int(count))
     whole = Part(
-        path=origin.path,
-        bytes=origin.path.stat().st_size,
-        format=origin.reader.name,
-        topic=origin.topic,
-        found=stream._found.without_temperature(),
-        size=stream._size,
-        back=Mark(0),
-        begin=Mark(0),
-        end=Mark(0),
-        whole=True,
-        skip_bad_lines=origin.layout.skip_bad_lines,
-    )
+        path=origin.path, bytes=origin.path.stat().st_size, format=origin.reader.name, topic=origin.topic,
+        found=stream._found.without_temperature(), size=stream._size, back=Mark(0), begin=Mark(0), end=Mark(0),
+        whole=True, skip_bad_lines=origin.layout.skip_bad_lines,
+    )  # fmt: skip
     if not cuts:
         return (whole,)
     edges = [0, *cuts, len(marks) - 1]

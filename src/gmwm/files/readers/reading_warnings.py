@@ -33,8 +33,7 @@ def of_file(remarks: Iterable[Remark], path: object) -> tuple[Remark, ...]:
 
 
 def warn(remarks: Iterable[Remark], stacklevel: int) -> None:
-    """Issue the remarks that are also warnings. `stacklevel` means the same as in a call of `warnings.warn` by the
-    caller."""
+    """Issue the remarks that are also warnings. `stacklevel` is that of `warnings.warn` in the caller."""
     for remark in remarks:
         category = _CATEGORIES.get(remark.code)
         if category is not None:

@@ -19,23 +19,15 @@ import numpy as np
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.text import printable
-from gmwm.files.readers.base import Layout, Reader, Rows, existing_file, find_reader
-from gmwm.files.readers.lost_samples import CUT
+from gmwm.files.clock.lost_samples import CUT
+from gmwm.files.contract import Layout, Reader, Rows, existing_file, find_reader
 
 Source = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 """A file, a pattern, or a sequence of files."""
 
 
 def found_reader(path: Source, format: str | None) -> tuple[Path, Reader]:
-    """Return the file and its reader; for several files, the first file and a reader of all of them.
-
-    Raises
-    ------
-    ReadError
-        If a file does not exist, or no reader recognises it.
-    OptionError
-        If `path` is not a path, or there is no reader of the name `format`.
-    """
+    """Return the file and its reader; for several files, the first file and a reader of all of them."""
     files = [existing_file(file) for file in files_of(path)]
     readers = [find_reader(file, format) for file in files]
     return files[0], readers[0] if len(files) == 1 else SeveralFiles(files, readers)
@@ -70,8 +62,7 @@ def source_words(path: Source) -> str:
 
 
 class SeveralFiles(Reader):
-    """Reads several files one after the other. It is not registered, because the number of files chooses it, not their
-    content."""
+    """Reads several files one after the other. It is not registered: the number of files chooses it."""
 
     name: ClassVar[str] = "several files"
     extensions: ClassVar[tuple[str, ...]] = ()
@@ -100,13 +91,7 @@ class SeveralFiles(Reader):
                 cut = False
 
     def _alike(self, file: Path, reader: Reader, layout: Layout, wanted: Sequence[int]) -> Layout:
-        """Return the recording of another file that continues the recording of the first file.
-
-        Raises
-        ------
-        ReadError
-            If the file has no recording with the same columns.
-        """
+        """Return the recording of another file that continues the recording of the first file."""
         for own in reader.layouts(file):
             names = [channel.name for channel in own.channels]
             same = len(names) == len(layout.channels) and all(names[k] == layout.channels[k].name for k in wanted)

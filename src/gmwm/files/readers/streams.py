@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from gmwm.base.remarks import Remark
+from gmwm.files.clock.lost_samples import CUT, as_floats
+from gmwm.files.columns.columns import Choice
+from gmwm.files.contract import Layout, Reader, Rows, existing_file, find_reader
 from gmwm.files.readers import interpretation
-from gmwm.files.readers.base import Layout, Reader, Rows, existing_file, find_reader
 from gmwm.files.readers.builder import RowSummary, SampleBuilder
-from gmwm.files.readers.columns import Choice
 from gmwm.files.readers.interpretation import Interpretation, RowSource
-from gmwm.files.readers.lost_samples import CUT, as_floats
 from gmwm.files.readers.reading_warnings import of_file, warn
 from gmwm.files.readers.several_files import SeveralFiles, files_of, source_words
 from gmwm.files.readers.topics import one_layout
@@ -34,8 +34,7 @@ if TYPE_CHECKING:
 CHUNK = 1_000_000
 """Default number of samples in a chunk."""
 LARGE = 300_000_000
-"""Smallest size of a file (bytes) that the commands, and the calibration of a fleet, stream. The value is a choice:
-smaller files fit into the memory of any computer together with the copies that an estimate needs."""
+"""File size (bytes) from which commands and fleets stream. Smaller files fit into any memory, with copies."""
 Kept = Sequence[tuple[float, float]]
 """Ranges of time (s), in order."""
 
@@ -61,22 +60,13 @@ def without_float_warnings(items: Iterator[T]) -> Iterator[T]:
 
 @dataclass(frozen=True, eq=False)
 class FileRows:
-    """The rows of a recording in a file. Each iteration reads them again.
+    """The rows of a recording in a file. Each iteration reads them again."""
 
-    Attributes
-    ----------
-    path, reader, layout
-        The file, its reader, and the description of the recording.
-    topic : str or None
-        Name of the recording that the user chose; None if none was chosen.
-    limits : (int, int) or None
-        Number of the first row, and of the row after the last one; None for all rows.
-    """
-
-    path: Path
+    path: Path  # the file, its reader, and the description of the recording
     reader: Reader
     layout: Layout
-    topic: str | None
+    topic: str | None  # name of the recording that the user chose; None if none was chosen
+    # number of the first row, and of the row after the last one; None for all rows
     limits: tuple[int, int] | None = None
 
     def chunks(self, wanted: Sequence[int]) -> Iterator[Rows]:
@@ -93,8 +83,7 @@ class FileRows:
         return replace(self, limits=(begin, end))
 
     def held(self, choice: Choice) -> HeldRows:
-        """Read the rows of the chosen columns into memory. Integers become float64, except in the time stamps, which
-        need the precision."""
+        """Read the chosen columns into memory, as float64 except the time stamps, which need the precision."""
         wanted = list(choice.columns.values())
         parts: dict[int, list[Any]] = {k: [] for k in wanted}
         cuts, marked = [], False
@@ -262,19 +251,9 @@ class Stream:
         from gmwm.measuring.streaming.passes import stream_variance
 
         return stream_variance(
-            self,
-            levels=levels,
-            exact=exact,
-            robust=robust,
-            efficiency=efficiency,
-            passes=passes,
-            confidence=confidence,
-            threads=threads,
-            scheduler=scheduler,
-            workers=workers,
-            parts=parts,
-            done=done,
-        )
+            self, levels=levels, exact=exact, robust=robust, efficiency=efficiency, passes=passes,
+            confidence=confidence, threads=threads, scheduler=scheduler, workers=workers, parts=parts, done=done,
+        )  # fmt: skip
 
     def psd(
         self,

@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
-from gmwm.files.readers.base import Rows
-from gmwm.files.readers.lost_samples import is_missing
+from gmwm.files.clock.lost_samples import is_missing
+from gmwm.files.contract import Rows
 
 LONGEST = 1 << 20
-"""Largest number of rows over which the temperature is interpolated: 17 min at 1 kHz. At most this number of rows wait
-for the next reading, which bounds the memory. The value is a choice."""
+"""Rows over which the temperature is interpolated (17 min at 1 kHz): so many rows wait in memory. It is a choice."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +46,7 @@ class _Block:
         return _Reading(self.first + k, float(self.stamps[k]), float(self.values[k]))
 
     def filled(self, column: int, before: _Reading, after: _Reading | None) -> Rows:
-        """Return the rows with a temperature in each row, interpolated between the readings in the block and next to
-        it."""
+        """Return the rows with a temperature in each, interpolated between readings in and next to the block."""
         known, at = np.flatnonzero(~self.missing), np.flatnonzero(self.missing)
         if not at.size:
             return self.rows
@@ -72,17 +70,7 @@ class _Block:
 
 
 def with_temperature(chunks: Iterable[Rows], columns: Mapping[str, int], first: float) -> Iterator[Rows]:
-    """Yield the chunks with a temperature in each row.
-
-    Parameters
-    ----------
-    chunks : iterable of Rows
-        The rows of the recording.
-    columns : mapping of role to column index
-        Indices of the columns "temperature", and "time" if the time stamps are read.
-    first : float
-        The first reading (°C).
-    """
+    """Yield the chunks with a temperature in each row, from the first reading (°C) on."""
     column, count, origin = columns["temperature"], 0, None
     before = latest = _Reading(-LONGEST - 1, np.nan, first)
     waiting = list[_Block]()

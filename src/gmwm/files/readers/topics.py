@@ -10,20 +10,12 @@ from gmwm.base.axis_names import AXES
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.text import counted, duration_text
-from gmwm.files.readers.base import Layout, Reader
+from gmwm.files.contract import Layout, Reader
 from gmwm.files.readers.several_files import Source, found_reader
 
 
 def one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
-    """Choose the recording to read: the recording named `topic`, or the only inertial recording.
-
-    Raises
-    ------
-    OptionError
-        If there is no recording with this name, or several.
-    ReadError
-        If no name is given and the choice is not unique, or the recording cannot be read.
-    """
+    """Choose the recording to read: the recording named `topic`, or the only inertial recording."""
     layouts = reader.layouts(path)
     if topic is not None:
         # The number of the first instance of a message, and the slash of a ROS topic, can be left out.
@@ -55,27 +47,14 @@ def one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
 
 
 def inertial_topics(path: Source, format: str | None = None) -> tuple[str, ...]:
-    """Return the names of the inertial recordings in a file, in their order.
-
-    Raises
-    ------
-    ReadError, OptionError
-        If the file cannot be read.
-    """
+    """Return the names of the inertial recordings in a file, in their order."""
     file, reader = found_reader(path, format)
     layouts = reader.layouts(file)
     return tuple(layout.topic for layout in layouts if layout.inertial or len(layouts) == 1)
 
 
 def sensor_topics(path: Source, format: str | None = None) -> tuple[str, ...]:
-    """Return the names of the recordings in a file that have all six axes. If there is none, return the names of all
-    inertial recordings; () for a format whose files hold one recording.
-
-    Raises
-    ------
-    ReadError, OptionError
-        If the file cannot be read.
-    """
+    """Return the names of the recordings with all six axes, or else of all inertial ones; () for single recordings."""
     file, reader = found_reader(path, format)
     if reader.single:
         return ()
@@ -94,18 +73,7 @@ def topic_folder(topic: str) -> str:
 
 
 def separate_sensors(path: Source, format: str | None = None) -> tuple[str, str] | None:
-    """Return the names of the recording of the gyroscopes and the recording of the accelerometers in a file.
-
-    Returns
-    -------
-    (gyroscopes, accelerometers), or None
-        None unless the file has exactly these two inertial recordings.
-
-    Raises
-    ------
-    ReadError, OptionError
-        If the file cannot be read.
-    """
+    """Return the names of the recordings of gyroscopes and of accelerometers, if the file has exactly these two."""
     file, reader = found_reader(path, format)
     layouts = [layout for layout in reader.layouts(file) if layout.inertial]
     named = {tuple(_sensors(layout)): layout.topic for layout in layouts}
@@ -115,13 +83,7 @@ def separate_sensors(path: Source, format: str | None = None) -> tuple[str, str]
 
 
 def _readable(layout: Layout, path: Path) -> Layout:
-    """Return the layout, after a check that it has columns.
-
-    Raises
-    ------
-    ReadError
-        If the recording cannot be read.
-    """
+    """Return the layout, after a check that it has columns."""
     if layout.unreadable is not None:
         raise layout.unreadable
     if not layout.channels:

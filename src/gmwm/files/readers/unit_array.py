@@ -11,9 +11,9 @@ from typing import Any
 
 from gmwm.base.axis_names import AXES
 from gmwm.base.errors import OptionError, ReadError
+from gmwm.files.columns.column_names import recognise
+from gmwm.files.contract import Layout
 from gmwm.files.readers.api import read_file
-from gmwm.files.readers.base import Layout
-from gmwm.files.readers.column_names import recognise
 from gmwm.files.readers.several_files import found_reader
 from gmwm.files.readers.topics import inertial_topics, one_layout
 from gmwm.recording.options import ReadOptions
@@ -75,11 +75,8 @@ def read_units(path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], 
 
 
 def numbered_columns(layout: Layout) -> dict[str, dict[str, int]]:
-    """Return the column of each axis of each unit, by the number of the unit in the column names. The mapping is empty
-    unless there are several numbers.
-
-    An index that stands for an axis is not the number of a unit: gyro[0], gyro[1] and gyro[2] are the axes of one unit.
-    """
+    """Return the column of each axis of each unit, by the number of the unit in its name, if there are several. The
+    index in gyro[0], gyro[1], gyro[2] is an axis, not a unit."""
     units: dict[str, dict[str, int]] = {}
     for k, channel in enumerate(layout.channels):
         found = _numbered(channel.name)

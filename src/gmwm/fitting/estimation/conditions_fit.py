@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from gmwm.base.arrays import Vector
 from gmwm.base.documents import plain
 from gmwm.base.errors import OptionError
+from gmwm.base.plotting import Plotted
 from gmwm.base.tables import aligned
 from gmwm.base.text import Summarised, p_relation
 from gmwm.fitting.estimation.intervals import UNDETERMINED
@@ -21,11 +20,6 @@ from gmwm.fitting.estimation.varies import parse_varies
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.model import Model
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    from gmwm.showing.plots.view import UnitSystem, ViewName
 
 
 @dataclass(frozen=True)
@@ -71,15 +65,8 @@ class Estimate:
         return self.value / factor, self.value * factor
 
 
-class AtCondition(NamedTuple):
-    """Measured wavelet variance at one condition, and the wavelet variance that the model implies there."""
-
-    wavelet_variance: WaveletVariance
-    implied: Vector
-
-
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class ConditionsFit(Summarised):
+class ConditionsFit(Summarised, Plotted):
     """One model fitted to recordings at known conditions.
 
     Attributes
@@ -151,38 +138,6 @@ class ConditionsFit(Summarised):
                 for function in varied.functions
             )
         return model.with_values(values)
-
-    def plot(
-        self, *, view: ViewName = "wavelet", units: UnitSystem = "si", path: str | os.PathLike[str] | None = None
-    ) -> MatplotlibFigure:
-        """Draw the curves of all conditions with their models.
-
-        Parameters
-        ----------
-        view : "wavelet" or "allan"
-            Quantity to draw: the wavelet variance ν² against the scale τ (s), or the Allan deviation √(2ν²) against the
-            averaging time τ/2 (s).
-        units : "si" or "datasheet"
-            Units of the plot: rad/s and m/s², or deg/h and mg.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown.
-        """
-        from gmwm.showing.plots.overlay import Item, plot_comparison
-
-        items: dict[str, Item] = {
-            f"{self.condition} {c:g}": AtCondition(wv, self.models[c].wavelet_variance(wv.levels, wv.rate, wv.filter))
-            for c, wv in self.curves.items()
-        }
-        return plot_comparison(items, view=view, units=units, path=path)
 
     def summary(self) -> str:
         """Format a table of the estimates with 95 % confidence intervals, followed by the certificate and the tests."""

@@ -236,7 +236,7 @@ def step_parameter(parameter: Parameter, value: float, share: float) -> float:
     """Return the value of a parameter after a relative step `share`; the result is in the domain of the parameter.
 
     >>> from gmwm import WN
-    >>> stepped(WN.parameters[0], 4.0, 0.25), stepped(WN.parameters[0], 4.0, -1.5)
+    >>> step_parameter(WN.parameters[0], 4.0, 0.25), step_parameter(WN.parameters[0], 4.0, -1.5)
     (5.0, 0.0)
     """
     if parameter.scale_power is not None and parameter.domain != "real":

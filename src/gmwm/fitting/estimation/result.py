@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +13,7 @@ from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.documents import Documented
 from gmwm.base.errors import ModelError
 from gmwm.base.kinds import Document
+from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import Named
 from gmwm.fitting.estimation import asymptotic, criterion, goodness, intervals
@@ -31,14 +31,11 @@ from gmwm.theory.processes.equivalence import likeness
 from gmwm.theory.processes.model import KalmanMethods, Model
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
 
     from gmwm.applications.navigation import Budget
     from gmwm.choosing.datasheets.sheet import Datasheet
     from gmwm.choosing.replicates import Replicates
-    from gmwm.showing.plots.view import UnitSystem, ViewName
 
 GIVEN = "given"
 """Attribute `weighting` of a `Fit` whose parameters were given and not estimated from data."""
@@ -71,7 +68,7 @@ class Diagnostics(Documented):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Fit(Documented, KalmanMethods):
+class Fit(Documented, Plotted, KalmanMethods):
     """Model that was fitted to a wavelet variance.
 
     Attributes
@@ -343,53 +340,6 @@ class Fit(Documented, KalmanMethods):
         from gmwm.applications.navigation.api import budget_of_fit
 
         return budget_of_fit(self, duration, rest=rest, level=level)
-
-    def plot(
-        self,
-        *,
-        view: ViewName = "wavelet",
-        units: UnitSystem = "si",
-        decomposition: bool | None = None,
-        label: str | None = None,
-        color: str | None = None,
-        ax: Axes | None = None,
-        path: str | os.PathLike[str] | None = None,
-    ) -> MatplotlibFigure:
-        """Draw the data with their confidence band, the curve that the model implies, and the curve of each term.
-
-        Parameters
-        ----------
-        view : "wavelet" or "allan"
-            Quantity to draw: the wavelet variance ν² against the scale τ (s), or the Allan deviation √(2ν²) against the
-            averaging time τ/2 (s).
-        units : "si" or "datasheet"
-            Units of the plot: rad/s and m/s², or deg/h and mg.
-        decomposition : bool, optional
-            Whether to draw the curves of the terms. By default they are drawn unless `label` or `color` is given.
-        label : str, optional
-            Name of the fit in the legend. Use it to draw several fits on the same axes, as in
-            `monday.plot(ax=ax, label="monday")`. Each fit then has its own colour and symbol.
-        color : str, optional
-            Matplotlib colour such as "#D55E00"; by default a colour that no earlier fit has.
-        ax : matplotlib Axes, optional
-            Axes to draw on; by default the axes of a new figure.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown, if the data do not support it, or if an earlier fit on `ax` has another unit.
-        """
-        from gmwm.showing.plots.fit import plot_fit
-
-        return plot_fit(
-            self, view=view, units=units, decomposition=decomposition, label=label, color=color, ax=ax, path=path
-        )
 
     def to_frame(self, level: float = 0.95) -> DataFrame:
         """Return the estimates as a Polars data frame with the columns parameter, value, low, high and unit.

@@ -4,18 +4,18 @@ recording."""
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector, as_rate, freeze
 from gmwm.base.documents import plain
 from gmwm.base.errors import ModelError, OptionError
+from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark, texts
 from gmwm.base.tables import aligned
 from gmwm.base.text import Named, Summarised, counted, duration_text
@@ -27,10 +27,6 @@ from gmwm.measuring.covariance import covariance
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import one_of
 from gmwm.theory.processes.model import Model, ModelLike, as_model
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
 
 SEEN = 0.5
 """Relative standard error above which a parameter is uncertain, because its 95 % interval then includes zero."""
@@ -46,7 +42,7 @@ samples."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Plan(Summarised):
+class Plan(Summarised, Plotted):
     """Relative standard errors of the estimates of a model for recordings of different lengths.
 
     Attributes
@@ -103,36 +99,6 @@ class Plan(Summarised):
             losses=self.losses,
         )
         return build, ()
-
-    def plot(
-        self, *, accuracy: float = 0.1, ax: Axes | None = None, path: str | os.PathLike[str] | None = None
-    ) -> MatplotlibFigure:
-        """Draw the relative standard error of each parameter over the length of the recording.
-
-        The curves continue beyond the planned duration, which is marked.
-
-        Parameters
-        ----------
-        accuracy : float
-            Desired relative standard error. It is drawn as a horizontal line, with a ring where each parameter reaches
-            it.
-        ax : matplotlib Axes, optional
-            Axes to draw on; by default the axes of a new figure.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If `accuracy` is not between 0 and 0.5, or the plot cannot be drawn on `ax` or written to `path`.
-        """
-        from gmwm.showing.plots.plan import plot_plan
-
-        return plot_plan(self, accuracy=accuracy, ax=ax, path=path)
 
     @property
     def duration(self) -> float:

@@ -6,16 +6,16 @@ If the model is right, they are white and normally distributed with variance 1.
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import OptionError
+from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised
 from gmwm.fitting.likelihood.problem import LikelihoodProblem, standardise
 from gmwm.fitting.likelihood.tracks import Modelled, pose_filter
@@ -23,9 +23,6 @@ from gmwm.recording.autocorrelation import autocorrelation, observed_pairs
 from gmwm.recording.options import as_whole_number
 from gmwm.recording.signals import Signal
 from gmwm.theory.processes.model import Model
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +48,7 @@ class Check:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Residuals(Summarised):
+class Residuals(Summarised, Plotted):
     """Standardised innovations z_t = v_t/√S_t of a recording, with tests of whiteness and normality.
 
     v_t is the error of the one-step prediction of a Kalman filter, and S_t is its variance.
@@ -211,39 +208,6 @@ class Residuals(Summarised):
             "ljung_box": {"lags": white.lags, "statistic": white.statistic, "p_value": white.p_value},
             "jarque_bera": {"statistic": normal.statistic, "p_value": normal.p_value},
         }
-
-    def plot(self, lags: int | None = None, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the residuals over time, their normal probability plot, and their autocorrelation.
-
-        The titles give the results of the tests.
-
-        Parameters
-        ----------
-        lags : int, optional
-            Number of lags of the autocorrelation and of the Ljung-Box test; 10 log₁₀ N by default.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If `lags` is not a whole number below the number of samples, or the ending of `path` is unknown.
-
-        Examples
-        --------
-        >>> from gmwm import RW, WN
-        >>> model = WN(sigma2=1.0) + RW(gamma2=1e-4)
-        >>> picture = model.residuals(model.simulate(1000, 100.0, rng=1), rate=100.0).plot()
-        >>> [axes.get_title().partition(":")[0] for axes in picture.findobj(match=type(picture.axes[0]))]
-        ['WN + RW', 'Jarque-Bera', 'Ljung-Box, 30 lags']
-        """
-        from gmwm.showing.plots.residuals import plot_residuals
-
-        return plot_residuals(self, lags, path=path)
 
     def __repr__(self) -> str:
         return f"Residuals({self.model.structure}, {self.observed.size} samples)"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,6 +14,7 @@ from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.documents import Documented
 from gmwm.base.errors import ModelError
 from gmwm.base.kinds import Document
+from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Remark
 from gmwm.base.text import Named
 from gmwm.fitting.estimation.asymptotic import why_no_error
@@ -25,12 +25,8 @@ from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.model import KalmanMethods, Model
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
-
     from gmwm.fitting.estimation.intervals import Interval
     from gmwm.fitting.likelihood.intervals import Method
-    from gmwm.showing.plots.view import UnitSystem, ViewName
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +59,7 @@ class LikelihoodDiagnostics:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class LikelihoodFit(Documented, KalmanMethods):
+class LikelihoodFit(Documented, Plotted, KalmanMethods):
     """A model fitted to a recording by maximum likelihood.
 
     Attributes
@@ -267,53 +263,6 @@ class LikelihoodFit(Documented, KalmanMethods):
         from gmwm.fitting.likelihood.summary import summary
 
         return summary(self, level, method)
-
-    def plot(
-        self,
-        *,
-        view: ViewName = "wavelet",
-        units: UnitSystem = "si",
-        decomposition: bool | None = None,
-        label: str | None = None,
-        color: str | None = None,
-        ax: Axes | None = None,
-        path: str | os.PathLike[str] | None = None,
-    ) -> MatplotlibFigure:
-        """Draw the wavelet variances of the recording, of the fitted model and of each term.
-
-        Parameters
-        ----------
-        view : "wavelet" or "allan"
-            Wavelet variance ν² against the scale τ (s), or Allan deviation √(2ν²) against the averaging time τ/2 (s).
-        units : "si" or "datasheet"
-            rad/s and m/s², or deg/h and mg.
-        decomposition : bool, optional
-            Whether to draw the terms. The default is False if `label` or `color` is given, otherwise True.
-        label : str, optional
-            Name of the fit in the legend, to draw several fits on the same `ax`.
-        color : str, optional
-            A Matplotlib colour such as "#D55E00"; by default the next colour that no fit on `ax` uses.
-        ax : matplotlib Axes, optional
-            Axes to draw on; a new figure by default.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown, or the data do not support it.
-        ModelError
-            If the fit was read from a file, which does not hold the recording.
-        """
-        from gmwm.showing.plots.fit import plot_fit
-
-        return plot_fit(
-            self, view=view, units=units, decomposition=decomposition, label=label, color=color, ax=ax, path=path
-        )
 
     def units(self) -> dict[str, str]:
         """Return the unit of every parameter, by name."""

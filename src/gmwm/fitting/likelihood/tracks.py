@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +14,7 @@ from numpy.typing import ArrayLike
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.errors import ModelError, OptionError
+from gmwm.base.plotting import Plotted
 from gmwm.base.text import Named
 from gmwm.fitting.estimation import Fit
 from gmwm.fitting.likelihood.problem import LikelihoodProblem, as_mean, nothing_to_chance
@@ -26,12 +26,6 @@ from gmwm.recording.signals import Signal
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model, as_model
 from gmwm.theory.processes.parameter import Fixed
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    from gmwm.showing.plots.view import UnitSystem
 
 Kind = Literal["filter", "smooth", "predict"]
 Modelled = Fit | LikelihoodFit | Model | Process | str
@@ -47,7 +41,7 @@ between recordings. Parameters per sample then change by at most 0.1 %. Pinned b
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Tracks:
+class Tracks(Plotted):
     """Estimated time series of the latent processes of a recording, with standard deviations.
 
     Attributes
@@ -134,61 +128,6 @@ class Tracks:
         finite = np.isfinite(reach)
         centre = np.where(finite, self.mean[label], 0.0)
         return centre - reach, centre + reach
-
-    def plot(
-        self,
-        labels: str | Sequence[str] | None = None,
-        *,
-        truth: Mapping[str, ArrayLike] | ArrayLike | None = None,
-        level: float = 0.95,
-        units: UnitSystem = "si",
-        ax: Axes | None = None,
-        path: str | os.PathLike[str] | None = None,
-    ) -> MatplotlibFigure:
-        """Draw the recording with its bias and, below it, the bias or other tracks with their confidence bands.
-
-        The line of the recording has gaps where samples are missing; the tracks do not. Samples with an infinite
-        standard deviation are not drawn. For a prediction, only the tracks are drawn.
-
-        Parameters
-        ----------
-        labels : str or sequence of str, optional
-            The tracks to draw, one panel each; the bias by default.
-        truth : mapping of label to (N,) array, or (N,) array, optional
-            The true values, in the unit of the recording, if they are known. A single array is the true bias.
-        level : float
-            Probability that the band contains the process at a given sample, if the parameters of the model are exact.
-        units : "si" or "datasheet"
-            rad/s and m/s², or deg/h and mg. Other units are not converted.
-        ax : matplotlib Axes, optional
-            Axes on which to draw one track without the recording; a new figure by default.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If a label or an option is unknown, if `truth` has another length than the tracks, or if the picture cannot
-            be drawn on `ax`.
-        DataError
-            If `truth` is not a vector of real numbers.
-
-        Examples
-        --------
-        >>> from gmwm import simulate_signal
-        >>> made = simulate_signal("WN(sigma2=1.0) + RW(gamma2=1e-4)", rate=100.0, samples=1000, rng=1)
-        >>> tracks = made.model.smooth(made.signal)
-        >>> picture = tracks.plot(truth=made["RW"])
-        >>> [axes.get_title() for axes in picture.axes]
-        ['Record and its bias: WN + RW', 'Bias: RW']
-        """
-        from gmwm.showing.plots.tracks import plot_tracks
-
-        return plot_tracks(self, labels, truth=truth, level=level, units=units, ax=ax, path=path)
 
     def __repr__(self) -> str:
         return f"Tracks({self.kind}, {', '.join(self.labels)}: {len(self)} samples at {self.rate:g} Hz)"

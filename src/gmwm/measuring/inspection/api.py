@@ -44,14 +44,13 @@ _RESTLESS = 4.0
 """Largest ratio of the standard deviation of a window to the median over all windows for a sensor at rest
 (tests/test_inspection.py)."""
 _CHANGES = 0.1
-"""Share of samples at which the output changes, above which rounding does not explain a window without any change
+"""Share of samples with a changed output, above which rounding does not explain a window without any change
 (tests/test_inspection.py)."""
 _TURN = 0.1
-"""Change of the direction of gravity (degrees) above which there is a remark (tests/test_inspection.py). A bias of 1.7
-mg has the same effect."""
-_UNEXPLAINED = 5.0
-"""Change of the direction of gravity, in standard errors, above which noise does not explain it
+"""Change of the direction of gravity (degrees) above which there is a remark, as by a bias of 1.7 mg
 (tests/test_inspection.py)."""
+_UNEXPLAINED = 5.0
+"""Change of the direction of gravity (standard errors) that noise does not explain (tests/test_inspection.py)."""
 
 Values = Callable[[str, int, int], Vector]
 """Function of axis, first and last index that returns the samples of a half-open range."""
@@ -121,13 +120,8 @@ def _not_a_recording(given: object) -> OptionError:
 
 
 class FirstPass:
-    """The first of two passes over a recording: finds the segments and the quantization step of each axis.
-
-    Parameters
-    ----------
-    batches : Batches
-        The batches of the recording, which are passed to `update` in order.
-    """
+    """The first of two passes over the batches of a recording: finds the segments and the quantization step of each
+    axis."""
 
     def __init__(self, batches: Batches) -> None:
         self._batches = batches
@@ -167,25 +161,9 @@ class FirstPass:
 
 
 class RecordingStatistics:
-    """Statistics of all axes of a recording, from its batches in order.
-
-    Parameters
-    ----------
-    source : str
-        Name of the recording.
-    remarks : sequence of Remark
-        Remarks on how the recording was read.
-    base : TimeBase
-        Jitter, gaps and duplicates of the time stamps.
-    extent : Extent
-        Segments and their times.
-    resolutions : mapping of axis to float or None
-        Quantization step of each axis; None if none is visible.
-    values : callable
-        Function `values(axis, first, last)` that returns a range of samples.
-    temperature : (lowest, highest) or None
-        Range of the temperature (°C).
-    """
+    """Statistics of all axes of a recording, from its batches in order. `remarks` are those of the reader, `base` the
+    time stamps, `resolutions` the quantization step of each axis or None, and `temperature` its range (°C) or None.
+    `values(axis, first, last)` returns a range of samples."""
 
     def __init__(
         self, source: str, remarks: Sequence[Remark], base: TimeBase, extent: Extent,
@@ -242,23 +220,11 @@ class RecordingStatistics:
         )
         segments = len(extent.segments)
         return Inspection(
-            source=self._source,
-            rate=extent.rate,
-            duration=extent.samples / extent.rate,
-            samples=extent.samples,
-            segments=segments,
-            time_base=self._base,
-            axes=axes,
-            gravity=gravity,
-            tilt=tilt,
-            static=not (moved or restless),
-            knocks=knocks,
-            steps=tuple(steps),
-            trends=trends,
-            temperature=self._temperature,
-            regressions=dict(conditions.found),
-            remarks=remarks,
-        )
+            source=self._source, rate=extent.rate, duration=extent.samples / extent.rate, samples=extent.samples,
+            segments=segments, time_base=self._base, axes=axes, gravity=gravity, tilt=tilt,
+            static=not (moved or restless), knocks=knocks, steps=tuple(steps), trends=trends,
+            temperature=self._temperature, regressions=dict(conditions.found), remarks=remarks,
+        )  # fmt: skip
 
     def _axis(self, axis: str, one: AxisStatistics) -> AxisInspection:
         noise = float(np.sqrt(one.differences.means[0] / 2))
@@ -268,19 +234,13 @@ class RecordingStatistics:
         counts = one.calm.counts
         rest = float(counts @ one.calm.means / np.sum(counts)) if np.any(counts) else mean
         return AxisInspection(
-            unit=self._units[axis],
-            mean=mean,
-            sd=sd,
-            rest=rest,
-            noise=noise,
-            lsb=step,
-            before_rounding=None if step is None else before_rounding(one.runs(), step),
-            wander=wander,
-        )
+            unit=self._units[axis], mean=mean, sd=sd, rest=rest, noise=noise, lsb=step,
+            before_rounding=None if step is None else before_rounding(one.runs(), step), wander=wander,
+        )  # fmt: skip
 
     def _stuck(self, axis: str, one: AxisStatistics) -> tuple[float, float] | None:
-        """Return the first time (s) at which the output of an axis does not change for a window, and the share of these
-        windows; None if there are none, or if rounding explains them."""
+        """Return the first time (s) at which the output of an axis is constant for a window, and the share of such
+        windows. The result is None if there are none, or if rounding explains them."""
         there = one.steps.counts > 0
         still, step = there & (one.steps.means == 0), self._resolutions[axis] or 0.0
         moving = there & ~still
@@ -291,8 +251,7 @@ class RecordingStatistics:
         return float(self._extent.times([first])[0]), float(np.mean(still[there]))
 
     def _densities(self) -> dict[str, float]:
-        """Return the noise density of each gyroscope (rad/s/√Hz), the median over the windows, which knocks do not
-        affect."""
+        """Return the noise density of each gyroscope (rad/s/√Hz): the median over the windows, which ignores knocks."""
         found = {}
         for axis, one in self._axes.items():
             some = one.steps.counts > 0
@@ -325,8 +284,8 @@ def _noise(axis: str, one: AxisStatistics, conditions: Conditions) -> list[tuple
 def _gravity(
     statistics: Mapping[str, AxisStatistics], axes: Mapping[str, AxisInspection], samples: int
 ) -> tuple[float | None, float | None, float]:
-    """Return the norm of the mean specific force (m/s²), its largest change of direction between windows (°), and the
-    change that noise alone causes (°)."""
+    """Return the norm of the mean specific force (m/s²), its largest change of direction (°), and that of noise alone
+    (°)."""
     names = ("accel_x", "accel_y", "accel_z")
     if any(axis not in statistics for axis in names):
         return None, None, 0.0
@@ -343,8 +302,9 @@ def _gravity(
 
 
 def _restless(one: AxisStatistics, extent: Extent) -> tuple[float, float, float] | None:
-    """Return the beginning and length (s) of the window with the largest standard deviation without outliers, and the
-    ratio of this to the median of all windows; None if the ratio is usual."""
+    """Return the begin and length (s) of the window with the largest standard deviation without outliers, and its ratio
+    to the median of all windows; None if the ratio is usual.
+    """
     spreads = np.sqrt(one.calm.variances())
     changing = spreads[one.steps.means > 0]  # windows in which the output is not stuck
     usual, worst = float(np.median(changing)) if changing.size else 0.0, int(np.argmax(spreads))

@@ -9,21 +9,14 @@ from gmwm.measuring.inspection.knocks import BLOCK, FEWEST, Indices, Outliers, l
 from gmwm.measuring.inspection.time_grid import Extent
 
 _RUN = 256
-"""Number of consecutive samples in which the mean hardly changes, for an estimate of the noise before rounding
+"""Number of consecutive samples in which the mean hardly changes, for the noise before rounding
 (tests/test_rounding.py)."""
 _SLAB = 256 * BLOCK  # samples that are processed together; it affects memory and speed only
 
 
 class AxisStatistics:
-    """Statistics of one axis: moments, outliers and levels.
-
-    Parameters
-    ----------
-    extent : Extent
-        Segments and times of the recording; its samples are passed to `update` in order.
-    resolution : float
-        Quantization step; 0 if none is visible.
-    """
+    """Statistics of one axis: moments, outliers and levels. `extent` has the segments and times of the recording, whose
+    samples are passed to `update` in order. `resolution` is the quantization step, 0 if none is visible."""
 
     def __init__(self, extent: Extent, resolution: float) -> None:
         self._extent, self._resolution = extent, resolution

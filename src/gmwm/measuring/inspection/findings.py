@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from gmwm.base.remarks import Fact, Quantity, Remark
 from gmwm.base.text import counted, duration_text, rounded
-from gmwm.base.time_base import TimeBase
+from gmwm.base.time_base import TimeBase, lost_samples
 from gmwm.base.units import STANDARD_GRAVITY, datasheet_units, noise_unit
 from gmwm.measuring.regression.result import per
 
@@ -20,27 +20,24 @@ if TYPE_CHECKING:
     from gmwm.measuring.regression.result import Regression
 
 MOVED = 1.0
-"""Change of the direction of gravity (degrees) above which the sensor has moved. An accelerometer bias of 17 mg has the
-same effect."""
+"""Change of the direction of gravity (degrees) above which the sensor has moved, as by a bias of 17 mg."""
 
 _NOISY = 0.1
 """Noise density (deg/s/√Hz) at the upper end of low-cost gyroscopes (docs/howto/units.md)."""
 _OFF = 0.02
-"""Relative error of gravity above which there is a remark. It exceeds the bias of a good accelerometer
+"""Relative error of gravity above which there is a remark, more than a good accelerometer has
 (tests/test_inspection.py)."""
 _WRONG = 0.05
-"""Relative error of gravity above which no bias explains it, so that the unit may be wrong
-(tests/test_inspection.py)."""
+"""Relative error of gravity that no bias explains, so that the unit may be wrong (tests/test_inspection.py)."""
 _JITTER = 0.1
-"""Jitter of the time stamps, as a share of the sampling interval, above which there is a remark
-(tests/test_inspection.py)."""
+"""Jitter of the time stamps (sampling intervals) above which there is a remark (tests/test_inspection.py)."""
 _TWICE = 0.1
-"""Largest relative difference between the number of repeated time stamps and the number of repeated samples, for rows
-that were written twice. If time stamps are only rounded, the samples differ (tests/test_inspection.py)."""
+"""Largest relative difference between the numbers of repeated time stamps and of repeated samples, for rows that were
+written twice. If time stamps are only rounded, the samples differ (tests/test_inspection.py)."""
 _FEW = 1e-3
 """Share of rows written twice, below which there is no remark on them. N is too large by half of this share."""
 _LATE = 0.5
-"""Largest share of the recording that a warm-up may take; otherwise the rest is too short for a calibration
+"""Largest share of the recording that a warm-up may take; the rest must suffice for a calibration
 (docs/howto/record.md)."""
 OF_STAMPS = ("stamps-backward", "stamps-repeated", "stamps-jitter")
 """Remarks of a reader on the time stamps. `of_time` makes them again."""
@@ -49,21 +46,20 @@ AFFECTED = ("B", "K", "R")
 ALL = ("N", "B", "K", "Q", "q_c")
 """Symbols of the numbers that rounding affects: all noise densities."""
 _COARSE = 2.0
-"""Largest quantization step, in standard deviations of the noise, at which the rounding error is white noise of
-variance step²/12. N of the output is then known to 2 %, and slow changes of the mean to 3 %
-(docs/validation/rounding.md)."""
+"""Largest quantization step (standard deviations of the noise) at which the rounding error is white noise of variance
+step²/12. N is then known to 2 %, and slow changes of the mean to 3 % (docs/validation/rounding.md)."""
 _ROUNDED = 0.7
-"""Quantization step, in standard deviations σ of the noise, above which rounding adds at least 2 % to N. The addition
-is step²/24σ²."""
+"""Quantization step (standard deviations σ of the noise) above which rounding adds at least 2 %, step²/24σ², to N."""
 
 
 def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
     """Yield remarks on gaps and time stamps. `same` is the number of samples that equal the one before on all axes."""
     filled, count = extent.filled
     if len(extent.joined) > 1:
-        missing = sum(duration - 1 / base.rate for _, duration in base.gaps) - filled / base.rate
+        lost = lost_samples([duration - 1 / base.rate for _, duration in base.gaps], base.rate)
+        missing = (int(lost.sum()) - filled) / base.rate
         length = "known" if missing > 0.5 / extent.rate else "unknown"
-        span = Quantity(max(float(missing), 0.0), "s")
+        span = Quantity(max(missing, 0.0), "s")
         yield Remark.of("gaps", segments=len(extent.joined), missing=span, length=length)
     if count:
         yield Remark.of("gaps-filled", share=filled / (extent.samples + filled), count=count)
@@ -90,18 +86,9 @@ def of_stuck(still: Mapping[str, tuple[float, float] | None]) -> Iterator[Remark
 def of_motion(
     restless: Mapping[str, tuple[float, float, float]], tilt: float | None, knocks: tuple[Knock, ...]
 ) -> Iterator[Remark]:
-    """Yield remarks on motion and knocks.
-
-    Parameters
-    ----------
-    restless : mapping of axis to (time, window, ratio)
-        Begin and length (s) of the window with the largest standard deviation, and its ratio to the usual one, for axes
-        where it is unusual.
-    tilt : float or None
-        Change of the direction of gravity (degrees) if noise does not explain it; None otherwise.
-    knocks : tuple of Knock
-        Bursts of outliers.
-    """
+    """Yield remarks on motion and knocks. `restless` has begin and length (s) of the window with the largest standard
+    deviation and its ratio to the usual one, for axes where it is unusual. `tilt` is the change of the direction of
+    gravity (degrees), None if noise explains it."""
     if restless:
         axis = max(restless, key=lambda name: restless[name][2])
         time, window, ratio = restless[axis]
@@ -122,19 +109,7 @@ def of_steps(steps: tuple[Step, ...]) -> Iterator[Remark]:
 
 
 def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Extent, cut: bool) -> Iterator[Remark]:
-    """Yield remarks on trends, one for each axis.
-
-    Parameters
-    ----------
-    trends : tuple of Trend
-        The trends.
-    units : mapping of axis to str
-        Unit of each axis.
-    extent : Extent
-        Segments and times of the recording.
-    cut : bool
-        Whether the beginning of the file is already left out, so that times are measured from a later sample.
-    """
+    """Yield remarks on trends, one for each axis. `cut` tells whether the beginning of the file is already left out."""
     longest = max((found.until for found in trends if found.until is not None), default=0.0)
     duration = extent.samples / extent.rate
     way = "late" if longest > _LATE * duration else "again" if cut else "start"
@@ -157,15 +132,8 @@ def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Exten
 
 
 def of_conditions(found: Mapping[str, Regression], unknown: str) -> Iterator[Remark]:
-    """Yield remarks on the axes that depend on the temperature or other conditions, and on the axes that do not.
-
-    Parameters
-    ----------
-    found : mapping of axis to Regression
-        The regression of each axis.
-    unknown : str
-        Reason why the temperature cannot be used; "" if it can be used.
-    """
+    """Yield remarks on the axes that depend on conditions, and on those that do not. `unknown` is the reason why the
+    temperature cannot be used, or ""."""
     if unknown:
         yield Remark.of("temperature-unknown", reason=unknown)
     for axis, one in found.items():
@@ -183,18 +151,8 @@ def of_conditions(found: Mapping[str, Regression], unknown: str) -> Iterator[Rem
 
 
 def removed(axis: str, found: Regression, left_in: str = "") -> Remark:
-    """Make the remark on an effect that is removed.
-
-    Parameters
-    ----------
-    axis : str
-        Name of the axis.
-    found : Regression
-        Its regression.
-    left_in : str
-        Phrase that states what the effect would change if it were not removed. By default, it is about the Allan
-        deviation three octaves below the longest averaging time.
-    """
+    """Make the remark on an effect that is removed. `left_in` is a phrase about the effect if it were not removed; by
+    default about the Allan deviation three octaves below the longest averaging time."""
     level = max(found.share.size - 3, 1)
     times = 1 / math.sqrt(max(1 - float(found.share[level - 1]), 1e-4))
     time = duration_text(2.0 ** (level - 1) / found.rate)
@@ -211,7 +169,7 @@ def covariates_text(found: Regression) -> str:
 
 
 def effect_text(found: Regression) -> str:
-    """Format the first coefficient with half its 95 % interval, in the unit of a datasheet, as in "0.0123 ± 0.0009
+    """Format the first coefficient with half its 95 % interval in the unit of a datasheet, as "0.0123 ± 0.0009
     (deg/s)/°C"."""
     column = found.columns[0]
     one = found[column.name]
@@ -236,8 +194,8 @@ def in_datasheet_units(value: float, time_power: float, unit: str) -> Quantity:
 
 
 def round_up(seconds: float) -> float:
-    """Round a duration (s) up to a multiple of a step. The step is the smallest of 1 s, 10 s, 1 min, 5 min and 30 min
-    that is at least 1/20 of the duration, otherwise 1 h.
+    """Round a duration (s) up to a multiple of 1 s, 10 s, 1 min, 5 min, 30 min or 1 h: the first that is at least 1/20
+    of it.
 
     >>> [round_up(x) for x in (0.3, 47.0, 233.0, 1500.0, 9000.0)]
     [1.0, 50.0, 240.0, 1500.0, 9000.0]
@@ -278,14 +236,8 @@ def _as_printed(value: float, unit: str) -> Quantity:
 
 
 def of_units(densities: Mapping[str, float]) -> Iterator[Remark]:
-    """Yield remarks on gyroscopes whose noise makes the unit doubtful. If deg/s is read as rad/s, the noise is 57 times
-    as large.
-
-    Parameters
-    ----------
-    densities : mapping of axis to float
-        Noise densities (rad/s/√Hz).
-    """
+    """Yield remarks on gyroscopes whose noise density (rad/s/√Hz) makes the unit doubtful. If deg/s is read as rad/s,
+    the noise is 57 times as large."""
     found = {axis: degrees for axis, density in densities.items() if (degrees := math.degrees(density)) > _NOISY}
     limit = Quantity(_NOISY, "deg/s/√Hz")
     for axis in found:

@@ -12,18 +12,16 @@ from gmwm.base.arrays import Vector, row_medians
 from gmwm.measuring.inspection.time_grid import Extent
 
 BLOCK = 1000
-"""Number of samples of a local median. It is longer than a knock and shorter than a drift
-(tests/test_inspection.py)."""
+"""Number of samples of a local median: longer than a knock and shorter than a drift (tests/test_inspection.py)."""
 FEWEST = 64
-"""Smallest number of samples of a segment for a local standard deviation, whose relative error is then 1/√128, or 9
-%."""
+"""Smallest number of samples of a segment for a local standard deviation, whose relative error is then 9 %."""
 _KNOCK = 8.0
-"""Smallest distance of an outlier from the local median, in local standard deviations. Gaussian noise exceeds it once
-in 10¹⁵ samples."""
+"""Smallest distance of an outlier from the local median, in local standard deviations; by chance once in 10¹⁵ samples.
+"""
 _BURST = 1.0
 """Longest time (s) between outliers of the same knock (tests/test_inspection.py)."""
 _LEVELS = 256
-"""Number of blocks whose medians are compared for jumps (tests/test_inspection.py, as for the next four constants)."""
+"""Number of blocks whose medians are compared for jumps (tests/test_inspection.py, as the next four constants)."""
 _SHORTEST = 100
 """Smallest number of samples of such a block."""
 _DIFFERENCES = 32
@@ -31,12 +29,10 @@ _DIFFERENCES = 32
 _STEP = 8.0
 """Smallest size of a jump, in standard deviations of these differences."""
 _REACH = 32.0
-"""Largest error of the position of a jump (samples), in units of (σ/size)². The error of the most likely position
-exceeds 11 (σ/size)² in 5 % of the cases (Yao 1987, Annals of Statistics 15, 1321-1328); squared differences have the
-median 0.91 σ²."""
+"""Largest error of the position of a jump (samples), in units of (σ/size)². That of the most likely position exceeds 11
+in 5 % of the cases (Yao 1987, Annals of Statistics 15, 1321-1328); squared differences have the median 0.91 σ²."""
 _ISOLATED = 4.0
-"""Smallest ratio of a jump to the changes before and after it. For a ramp, the change over two blocks is twice the
-change over one block."""
+"""Smallest ratio of a jump to the changes before and after it. For a ramp it is 2."""
 
 Indices = NDArray[np.int64]
 Outliers = tuple[Indices, Vector]
@@ -45,19 +41,9 @@ Outliers = tuple[Indices, Vector]
 
 @dataclass(frozen=True, kw_only=True)
 class Knock:
-    """A burst of outliers.
-
-    Parameters
-    ----------
-    time : float
-        Time of the first outlier (s), counted from the first sample of the file, like the option `skip` of `read`.
-    duration : float
-        Time from the first to the last outlier (s).
-    axes : tuple of str
-        Axes with outliers.
-    peak : float
-        Largest deviation, in local standard deviations.
-    """
+    """A burst of outliers on `axes`. `time` (s) is that of the first outlier, counted from the first sample of the file
+    like the option `skip` of `read`, `duration` (s) the time from the first to the last one, and `peak` the largest
+    deviation in local standard deviations."""
 
     time: float
     duration: float
@@ -67,21 +53,10 @@ class Knock:
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """A lasting jump of the mean of an axis.
-
-    Parameters
-    ----------
-    time : float
-        Time of the jump (s), counted from the first sample of the file.
-    axis : str
-        The axis.
-    size : float
-        Mean after the jump minus mean before it, in the unit of the axis.
-    times : float
-        Size in standard deviations of the usual changes of the mean.
-    at_gap : bool
-        Whether the jump is at a short gap: the sensor restarted, and the gap is not filled (`Signal.fill_gaps`).
-    """
+    """A lasting jump of the mean of an axis. `time` (s) is counted from the first sample of the file. `size` is the
+    mean after minus the mean before, in the unit of the axis, and `times` the same in standard deviations of the usual
+    changes. `at_gap` tells whether it is at a short gap: the sensor restarted, and the gap is not filled
+    (`Signal.fill_gaps`)."""
 
     time: float
     axis: str
@@ -117,16 +92,9 @@ def knocks_of(outliers: Mapping[str, Outliers], extent: Extent) -> tuple[Knock, 
 
 
 def outliers_of(blocks: Vector, resolution: float) -> Outliers:
-    """Find the samples that are far from the median of their block. Return their indices in the flattened array, and
-    their distances in standard deviations.
-
-    Parameters
-    ----------
-    blocks : (k, n) array
-        Consecutive blocks of samples.
-    resolution : float
-        Quantization step; half of it is the smallest standard deviation that is used.
-    """
+    """Find the samples that are far from the median of their block, one block in each row. Return their indices in the
+    flattened array and their distances in standard deviations, which are at least half the `resolution`, the
+    quantization step."""
     distance = np.abs(blocks - row_medians(blocks)[:, None])
     spread = _usual_spread(blocks, distance, resolution)
     at = np.flatnonzero((distance > _KNOCK * spread) & (spread > 0))
@@ -134,12 +102,9 @@ def outliers_of(blocks: Vector, resolution: float) -> Outliers:
 
 
 def _usual_spread(blocks: Vector, distance: Vector, step: float) -> Vector:
-    """Estimate the standard deviation of each block without its knocks.
-
-    A knock raises the standard deviation, so the median distance is used as an upper bound. For coarsely quantized
-    values the median distance is accurate to one step only, so one step is added, and the result is at least half a
-    step.
-    """
+    """Estimate the standard deviation of each block without its knocks. A knock raises it, so the median distance is an
+    upper bound. For coarsely quantized values this distance is accurate to one step only, so one step is added, and the
+    result is at least half a step."""
     bound = row_medians(distance)[:, None] / 0.67449 + step
     spread = np.minimum(np.std(blocks, axis=1, keepdims=True), bound)
     return np.asarray(np.maximum(spread, 0.5 * step))
@@ -166,18 +131,9 @@ def steps_of(
     The first and the last three blocks of a segment are excluded. No jump was found in 8680 simulated recordings of
     seven models with 3400 to 100 000 samples; tests/test_inspection.py repeats a part of them.
 
-    Parameters
-    ----------
-    axis : str
-        Name of the axis.
-    levels : sequence of (first, (m,) array)
-        First sample and medians m_i of each segment with at least five blocks.
-    extent : Extent
-        Segments and times of the recording. Recordings with fewer than 3400 samples have too few blocks.
-    resolution : float
-        Quantization step; half of it is the smallest standard deviation that is used.
-    values : callable
-        Function of first and last index that returns a half-open range of samples, to locate the jump.
+    `levels` has the first sample and the medians of each segment with at least five blocks, and `values(first, last)`
+    returns a range of samples, to locate the jump. Half the `resolution` is the smallest standard deviation that is
+    used.
     """
     length = level_length(extent.samples)
     changes = [level[2:] - level[:-2] for _, level in levels]
@@ -214,7 +170,6 @@ def steps_of(
 
 
 def _corner(values: Vector, before: float, after: float) -> int:
-    """Return the index of the first sample after the jump. It is the split that assigns the most samples to the nearer
-    mean."""
+    """Return the first sample after the jump: the split that assigns the most samples to the nearer mean."""
     votes = np.where(np.abs(values - before) < np.abs(values - after), 1, -1)
     return min(int(np.argmax(np.concatenate([[0], np.cumsum(votes)]))), values.size - 1)

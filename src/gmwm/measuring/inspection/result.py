@@ -24,16 +24,12 @@ class AxisInspection:
     ----------
     unit : str
         Unit of all numbers.
-    mean, sd : float
-        Mean and standard deviation.
-    rest : float
-        Mean without knocks and outliers.
+    mean, sd, rest : float
+        Mean and standard deviation, and mean without knocks and outliers.
     noise : float
         Standard deviation from first differences, which an offset and a slow drift do not affect.
-    lsb : float or None
-        Quantization step; None if none is visible.
-    before_rounding : float or None
-        Standard deviation of the noise before it was rounded to multiples of `lsb`; None if no step is visible.
+    lsb, before_rounding : float or None
+        Quantization step, and standard deviation of the noise before it was rounded; None if no step is visible.
     wander : float
         Largest difference between the means of about 64 windows of the recording.
     """
@@ -54,30 +50,22 @@ class Inspection(Summarised):
 
     Parameters
     ----------
-    source : str
-        Name of the recording.
-    rate : float
-        Sampling rate (Hz).
-    duration : float
-        Length without gaps (s).
+    source, rate, duration : str, float, float
+        Name of the recording, sampling rate (Hz), and length without gaps (s).
     samples, segments : int
         Number of samples of each axis, and number of segments without a gap.
     time_base : TimeBase
         Jitter, gaps and duplicates of the time stamps, and the length that was left out at the beginning.
     axes : mapping of axis to AxisInspection
         Statistics of each axis.
-    gravity : float or None
-        Norm of the mean specific force (m/s²); None without three accelerometers.
-    tilt : float or None
-        Largest angle between the specific force and its mean direction (degrees).
+    gravity, tilt : float or None
+        Norm of the mean specific force (m/s²), None without three accelerometers, and largest angle between the
+        specific force and its mean direction (degrees).
     static : bool
         Whether no motion was found.
-    knocks : tuple of Knock
-        Bursts of outliers, ordered by time. Times are measured from the first sample of the file.
-    steps : tuple of Step
-        Lasting jumps of the mean, ordered by time.
-    trends : tuple of Trend
-        Smooth changes of the mean of an axis, such as a warm-up.
+    knocks, steps, trends : tuples of Knock, Step and Trend
+        Bursts of outliers, lasting jumps of the mean, and smooth changes of the mean such as a warm-up. Times are
+        measured from the first sample of the file.
     temperature : (lowest, highest) or None
         Range of the temperature (°C); None if it was not recorded.
     regressions : mapping of axis to Regression
@@ -110,13 +98,7 @@ class Inspection(Summarised):
         return content | {"remarks": [remark.to_dict() for remark in self.remarks]}
 
     def summary(self, *, every: bool = False) -> str:
-        """Describe the result of the inspection as text.
-
-        Parameters
-        ----------
-        every : bool
-            Show all remarks instead of the five most severe ones.
-        """
+        """Describe the result as text, with all remarks (`every`) or the five most severe ones."""
         return text(self, every=every)
 
     def __repr__(self) -> str:
@@ -137,17 +119,8 @@ REST: Mapping[Dialect, str] = {
 
 
 def text(found: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bool = False) -> str:
-    """Describe the result of an inspection as text.
-
-    Parameters
-    ----------
-    found : Inspection
-        The inspection.
-    dialect : Dialect
-        Whether options are written as in Python or as in the shell.
-    every : bool
-        Show all remarks instead of the five most severe ones.
-    """
+    """Describe the result of an inspection as text, with options as in Python or in the shell; see
+    `Inspection.summary`."""
     lines = [
         f"{found.source or 'recording'}: {found.samples} samples at {found.rate:.10g} Hz, "
         f"{duration_text(found.duration)}" + (f" in {found.segments} segments" if found.segments > 1 else ""),

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Vector
-from gmwm.base.time_base import begins_of, times_of
+from gmwm.base.time_base import begins_of, lost_before, times_of
 from gmwm.recording.gaps import joined_ranges
 
 _WINDOWS = 64
@@ -22,19 +22,8 @@ Range = tuple[int, int]
 
 @dataclass(frozen=True)
 class Extent:
-    """Segments of a recording and their start times, counted from the first sample of the file.
-
-    Attributes
-    ----------
-    rate : float
-        Samples per second (Hz).
-    segments : tuple of (first, last)
-        Half-open index ranges without a gap.
-    starts : tuple of float
-        Time of the first sample of each segment (s).
-    gaps_known : bool
-        Whether the lengths of the gaps are known.
-    """
+    """Segments of a recording (half-open index ranges) and their start times, counted from the first sample of the
+    file. `gaps_known` tells whether the lengths of the gaps are known."""
 
     rate: float
     segments: tuple[Range, ...]
@@ -45,8 +34,8 @@ class Extent:
     def of(
         cls, rate: float, segments: Sequence[Range], clock: Sequence[float], left: float, *, gaps_known: bool = True
     ) -> Extent:
-        """Make the extent of segments whose start times `clock` (s) are counted from any zero. The first sample gets
-        the time `left` (s)."""
+        """Make the extent of segments whose start times `clock` (s) are counted from any zero; the first sample gets
+        `left` (s)."""
         begins = begins_of(rate, segments, clock)
         return cls(rate, tuple(segments), tuple(left + begin for begin in begins), gaps_known)
 
@@ -63,11 +52,9 @@ class Extent:
     @property
     def filled(self) -> tuple[int, int]:
         """Number of lost samples in gaps that are filled, and number of these gaps."""
-        count = len(self.segments) - len(self.joined)
-        lasts = np.array([last - 1 for _, last in self.joined])
-        firsts = np.array([first for first, _ in self.joined])
-        spans = np.rint((self.times(lasts) - self.times(firsts)) * self.rate).astype(np.int64) + 1
-        return int(np.sum(spans - (lasts - firsts + 1))) if count else 0, count
+        lost = lost_before(self.rate, self.segments, self.starts)
+        filled = ~np.isin([first for first, _ in self.segments[1:]], [first for first, _ in self.joined])
+        return int(np.sum(lost[filled])), int(np.count_nonzero(filled))
 
     @property
     def samples(self) -> int:
@@ -79,11 +66,9 @@ class Extent:
         return times_of(indices, self.rate, self.segments, self.starts)
 
     def windows(self) -> list[Range]:
-        """Return about 64 half-open index ranges of similar length, whose means can be compared.
-
-        A window contains no gap that is too long to fill, with one exception: neighbouring ranges that are shorter than
-        half a window are joined. If the result is still too short, it is left out.
-        """
+        """Return about 64 half-open index ranges of similar length, whose means can be compared. A window contains no
+        gap that is too long to fill, with one exception: neighbouring ranges that are shorter than half a window are
+        joined. If the result is still too short, it is left out."""
         length = max(self.samples // _WINDOWS, 1)
         ranges: list[Range] = []
         joined = False  # whether the last range consists of short segments and may still grow

@@ -25,11 +25,10 @@ _FIRST_STEP = 3
 _SIZE = 0.01
 """Significance level of the test (docs/validation/trends.md)."""
 _TAIL = (8.5, 0.4)
-"""Upper tail of the statistic for a random walk of moderate size, the noise that is most often mistaken for a trend.
-The statistic exceeds t with probability 0.1·exp(−0.4 (t − 8.5)) (docs/validation/trends.md)."""
+"""The statistic exceeds t with probability 0.1·exp(−0.4 (t − 8.5)) for a random walk of moderate size, the noise that
+is most often mistaken for a trend (docs/validation/trends.md)."""
 _EXTRA = 2.0
-"""Improvement of −2 log L that is subtracted for a second parameter: twice the number of additional parameters, as in
-Akaike's criterion."""
+"""Improvement of −2 log L that is subtracted for a second parameter, as in Akaike's criterion."""
 _VISIBLE = 1.0
 """Largest size of a remaining trend that does not matter, as the square of a number of standard errors of the noise."""
 
@@ -40,25 +39,18 @@ class Trend:
 
     Parameters
     ----------
-    axis : str
-        The axis.
-    kind : "exponential", "linear" or "quadratic"
-        Shape: a e^{−t/τ}, a straight line, or a parabola.
+    axis, kind : str
+        The axis, and the shape: "exponential" (a e^{−t/τ}), "linear" or "quadratic".
     size : float
-        Size of the trend, in the unit of the axis: the first value minus the last one for a line or a parabola, and the
-        coefficient a for an exponential.
-    tau : float or None
-        Time constant τ (s) of an exponential.
+        The first value minus the last one of a line or a parabola, or the coefficient a, in the unit of the axis.
+    tau, until : float or None
+        Time constant τ (s) of an exponential, and time (s) after which its rest is below one standard error of the
+        noise.
     pvalue : float
         Probability that noise without a trend shows an equally clear trend.
-    until : float or None
-        Time (s) after which the rest of an exponential is smaller than one standard error of the noise.
-    walk, walk_limit : float
-        Random walk of the axis in addition to the trend, and its approximate 95 % upper limit, in the unit of the axis
-        per √s.
-    walk_with_trend : float
-        Random walk, in the same unit, of a model with white noise and a random walk in which the trend is treated as
-        noise.
+    walk, walk_limit, walk_with_trend : float
+        Random walk of the axis in addition to the trend, its approximate 95 % upper limit, and the random walk if the
+        trend is treated as noise, in the unit of the axis per √s.
     """
 
     axis: str
@@ -83,34 +75,15 @@ def trend_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> 
     The means of about 256 blocks are described by noise alone, and by noise and a trend. The noise is white noise, a
     random walk and a Gauss-Markov process of any size, fitted by maximum likelihood together with the trend, so that
     the drift of a sensor is not taken for a trend. The statistic is the reduction of −2 log L by the trend. Its
-    distribution was simulated for noise of many kinds. A trend is reported at the 1 % level, and only if a jump does
-    not describe the means better.
+    distribution was simulated for noise of many kinds (docs/validation/trends.md; Davies 1987, Biometrika 74, 33-43). A
+    trend is reported at the 1 % level, and only if a jump does not describe the means better. `means` has the first
+    sample and the block means of each segment with at least five blocks.
 
-    Parameters
-    ----------
-    axis : str
-        Name of the axis.
-    means : sequence of (first, (m,) array)
-        First sample and block means of each segment with at least five blocks.
-    extent : Extent
-        Segments and times of the recording.
-
-    Returns
-    -------
-    Trend or None
-
-    Examples
-    --------
     >>> import numpy as np
     >>> means = 5 * np.exp(-np.arange(256) / 50) + np.random.default_rng(0).normal(size=256)
     >>> found = trend_of("gyro_x", [(0, means)], Extent(100.0, ((0, 25_600),), (0.0,)))
     >>> found.kind, round(found.tau)
     ('exponential', 61)
-
-    References
-    ----------
-    Davies (1987), Hypothesis testing when a nuisance parameter is present only under the alternative, Biometrika 74,
-    33-43. The critical value is simulated (docs/validation/trends.md).
     """
     length = level_length(extent.samples)
     start, y = _longest(means, extent, length)
@@ -124,21 +97,14 @@ def trend_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> 
     walk, limit, whole = test.walks()
     until = test.until()
     return Trend(
-        axis=axis,
-        kind=test.kind,
-        size=test.size(),
-        tau=None if test.kind != "exponential" else test.tau * step,
-        pvalue=test.pvalue,
-        until=None if until is None else start + until * step,
-        walk=math.sqrt(walk) * scale,
-        walk_limit=math.sqrt(limit) * scale,
-        walk_with_trend=math.sqrt(whole) * scale,
-    )
+        axis=axis, kind=test.kind, size=test.size(), tau=None if test.kind != "exponential" else test.tau * step,
+        pvalue=test.pvalue, until=None if until is None else start + until * step, walk=math.sqrt(walk) * scale,
+        walk_limit=math.sqrt(limit) * scale, walk_with_trend=math.sqrt(whole) * scale,
+    )  # fmt: skip
 
 
 def _longest(means: Sequence[tuple[int, Vector]], extent: Extent, length: int) -> tuple[float, Vector]:
-    """Return the start (s) and the block means of the longest part of the recording whose gaps are shorter than a
-    block."""
+    """Return the start (s) and the block means of the longest part whose gaps are shorter than a block."""
     parts: list[tuple[float, list[Vector]]] = []
     ends = -math.inf
     last_of = dict(extent.joined)
@@ -155,24 +121,9 @@ def _longest(means: Sequence[tuple[int, Vector]], extent: Extent, length: int) -
 
 
 class TrendTest:
-    """The test for a trend in n block means. Times are in blocks.
-
-    Parameters
-    ----------
-    means : (n,) array
-        Block means.
-
-    Attributes
-    ----------
-    statistic : float
-        Reduction of −2 log L by the best trend, minus `_EXTRA` for a second parameter.
-    pvalue : float
-        Probability of an equally large statistic in noise without a trend.
-    kind : str or None
-        Shape of the trend; None if a jump describes the means better.
-    tau : float
-        Time constant of the nearest exponential.
-    """
+    """The test for a trend in n block means. Times are in blocks. `statistic` is the reduction of −2 log L by the best
+    trend, minus `_EXTRA` for a second parameter. `kind` is None if a jump describes the means better, and `tau` the
+    time constant of the nearest exponential."""
 
     def __init__(self, means: Vector) -> None:
         n = means.size
@@ -217,7 +168,8 @@ class TrendTest:
 
     def walks(self) -> tuple[float, float, float]:
         """Return the variance γ² of a step of the random walk over one block in addition to the trend, its 95 % upper
-        limit, and γ² if the trend is treated as noise."""
+        limit, and γ² if the trend is treated as noise.
+        """
         likelihood, at = self._likelihood, np.arange(self._means.size) + 0.5
         courses = self._lines if self.kind == "quadratic" else self._lines[:1]
         if self.kind == "exponential":
@@ -227,8 +179,8 @@ class TrendTest:
         return walk, limit, likelihood.walk(courses[:0], alone=True)[0]
 
     def until(self) -> float | None:
-        """Return the time (blocks) after which the rest of a warm-up is below one standard error of the noise; None if
-        the trend is not a warm-up."""
+        """Return the time (blocks) after which the rest of a warm-up is below one standard error of the noise, or
+        None."""
         n, profile = self._means.size, self._profile()
         if self.kind != "exponential" or self.tau > n:
             return None

@@ -1,16 +1,8 @@
 """Likelihood of block means that are the sum of white noise, a random walk, a Gauss-Markov process and a course.
 
-The differences d of n block means of white noise or of a random walk have a tridiagonal Toeplitz covariance. The sine
-transform z_k = √(2/n) Σ d_i sin(πki/n) makes them independent, with variances
-
-    λ_k = σ² (2 − 2 cos θ_k) + γ² (2 + cos θ_k)/3 + g_k,   θ_k = πk/n,
-
-where σ² is the variance of the white noise of a block mean, γ² the variance of a step of the walk over one block, and
-g_k the variance that a Gauss-Markov process adds. The transform does not exactly separate the differences of a
-Gauss-Markov process; validation/study_trends.py measures how often it then finds a trend that does not exist.
-
-The likelihood is evaluated for a grid of the ratios γ²/σ² and g/σ² by one matrix product. Their common scale and the
-coefficient of the course have closed forms, so the maximum over the grid is the global one.
+The sine transform z_k = √(2/n) Σ d_i sin(πki/n) of the differences d of n block means has the variances λ_k =
+σ² (2 − 2 cos θ_k) + γ² (2 + cos θ_k)/3 + g_k, θ_k = πk/n, of white noise, steps of a walk and Gauss-Markov noise. It is
+exact but for the last (validation/study_trends.py). A grid over γ²/σ² and g/σ² gives the global maximum.
 """
 
 from __future__ import annotations
@@ -23,41 +15,26 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector
 
 _WALKS = np.concatenate([[0.0], np.geomspace(1e-6, 1e4, 60)])
-"""Ratios γ²/σ² of the grid. The smallest positive one has no visible effect in 1000 blocks, whose lowest θ² is 1e-5. At
-the largest one, the random walk hides the white noise."""
+"""Ratios γ²/σ² of the grid. The smallest positive one is invisible in 1000 blocks, whose lowest θ² is 1e-5; the largest
+one hides the white noise."""
 _TIMES = (1.5, 5.0, 16.0)
-"""Correlation times of the Gauss-Markov process, in blocks. With a time above a tenth of the recording, the process is
-close to a random walk."""
+"""Correlation times of the Gauss-Markov process, in blocks. Above a tenth of the recording, it is close to a random
+walk."""
 _PLATEAUS = np.geomspace(1e-2, 1e4, 13)
 """Spectral density of the Gauss-Markov process at low frequency, relative to the density of the white noise."""
 _FINER = np.geomspace(0.67, 1.5, 17)
-"""Factors for a finer search of the random walk of the final model, between two neighbours of `_WALKS`, whose ratio is
-1.48."""
+"""Factors for a finer search of the random walk, between two neighbours of `_WALKS`, whose ratio is 1.48."""
 _LIMIT = 3.841
 """Rise of −2 log L at the upper limit of a random walk: the 95 % quantile of χ² with one degree of freedom. The 90 %
 quantile, which is usual for a one-sided limit of 95 %, gives limits that are too low in 10 to 20 % of recordings,
-because a Gauss-Markov process can replace a random walk (docs/validation/trends.md has the coverage)."""
+because a Gauss-Markov process can replace a random walk (docs/validation/trends.md)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Noise models on a grid, relative to the white noise of a block mean.
-
-    Attributes
-    ----------
-    transform : (n − 1, n − 1) array
-        Matrix of the sine transform of the differences.
-    weights : (G, n − 1) array
-        1/λ_k of each model, for σ² = 1.
-    logs : (G,) array
-        Σ log λ_k.
-    walks : (G,) array
-        γ²/σ².
-    rest : (G, n − 1) array
-        λ_k of each model without the random walk.
-    walk : (n − 1,) array
-        λ_k of a random walk with γ² = 1 alone.
-    """
+    """Noise models on a grid, relative to the white noise of a block mean. `transform` (n − 1, n − 1) is the sine
+    transform of the differences. `weights` (G, n − 1) are 1/λ_k of each model for σ² = 1, `logs` Σ log λ_k, and `walks`
+    γ²/σ². `rest` (G, n − 1) is λ_k without the walk, and `walk` λ_k of γ² = 1 alone."""
 
     transform: Matrix
     weights: Matrix
@@ -93,8 +70,7 @@ def grid_of(blocks: int) -> Grid:
 
 
 def _markov(transform: Matrix, time: float) -> Vector:
-    """Return the variances g_k that a Gauss-Markov process of variance 1 adds, the diagonal of its transformed
-    covariance."""
+    """Return the variances g_k that a Gauss-Markov process of variance 1 adds."""
     lags, decay = np.arange(len(transform) + 2), np.exp(-1 / time)
     means = (time * (1 - decay)) ** 2 * np.exp(-np.maximum(lags - 1, 0) / time)  # autocovariance of block means
     means[0] = 2 * time**2 * (1 / time - 1 + decay)
@@ -119,29 +95,15 @@ def _crossing(walks: Vector, excess: Vector) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """−2 log L of block means for each of G noise models, with the best coefficient of each of C courses.
-
-    Attributes
-    ----------
-    values : (G, C) array
-        −2 log L, up to a constant.
-    squares : (G, C) array
-        Σ (z − a c)²/λ for σ² = 1, where c is a transformed course and a its coefficient. Divided by the number of
-        differences, it is the estimate of σ².
-    """
+    """−2 log L, up to a constant, of block means for G noise models and C courses c with the best coefficient a of
+    each. `squares` (G, C) are Σ (z − a c)²/λ for σ² = 1; divided by the number of differences they estimate σ²."""
 
     values: Matrix
     squares: Matrix
 
 
 class Likelihood:
-    """The likelihood of n block means. A course is a known function of time with an unknown coefficient.
-
-    Parameters
-    ----------
-    means : (n,) array
-        Block means.
-    """
+    """The likelihood of n block means. A course is a known function of time with an unknown coefficient."""
 
     def __init__(self, means: Vector) -> None:
         self.grid = grid_of(means.size)
@@ -157,8 +119,7 @@ class Likelihood:
         return self._profile(self._flat[:, None])
 
     def with_one(self, courses: Matrix) -> Profile:
-        """Return the profile likelihood with one course, for each of C transformed courses. The result has a column per
-        course."""
+        """Return the profile likelihood with one course; the result has a column for each of C transformed courses."""
         cross = self.grid.weights @ (courses * self.z).T
         own = self.grid.weights @ (courses**2).T
         return self._profile(self._flat[:, None] - cross**2 / own)
@@ -172,10 +133,8 @@ class Likelihood:
         return self._profile((self._flat - taken)[:, None])
 
     def with_step(self, models: Vector, first: int) -> float:
-        """Return the smallest −2 log L with a jump in block `first` or later, for some noise models.
-
-        The jump lies between two block means, or in the middle of a block.
-        """
+        """Return the smallest −2 log L with a jump between or in the middle of blocks from `first` on, for some noise
+        models."""
         columns = self.grid.transform[:, first:]
         shapes = np.hstack([columns, (columns[:, 1:] + columns[:, :-1]) / 2])
         weights = self.grid.weights[models]
@@ -183,19 +142,10 @@ class Likelihood:
         return float(np.min(self._minus2(self._flat[models] - np.max(taken, axis=1), self.grid.logs[models])))
 
     def walk(self, courses: Matrix, *, alone: bool = False) -> tuple[float, float]:
-        """Return the variance γ² of a step of the random walk in addition to courses, and its one-sided 95 % upper
-        limit.
-
-        The likelihood is the restricted one (REML), which excludes the low frequencies that the courses explain. With
-        them, the random walk would be underestimated.
-
-        Parameters
-        ----------
-        courses : (p, n − 1) array
-            Transformed courses; for an exponential, also its derivative with respect to the time constant.
-        alone : bool
-            Whether the noise model has no Gauss-Markov process, which can replace a random walk.
-        """
+        """Return the variance γ² of a step of the random walk in addition to courses (p, n − 1), and its 95 % upper
+        limit. The restricted likelihood (REML) excludes the low frequencies that the transformed courses explain;
+        otherwise the walk would be underestimated. For an exponential, its derivative with respect to the time constant
+        is a course too. With `alone`, the noise model has no Gauss-Markov process, which can replace a random walk."""
         grid, used = self.grid, _WALKS.size if alone else len(self.grid.walks)
         values, scales = self._restricted(grid.weights[:used], grid.logs[:used], courses)
         best = int(np.argmin(values))

@@ -1,12 +1,8 @@
 """Find bursts of large wavelet coefficients: knocks and motion, as opposed to noise with heavy tails.
 
-Heavy tails also raise the classical wavelet variance above the robust one, but their large coefficients are scattered
-in time like all others. A knock lasts for some time. It makes many neighbouring coefficients large, with both signs,
-because the sensor returns to its old position. A burst is therefore a group of at least `FEWEST` coefficients of both
-signs that exceed `LARGE` local standard deviations, in which neighbours are at most `APART` coefficients apart. The
-coefficients that are used are half a scale apart. A single wrong sample then changes two of them, a jump of the mean
-one or two, and two wrong samples at most four. A simple pulse changes three or four coefficients. They are a burst if
-one of them is larger than heavy tails can explain (`HUGE`).
+Large coefficients of heavy-tailed noise are scattered in time. A knock makes many neighbouring coefficients large, with
+both signs, because the sensor returns to its old position. The coefficients are half a scale apart: a wrong sample then
+changes two of them, a jump one or two, two wrong samples at most four, and a simple pulse three or four.
 """
 
 from __future__ import annotations
@@ -25,13 +21,12 @@ from gmwm.recording.resolution import Sample, step_of
 from gmwm.recording.signals import Signal
 
 LARGE = 5.0
-"""Size above which a coefficient is large, in local standard deviations. Pinned by docs/validation/tails.md, as are the
-next four constants."""
+"""Size of a large coefficient, in local standard deviations (docs/validation/tails.md, as the next four constants)."""
 FEWEST = 5
 """Smallest number of large coefficients in a burst."""
 HUGE, FEW = 20.0, 3
-"""Size above which a coefficient is huge, in local standard deviations, and smallest number of large coefficients in a
-burst with a huge coefficient."""
+"""Size of a huge coefficient, which heavy tails cannot explain, and smallest number of large coefficients in a burst
+with a huge one."""
 APART = 8
 """Largest distance between neighbouring large coefficients of a burst, in half scales."""
 MATERIAL = 0.01
@@ -41,14 +36,12 @@ RARE = 0.15
 LONGEST = 10.0
 """Longest scale (s) at which bursts are searched. At longer scales, a warm-up looks like a burst."""
 NEIGHBOURHOOD = 60.0
-"""Time (s) over which a local standard deviation is measured. It is longer than knocks and shorter than changes of the
-noise."""
+"""Time (s) over which a local standard deviation is measured: longer than knocks, shorter than changes of the noise."""
 _SMALL, _FALSE = 3.5, 1e-4
-"""For small bursts, the smallest size of a large coefficient (local standard deviations), and the expected number of
-false bursts in a panel."""
+"""For small bursts, the smallest size of a large coefficient, and the expected number of false bursts in a panel."""
 _ALONE, _BESIDE = 1.5, 32
 """For small bursts, the largest spread of the noise next to the burst, in local standard deviations, and the smallest
-number of coefficients from which this spread is estimated."""
+number of coefficients for this spread."""
 _PIECES = 64
 """Smallest number of coefficients for a local standard deviation; its relative error is about 15 %."""
 Indices = NDArray[np.int64]
@@ -106,13 +99,7 @@ class Bursts:
 
 
 class BurstFinder:
-    """Find bursts in samples that arrive in chunks; see `find_bursts`.
-
-    Parameters
-    ----------
-    rate : float
-        Sampling rate (Hz).
-    """
+    """Find bursts in samples that arrive in chunks; see `find_bursts`."""
 
     def __init__(self, rate: float) -> None:
         self.rate = as_rate(rate)
@@ -193,24 +180,10 @@ def find_bursts(x: Signal | ArrayLike, rate: float | None = None) -> Bursts:
 
 
 class Coefficients(NamedTuple):
-    """The coefficients of a panel at one level, half a scale apart, and those of them that may be in a burst.
-
-    Attributes
-    ----------
-    number : int
-        The level.
-    path : (n + 2,) array
-        Sums of the samples up to each half scale. The coefficients are its second differences times `unit`.
-    unit : float
-    at, w : (k,) arrays
-        Indices and values of the coefficients that exceed `_SMALL` local standard deviations.
-    piece : int
-        Number of coefficients with the same local standard deviation.
-    spread : (m,) array
-        The local standard deviations.
-    energy : float
-        Sum of the squares of all coefficients.
-    """
+    """The coefficients of a panel at one level, half a scale apart, and those of them that may be in a burst. `path` (n
+    + 2,) are the sums of the samples up to each half scale; the coefficients are its second differences times `unit`.
+    `at` and `w` (k,) are indices and values of the coefficients beyond `_SMALL` local standard deviations. `piece`
+    coefficients have the same local standard deviation `spread` (m,). `energy` is the sum of the squares of all."""
 
     number: int
     path: Vector
@@ -237,17 +210,8 @@ class Coefficients(NamedTuple):
 
 
 def coefficients(panel: Vector, rate: float, step: float) -> Iterator[Coefficients]:
-    """Yield the coefficients of each level at which bursts are searched.
-
-    Parameters
-    ----------
-    panel : (N,) array
-        At most `panel_length` samples.
-    rate : float
-        Sampling rate (Hz).
-    step : float
-        Quantization step of the values, 0 if there is none.
-    """
+    """Yield the coefficients of a panel at each level at which bursts are searched. `step` is the quantization step, or
+    0."""
     path = _core.running_sum(panel)
     for k in range(_levels(rate)):
         if path.size - 2 < _PIECES // 2:
@@ -262,17 +226,9 @@ def coefficients(panel: Vector, rate: float, step: float) -> Iterator[Coefficien
 
 
 def burst_ranges(levels: Iterable[Coefficients], *, small: bool = False) -> Ranges:
-    """Return index ranges (k, 2) of the samples in bursts of one panel, ordered and without overlap.
-
-    A burst is left out if it overlaps a burst of a finer level, at which its position is known better.
-
-    Parameters
-    ----------
-    levels : iterable of Coefficients
-        All coefficients of the panel.
-    small : bool
-        Whether to also find bursts of coefficients that are below `LARGE`, but large for this noise.
-    """
+    """Return index ranges (k, 2) of the samples in bursts of one panel, ordered and without overlap. A burst is left
+    out if it overlaps a burst of a finer level, at which its position is known better. With `small`, bursts of
+    coefficients below `LARGE` that are large for this noise are found too."""
     found = np.empty((0, 2), dtype=np.int64)
     for level in levels:
         bursts = _bursts(level, small)
@@ -290,8 +246,7 @@ def _levels(rate: float) -> int:
 
 
 class _Found(NamedTuple):
-    """Bursts at one level of a panel: the indices of the first and the last large coefficient of each burst, and the
-    sum of the squares of its large coefficients."""
+    """Bursts at one level of a panel: first and last large coefficient of each, and the sum of their squares."""
 
     first: Indices
     last: Indices
@@ -328,8 +283,7 @@ def _bursts(level: Coefficients, small: bool) -> _Found:
 
 
 def _is_alone(level: Coefficients, first: int, last: int) -> bool:
-    """Return whether the noise next to a burst is not larger than usual. If the variance of the noise varies, it
-    usually is larger next to large coefficients."""
+    """Return whether the noise next to a burst is usual. If the variance of the noise varies, it is larger there."""
     margin = max(last - first, APART)
     length = max(margin, _BESIDE)
     beside = [(first - margin - length, first - margin), (last + margin, last + margin + length)]

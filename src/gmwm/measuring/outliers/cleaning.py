@@ -19,32 +19,22 @@ from gmwm.recording.signals import Signal
 
 MARGIN, LEAST = 1.0, 8
 """Margin that is replaced before and after a knock, where the knock is too weak to be detected: as a multiple of the
-length of the knock, and its smallest number of samples. All constants here are measured in
-tests/outliers/test_cleaning.py."""
+length of the knock, and its smallest number of samples (tests/outliers/test_cleaning.py, as all constants here)."""
 LONGEST = 30.0
 """Longest time (s) that is replaced, including the margins of the knock."""
 MOST = 0.1
 """Largest share of the samples that is replaced. A longer change is a state of the sensor, not a disturbance."""
 _PASSES = 6
-"""Number of searches. Each one follows the replacement of the knocks found so far, because the weak end of a knock is
-found last."""
+"""Number of searches. Each follows the replacement of the knocks found so far, because weak ends are found last."""
 _BESIDE = 32
 """Smallest number of samples on each side of a knock from which its samples are replaced during the search."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cleaned:
-    """A signal without its isolated wrong samples and knocks.
-
-    Attributes
-    ----------
-    signal : Signal
-        The signal in which outliers are replaced by draws from their conditional distribution given the other samples.
-    knocks : (k, 2) int array
-        Half-open index ranges of the samples that were replaced because of knocks.
-    replaced : Replaced
-        Number of wrong samples and knocks.
-    """
+    """A signal without its isolated wrong samples and knocks, which are drawn from their distribution given the others.
+    `knocks` (k, 2) are the half-open index ranges that were replaced because of knocks, and `replaced` counts the
+    samples."""
 
     signal: Signal
     knocks: Ranges
@@ -57,16 +47,6 @@ def cleaned(x: Signal) -> Cleaned:
     Knocks that last longer than 30 s are kept. If the other knocks make up more than 10 % of the samples, they are kept
     too. Disturbances of this length are a state of the sensor.
 
-    Parameters
-    ----------
-    x : Signal
-
-    Returns
-    -------
-    Cleaned
-
-    Examples
-    --------
     >>> x = np.random.default_rng(1).normal(size=20_000)
     >>> x[5_000:5_100] *= 30.0
     >>> clean = cleaned(Signal(x, rate=100.0))
@@ -118,10 +98,8 @@ def _of_panel(values: Vector, rate: float, step: float) -> Ranges:
 
 
 def _mirrored(values: Vector, ranges: Ranges) -> Vector:
-    """Replace the samples of each range by the mirrored samples next to it, added to a straight line.
-
-    This is sufficient for the search for the weak parts of knocks.
-    """
+    """Replace each range by the mirrored samples next to it on a straight line, for the search for weak parts of
+    knocks."""
     out = values.copy()
     for first, last in ranges.tolist():
         size, half = last - first, (last - first) // 2

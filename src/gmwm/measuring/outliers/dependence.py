@@ -1,7 +1,4 @@
-"""Test whether a robust wavelet variance depends on its efficiency by more than chance.
-
-If it does, the recording has too many outliers for the robust estimate.
-"""
+"""Test whether a robust wavelet variance depends on its efficiency because of too many outliers."""
 
 from __future__ import annotations
 
@@ -23,17 +20,8 @@ LOW, HIGH = 0.6, 0.9
 
 @dataclass(frozen=True, kw_only=True)
 class Dependence:
-    """Two robust variances of the same level that differ by more than chance explains.
-
-    Attributes
-    ----------
-    tau : float
-        Scale (s).
-    efficiency, value : float
-        Efficiency and robust variance of the curve that is fitted.
-    other_efficiency, other_value : float
-        Efficiency and robust variance of the curve that it is compared with.
-    """
+    """Two robust variances of the same scale `tau` (s) that differ by more than chance explains. `efficiency` and
+    `value` are those of the fitted curve, the others those of the curve that it is compared with."""
 
     tau: float
     efficiency: float
@@ -62,19 +50,9 @@ def other_efficiency(efficiency: float) -> float:
 
 def dependence(robust: WaveletVariance, other: WaveletVariance, verdict: Verdict) -> Dependence | None:
     """Return the level at which two robust curves of a recording differ most, if this is more than chance; otherwise
-    None.
-
-    The estimation errors of both curves are expansions in the same Hermite polynomials. The log ratio of the curves
-    therefore has at most the variance of the log ratio of the classical curve to the less efficient one. A difference
-    of 1 % is tolerated.
-
-    Parameters
-    ----------
-    robust, other : WaveletVariance
-        The fitted curve, and a curve with `other_efficiency`.
-    verdict : Verdict
-        The test for outliers with `robust`; its standard errors are used.
-    """
+    None. The estimation errors of both curves are expansions in the same Hermite polynomials. The log ratio of the
+    curves therefore has at most the variance of the log ratio of the classical curve to the less efficient one, whose
+    standard errors are in the `verdict` on `robust`. A difference of 1 % is tolerated."""
     from scipy.special import ndtri
 
     assert robust.efficiency is not None

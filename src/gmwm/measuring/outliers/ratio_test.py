@@ -1,7 +1,4 @@
-"""Test a recording for outliers by the ratio of its classical to its robust wavelet variance.
-
-Heavy tails raise this ratio too, so the samples must also have bursts or isolated wrong samples.
-"""
+"""Test a recording for outliers by the ratio of its classical to its robust wavelet variance, bursts and spikes."""
 
 from __future__ import annotations
 
@@ -35,15 +32,13 @@ ratio is not known well enough (docs/validation/contamination-test.md)."""
 COARSE, COARSEST = 0.4, 0.54
 """Shares of zero coefficients at a level above which the level, or every level, is not tested.
 
-At the first level of white noise, they correspond to quantization steps of 1.5 and 2.1 standard deviations. Above the
-first share, the ratio of the level depends by up to 15 % on the position of the mean between two steps. Above the
-second share, this holds for every level, because the mean drifts from step to step. The false alarms with these values
-are in docs/validation/contamination-test.md.
-"""
+In white noise, they correspond to quantization steps of 1.5 and 2.1 standard deviations. Above the first one, the ratio
+depends by up to 15 % on the position of the mean between two steps; above the second one, at every level, because the
+mean drifts from step to step (docs/validation/contamination-test.md)."""
 TOLERANCE = 0.02
 """Default of the relative excess that is not reported as outliers."""
 FELT = 4
-"""Number of levels, counted from a coarsely quantized one, whose ratio changes by more than 1 %; see the same study."""
+"""Number of levels, from a coarsely quantized one on, whose ratio changes by more than 1 %; see the same study."""
 Reason = Literal["few", "rounded", "nothing"]
 
 
@@ -61,26 +56,19 @@ class Verdict(Summarised):
         number, at most 1. It is 1 if no level can be tested.
     levels, tau : (J,) arrays
         Numbers of the levels, and their scales (s).
-    excess : (J,) array
-        Ratio of the classical to the robust variance, minus 1. NaN if one of them is zero.
-    critical : (J,) array
-        Excess at which a level alone makes the recording contaminated. NaN for levels that are not tested.
+    excess, critical : (J,) arrays
+        Ratio of the classical to the robust variance, minus 1 (NaN if one is zero), and its value at which a level
+        alone makes the recording contaminated (NaN for levels that are not tested).
     standard_errors, pvalues : (J,) arrays
-        Standard error of log(classical / robust) in Gaussian noise, and p-value of each level. NaN for levels that are
-        not tested.
+        Standard error of log(classical / robust) in Gaussian noise, and p-value of each level; NaN without a test.
     left_out : mapping of level to "few", "rounded" or "nothing"
         Reason why a level is not tested: too few coefficients, coarse quantization, or no noise.
-    size, tolerance, efficiency : float
-        As for `contamination`.
-    comparisons : int
-        As for `contamination`.
-    axis : str
+    size, comparisons, tolerance, efficiency, axis
+        The same as for `contamination`, and the name of the axis.
     bursts : Bursts or None
         Knocks and motion in the samples; None if only two curves were given.
-    spikes : int
-        Number of isolated wrong samples that are in the curves.
-    largest : float
-        Largest deviation of these samples, in local standard deviations.
+    spikes, largest : int, float
+        Number of isolated wrong samples in the curves, and their largest deviation, in local standard deviations.
     replaced : Replaced
         The samples that were replaced before the curves were measured; see `calibrate`.
     dependence : Dependence or None
@@ -126,8 +114,7 @@ class Verdict(Summarised):
 
     @property
     def heavy_tailed(self) -> bool:
-        """Whether the classical curve exceeds the robust one although there are no outliers: the noise has heavy or
-        varying tails."""
+        """Whether the classical curve exceeds the robust one without outliers: the noise has heavy or varying tails."""
         return self.exceeds and not self.contaminated
 
     @property
@@ -139,8 +126,8 @@ class Verdict(Summarised):
 
     @property
     def lighter(self) -> NDArray[np.bool_]:
-        """Whether the robust variance of each level exceeds the classical one by more than chance, because of drift or
-        rounding, a (J,) array."""
+        """Whether the robust variance of each level exceeds the classical one by more than chance: drift or rounding,
+        (J,)."""
         from scipy.special import gammainc
 
         place = np.log1p(np.nan_to_num(self.excess)) + np.log1p(self.tolerance)
@@ -217,14 +204,11 @@ class Verdict(Summarised):
         depends = values["dependence"]
         scalars = {name: values[name] for name in _SCALARS}
         return cls(
-            **scalars,
-            **arrays,
-            levels=levels,
-            left_out=left_out,
+            **scalars, **arrays, levels=levels, left_out=left_out,
             bursts=None if bursts is None else Bursts.from_dict(bursts),
             dependence=None if depends is None else Dependence.from_dict(depends),
             replaced=Replaced.from_dict(values["replaced"]),
-        )
+        )  # fmt: skip
 
     def __str__(self) -> str:
         return self.summary()
@@ -342,25 +326,14 @@ def contamination(
         critical[tested] = np.expm1(allowed + e * place)
     pvalue = min(1.0, count * float(np.min(pvalues[tested], initial=1.0))) if count else 1.0
     return Verdict(
-        contaminated=pvalue <= size and (screen is None or screen.bursts.found or screen.spikes > 0),
-        pvalue=pvalue,
-        levels=robust.levels.copy(),
-        tau=robust.tau.copy(),
-        excess=excess,
-        critical=critical,
-        standard_errors=error,
-        pvalues=pvalues,
-        left_out=dict(sorted(left_out.items())),
-        size=float(size),
-        comparisons=int(comparisons),
-        tolerance=float(tolerance),
-        efficiency=robust.efficiency,
-        axis=robust.axis,
+        contaminated=pvalue <= size and (screen is None or screen.bursts.found or screen.spikes > 0), pvalue=pvalue,
+        levels=robust.levels.copy(), tau=robust.tau.copy(), excess=excess, critical=critical, standard_errors=error,
+        pvalues=pvalues, left_out=dict(sorted(left_out.items())), size=float(size), comparisons=int(comparisons),
+        tolerance=float(tolerance), efficiency=robust.efficiency, axis=robust.axis,
         bursts=None if screen is None or not screen.bursts.tau.size else screen.bursts,
-        spikes=0 if screen is None else screen.spikes,
-        largest=0.0 if screen is None else screen.largest,
+        spikes=0 if screen is None else screen.spikes, largest=0.0 if screen is None else screen.largest,
         replaced=NOTHING_REPLACED if screen is None else screen.replaced,
-    )
+    )  # fmt: skip
 
 
 def _is_pair(x: Any) -> bool:

@@ -16,20 +16,9 @@ from gmwm.recording.signals import Signal
 
 @dataclass(frozen=True, kw_only=True)
 class Replaced:
-    """Samples of one axis that were replaced before the measurement.
-
-    Attributes
-    ----------
-    spikes : int
-        Number of isolated wrong samples (spikes).
-    largest : float
-        Largest deviation of these samples, in local standard deviations.
-    knocks : tuple of (start, stop)
-        Begin and end (s) of the samples that were replaced because of each knock, counted like the option `skip` of
-        `read`.
-    in_knocks : int
-        Number of samples that were replaced because of knocks.
-    """
+    """Samples of one axis that were replaced before the measurement. `spikes` and `in_knocks` are the numbers of
+    isolated wrong samples and of samples in knocks, `largest` the largest deviation of the former in local standard
+    deviations. `knocks` has the begin and end (s) of each knock, counted like the option `skip` of `read`."""
 
     spikes: int = 0
     largest: float = 0.0
@@ -67,21 +56,8 @@ NOTHING_REPLACED = Replaced()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Screen:
-    """Results of the screening of one axis, which are used in addition to its wavelet variances.
-
-    Attributes
-    ----------
-    bursts : Bursts
-        Knocks and motion.
-    spikes : int
-        Number of isolated wrong samples that are in the data.
-    largest : float
-        Largest deviation of these samples, in local standard deviations.
-    replaced : Replaced
-        Samples that were replaced before the wavelet variance was measured.
-    tails : TailSums
-        Sums from which the additional covariance due to heavy tails is computed.
-    """
+    """Results of the screening of one axis: bursts, wrong samples in the data (as in `Replaced`), and sums for heavy
+    tails."""
 
     bursts: Bursts
     spikes: int
@@ -91,13 +67,7 @@ class Screen:
 
 
 class Screening:
-    """Screen samples that arrive in chunks; the result does not depend on the chunks.
-
-    Parameters
-    ----------
-    rate : float
-        Sampling rate (Hz).
-    """
+    """Screen samples that arrive in chunks; the result does not depend on the chunks."""
 
     def __init__(self, rate: float) -> None:
         self._bursts, self._tails = BurstFinder(rate), TailSums()
@@ -120,16 +90,7 @@ class Screening:
 
 
 def screened(x: Signal) -> Screen:
-    """Screen a signal without replacing samples.
-
-    Parameters
-    ----------
-    x : Signal
-
-    Returns
-    -------
-    Screen
-    """
+    """Screen a signal without replacing samples."""
     screening, spikes = Screening(x.rate), find_spikes(x)
     feed(screening, x)
     return screening.result(spikes=len(spikes), largest=spikes.largest)

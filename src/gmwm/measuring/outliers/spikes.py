@@ -1,13 +1,8 @@
 """Find isolated wrong samples (spikes), and replace them by samples predicted from the others.
 
-The residual of a sample is its distance from the median of its six neighbours, in local standard deviations. Residuals
-beyond a threshold θ are spikes under three conditions. First, there are many more of them than expected in N samples of
-a t distribution that is fitted to the bulk of the residuals. Second, they are separated from the other residuals:
-hardly more residuals exceed θ / 1.5 than θ, whereas in the tail of a distribution many more do. Third, they are
-isolated: the samples after them are normal again.
-
-A spike is replaced by a draw from its conditional distribution given the other samples, like a lost sample; see
-`gmwm.recording.gaps.drawing`.
+The residual of a sample is its distance from the median of its neighbours, in local standard deviations. Residuals
+beyond a threshold θ are spikes if there are many more than a t distribution of the bulk explains, hardly more exceed θ
+/ 1.5 than θ, and the samples after them are normal again. See `gmwm.recording.gaps.drawing` for the replacement.
 """
 
 from __future__ import annotations
@@ -26,16 +21,16 @@ from gmwm.recording.resolution import lsb
 from gmwm.recording.signals import Signal
 
 APART = 1.5
-"""Ratio of the threshold θ to a lower threshold. Residuals between the two must be rare. All constants here are pinned
-by docs/validation/tails.md and tests/outliers/test_spikes.py."""
+"""Ratio of the threshold θ to a lower threshold; residuals between the two must be rare (docs/validation/tails.md and
+tests/outliers/test_spikes.py, as all constants here)."""
 MORE = 1.6
-"""Largest ratio of the number of residuals beyond θ / 1.5 to the number beyond θ. For a tail with an infinite variance,
-it is 1.5² = 2.25."""
+"""Largest ratio of the numbers of residuals beyond θ / 1.5 and beyond θ. It is 2.25 for a tail with an infinite
+variance."""
 CERTAIN = 1e-6
 """Largest probability, under the bulk, of the number of residuals beyond θ."""
 FALSE = 0.1
-"""Largest expected share of correct samples among the residuals beyond θ. This expected number of residuals, chosen at
-random, is kept."""
+"""Largest expected share of correct samples among the residuals beyond θ. As many residuals, chosen at random, are
+kept."""
 LEAST = 4.0
 """Smallest threshold, in local standard deviations."""
 MOST = 0.1
@@ -43,13 +38,11 @@ MOST = 0.1
 RUN = 3
 """Largest number of neighbouring samples that can all be spikes. An encoder error, for example, changes two rates."""
 CROWD, NEAR = 6, 10
-"""Largest number of spikes within `NEAR` samples on either side. If there are more, they form a cluster, which is a
-knock."""
+"""Largest number of spikes within `NEAR` samples on either side; more spikes form a cluster, which is a knock."""
 CLEAR = 100
 """Distance (samples) from a cluster within which no sample is treated as a spike."""
 _REACHES = (3, 12)
-"""Numbers of neighbours on each side. The nearest neighbours predict a sample best behind a low-pass filter; for white
-noise, the median of many neighbours has a smaller error."""
+"""Numbers of neighbours on each side: the nearest predict best behind a low-pass filter, many in white noise."""
 _FEW = 12
 """Number of spikes below which no residual may be between θ / 2 and θ."""
 _TAIL = APART**-3.0
@@ -57,8 +50,7 @@ _TAIL = APART**-3.0
 _BULK = 50_000
 """Number of residuals from which the spread and the tails of the bulk are estimated."""
 _PRECISE = 500_000
-"""The same number for a recording with spikes. If 0.3 % of its samples are at 6 standard deviations, they add 10 % to
-the variance, and the tails of the bulk must be known more accurately than this."""
+"""The same number for a recording with spikes: 0.3 % of samples at 6 standard deviations add 10 % to the variance."""
 _LOWEST = 3.0
 """Smallest residual that can be replaced."""
 _BIN, _NONE = 0.25, 0.005
@@ -73,10 +65,8 @@ class Spikes:
 
     Attributes
     ----------
-    indices : (k,) int array
-        Indices of the spikes in the signal.
-    deviations : (k,) array
-        Absolute residuals of the spikes, in local standard deviations of the residuals.
+    indices, deviations : (k,) arrays
+        Indices of the spikes in the signal, and their absolute residuals in local standard deviations.
     """
 
     indices: NDArray[np.int64]
@@ -218,10 +208,8 @@ def _bulk(
     values: Vector, rate: float, step: float, *, most: int, right: NDArray[np.bool_] | None, reach: int
 ) -> tuple[Vector, int, float, float]:
     """Return the local standard deviation of the residuals in each block, the length of a block, and a lower limit and
-    an estimate of the degrees of freedom of the tails.
-
-    At most about `most` residuals are used. The tails are estimated from the samples that are `right`.
-    """
+    an estimate of the degrees of freedom of the tails. About `most` residuals are used at most. The tails are estimated
+    from the samples that are `right`."""
     places, stride = _sampled(values.size, most)
     residual = np.abs(_core.neighbour_residuals(values, values, places, reach))
     piece = min(max(round(NEIGHBOURHOOD * rate / stride), 128), residual.size)
@@ -237,14 +225,14 @@ def _bulk(
 
 
 def _at(places: NDArray[np.int64], scale: Vector, length: int) -> Vector:
-    """Return the standard deviation at some positions, from that of each block. The samples after the last block belong
-    to the last block."""
+    """Return the standard deviation at some positions, from that of each block; the last one has the remainder."""
     return np.asarray(scale[np.minimum(places // length, scale.size - 1)])
 
 
 def _freedom(relative: Vector, errors: float) -> float:
     """Return the degrees of freedom of the t distribution whose ratio of the 90 % quantile to the median, for absolute
-    values, is the measured ratio plus `errors` standard errors."""
+    values, is the measured ratio plus `errors` standard errors.
+    """
     from scipy.special import stdtrit
 
     grid = np.geomspace(1.0, 1000.0, 200)
@@ -256,8 +244,8 @@ def _freedom(relative: Vector, errors: float) -> float:
 
 
 def _threshold(deviation: Vector, samples: int, freedom: float, false: float = 1.0) -> float:
-    """Return the smallest θ beyond which at most the share `false` of the residuals is expected to be correct; infinity
-    if there are no spikes."""
+    """Return the smallest θ beyond which at most the share `false` of the residuals may be correct; infinity without
+    spikes."""
     # Not from scipy.stats, whose import takes as long as the search for spikes on six axes.
     from scipy.special import bdtrc, ndtr, pdtrc
 
@@ -284,12 +272,10 @@ def _beyond(deviation: Vector, freedom: float) -> Vector:
 
 
 def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) -> NDArray[np.bool_]:
-    """Select the residuals beyond the bulk, so that the number of remaining residuals agrees with the bulk.
-
-    Near the threshold, single spikes cannot be distinguished from the tails of the bulk. In each bin of deviations,
-    residuals are chosen at random, as many as exceed the number expected from the bulk. Far beyond the threshold, these
-    are all residuals. Bins below the threshold follow until one has no clear surplus. The choice has a fixed seed.
-    """
+    """Select the residuals beyond the bulk, so that the number of remaining residuals agrees with the bulk. Near the
+    threshold, single spikes cannot be distinguished from the tails of the bulk. In each bin of deviations, residuals
+    are chosen at random, as many as exceed the number expected from the bulk; far beyond, these are all. Bins below the
+    threshold follow until one has no clear surplus. The choice has a fixed seed."""
     chosen = np.zeros(deviation.size, dtype=np.bool_)
     if not np.isfinite(threshold):
         return chosen
@@ -310,7 +296,7 @@ def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) 
 
 
 def _crowded(at: NDArray[np.int64], samples: int) -> NDArray[np.int64]:
-    """Return those of the positions, which are in ascending order, that are in a cluster or in a long run."""
+    """Return those of the ascending positions that are in a cluster or in a long run."""
     from scipy.special import bdtrc
 
     if not at.size:
@@ -332,8 +318,7 @@ def _clear(at: NDArray[np.int64], crowded: NDArray[np.int64]) -> NDArray[np.bool
 
 
 def _returns(values: Vector, filled: Vector, at: NDArray[np.int64], limit: Vector) -> NDArray[np.bool_]:
-    """Return whether the signal returns after each position. A spike differs from the samples before and after it, a
-    step only from those before it."""
+    """Return whether the signal returns after each position. A step differs from the samples before it only."""
     last = values.size - 1
     steps = np.arange(1, 6)
     before = np.median(filled[np.maximum(at[:, None] - steps, 0)], axis=1)
@@ -343,8 +328,7 @@ def _returns(values: Vector, filled: Vector, at: NDArray[np.int64], limit: Vecto
 
 
 def _filled(values: Vector, at: NDArray[np.int64]) -> tuple[Vector, NDArray[np.bool_]]:
-    """Interpolate the values at some positions, in ascending order, from all others. Return also a mask of the
-    others."""
+    """Interpolate the values at some ascending positions from all others. Return also a mask of the others."""
     good = np.ones(values.size, dtype=np.bool_)
     good[at] = False
     filled = values.copy()

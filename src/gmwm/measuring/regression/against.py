@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Vector, as_vector
@@ -32,13 +31,11 @@ class Term:
 
     Attributes
     ----------
-    name : str
-        Name of the covariate. "time" and "warmup" are computed from the times of the samples.
-    degree : int
-        Degree of the polynomial; 1 is a straight line.
+    name, degree : str, int
+        Name of the covariate ("time" and "warmup" are computed from the times of the samples), and degree of a
+        polynomial.
     lag : bool
-        Whether the rate of change of the covariate is also a column, for a sensor that follows the covariate with a
-        delay.
+        Whether the rate of change of the covariate is also a column, for a sensor that follows it with a delay.
     knots : int
         Number of inner knots of a natural cubic spline; 0 for a polynomial.
     exact : bool
@@ -69,15 +66,8 @@ class Term:
 
     @classmethod
     def parse(cls, text: str) -> Term:
-        """Parse a term such as ``temperature:2,lag``.
+        """Parse a term; raise OptionError if the text is not a name with known options.
 
-        Raises
-        ------
-        OptionError
-            If the text is not a name with known options.
-
-        Examples
-        --------
         >>> Term.parse("temperature:2,lag")
         Term(name='temperature', degree=2, lag=True, knots=0, exact=False)
         """
@@ -110,17 +100,8 @@ class Term:
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """A requested regression: its terms, and the arrays that the user passed.
-
-    Attributes
-    ----------
-    terms : tuple of Term
-        The covariates.
-    arrays : mapping of name to (N,) array
-        Values of the covariates that are not part of the recording.
-    automatic : bool
-        Whether to use the temperature of the recording only if a test finds that the axis depends on it.
-    """
+    """A requested regression: its terms, and the arrays of covariates that are not part of the recording. With
+    `automatic`, the temperature of the recording is used only if a test finds that the axis depends on it."""
 
     terms: tuple[Term, ...] = ()
     arrays: Mapping[str, Vector] | None = None
@@ -131,13 +112,7 @@ class Asked:
 
     @classmethod
     def of(cls, against: Against | Asked) -> Asked:
-        """Check and convert the option `against`.
-
-        Raises
-        ------
-        OptionError, DataError
-            If the value cannot be interpreted.
-        """
+        """Check and convert the option `against`; raise OptionError or DataError if it cannot be interpreted."""
         if isinstance(against, Asked):
             return against
         if against is None:
@@ -186,10 +161,3 @@ def _distinct(terms: Iterable[Term]) -> tuple[Term, ...]:
 def is_given(asked: Asked) -> bool:
     """Return whether a regression or the automatic test of the temperature was requested."""
     return asked.automatic or bool(asked.terms)
-
-
-def finite_or_none(values: Vector | None) -> Vector | None:
-    """Return the values of a covariate, or None if some are missing or all are equal."""
-    if values is None or not np.all(np.isfinite(values)) or not np.ptp(values) > 0:
-        return None
-    return values

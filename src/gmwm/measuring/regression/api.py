@@ -26,19 +26,17 @@ FOLLOWS = 0.05
 FURTHER = 0.01
 """The automatic choice adds a column if the p-value of its t test is below this level."""
 DIFFERS = 4.0
-"""A remark is made if the coefficient from long scales and the coefficient from all scales differ by more than this
-number of standard errors of the former (tests/regression/test_reading_noise.py)."""
+"""A remark is made if the coefficients from long scales and from all scales differ by more than this number of standard
+errors of the former (tests/regression/test_reading_noise.py)."""
 OPTIMISM = 2.0
-"""The weights and the variances of the coefficients come from the same data. The estimated variances are therefore too
-small, by a factor of about 1 + OPTIMISM/(3 + degrees of freedom). The value was chosen in simulations with other seeds;
-docs/validation/regression.md states the resulting coverage of the intervals."""
+"""The variances of the coefficients are too small by a factor of about 1 + OPTIMISM/(3 + degrees of freedom), because
+the weights come from the same data. Chosen in simulations with other seeds than docs/validation/regression.md."""
 FEWEST = 2.0
-"""Smallest number of degrees of freedom of a standard error. The formula returns 1 if the data can neither show nor
-exclude a slow process, and an effect of five standard errors would then not be significant. The value was chosen in the
-same simulations."""
+"""Smallest number of degrees of freedom of a standard error, from the same simulations. The formula returns 1 if the
+data can neither show nor exclude a slow process; an effect of five standard errors would then not be significant."""
 _ROUNDS = 4
-"""Number of rounds in which noise, weights and coefficients are estimated in turn. The third round changes a standard
-error by less than 1 % (tests/regression)."""
+"""Number of rounds that estimate noise, weights and coefficients in turn. The third one changes a standard error by
+less than 1 % (tests/regression)."""
 POINTS = 256
 """Number of parts of the recording whose means are kept for a plot."""
 _TIMES = 24
@@ -70,8 +68,8 @@ def regress_axis(
         Name and unit of the axis.
     automatic : bool
         Whether to test first whether the axis depends on the temperature. If it does, the square, the rate of change
-        and the cube of the temperature are added if they are significant at the 1 % level. If it does not, the
-        regression is marked as not applied.
+        and the cube of the temperature are added if significant at the 1 % level; if not, the regression is not
+        applied.
 
     Raises
     ------
@@ -85,14 +83,10 @@ def regress_axis(
 
 
 def _coarse(found: Regression, means: Vector, covariates: Covariates) -> tuple[float, float, float] | None:
-    """Return the first coefficient estimated from the longer half of the scales, its standard error, and the shortest
-    of these scales (s).
-
-    The result is None unless this coefficient is significantly farther from zero than the coefficient from all scales.
-
-    Reading errors of the covariate that are correlated in time are not detected as errors. They make the coefficient
-    too small at short scales.
-    """
+    """Return the first coefficient from the longer half of the scales, its standard error, and the shortest of them
+    (s). The result is None unless this coefficient is significantly farther from zero than the coefficient from all
+    scales. Reading errors that are correlated in time are not detected as errors; they make it too small at short
+    scales."""
     if not found.terms[0].measured or found.terms[0].exact:
         return None
     clock = covariates.clock
@@ -166,19 +160,8 @@ def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit
 
 @dataclass(frozen=True, eq=False)
 class _Solved:
-    """Result of the iteration between noise and weights.
-
-    Attributes
-    ----------
-    weighted : Weighted
-        The regression with its final weights.
-    noise : Noise
-        The estimated noise.
-    kept : (J,) array
-        Share of the noise that the regression leaves at each level.
-    tau : float or None
-        Time constant of a warm-up (s).
-    """
+    """Result of the iteration: the weighted regression, the noise, the share of it that is left, and tau of a warm-up
+    (s)."""
 
     weighted: Weighted
     noise: Noise
@@ -187,8 +170,7 @@ class _Solved:
 
 
 def _solved(means: Vector, covariates: Covariates, present: np.ndarray, whole: np.ndarray) -> _Solved:
-    """Estimate noise, weights and coefficients in turn. The first noise estimate includes the effects of the
-    covariates."""
+    """Estimate noise, weights and coefficients in turn. The first estimate of the noise includes the effects."""
     warm = any(term.name == WARM_UP for term in covariates.basis.terms)
     times = covariates.clock.times[present]
     tau = (times[-1] - times[0]) / 3 if warm else None
@@ -224,10 +206,7 @@ def _solved(means: Vector, covariates: Covariates, present: np.ndarray, whole: n
 
 
 def _time_constant(means: Vector, covariates: Covariates, design: RegressionDesign, weights: Sequence[Vector]) -> float:
-    """Return the time constant (s) of the warm-up with the smallest weighted sum of squares.
-
-    It is searched on a grid, and then on a finer grid around the best value.
-    """
+    """Return the time constant (s) of the warm-up with the smallest weighted sum of squares, from two nested grids."""
     times = covariates.clock.times[design.present]
     span, step = float(times[-1] - times[0]), covariates.clock.length / covariates.clock.rate
     # Leave out the column of the derivative with respect to the time constant, which is constant during the search.
@@ -254,15 +233,9 @@ def regressed_variance(
     robust: bool = False,
     efficiency: float = EFFICIENCY,
 ) -> WaveletVariance:
-    """Estimate the wavelet variance of a signal after the effect of covariates is subtracted.
-
-    The attribute `regression` of the result contains the regression.
-
-    Raises
-    ------
-    OptionError, DataError
-        If a covariate cannot be used, or if `data` is a wavelet variance, which has no samples.
-    """
+    """Estimate the wavelet variance of a signal after the effect of covariates is subtracted. The attribute
+    `regression` of the result contains the regression. Raises OptionError or DataError if a covariate cannot be used,
+    or if `data` is a wavelet variance, which has no samples."""
     if isinstance(data, WaveletVariance):
         raise OptionError(
             "against needs the samples; got a WaveletVariance",
@@ -289,10 +262,8 @@ def restated(
     freedoms: tuple[float, ...],
     freedom: float,
 ) -> Regression:
-    """Return a copy of a regression with other estimates (p,), covariance (p, p) and degrees of freedom.
-
-    The joint test and the residuals are computed again.
-    """
+    """Return a copy of a regression with other estimates (p,), their covariance (p, p) and degrees of freedom. The
+    joint test and the residuals are computed again."""
     clock = covariates.clock
     present = clock.present()
     means = clock.means(signal.values, clipped=True)
@@ -307,7 +278,7 @@ def restated(
 
 
 def _thinned(values: Vector) -> Vector:
-    """Split values into up to `POINTS` consecutive parts of nearly equal length, and return the mean of each part."""
+    """Return the means of up to `POINTS` consecutive parts of nearly equal length."""
     edges = np.linspace(0, values.size, min(POINTS, values.size) + 1).astype(np.int64)
     return np.asarray(np.add.reduceat(values, edges[:-1]) / np.diff(edges))
 
@@ -324,9 +295,6 @@ def effect_of(found: Regression, covariates: Covariates, first: int, last: int) 
 
 
 def without(signal: Signal, found: Regression, covariates: Covariates, first: int = 0) -> Signal:
-    """Subtract the effect of the covariates from a part of the recording that begins at sample `first`.
-
-    The effect is zero at the reference values of the covariates.
-    """
+    """Subtract the effect of the covariates, zero at their reference values, from a part that begins at `first`."""
     values = signal.values - effect_of(found, covariates, first, first + len(signal))
     return replace(signal, values=values)

@@ -1,5 +1,4 @@
-"""Means of a recording over blocks of time, with which a regression on slow covariates has the same cost at any
-length."""
+"""Means of a recording over blocks of time, so that a regression on slow covariates costs the same at any length."""
 
 from __future__ import annotations
 
@@ -14,39 +13,26 @@ from gmwm.base.time_base import begins_of
 from gmwm.recording.batches import BATCH
 
 BLOCKS = 4096
-"""Smallest number of blocks, if the recording has at least as many samples. The standard errors then differ by less
-than 0.1 % from those with all samples (docs/validation/regression.md)."""
+"""Smallest number of blocks, if the recording has at least as many samples. Standard errors then differ by less than
+0.1 % from those with all samples (docs/validation/regression.md)."""
 MOST = 1 << 17
 """Largest number of blocks including those in gaps. It limits the memory for a recording with long gaps."""
 CLIPPED = 8.0
-"""Samples are clipped at this distance from the median of their block, in standard deviations, so that a shock or a
-wrong sample changes a block mean only slightly. Gaussian noise reaches this distance once in 10¹⁵ samples."""
+"""Distance from the median of the block, in standard deviations, at which samples are clipped, so that a shock changes
+a block mean only slightly. Gaussian noise reaches it once in 10¹⁵ samples."""
 _SLAB = 1 << 20
 
 
 def usual_length(samples: int, end: int) -> int:
-    """Return the number of samples in a block.
-
-    `samples` is the number of samples of the recording, and `end` is this number plus the missing samples in gaps.
-    """
+    """Return the number of samples in a block, for `samples` samples and `end` with the missing samples in gaps."""
     return 1 << max(int(max(samples // BLOCKS, end // MOST)).bit_length() - 1, 0)
 
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """Times of the samples of a recording, divided into blocks of equal length.
-
-    Attributes
-    ----------
-    length : int
-        Number of samples in a block, a power of two.
-    rate : float
-        Sampling rate (Hz).
-    segments : tuple of (first, last)
-        Index ranges of the segments, which have no gaps.
-    offsets : tuple of int
-        Time of the first sample of each segment, in sampling intervals since the first sample of the recording.
-    """
+    """Times of the samples of a recording, divided into blocks of `length` samples, a power of two. `segments` are
+    index ranges (first, last) without gaps, and `offsets` the time of the first sample of each, in sampling intervals
+    since the first sample of the recording."""
 
     length: int
     rate: float
@@ -78,10 +64,7 @@ class Clock:
         return np.asarray(((np.arange(self.blocks) + 0.5) * self.length - 0.5) / self.rate, dtype=np.float64)
 
     def places(self) -> list[tuple[int, int, int]]:
-        """Return the first sample, the end and the time (in sampling intervals) of pieces of bounded size.
-
-        Each piece is within one segment.
-        """
+        """Return first sample, end and time (sampling intervals) of pieces of bounded size, each within one segment."""
         pieces = []
         for (first, last), offset in zip(self.segments, self.offsets, strict=True):
             begin = first
@@ -128,10 +111,7 @@ class Clock:
         return replace(self, segments=tuple((a, b) for a, b, _ in kept), offsets=tuple(offset for _, _, offset in kept))
 
     def means(self, values: Vector, *, clipped: bool = False) -> Vector:
-        """Return the mean of the samples in each block. Empty blocks have the value 0.
-
-        With `clipped`, samples far from the median of their block are clipped; see `CLIPPED`.
-        """
+        """Return the mean of the samples in each block; 0 for empty blocks. If `clipped`, without outlying samples."""
         sums = np.zeros(self.blocks)
         for first in range(0, values.size, BATCH):
             part = self.part(first, min(first + BATCH, values.size)) if values.size > BATCH else self
@@ -184,8 +164,8 @@ class Clock:
         return float(np.median(every)) if every.size else 0.0
 
     def interpolated(self, means: Vector, first: int, last: int) -> Vector:
-        """Return block means interpolated linearly at the samples first … last − 1, between the centres of non-empty
-        blocks."""
+        """Return block means interpolated linearly between the centres of non-empty blocks, at the samples first … last
+        − 1."""
         at, curve = self._lines(means)
         samples = np.arange(first, last)
         begins, _, offsets = self._ranges.T
@@ -194,11 +174,8 @@ class Clock:
 
     def onto(self, means: Vector, finer: Clock) -> Vector:
         """Return means over the blocks of a finer clock, interpolated so that the means over the present blocks are
-        kept.
-
-        The interpolating curve is the derivative of a cubic spline through the running sum. Linear interpolation
-        between the centres would reduce the amplitude of a daily cycle with 16 blocks per day by 2 %.
-        """
+        kept. The interpolating curve is the derivative of a cubic spline through the running sum. Linear interpolation
+        between the centres would reduce the amplitude of a daily cycle with 16 blocks per day by 2 %."""
         from scipy.interpolate import CubicSpline
 
         at, curve = self._lines(means)
@@ -212,10 +189,8 @@ class Clock:
         return np.asarray(np.diff(CubicSpline(edges, sums)(at)) / np.diff(at))
 
     def _lines(self, means: Vector) -> tuple[Vector, Vector]:
-        """Return the nodes of a piecewise linear curve through the means of blocks that contain samples.
-
-        The nodes are times (in sampling intervals) and values.
-        """
+        """Return the times (sampling intervals) and values of the nodes of a line through the means of non-empty
+        blocks."""
         known = np.flatnonzero(self.present() if np.any(self.present()) else self.counts() > 0)
         at = np.asarray((known + 0.5) * self.length - 0.5, dtype=np.float64)
         curve = means[known]

@@ -16,18 +16,9 @@ _SIGNS = {2: "²", 3: "³", 4: "⁴", 5: "⁵"}
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a regression.
-
-    Attributes
-    ----------
-    name : str
-        Name of the column, such as "temperature", "temperature^2", "temperature lag", "temperature knot 1", "time",
-        "warmup" or "warmup tau".
-    term : str
-        Name of its covariate.
-    power : str
-        Unit of the column, such as "°C²"; an empty string if it is unknown or the column has no unit.
-    """
+    """One column of a regression, of the covariate `term`. `name` is, for example, "temperature^2", "temperature lag",
+    "temperature knot 1" or "warmup tau", and `power` the unit of the column such as "°C²"; "" if it is unknown or the
+    column has no unit."""
 
     name: str
     term: str
@@ -36,17 +27,9 @@ class Column:
 
 @dataclass(frozen=True)
 class Basis:
-    """The terms of a regression, and the constants that their columns depend on.
-
-    Attributes
-    ----------
-    terms : tuple of Term
-        The covariates, with the forms of their effects.
-    references : mapping of name to float
-        Value of each covariate at which its effect is zero. The unit of time is hours.
-    knots : mapping of name to tuple of float
-        Knots of the splines, including the outer knots.
-    """
+    """The terms of a regression, and the constants that their columns depend on. `references` are the values of the
+    covariates (time in hours) at which their effect is zero, and `knots` the knots of the splines, including the outer
+    ones."""
 
     terms: tuple[Term, ...]
     references: Mapping[str, float]
@@ -63,10 +46,8 @@ class Basis:
         return np.hstack([self._of_term(term, values.get(term.name, times), times, tau) for term in self.terms])
 
     def along(self, name: str, points: Vector) -> Matrix:
-        """Return the columns (m, p) for values of one covariate.
-
-        The columns of the other covariates and of rates of change are zero.
-        """
+        """Return the columns (m, p) for values of one covariate; those of other covariates and of rates of change are
+        zero."""
         found = []
         for term in self.terms:
             if term.name == name:
@@ -107,12 +88,8 @@ def _columns(term: Term) -> list[Column]:
 
 
 def _spline(values: Vector, knots: tuple[float, ...]) -> list[Vector]:
-    """Return the nonlinear columns of a natural cubic spline, which is linear outside the outer knots.
-
-    The columns are divided so that they have the unit of the covariate.
-
-    Source: Hastie, Tibshirani and Friedman (2009), The Elements of Statistical Learning, eq. 5.4.
-    """
+    """Return the nonlinear columns of a natural cubic spline, in the unit of the covariate; linear beyond the outer
+    knots. Source: Hastie, Tibshirani and Friedman (2009), The Elements of Statistical Learning, eq. 5.4."""
     at, last = np.array(knots), knots[-1]
     width = last - at[0]
 

@@ -17,12 +17,58 @@ from gmwm.measuring.regression.api import effect_of, regress_axis, without
 from gmwm.measuring.regression.blocks import Clock, usual_length
 from gmwm.measuring.regression.covariates import Covariates
 from gmwm.measuring.regression.result import Regression
-from gmwm.measuring.regression.seen import Seen
+from gmwm.measuring.streaming.passes import curves_of, measure, shown
 from gmwm.measuring.variance.api import signal_wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.recording.batches import Batch, Streamed
+from gmwm.recording.batches import Batch, Segments, Streamed, batches
 from gmwm.recording.signals import Imu, Signal
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """Times, temperature (°C) and block sums of a recording that was read once in batches. `clock` is a signal with the
+    segments and times of the recording. `sums` are over blocks of `length` samples, after outlying samples were
+    clipped. `curves` are wavelet variances, if requested, with the effect of the conditions."""
+
+    recording: Streamed
+    clock: Signal
+    temperature: Vector | None
+    length: int
+    sums: Mapping[str, Vector]
+    curves: Mapping[str, WaveletVariance]
+
+    @classmethod
+    def of(cls, recording: Streamed, length: int, *, curves: bool = False, threads: int | None = None) -> Seen:
+        """Read a recording and sum it over blocks of `length` samples. With `curves`, also measure its wavelet
+        variances. Raises ReadError or DataError if `read` would refuse the recording."""
+        segments, parts = Segments(), list[Vector]()
+        sums = {axis: np.zeros(0) for axis in recording.axes}
+        measured = curves_of(recording, recording.axes, robust=False) if curves else {}
+
+        def see(batch: Batch) -> None:
+            segments.update(batch)
+            if batch.temperature is not None:
+                parts.append(batch.temperature)
+            clock = Clock.of(recording.rate, tuple(segments.ranges), tuple(segments.starts), length=length)
+            own = clock.part(batch.first, batch.stop)
+            for axis, signal in batch.signals.items():
+                added = own.sums(signal.values, clipped=True)
+                added[: sums[axis].size] += sums[axis]
+                sums[axis] = added
+
+        measure(shown(batches(recording), see), measured, threads)
+        temperature = np.concatenate(parts) if parts else None
+        count = segments.ranges[-1][1]
+        values = np.zeros(count) if temperature is None else temperature
+        like = Signal(values, recording.rate, segments=segments.ranges, starts=segments.starts)
+        found = in_threads(lambda _, one: one.classical(), measured, threads=threads)
+        return cls(recording, like, temperature, length=length, sums=sums, curves=found)
+
+    def means(self, clock: Clock) -> dict[str, Vector]:
+        """Return the block means of all axes. For blocks of another length, the recording is read again."""
+        sums = self.sums if clock.length == self.length else Seen.of(self.recording, clock.length).sums
+        return {axis: clock.mean_of(own) for axis, own in sums.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,14 +80,11 @@ class Conditions:
     covariates : Covariates or None
         Conditions in the form of covariates; None without a regression.
     found : mapping of axis to Regression
-        Regression of each axis. This includes regressions that are not applied because the axis does not depend on the
-        temperature.
+        Regression of each axis, also of those that do not depend on the temperature (not applied).
     unknown : str
-        Reason why the temperature of the recording cannot be used; an empty string if it can, or if there is no
-        temperature.
+        Reason why the temperature of the recording cannot be used, or "".
     raw : mapping of axis to WaveletVariance
-        Wavelet variances of the axes before the effect of the conditions is subtracted, for a recording that is not in
-        memory.
+        Wavelet variances before the effect of the conditions is subtracted, for a recording that is not in memory.
     """
 
     covariates: Covariates | None = None
@@ -53,15 +96,9 @@ class Conditions:
     def of(
         cls, signals: Mapping[str, Signal], asked: Asked, temperature: Vector | None, *, threads: int | None = None
     ) -> Conditions:
-        """Regress the axes of a recording, which were sampled at the same times.
-
-        With the automatic choice, axes that cannot be regressed are left out.
-
-        Raises
-        ------
-        OptionError, DataError
-            If a requested covariate is missing or cannot be used.
-        """
+        """Regress the axes of a recording, which were sampled at the same times. With the automatic choice, axes that
+        cannot be regressed are left out. Raises OptionError or DataError if a requested covariate is missing or cannot
+        be used."""
         if not signals or not _wanted(asked, temperature is not None):
             return cls()
         clock = next(iter(signals.values()))
@@ -76,16 +113,9 @@ class Conditions:
     def of_recording(
         cls, recording: Imu | Streamed, asked: Asked, *, threads: int | None = None, curves: bool = False
     ) -> Conditions:
-        """Regress all axes of a recording in memory or in a file; see `of`.
-
-        A recording in a file is read once, or twice if it has no time stamps or many lost samples. With `curves`, its
-        wavelet variances are measured while it is read the first time.
-
-        Raises
-        ------
-        OptionError
-            As for `of`, and if an exact covariate needs the samples of a recording that is not in memory.
-        """
+        """Regress all axes of a recording in memory or in a file; see `of`. A recording in a file is read once, or
+        twice if it has no time stamps or many lost samples. With `curves`, its wavelet variances are measured while it
+        is read the first time. Raises OptionError also if an exact covariate needs the samples of such a recording."""
         if isinstance(recording, Imu):
             return cls.of(recording.signals, asked, recording.temperature, threads=threads)
         if not _wanted(asked, recording.has_temperature):

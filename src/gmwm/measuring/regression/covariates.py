@@ -18,24 +18,21 @@ from gmwm.recording.resolution import lsb
 from gmwm.recording.signals import Signal
 
 KNOWN = 10.0
-"""A scale is used if the wavelet variance of the covariate is at least this number times the wavelet variance of its
-reading error. The reading error makes a coefficient from this scale alone too small by at most 10 %, and a coefficient
-from all used scales by less than 1 % (docs/validation/regression.md)."""
+"""A scale is used if the wavelet variance of the covariate is at least this number times that of its reading error. The
+error makes a coefficient from all used scales too small by less than 1 % (docs/validation/regression.md)."""
 STEPS = 1 / 12
 """Variance of the rounding error of a covariate with quantization step q, in units of q²."""
 LARGE_STEPS = 2.5
-"""A covariate with quantization step q must have a wavelet variance of at least this number times q² at some scale,
-because the rounding error depends on the covariate. If the covariate changes by four steps in the whole recording, a
-coefficient is too small by 4 % (docs/validation/regression.md)."""
+"""A covariate with quantization step q must have a wavelet variance of at least this number times q² at some scale. If
+it changes by four steps in all, a coefficient is too small by 4 % (docs/validation/regression.md)."""
 RETURNS = 0.3
 """A quantized series is smoothed if at most this share of its changes go back to the previous value."""
 WINDOWS = 256
-"""The recording is divided into this number of windows. A quantized covariate is treated as dithered if it moves up and
-down in nearly all of them."""
+"""Number of windows; a quantized covariate that moves up and down in nearly all of them is dithered."""
 FEWEST_BLOCKS = 32
 """Smallest number of blocks for a regression. They contain five scales."""
 FEWEST_KNOWN = 8
-"""A covariate needs at least this number of blocks of the shortest scale that is used. Two scales are then used."""
+"""Smallest number of blocks of the shortest scale that is used. Two scales are then used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,24 +41,18 @@ class Covariates:
 
     Attributes
     ----------
-    basis : Basis
-        The terms and the constants of their columns.
-    clock : Clock
-        The blocks.
-    means : mapping of name to (n,) array
-        Block means of the measured covariates, interpolated where a block is empty.
-    smooth : mapping of name to (n,) array
-        Block means of the smoothed covariates, without quantization steps. The effect that is subtracted is computed
-        from them.
+    basis, clock : Basis, Clock
+        The terms with the constants of their columns, and the blocks.
+    means, smooth : mappings of name to (n,) array
+        Block means of the measured covariates, interpolated where a block is empty. The subtracted effect is computed
+        from `smooth`, without quantization steps.
     exact : mapping of name to (N,) array
         Samples of the covariates that are known exactly.
     ranges : mapping of name to (lowest, highest)
         Range of the block means of each covariate. The unit of time is hours.
-    lowest : int
-        Finest wavelet level of the recording at which the reading errors of all covariates are small enough.
-    block : int
-        Length (samples) of the blocks over which the covariates are averaged. It can be longer than the blocks of the
-        clock.
+    lowest, block : int
+        Finest wavelet level at which the reading errors of all covariates are small enough, and length (samples) of the
+        blocks over which they are averaged, which can be longer than those of the clock.
     """
 
     basis: Basis
@@ -76,12 +67,8 @@ class Covariates:
     @classmethod
     def of(cls, terms: Sequence[Term], arrays: Mapping[str, Vector], signal: Signal) -> Covariates:
         """Prepare the covariates of a recording. `signal` is one of its signals and states the times of the samples.
-
-        Raises
-        ------
-        DataError
-            If a covariate is missing, is constant, has another length, or has too large reading errors at all scales.
-        """
+        Raises DataError if a covariate is missing, is constant, has another length, or has too large errors at all
+        scales."""
         usual = 1 if any(term.exact for term in terms) else None
         clock = Clock.of(signal.rate, signal.segments, signal.starts, length=usual)
         block, lowest, known, smooth = clock.length, 1, dict(arrays), dict(arrays)
@@ -104,13 +91,8 @@ class Covariates:
 
     @classmethod
     def slow(cls, term: Term, values: Vector, signal: Signal) -> Covariates:
-        """Prepare one covariate that changes slowly. Only its block means are used, even if it is known without error.
-
-        Raises
-        ------
-        DataError
-            As for `of`.
-        """
+        """Prepare one covariate that changes slowly. Only its block means are used, even if it is exact. Errors are as
+        for `of`."""
         if not term.exact:
             return cls.of([term], {term.name: values}, signal)
         _checked(term, {term.name: values}, signal)
@@ -222,15 +204,8 @@ def _checked(term: Term, arrays: Mapping[str, Vector], signal: Signal) -> Vector
 
 def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
     """Return the finest wavelet level at which the reading error of a covariate is small, and its quantization step.
-
-    The step is 0 if noise makes a quantized reading jump up and down between values, because its means are then
-    accurate.
-
-    Raises
-    ------
-    DataError
-        If there is no such level, or if the recording has too few blocks of its scale.
-    """
+    The step is 0 if noise makes a quantized reading jump up and down, because its means are then accurate. Raises
+    DataError if there is no such level, or if the recording has too few blocks of its scale."""
     step = lsb(values)
     step = 0.0 if step is None or _dithered(values) else step
     level = known_level(values, signal, step)
@@ -246,13 +221,10 @@ def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
 
 
 def known_level(values: Vector, signal: Signal, step: float) -> int | None:
-    """Return the finest level at which the wavelet variance of a covariate is at least `KNOWN` times that of its
-    reading error.
-
+    """Return the finest level at which the wavelet variance of a covariate is `KNOWN` times that of its reading error.
     Each reading may be held for several samples. At longer scales, the reading error is white, so its wavelet variance
     decreases with the scale. The total variance decreases until the changes of the covariate dominate. Without noise,
-    the rounding error of quantization steps q has the variance q²/12, which is used at every scale.
-    """
+    the rounding error of quantization steps q has the variance q²/12, which is used at every scale."""
     curve = signal_wavelet_variance(_beside(signal, values)).variance
     valley = 0 if step else min(max(int(np.ceil(np.log2(_usual_run(values)))), 0), curve.size - 1)
     while valley + 1 < curve.size and curve[valley + 1] < curve[valley]:
@@ -266,11 +238,8 @@ def known_level(values: Vector, signal: Signal, step: float) -> int | None:
 
 
 def without_steps(values: Vector, step: float) -> Vector:
-    """Smooth a quantized series by a spline that passes halfway between two values when the series changes.
-
-    The result differs from the series by at most half a step. A series that often jumps up and down between two values
-    is returned unchanged.
-    """
+    """Smooth a quantized series by a spline that passes halfway between two values when the series changes. The result
+    differs from the series by at most half a step. A series that often jumps back is returned unchanged."""
     from scipy.interpolate import CubicSpline
 
     at = np.flatnonzero(values[1:] != values[:-1])
@@ -282,10 +251,7 @@ def without_steps(values: Vector, step: float) -> Vector:
 
 
 def _dithered(values: Vector) -> bool:
-    """Return whether noise makes a quantized reading jump up and down in nearly the whole recording.
-
-    The mean of such a reading is not quantized.
-    """
+    """Return whether a quantized reading jumps up and down in nearly all windows, so that its mean is not quantized."""
     changes = np.flatnonzero(values[1:] != values[:-1])
     rises = values[changes + 1] > values[changes]
     turns = changes[1:][rises[1:] != rises[:-1]]

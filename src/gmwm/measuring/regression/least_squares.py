@@ -1,20 +1,8 @@
-"""Generalised least squares with a weight for each frequency.
+"""Generalised least squares with a weight w_k = 1/S(f_k) for each frequency: the estimate and its exact covariance.
 
-The module computes the estimate, its exact covariance, and the part of the noise that the regression removes.
-
-The model is y = X β + ε, where the noise ε has the covariance Σ and the power spectral density S(f). Let C be the
-orthonormal cosine transform (DCT-II) of a run of n consecutive values, without the coefficient of the mean. Its
-frequencies are f_k = k/2n, and the weights are w_k = 1/S(f_k). Then
-
-    U = Cᵀ diag(w) C X,   P = Xᵀ U,   β̂ = P⁻¹ Uᵀ y = B y,   Cov β̂ = B Σ Bᵀ,
-    E ‖W_j (y − X β̂)‖² = M_j ν_j² − 2 tr(D_jᵀ W_j Σ Bᵀ) + tr(D_jᵀ D_j Cov β̂),
-
-where W_j computes the M_j Haar coefficients of level j, ν_j² is the wavelet variance of the noise, and D_j = W_j X. The
-transform diagonalises the covariance of white noise and of a random walk without its mean, so the estimate is the best
-linear unbiased one for their sum. It diagonalises other covariances approximately. The columns of U sum to zero in
-every run. Each run may therefore have its own offset, and Σ may be the generalised covariance of a random walk.
-docs/validation/regression.md compares the standard errors with those of generalised least squares with the true
-covariance matrix.
+The noise of y = X β + ε has the covariance Σ and the density S(f). With the orthonormal cosine transform C (DCT-II) of
+each run without its mean, at f_k = k/2n, U = Cᵀ diag(w) C X, P = Xᵀ U, β̂ = P⁻¹ Uᵀ y = B y, and Cov β̂ = B Σ Bᵀ. It is
+the best linear unbiased estimate for white noise and a random walk; docs/validation/regression.md has others.
 """
 
 from __future__ import annotations
@@ -28,25 +16,16 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector, runs_of
 
 COLLINEAR = 1e6
-"""Columns count as collinear if the condition number of P, scaled to unit diagonal, exceeds this value. The standard
-error of a coefficient is then up to 1000 times its standard error without the other columns."""
+"""Condition number of P, scaled to unit diagonal, above which columns are collinear. A standard error is then up to
+1000 times as large as without the other columns."""
 GRID = 4096
 """Largest number of frequencies at which the power spectral density is evaluated. Other weights are interpolated."""
 
 
 @dataclass(frozen=True, eq=False)
 class RegressionDesign:
-    """A regression on p columns at n equally spaced times. Some values may be missing.
-
-    Attributes
-    ----------
-    columns : (n, p) array
-        X. Rows of missing values are ignored.
-    present : (n,) bool array
-        Mask of the times with a value.
-    whole : (n,) bool array
-        Mask of the times in `present` that are also used for the wavelet variance of the residuals.
-    """
+    """A regression on p columns X (n, p) at n equally spaced times. `present` masks the times with a value; the others
+    are ignored. `whole` masks those times that are also used for the wavelet variance of the residuals."""
 
     columns: Matrix
     present: np.ndarray
@@ -89,15 +68,8 @@ class RegressionDesign:
         return [(first, last) for first, last in runs_of(self.present).tolist() if last - first > 1]
 
     def weights(self, density: Callable[[Vector], Vector], highest: float = 0.5) -> list[Vector]:
-        """Compute, for each run, the weights 1/S(f) at the frequencies of its cosine transform.
-
-        Parameters
-        ----------
-        density : callable
-            S as a function of frequencies in cycles per value.
-        highest : float
-            Frequency above which weights are zero, because the errors of the columns are too large there.
-        """
+        """Compute, for each run, the weights 1/S(f) at the frequencies (cycles per value) of its cosine transform. They
+        are zero above `highest`, where the errors of the columns are too large."""
         found: dict[int, Vector] = {}
         for size in {last - first for first, last in self.runs}:
             at = np.arange(1, size) / (2 * size)
@@ -159,8 +131,8 @@ class Weighted:
         return np.asarray(self.rows.T @ np.where(self.design.present, values, 0.0))
 
     def spread(self, lags: Vector) -> Matrix:
-        """Compute Σ Bᵀ (n, p). `lags` is the generalised covariance of the noise at the lags 0 … n − 1, which
-        determines Σ."""
+        """Compute Σ Bᵀ (n, p), for noise with the generalised covariance `lags` at the lags 0 … n − 1. The columns of U
+        sum to zero in every run, so each run may have its own offset, and a random walk is allowed."""
         from scipy import fft
 
         n = len(self.rows)
@@ -172,11 +144,8 @@ class Weighted:
 
     @cached_property
     def lag_products(self) -> Matrix:
-        """Sums Σ_t (B_at B_b,t+l + B_a,t+l B_bt) over the rows a and b of B at the lags l = 1 … n − 1, as an array (n,
-        p, p).
-
-        The first entry, for lag 0, is Σ_t B_at B_bt.
-        """
+        """Sums Σ_t (B_at B_b,t+l + B_a,t+l B_bt) over the rows a and b of B at the lags l = 1 … n − 1 (n, p, p). The
+        first entry, for lag 0, is Σ_t B_at B_bt."""
         from scipy import fft
 
         n = len(self.rows)
@@ -192,11 +161,9 @@ class Weighted:
         return np.asarray(np.tensordot(lags, self.lag_products, axes=1))
 
     def removed(self, spread: Matrix) -> Vector:
-        """Compute the part (J,) of the wavelet variance ν_j² of the noise that the regression removes.
-
-        It is ν_j² minus the expected mean square of the Haar coefficients of the residuals. The mean is over the
-        coefficients that are used for the wavelet variance, or over all if a level has none of these.
-        """
+        """Compute the part (J,) of the wavelet variance ν_j² of the noise that the regression removes. With W_j for the
+        Haar coefficients of level j and D_j = W_j X, E ‖W_j (y − X β̂)‖² = M_j ν_j² − 2 tr(D_jᵀ W_j Σ Bᵀ) + tr(D_jᵀ D_j
+        Cov β̂). The mean is over the coefficients for the wavelet variance, or over all if there are none."""
         covariance = self.rows.T @ spread
         found = np.zeros(self.design.levels)
         for j, (d, counted) in enumerate(zip(self.design.coefficients, self.design.counted, strict=True), 1):

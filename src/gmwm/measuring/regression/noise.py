@@ -1,10 +1,7 @@
-"""Estimate the noise of a series from its wavelet variance without choosing a model.
+"""Estimate the noise of a series from its wavelet variance without choosing a model, for weights and standard errors.
 
-The result is used for the weights and standard errors of a regression, and for the correction of its residuals.
-
-The coarsest levels have few degrees of freedom. They cannot distinguish a random walk from a Gauss-Markov process with
-a correlation time near the length of the recording. The noise is therefore an average over several mixtures of
-processes, with different limits for the correlation time, weighted by their likelihoods.
+The coarsest levels cannot distinguish a random walk from a Gauss-Markov process of similar length. The noise is
+therefore an average of mixtures with different limits for the correlation time, weighted by their likelihoods.
 """
 
 from __future__ import annotations
@@ -20,27 +17,17 @@ from gmwm.measuring.covariance.mixture import mixture
 from gmwm.theory.processes.base import Process
 
 LONGEST = (0.01, 0.03, 0.12, 0.5)
-"""Limits for the correlation time in the mixtures, relative to the length of the recording. Each mixture also includes
-a random walk."""
+"""Limits for the correlation time in the mixtures, relative to the length of the recording. All include a random walk.
+"""
 SLOWER = 4.0
-"""Penalty that is added to −2 log L of all mixtures except the first one. An additional parameter decreases −2 log L by
-one to two by chance. Without the penalty, standard errors were too small by a quarter in simulations with a random
-walk. docs/validation/regression.md states the coverage of the intervals with the penalty."""
+"""Penalty that is added to −2 log L of all mixtures except the first one: a parameter decreases it by one to two by
+chance. Without it, standard errors for a random walk were too small by a quarter (docs/validation/regression.md)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Mixture:
-    """The mixture of processes with the highest likelihood, for correlation times up to a limit.
-
-    Attributes
-    ----------
-    processes : tuple of Process
-        The K processes with their values.
-    parts : (K, J) array
-        Wavelet variance of each process at each level.
-    weight : float
-        Weight of the mixture in the average.
-    """
+    """The likeliest mixture of K processes for correlation times up to a limit, with their wavelet variances (K, J).
+    `weight` is the weight of the mixture in the average."""
 
     processes: tuple[Process, ...]
     parts: Matrix
@@ -49,17 +36,8 @@ class Mixture:
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Weighted average of mixtures of processes that describe a wavelet variance.
-
-    Attributes
-    ----------
-    mixtures : tuple of Mixture
-        The mixtures.
-    curve : (J,) array
-        Wavelet variance ν_j² of the average.
-    freedom : (J,) array
-        Degrees of freedom of the measured wavelet variance from which the mixtures were estimated.
-    """
+    """Weighted average of mixtures of processes that describe a wavelet variance. `curve` (J,) is the wavelet variance
+    of the average, and `freedom` (J,) the degrees of freedom of the measured one."""
 
     mixtures: tuple[Mixture, ...]
     curve: Vector
@@ -67,8 +45,8 @@ class Noise:
 
     @classmethod
     def of(cls, variance: Vector, freedom: Vector, samples: int) -> Noise:
-        """Estimate the noise of a series of `samples` values with a wavelet variance (J,) and degrees of freedom
-        (J,)."""
+        """Estimate the noise of `samples` values with a wavelet variance (J,) that has `freedom` (J,) degrees of
+        freedom."""
         design = Design(np.arange(1, variance.size + 1), samples=samples, rate=1.0)
         found = [mixture(variance, freedom, design, within=share * samples) for share in LONGEST]
         # −2 log L, with a Gamma distribution for the wavelet variance of each level.
@@ -97,21 +75,12 @@ class Noise:
         return found
 
     def average(self, of_mixtures: Sequence[Matrix]) -> Matrix:
-        """Return the weighted average over the mixtures of sums over their processes.
-
-        `of_mixtures` contains an array for each mixture, whose first axis is the process.
-        """
+        """Return the weighted average over the mixtures of sums over their processes, the first axis of each array."""
         return np.asarray(sum(m.weight * own.sum(axis=0) for m, own in zip(self.mixtures, of_mixtures, strict=True)))
 
     def freedom_of(self, shares: Sequence[Vector]) -> float:
         """Return the degrees of freedom 2 C²/Var Ĉ of an estimated variance C, by Satterthwaite's approximation.
-
-        Parameters
-        ----------
-        shares : sequence of (K,) arrays
-            For each mixture, the contribution of each of its K processes to C. C is linear in the scales of the
-            processes.
-        """
+        `shares` has, for each mixture, the contributions of its K processes to C, which is linear in their scales."""
         totals = np.array([float(np.sum(own)) for own in shares])
         weights = np.array([one.weight for one in self.mixtures])
         mean = float(weights @ totals)

@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Matrix, Vector, as_vector, freeze
 from gmwm.base.errors import DataError, OptionError
+from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised, duration_text
 from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.regression.against import TEMPERATURE, WARM_UP, Term
 from gmwm.measuring.regression.columns import Basis, Column
 from gmwm.measuring.variance.result import WaveletVariance
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    from gmwm.showing.plots.view import UnitSystem
-
 LEFT = 0.5
-"""If the regression leaves less than this share of the noise at a level, this level and all coarser levels are dropped
+"""If less than this share of the noise is left at a level, this and all coarser levels are dropped
 (docs/validation/regression.md)."""
 
 
@@ -34,10 +28,8 @@ class Effect(NamedTuple):
 
     Attributes
     ----------
-    at : (m,) array
-        Values of the covariate.
-    value, lower, upper : (m,) arrays, in the unit of the axis
-        Effect relative to the reference value of the covariate, where it is zero, and the confidence limits.
+    at, value, lower, upper : (m,) arrays
+        Values of the covariate, and effect relative to its reference value with the limits, in the unit of the axis.
     """
 
     at: Vector
@@ -48,15 +40,8 @@ class Effect(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Points:
-    """Means of an axis over parts of the recording, with the first covariate, for a plot.
-
-    Attributes
-    ----------
-    at : (m,) array
-        Means of the covariate. For time and for a warm-up, the unit is hours.
-    before, after : (m,) arrays
-        Means of the axis before and after the effect of all covariates is subtracted.
-    """
+    """Means of an axis over parts of the recording (m,), before and after the effect is subtracted, for a plot. `at`
+    are the means of the first covariate; for time and for a warm-up, the unit is hours."""
 
     at: Vector
     before: Vector
@@ -73,14 +58,10 @@ class Coefficient:
 
     Attributes
     ----------
-    value, error : float
-        Estimate and standard error, in `unit`.
-    unit : str
-        Unit of the axis per unit of the column; an empty string if the axis has no unit.
-    freedom : float
-        Degrees of freedom of the standard error.
-    pvalue : float
-        Two-sided p-value of the t test that the coefficient is zero.
+    value, error, unit : float, float, str
+        Estimate and standard error in `unit`, the unit of the axis per unit of the column ("" if the axis has none).
+    freedom, pvalue : float
+        Degrees of freedom of the standard error, and two-sided p-value of the t test that the coefficient is zero.
     """
 
     value: float
@@ -90,18 +71,7 @@ class Coefficient:
     pvalue: float
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Return the confidence interval from Student's t distribution.
-
-        Parameters
-        ----------
-        confidence : float
-            Confidence level.
-
-        Returns
-        -------
-        (low, high) : tuple of float
-            In `unit`.
-        """
+        """Return the interval (low, high) at the level `confidence` from Student's t distribution, in `unit`."""
         from scipy.special import stdtrit
 
         reach = float(stdtrit(self.freedom, (1 + confidence) / 2)) * self.error
@@ -109,7 +79,7 @@ class Coefficient:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Regression(Summarised, Mapping[str, Coefficient]):
+class Regression(Summarised, Plotted, Mapping[str, Coefficient]):
     """Regression of one axis on conditions: a mapping from the names of the columns to their coefficients.
 
     Attributes
@@ -118,12 +88,9 @@ class Regression(Summarised, Mapping[str, Coefficient]):
         Name and unit of the axis.
     basis : Basis
         The covariates, their reference values (at which the effects are zero), and the knots of splines.
-    estimates : tuple of float
-        Estimates β̂ of the coefficients of the p columns.
-    covariance : (p, p) array
-        Covariance of β̂.
-    freedoms : tuple of float
-        Degrees of freedom of each standard error.
+    estimates, covariance, freedoms : tuple of p floats, (p, p) array, tuple of p floats
+        Estimates β̂ of the coefficients of the p columns, their covariance, and degrees of freedom of each standard
+        error.
     statistic, freedom, pvalue : float
         Joint F test that all coefficients are zero: statistic, denominator degrees of freedom (the numerator has p) and
         p-value.
@@ -133,22 +100,17 @@ class Regression(Summarised, Mapping[str, Coefficient]):
         Mean of the axis at the reference values of the covariates.
     tau, tau_error : float or None
         Time constant of a warm-up (s) and its standard error; None without a warm-up.
-    block : float
-        Length of the blocks over which the covariates were averaged (s).
-    rate : float
-        Sampling rate (Hz).
-    kept : (J,) array
-        Share of the noise that the regression leaves at each level of the wavelet variance.
-    share : (J,) array
-        Share of the wavelet variance of each level that the covariates explain.
+    block, rate : float
+        Length of the blocks over which the covariates were averaged (s), and sampling rate (Hz).
+    kept, share : (J,) arrays
+        Share of the noise that the regression leaves at each level, and share of the wavelet variance that it explains.
     points : Points
         Means of up to 256 parts of the recording.
     applied : bool
         Whether the effect is subtracted from the axis.
     coarse : tuple of three floats, or None
-        First coefficient and its standard error estimated from the longer half of the scales, and the shortest of these
-        scales (s). None unless this coefficient is significantly farther from zero than the coefficient from all
-        scales.
+        First coefficient and its standard error from the longer half of the scales, and the shortest of them (s), if it
+        is significantly farther from zero than the coefficient from all scales.
     """
 
     axis: str
@@ -298,16 +260,11 @@ class Regression(Summarised, Mapping[str, Coefficient]):
         return found
 
     def corrected(self, wv: WaveletVariance) -> WaveletVariance:
-        """Return the wavelet variance of the noise, computed from the wavelet variance of the residuals.
+        """Return the wavelet variance of the noise, computed from the wavelet variance `wv` of the residuals.
 
         A regression also removes a share 1 − `kept` of the noise, mostly at the coarsest levels. The variance of each
         level is divided by the remaining share, and its relative covariance is increased accordingly. From the first
         level on at which less than half of the noise is left, the levels are dropped.
-
-        Parameters
-        ----------
-        wv : WaveletVariance
-            Wavelet variance of the residuals.
         """
         kept = np.concatenate([self.kept, np.zeros(len(wv))])[: len(wv)]
         count = int(np.argmax(kept < LEFT)) if np.any(kept < LEFT) else kept.size
@@ -326,34 +283,6 @@ class Regression(Summarised, Mapping[str, Coefficient]):
             diagnostics=dict(wv.diagnostics) | ({"robust": robust} if robust else {}),
             excess=lost if excess is None else excess + lost, regression=self,
         )  # fmt: skip
-
-    def plot(
-        self, *, units: UnitSystem = "si", ax: Axes | None = None, path: str | os.PathLike[str] | None = None
-    ) -> MatplotlibFigure:
-        """Draw the axis against its first covariate, before and after the effect is subtracted, with the effect and its
-        band.
-
-        Parameters
-        ----------
-        units : "si" or "datasheet"
-            rad/s and m/s², or deg/h and mg.
-        ax : matplotlib Axes, optional
-            Axes to draw on; a new figure by default.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown.
-        """
-        from gmwm.showing.plots.regression import plot_regression
-
-        return plot_regression(self, units=units, ax=ax, path=path)
 
     def summary(self) -> str:
         """Write the coefficients with 95 % confidence intervals, and the joint test."""
@@ -425,10 +354,7 @@ class Regression(Summarised, Mapping[str, Coefficient]):
 
 
 def per(unit: str, power: str) -> str:
-    """Return the unit of an axis per unit of a column, such as "(deg/s)/°C".
-
-    If one of the units is unknown, the unit of the axis is returned.
-    """
+    """Return the unit of an axis per unit of a column, such as "(deg/s)/°C"; the unit of the axis if one is unknown."""
     if not unit or not power:
         return unit
     return f"({unit})/({power})" if "/" in power else f"({unit})/{power}" if "/" in unit else f"{unit}/{power}"

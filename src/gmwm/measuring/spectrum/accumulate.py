@@ -20,23 +20,18 @@ SHORTEST = 32
 LONGEST = 1 << 16
 """Largest length of a block (samples) that is chosen automatically. It is 11 min at 100 Hz and takes 1 MB of memory."""
 ENOUGH = 15
-"""Number of blocks of one length that is enough, so that shorter blocks are not used. A recording of eight block
-lengths without gaps has 15 overlapping blocks. The standard error of the density is then 27 %, and the mean over
-neighbouring frequencies is as precise as with shorter blocks."""
+"""Number of blocks of one length from which shorter blocks are not used: the blocks of eight lengths without gaps. The
+standard error of the density is then 27 %, and means over frequencies are as precise as with shorter blocks."""
 LEAST_SAMPLES = 64
-"""Smallest number of samples without a gap for an estimate of the spectrum. They contain three blocks of the shortest
-length."""
+"""Smallest number of samples without a gap, three blocks of the shortest length."""
 FOLD = 1 << 18
 """Number of samples that are buffered before they are processed."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
-    """Sums over the blocks of one length.
-
-    `pairs` is the number of blocks that overlap with the previous block. `first` and `last` are the indices of the
-    first samples of the first and the last block.
-    """
+    """Sums over the blocks of one length. `pairs` is the number of blocks that overlap with the previous block. `first`
+    and `last` are the first samples of the first and the last block."""
 
     sums: Periodograms
     pairs: int = 0
@@ -138,13 +133,7 @@ class SpectrumAccumulator(OneAtATime):
 
     @one_at_a_time
     def update(self, chunk: ArrayLike) -> None:
-        """Add the next samples (n,), one or more.
-
-        Raises
-        ------
-        DataError
-            If a value is NaN or infinite. The chunk is rejected, and the earlier samples are kept.
-        """
+        """Add a `chunk` of samples (n,), one or more; raise DataError, and keep the others, if one is not finite."""
         x = as_vector(chunk, "chunk", at_least=0)
         if not x.size:
             return
@@ -167,10 +156,7 @@ class SpectrumAccumulator(OneAtATime):
     def merge(self, following: SpectrumAccumulator) -> SpectrumAccumulator:
         """Merge this part with the part that directly follows it, into a new accumulator.
 
-        Raises
-        ------
-        OptionError
-            If `following` does not begin where this part ends, or was made with other options.
+        Raises OptionError if `following` does not begin where this part ends, or was made with other options.
         """
         if not isinstance(following, SpectrumAccumulator):
             raise OptionError(argument="following", expected="a SpectrumAccumulator", got=following)
@@ -194,13 +180,9 @@ class SpectrumAccumulator(OneAtATime):
 
     @one_at_a_time
     def beside(self, other: SpectrumAccumulator) -> SpectrumAccumulator:
-        """Return an accumulator of this recording and an independent recording. No block has samples of both.
+        """Return an accumulator of this recording and an independent recording `other`, with the same options.
 
-        Parameters
-        ----------
-        other : SpectrumAccumulator
-            Accumulator of the other recording, with the same options. The result has the sampling rate of this
-            recording.
+        No block has samples of both. The result has the sampling rate of this recording.
         """
         self.gap()
         other.gap()
@@ -208,17 +190,9 @@ class SpectrumAccumulator(OneAtATime):
 
     @one_at_a_time
     def result(self, confidence: float = 0.95) -> PowerSpectrum:
-        """Return the power spectral density so far; more samples may follow.
+        """Return the power spectral density so far, with limits at the level `confidence`; more samples may follow.
 
-        Parameters
-        ----------
-        confidence : float
-            Confidence level of the limits.
-
-        Raises
-        ------
-        DataError
-            If no segment without a gap is as long as one block.
+        Raises DataError if no segment without a gap is as long as one block.
         """
         self._fold()
         longest = max(self._segments, default=0)
@@ -233,15 +207,9 @@ class SpectrumAccumulator(OneAtATime):
         spectrum = PowerSpectrum(
             frequencies=np.arange(length // 2 + 1, dtype=np.float64) * (self.rate / length),
             density=one_sided_density(sums.sums, length, self.rate),
-            degrees_of_freedom=degrees_of_freedom(sums.sums, sums.pairs, length),
-            rate=self.rate,
-            samples=len(self),
-            length=length,
-            blocks=sums.blocks,
-            unit=self.unit,
-            axis=self.axis,
-            confidence=confidence,
-        )
+            degrees_of_freedom=degrees_of_freedom(sums.sums, sums.pairs, length), rate=self.rate, samples=len(self),
+            length=length, blocks=sums.blocks, unit=self.unit, axis=self.axis, confidence=confidence,
+        )  # fmt: skip
         lines, bumps = find_peaks(spectrum)
         return replace(spectrum, lines=lines, bumps=bumps)
 
@@ -274,9 +242,7 @@ class SpectrumAccumulator(OneAtATime):
 
     def _add(self, values: Vector, boundary: int, *, after: int, crossing: bool = False) -> None:
         """Add the blocks of `values` that end at or after the sample with the index `boundary`, which is values[after].
-
-        If `crossing`, only blocks that begin before this sample are added.
-        """
+        If `crossing`, only blocks that begin before this sample are added."""
         begin = boundary - after
         for n, sums in list(self._sums.items()):
             half = n // 2
@@ -327,13 +293,7 @@ class SpectrumAccumulator(OneAtATime):
 
 
 def checked_length(length: int | None) -> int | None:
-    """Check the length of the blocks, and return it.
-
-    Raises
-    ------
-    OptionError
-        If the length is neither None nor an even number of at least 8.
-    """
+    """Check the length of the blocks, None or an even number of at least 8, and return it."""
     if length is None:
         return None
     if isinstance(length, bool) or not isinstance(length, int | np.integer) or length < 8 or length % 2:

@@ -11,8 +11,7 @@ from gmwm.base.arrays import Vector, as_rate, as_vector
 from gmwm.base.errors import OptionError
 from gmwm.base.threads import in_threads
 from gmwm.measuring.spectrum.accumulate import SpectrumAccumulator
-from gmwm.measuring.spectrum.axes_result import PowerSpectra
-from gmwm.measuring.spectrum.result import PowerSpectrum
+from gmwm.measuring.spectrum.result import PowerSpectra, PowerSpectrum
 from gmwm.measuring.spectrum.welch import Detrend
 from gmwm.recording.options import as_confidence
 from gmwm.recording.signals import Imu, Signal

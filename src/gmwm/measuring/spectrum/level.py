@@ -12,11 +12,10 @@ from gmwm.base.arrays import Matrix, Vector, row_medians
 NEIGHBOURS = (4 / 9, 1 / 36)
 """Correlations (2/3)² and (1/6)² of the values of a periodogram with a Hann window that are one and two bins apart."""
 FLANK_SHARE = 5.0
-"""Degrees of freedom of the median of a flank, relative to the degrees of freedom of one value. The 16 neighbouring
-frequencies of a flank have the information of 8 independent values, and a median has the efficiency 2/π."""
+"""Degrees of freedom of the median of a flank, relative to one value. Its 16 frequencies have the information of 8
+independent values, and a median has the efficiency 2/π."""
 GROUP = 256
-"""Number of neighbouring frequencies whose scatter is used to check the degrees of freedom. The scatter then has a
-standard error of 7 %."""
+"""Number of neighbouring frequencies whose scatter checks the degrees of freedom, with a standard error of 7 %."""
 
 
 class Flanks(NamedTuple):
@@ -38,10 +37,8 @@ class Flanks(NamedTuple):
 
 def flanks(values: Vector, freedom: Vector, nearest: int, farthest: int, *, least: int) -> Flanks:
     """Compute the medians of the values that are `nearest` to `farthest` positions away on each side of every value.
-
     They are divided by the median of χ²_ν / ν, so that they estimate the level. A side with fewer than `least` values
-    gives NaN.
-    """
+    gives NaN."""
     width = farthest - nearest + 1
     padded = np.concatenate([np.full(farthest, np.nan), values, np.full(farthest, np.nan)])
     windows = sliding_window_view(padded, width)
@@ -67,9 +64,7 @@ def median_factor(freedom: Vector) -> Vector:
 
 def p_values(ratio: Vector, freedom: Vector, below: float) -> Vector:
     """Return the probability that noise gives a larger ratio of a value to the level of a flank, by the F distribution.
-
-    Only probabilities up to `below` are computed. Larger ones are 1, and those of NaN are NaN.
-    """
+    Only probabilities up to `below` are computed. Larger ones are 1, and those of NaN are NaN."""
     from scipy.special import fdtrc, fdtri
 
     # With fewer degrees of freedom, a ratio of the same significance is larger.
@@ -81,10 +76,7 @@ def p_values(ratio: Vector, freedom: Vector, below: float) -> Vector:
 
 
 def effective_freedom(density: Vector, freedom: Vector) -> Vector:
-    """Return the degrees of freedom of each density, reduced where neighbouring densities scatter more than expected.
-
-    The scatter is larger if the noise is not stationary, for example if some blocks contain knocks.
-    """
+    """Return the degrees of freedom of each density, reduced where neighbours scatter more than in stationary noise."""
     from scipy.special import polygamma
 
     reduced = freedom.copy()
@@ -117,9 +109,7 @@ def _scatter(logs: Matrix) -> Vector:
 
 
 def pooled_freedom(freedom: Vector, count: Vector) -> Vector:
-    """Return the degrees of freedom of the mean of `count` neighbouring densities of a spectrum with a Hann window.
-
-    `freedom` are the degrees of freedom of one density.
-    """
+    """Return the degrees of freedom of the mean of `count` neighbouring densities with `freedom` each, for a Hann
+    window."""
     one, two = NEIGHBOURS
     return freedom * count / (1 + 2 * one * (1 - 1 / count) + 2 * two * np.maximum(1 - 2 / count, 0))

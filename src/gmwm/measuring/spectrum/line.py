@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm.base.arrays import Vector
+
+if TYPE_CHECKING:
+    from gmwm.measuring.spectrum.result import PowerSpectrum
 
 LEAST_QUALITY = 60.0
-"""Smallest ratio of frequency to width for which a peak is a line. It is twice the Q factor of a sharp resonance,
-30."""
+"""Smallest ratio of frequency to width of a line, twice the Q factor of a sharp resonance, 30."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,13 +54,7 @@ class Line:
         return self.width == 0
 
     def described(self, unit: str = "u") -> str:
-        """Format the frequency and the amplitude with their standard errors, the width and the harmonic.
-
-        Parameters
-        ----------
-        unit : str
-            Unit of the amplitude.
-        """
+        """Format the frequency and the amplitude (in `unit`) with their standard errors, the width and the harmonic."""
         width = "" if self.narrow else f", width {self.width:.3g} Hz"
         number = "" if self.harmonic is None else f", {self.harmonic} × {self.fundamental:.6g} Hz"
         return (
@@ -94,3 +96,110 @@ class Bump:
         """Format the frequency, the height, the width and the Q factor."""
         size = f"{self.height:.3g} × its surroundings, width {self.width:.2g} Hz, Q {self.quality:.2g}"
         return f"{self.frequency:.3g} Hz, {size}"
+
+
+CORRELATIONS = (1.0, 2 / 3, 1 / 6)
+"""Absolute correlations of the Fourier coefficients of a block with a Hann window that are 0, 1 and 2 bins apart."""
+FREQUENCY_OVERLAP = 0.4
+"""Variance of the mean frequency over half-overlapping blocks, relative to independent blocks. The noise is weighted by
+the window times its derivative, whose overlapping halves have the correlation −3/10: 1 − 2 · 3/10."""
+WINDOW_MOMENT = 1 / 3
+"""Second central moment (bins²) of a line with a Hann window: −r''(0) / 4π², with the autocorrelation r of the window.
+"""
+TRUNCATION = 3e-4
+"""Largest error (bins) of the mean frequency over seven bins, from the side lobes outside these bins."""
+GAUSSIAN_WIDTH = 2 * math.sqrt(2 * math.log(2))
+"""Width of a Gaussian shape at half its height, in units of its standard deviation."""
+
+
+def measured_line(
+    spectrum: PowerSpectrum, first: int, last: int, *, level: float, freedom: float, height: float, p_value: float
+) -> Line:
+    """Measure the line in the bins `first` to `last`, from the excess of the density over `level`. Its sum gives the
+    power A²/2 of a sinusoid with the amplitude A, its mean position the frequency, and its second moment the width. All
+    are linear in the density, so their standard errors follow from its covariance. A narrow line is treated as a
+    sinusoid in noise, a wider line as narrow-band noise. `freedom` are the degrees of freedom of a density."""
+    spacing = spectrum.rate / spectrum.length
+    excess = spectrum.density[first : last + 1] - level
+    place = np.arange(first, last + 1, dtype=np.float64)
+    total = float(excess.sum())
+    middle = float(np.clip(place @ excess / total, first, last))
+    away = place - middle
+    moment = float(away**2 @ excess) / total
+    spread = moment - WINDOW_MOMENT
+    error = math.sqrt(_variance((away**2 - moment) / total, excess, level=level, freedom=freedom, wandering=False))
+    wandering = spread > 2 * error
+    scatter = {
+        name: math.sqrt(
+            _variance(weights, excess, level=level, freedom=freedom, wandering=wandering, overlap=overlap)
+        )
+        for name, weights, overlap in (
+            ("power", np.ones(place.size), 1.0), ("frequency", away / total, FREQUENCY_OVERLAP)
+        )
+    }  # fmt: skip
+    power = total * spacing
+    amplitude = math.sqrt(2 * power)
+    return Line(
+        frequency=middle * spacing, frequency_error=spacing * math.hypot(scatter["frequency"], TRUNCATION),
+        amplitude=amplitude, amplitude_error=scatter["power"] * spacing / amplitude,
+        width=GAUSSIAN_WIDTH * math.sqrt(spread) * spacing if wandering else 0.0, height=height, p_value=p_value,
+    )  # fmt: skip
+
+
+def _variance(
+    weights: Vector, excess: Vector, *, level: float, freedom: float, wandering: bool, overlap: float = 1.0
+) -> float:
+    """Compute the variance of Σ weights · excess, including the error of the level. If `wandering`, the line is treated
+    as narrow-band noise, and otherwise as a sinusoid. `overlap` is the factor by which overlapping blocks change the
+    variance of the product of the sinusoid and the noise."""
+    line = np.maximum(excess, 0.0)
+    # The level is the mean of two medians of 16 bins each, so it has ten times the degrees of freedom of a bin.
+    total = (float(weights.sum()) * level) ** 2 / 10
+    for lag, correlation in enumerate(CORRELATIONS):
+        one, two = slice(0, weights.size - lag), slice(lag, None)
+        if wandering:
+            values = weights * (level + line)
+            part = correlation**2 * float(values[one] @ values[two])
+        else:
+            noise = correlation**2 * level**2 * float(weights[one] @ weights[two])
+            root = weights * np.sqrt(line)
+            part = noise + overlap * 2 * correlation * level * float(root[one] @ root[two])
+        total += part if lag == 0 else 2 * part
+    return max(2 / freedom * total, 0.0)
+
+
+LEAST_POINTS = 8
+"""Smallest number of densities to which the five parameters of the shape are fitted."""
+WITHIN = 3.0
+"""Largest factor by which a fit may change the width; beyond, it describes another feature of the spectrum."""
+
+
+def lorentz_fit(
+    frequencies: Vector, density: Vector, freedom: Vector, *, center: float, width: float
+) -> tuple[float, float] | None:
+    """Fit S(f) = a (f/c)^b + h / (1 + ((f − f₀) / (w/2))²) to densities with `freedom` degrees of freedom. Each density
+    has a gamma distribution; the squared deviance residuals are minimised. c is `center`, also the start of f₀, and
+    `width` the start of w (Hz). Returns the fitted f₀ and w (Hz), or None if the fit fails."""
+    from scipy.optimize import least_squares
+
+    known = density > 0
+    frequencies, density, freedom = frequencies[known], density[known], freedom[known]
+    if density.size < LEAST_POINTS:
+        return None
+    level, top = float(np.median(density[np.argsort(density)[: density.size // 2]])), float(density.max())
+    start = np.array([math.log(level), 0.0, math.log(max(top - level, level / 10)), 0.0, math.log(width)])
+    weights, away = np.sqrt(freedom), frequencies - center
+    logs = np.log(frequencies / center)
+
+    def residuals(parameters: Vector) -> Vector:
+        a, slope, height, shift, size = np.clip(parameters, -200, 200)
+        shape = math.exp(height) / (1 + ((away - shift * width) / (math.exp(size) / 2)) ** 2)
+        ratio = density / (np.exp(np.clip(a + slope * logs, -300, 300)) + shape)
+        deviance = np.maximum(ratio - 1 - np.log(ratio), 0.0)
+        return np.asarray(weights * np.sign(ratio - 1) * np.sqrt(deviance))
+
+    found = least_squares(residuals, start, method="lm", max_nfev=400)
+    shift, size = float(found.x[3]), math.exp(float(np.clip(found.x[4], -200, 200)))
+    if not found.success or abs(shift) > 1 or not width / WITHIN <= size <= width * WITHIN:
+        return None
+    return center + shift * width, size

@@ -10,39 +10,34 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
 from gmwm.measuring.spectrum.level import flanks, p_values
-from gmwm.measuring.spectrum.line import LEAST_QUALITY, Bump, Line
-from gmwm.measuring.spectrum.line_measurement import measured_line
-from gmwm.measuring.spectrum.shape import lorentz_fit
+from gmwm.measuring.spectrum.line import LEAST_QUALITY, Bump, Line, lorentz_fit, measured_line
 from gmwm.measuring.spectrum.welch import HALF_POWER_WIDTH
 
 if TYPE_CHECKING:
     from gmwm.measuring.spectrum.result import PowerSpectrum
 
 FIRST_BIN = 2
-"""First bin that is used. The bins 0 and 1 are affected by the subtraction of the mean, because of the Hann window."""
+"""First bin that is used. The subtraction of the mean affects the bins 0 and 1, because of the Hann window."""
 NEAR, FAR = 4, 19
-"""Distances (bins) at which the flanks of a line begin and end. A flank has 16 bins, outside the four bins over which
-the Hann window spreads a line."""
+"""Distances (bins) at which the flanks of a line begin and end: 16 bins outside the four that the Hann window affects.
+"""
 LEAST_FLANK = 6
-"""Smallest number of bins of a flank. If there are fewer, the frequency is too close to zero for the test."""
+"""Smallest number of bins of a flank; with fewer, the frequency is too close to zero for the test."""
 INNER, OUTER = 2, 8
 """A peak is narrow if the excess at 3 to 8 bins from it is less than half of the excess within 2 bins."""
 OUTSIDE_NOISE = 6.0
-"""Standard error of the summed excess at 3 to 8 bins on both sides, relative to the standard error of one density. The
-factors are √12 for 12 bins and √1.94 for the correlation of neighbours; the error of the level adds 12 times 0.3."""
+"""Standard error of the summed excess at 3 to 8 bins on both sides, relative to one density: √12 for 12 bins, √1.94 for
+the correlation of neighbours, and 12 times 0.3 for the error of the level."""
 CORE = 3
-"""Number of bins on each side of a line. With a Hann window, they contain all of its power except a share of 7e-5."""
+"""Number of bins on each side of a line, which contain all of its power except a share of 7e-5."""
 
 
 def narrow_lines(
     spectrum: PowerSpectrum, freedom: Vector, testable: NDArray[np.bool_], *, level: float
 ) -> tuple[list[Line], list[Bump], NDArray[np.bool_]]:
-    """Return the significant narrow lines and bumps, and the bins that are free of them.
-
-    `level` is the significance level for all bins together, by Bonferroni's inequality. `freedom` are the degrees of
-    freedom of each density, and `testable` marks the bins in which peaks are searched. A peak of a few bins with the
-    shape of a resonance is a bump; other peaks are lines.
-    """
+    """Return the significant narrow lines and bumps, and the bins that are free of them. `level` is the significance
+    level for all bins together, by Bonferroni's inequality. `testable` marks the bins in which peaks are searched. A
+    peak of a few bins with the shape of a resonance is a bump; other peaks are lines."""
     density, size = spectrum.density, spectrum.density.size - 1
     free = testable.copy()
     # The spectrum of a sampled signal is symmetric about half the rate, so a line close to it has flanks on both sides.
@@ -90,11 +85,8 @@ def narrow_lines(
 
 def _resonance_width(spectrum: PowerSpectrum, line: Line, freedom: Vector) -> float | None:
     """Return the width (Hz) of a resonance that is only a few bins wide; None if the peak is too narrow for a
-    resonance.
-
-    The Hann window broadens the Lorentz shape of width w to a Voigt shape, whose width is fitted. By Olivero and
-    Longbothum, the fitted width is 0.5346 w + √(0.2166 w² + v²), where v is the width of the window.
-    """
+    resonance. The Hann window broadens the Lorentz shape of width w to a Voigt shape, whose width is fitted: 0.5346 w +
+    √(0.2166 w² + v²), where v is the width of the window (Olivero and Longbothum)."""
     if line.narrow or line.frequency >= LEAST_QUALITY * line.width:
         return None
     spacing = spectrum.rate / spectrum.length
@@ -114,9 +106,7 @@ def _resonance_width(spectrum: PowerSpectrum, line: Line, freedom: Vector) -> fl
 
 def _half_width(density: Vector, k: int, level: float, noise: float) -> int | None:
     """Return the number of bins on each side that contain the power of the peak at bin k; None if it is not narrow.
-
-    `noise` is the standard error of one density.
-    """
+    `noise` is the standard error of one density."""
     excess = density[max(k - OUTER, 0) : k + OUTER + 1] - level
     distance = np.abs(np.arange(excess.size) - min(k, OUTER))
     inside, outside = float(excess[distance <= INNER].sum()), float(excess[distance > INNER].sum())

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from gmwm.measuring.spectrum.harmonics import grouped
-from gmwm.measuring.spectrum.level import effective_freedom
+from gmwm.base.arrays import Vector
+from gmwm.base.errors import DataError, OptionError
+from gmwm.measuring.spectrum.level import FLANK_SHARE, effective_freedom, flanks
 from gmwm.measuring.spectrum.line import Bump, Line
-from gmwm.measuring.spectrum.narrow import FAR, FIRST_BIN, narrow_lines
-from gmwm.measuring.spectrum.welch import nominal_freedom
+from gmwm.measuring.spectrum.narrow import FAR, FIRST_BIN, LEAST_FLANK, NEAR, narrow_lines
+from gmwm.measuring.spectrum.welch import ENERGY_WIDTH, nominal_freedom
 from gmwm.measuring.spectrum.wide import wide_peaks
 
 if TYPE_CHECKING:
@@ -18,21 +22,18 @@ if TYPE_CHECKING:
 
 FALSE_ALARMS = 0.01
 """Largest probability of a false line or bump in a spectrum of noise with a monotone density, by Bonferroni's
-inequality. One half is for narrow lines, and one half for wide peaks. Pinned by tests/spectrum/test_false_alarms.py."""
+inequality: one half for narrow lines and one half for wide peaks."""
 
 STATIONARY = 0.5
-"""Smallest degrees of freedom, relative to stationary noise, at which peaks are searched. If knocks have most of the
-power, densities at neighbouring frequencies are not independent, because the spectrum of a short knock has bumps."""
+"""Smallest degrees of freedom, relative to stationary noise, at which peaks are searched. The spectrum of a short knock
+has bumps, because it correlates neighbouring frequencies."""
 
 
 def find_peaks(spectrum: PowerSpectrum) -> tuple[tuple[Line, ...], tuple[Bump, ...]]:
-    """Return the lines and the bumps of a spectrum, sorted by frequency.
-
-    A line is a peak of a few bins whose density is significantly above the medians of 16 bins on both of its sides.
-    Wider peaks are found in the same way on grids of constant relative resolution, from 1/3072 to 1/6 octave. A wider
-    peak is a line of varying frequency if its frequency is at least 60 times its width, and a bump otherwise.
-    Frequencies at which the power of the noise differs much between the blocks are not searched.
-    """
+    """Return the lines and the bumps of a spectrum, sorted by frequency. A line is a peak of a few bins whose density
+    is significantly above the medians of 16 bins on both of its sides. Wider peaks are found in the same way on grids
+    of constant relative resolution, from 1/3072 to 1/6 octave. They are lines of varying frequency if their frequency
+    is at least 60 times their width, and bumps otherwise."""
     if spectrum.density.size < FIRST_BIN + 2 * FAR or not np.any(spectrum.density[FIRST_BIN:] > 0):
         return (), ()
     freedom = effective_freedom(spectrum.density, spectrum.degrees_of_freedom)
@@ -42,3 +43,75 @@ def find_peaks(spectrum: PowerSpectrum) -> tuple[tuple[Line, ...], tuple[Bump, .
     wandering, broad = wide_peaks(spectrum, freedom, free, narrow=(lines, sharp), level=FALSE_ALARMS / 2)
     bumps = sorted([*sharp, *broad], key=lambda bump: bump.frequency)
     return grouped([*lines, *wandering], spectrum.resolution), tuple(bumps)
+
+
+HIGHEST = 40
+"""Highest harmonic that the search considers."""
+
+
+def grouped(lines: Iterable[Line], resolution: float) -> tuple[Line, ...]:
+    """Return the lines sorted by frequency, with the harmonic k and the fundamental f₀ of the lines of a group. The
+    frequency of such a line differs from k f₀ by at most the resolution (Hz) plus three standard errors. The
+    fundamental with the most harmonics is chosen first."""
+    waiting = sorted(lines, key=lambda line: line.frequency)
+    done: list[Line] = []
+    while waiting:
+        first, members = max(
+            ((one, _multiples(one, waiting, resolution)) for one in waiting), key=lambda found: len(found[1])
+        )
+        if len(members) < 2:
+            break
+        done += [replace(line, harmonic=k, fundamental=first.frequency) for line, k in members]
+        taken = [id(line) for line, _ in members]
+        waiting = [line for line in waiting if id(line) not in taken]
+    return tuple(sorted([*done, *waiting], key=lambda line: line.frequency))
+
+
+def _multiples(first: Line, lines: Iterable[Line], resolution: float) -> list[tuple[Line, int]]:
+    """Return the lines at multiples of the frequency of `first`, including `first`, each with its multiple k."""
+    found = []
+    for line in lines:
+        k = round(line.frequency / first.frequency)
+        tolerance = resolution + 3 * (line.frequency_error + k * first.frequency_error)
+        # A tolerance above a quarter of f₀ would find a multiple for any line.
+        if 1 <= k <= HIGHEST and abs(line.frequency - k * first.frequency) <= tolerance < first.frequency / 4:
+            found.append((line, k))
+    return found
+
+
+def detectable_amplitude(spectrum: PowerSpectrum, frequency: ArrayLike, power: float = 0.9) -> Vector:
+    """Return the smallest detectable amplitudes (u); see `PowerSpectrum.detectable_amplitude`. At the frequency nearest
+    to a line, the density is S χ²_ν(ν q) / ν, with the level S of the noise, the ratio q of the density of the line to
+    S, and a noncentral chi-square variable with ν degrees of freedom. The line is detected if the density exceeds a
+    multiple of the higher flank median. q is the ratio at which this has the probability `power`."""
+    from scipy.special import chndtrinc, fdtri
+
+    if not 0.5 <= power < 1:
+        raise OptionError(argument="power", expected="a probability from 0.5 to below 1", got=power)
+    if spectrum.frequencies[0] != 0:
+        raise DataError("the amplitude needs the whole spectrum, not a smoothed one", argument="spectrum", got=spectrum)
+    size, spacing = spectrum.density.size - 1, spectrum.rate / spectrum.length
+    wanted = np.asarray(frequency, dtype=np.float64)
+    place = wanted / spacing
+    nearest = np.clip(np.round(place), 0, size - 1).astype(np.int64)
+    beside = flanks(
+        spectrum.density[FIRST_BIN:size], spectrum.degrees_of_freedom[FIRST_BIN:size], NEAR, FAR, least=LEAST_FLANK
+    )
+    tests = size - 2 * FIRST_BIN - NEAR - LEAST_FLANK + 1
+    # Frequencies close to half the rate have only a left flank, which is used for both sides.
+    left, right = beside.left, np.where(np.isnan(beside.right), beside.left, beside.right)
+    level, higher = np.full((2, size), np.nan)
+    level[FIRST_BIN:], higher[FIRST_BIN:] = np.sqrt(left * right), np.maximum(left, right)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        excess = higher / level
+    freedom = spectrum.degrees_of_freedom[nearest]
+    threshold = fdtri(freedom, FLANK_SHARE * freedom, 1 - FALSE_ALARMS / 2 / tests) * excess[nearest]
+    ratio = chndtrinc(freedom * threshold, freedom, 1 - power) / freedom
+    away = place - nearest
+    found = np.sqrt(2 * ENERGY_WIDTH * spacing * ratio * level[nearest] / _gain(away))
+    return np.asarray(np.where((wanted > 0) & (place <= size), found, np.nan))
+
+
+def _gain(away: Vector) -> Vector:
+    """Return the power gain of the Hann window at a distance of `away` bins (at most ½) from a sinusoid."""
+    return np.asarray((np.sinc(away) / (1 - away**2)) ** 2)

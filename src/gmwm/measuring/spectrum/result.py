@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -14,23 +13,23 @@ from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import DataError
+from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised, counted
+from gmwm.measuring.axis_results import AxisResults
 from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.spectrum.level import pooled_freedom
 from gmwm.measuring.spectrum.line import Bump, Line
 from gmwm.measuring.spectrum.welch import HALF_POWER_WIDTH
-from gmwm.recording.options import as_confidence
+from gmwm.recording.options import as_confidence, as_whole_number
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
-
-    from gmwm.showing.plots.view import UnitSystem
-    from gmwm.theory.processes.model import ModelLike
+AROUND = 6
+"""Number of bins on each side of a line that are not averaged: four that the window affects, and some of the level."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class PowerSpectrum(Summarised):
+class PowerSpectrum(Summarised, Plotted):
     """Power spectral density of a signal by Welch's method, with confidence limits, lines and bumps.
 
     Attributes
@@ -123,15 +122,34 @@ class PowerSpectrum(Summarised):
 
         At low frequencies, and within six bins of a line, every frequency is kept. The frequency 0, which contains the
         mean of the signal, and the last frequency are left out. `Calibration` stores this spectrum, and plots show it.
-
-        Parameters
-        ----------
-        per_octave : int
-            Number of bins per octave, at least 1.
+        `per_octave` is the number of bins per octave, at least 1.
         """
-        from gmwm.measuring.spectrum.smoothing import smoothed
-
-        return smoothed(self, per_octave)
+        as_whole_number(per_octave, "per_octave", 1)
+        if self.frequencies[0] != 0:
+            raise DataError("the spectrum is already smoothed", argument="spectrum", got=self)
+        last, spacing = self.density.size - 1, self.rate / self.length
+        # Up to this frequency, 1 / per_octave octaves contain fewer than two frequencies, so each frequency is one bin.
+        single = min(last, math.ceil(per_octave / math.log(2)))
+        steps = math.ceil(per_octave * math.log2(last / single)) + 1
+        edges = {*range(1, single + 1), last}
+        edges |= {round(single * 2 ** (step / per_octave)) for step in range(steps)}
+        for line in self.lines:
+            center = round(line.frequency / spacing)
+            # Around a line of varying frequency, there are four bins per width of the line.
+            step = max(1, round(line.width / spacing / 4))
+            edges |= set(range(center - AROUND * step, center + AROUND * step + 2, step))
+        begins = np.array(sorted(edge for edge in edges if 1 <= edge < last), dtype=np.int64)
+        count = np.diff(np.append(begins, last)).astype(np.float64)
+        density, frequencies, freedom = (
+            np.add.reduceat(values[:last], begins) / count
+            for values in (self.density, self.frequencies, self.degrees_of_freedom)
+        )
+        return replace(
+            self,
+            frequencies=frequencies,
+            density=density,
+            degrees_of_freedom=pooled_freedom(freedom, count),
+        )
 
     def detectable_amplitude(self, frequency: ArrayLike, power: float = 0.9) -> Vector:
         """Return the smallest amplitude (u) of a sinusoid that is found as a line with a given probability.
@@ -160,47 +178,9 @@ class PowerSpectrum(Summarised):
         >>> psd(x, rate=100.0).detectable_amplitude([1.0, 30.0]).round(3)
         array([0.035, 0.036])
         """
-        from gmwm.measuring.spectrum.detection import detectable_amplitude
+        from gmwm.measuring.spectrum.peaks import detectable_amplitude
 
         return detectable_amplitude(self, frequency, power)
-
-    def plot(
-        self,
-        *,
-        model: ModelLike | None = None,
-        units: UnitSystem = "si",
-        ax: Axes | None = None,
-        path: str | os.PathLike[str] | None = None,
-    ) -> MatplotlibFigure:
-        """Draw the root density over the frequency, with its confidence band, lines and bumps, on logarithmic axes.
-
-        The density is averaged over 1/24 octave, except around lines. It is one-sided, so white noise with the
-        two-sided density N of a datasheet is drawn at √2 N.
-
-        Parameters
-        ----------
-        model : Model, Process or str, optional
-            Model with values, such as `fit.model`. Its density and the densities of its terms are drawn on top of the
-            spectrum. A cross marks the height of a sinusoid of the model in this spectrum.
-        units : "si" or "datasheet"
-            Units of the plot: rad/s/√Hz and m/s²/√Hz, or deg/s/√Hz and µg/√Hz.
-        ax : matplotlib Axes, optional
-            Axes to draw on; by default the axes of a new figure.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If `units` is unknown, or is "datasheet" and the signal is neither an angular rate nor an acceleration.
-        """
-        from gmwm.showing.plots.spectrum import plot_spectrum
-
-        return plot_spectrum(self, model=model, units=units, ax=ax, path=path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain numbers, lists and strings for JSON."""
@@ -267,3 +247,31 @@ class PowerSpectrum(Summarised):
     def __repr__(self) -> str:
         found = f"{counted(len(self.lines), 'line')}, {counted(len(self.bumps), 'bump')}"
         return f"PowerSpectrum({self.axis or 'unnamed'}, {self.extent}, {found})"
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class PowerSpectra(AxisResults[PowerSpectrum]):
+    """Power spectral densities of the axes of one recording, as a mapping of axis to `PowerSpectrum`.
+
+    Parameters
+    ----------
+    spectra : mapping of axis to PowerSpectrum
+        The spectrum of each axis, at least one.
+
+    Examples
+    --------
+    >>> from gmwm import psd, simulate
+    >>> spectra = psd(simulate("WN(sigma2=4e-8)", rate=100.0, samples=1000, rng=1)["gyro"])
+    >>> spectra
+    PowerSpectra(gyro_x, gyro_y, gyro_z: 30 blocks of 64 samples, 1000 samples at 100 Hz)
+    """
+
+    spectra: Mapping[str, PowerSpectrum]
+    noun = "spectrum"
+
+    def summary(self) -> str:
+        """Format, for every axis, the root density in each octave, the lines and the bumps."""
+        return "\n\n".join(spectrum.summary() for spectrum in self.spectra.values())
+
+    def __repr__(self) -> str:
+        return f"PowerSpectra({', '.join(self)}: {next(iter(self.spectra.values())).extent})"

@@ -14,33 +14,28 @@ from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector, freeze
 
 STEPS = ((1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 2))
-"""Numbers of roots (p, q) that are added to the best process so far. They are sufficient for filters up to order 4,
-moving averages and resonances (tests/spectrum/test_short_memory.py)."""
+"""Numbers of roots (p, q) that are added to the best process so far, for filters up to order 4, moving averages and
+resonances (tests/spectrum/test_short_memory.py)."""
 HIGHEST = 10
 """Largest order p or q."""
 SURE = 0.05
-"""Largest accepted standard error of the logarithm of the density at the frequency 0. N, the square root of the
-density, then has a relative standard error of at most 2.5 %."""
+"""Largest accepted standard error of the logarithm of the density at the frequency 0: 2.5 % of N, its square root."""
 POLE, ZERO = 0.987, 1 - 1e-6
-"""Largest moduli of poles and of zeros. A pole of 0.987 has a width of 0.4 % of the sampling rate, 0.4 Hz at 100 Hz.
-Its memory is 2000 samples, the most that the covariance supports. A zero must be inside the unit circle."""
+"""Largest moduli of poles and zeros. A pole of 0.987 is 0.4 % of the sampling rate wide and has a memory of 2000
+samples, the most that the covariance supports. A zero must be inside the unit circle."""
 FLAT = 0.25
-"""Largest absolute logarithm of the ratio of the density at the frequency 0 to the density at the lowest frequency of
-the data. A resonance at four times the lowest frequency changes it by 0.13, and the data cannot support a larger
-step."""
+"""Largest absolute logarithm of the ratio of the density at the frequency 0 to that at the lowest frequency of the
+data. A resonance at four times the lowest frequency changes it by 0.13; the data support no larger step."""
 ACCURACY = 0.005
-"""Relative error that is added to the error of every density, so that a few precise frequencies do not determine the
-shape."""
+"""Relative error that is added to every density, so that a few precise frequencies do not determine the shape."""
 FLOOR = 1e-4
-"""Density, relative to the density at low frequencies, below which a stop band is ignored. It is far below the noise
-that rounding adds to any output (tests/spectrum/test_short_memory.py, an FIR filter)."""
+"""Density, relative to low frequencies, below which a stop band is ignored, far below the noise of rounded outputs
+(tests/spectrum/test_short_memory.py, an FIR filter)."""
 KNOWN = 2.0
-"""Prior standard deviation of the logarithm of the factor by which the known part is multiplied in the fit. The slow
-terms of the known part come from a fit without this shape, and may be wrong by a factor of several
-(docs/validation/sensors.md)."""
+"""Prior standard deviation of the logarithm of the factor on the known part. Its slow terms come from a fit without
+this shape, and may be wrong by a factor of several (docs/validation/sensors.md)."""
 LEAST_KNOWN = 1e-3
-"""Smallest known part that is assumed, relative to the density at low frequencies. It decreases with frequency in the
-same way as the density of a random walk."""
+"""Smallest known part, relative to the density at low frequencies. It decreases with frequency as for a random walk."""
 LIKELY = 0.01
 """Smallest weight for which a process of another order is reported in addition to the best process."""
 _ITERATIONS, _FIRST, _KEPT = 40, 6, 2
@@ -50,17 +45,9 @@ _SMOOTH = 5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Alternative:
-    """Process of another order that describes the density nearly as well as the best process.
-
-    Attributes
-    ----------
-    phi, theta : (p,), (q,) arrays
-        Coefficients, as in `SpectralShape`.
-    density : float
-        Density at the frequency 0 (unit² per cycle per sample).
-    weight : float
-        Posterior probability among all orders that were tried, by the Bayesian information criterion.
-    """
+    """Process of another order that describes the density nearly as well as the best process. `phi` and `theta` are as
+    in `SpectralShape`, `density` is the density at the frequency 0 (unit² per cycle per sample), and `weight` the
+    posterior probability among all orders, by the Bayesian information criterion."""
 
     phi: Vector
     theta: Vector
@@ -76,10 +63,8 @@ class SpectralShape:
     ----------
     phi, theta : (p,), (q,) arrays
         Coefficients of the process X_t = Σ φ_i X_{t−i} + ε_t + Σ θ_i ε_{t−i}.
-    innovation : float
-        Variance of ε, in unit².
-    covariance : (p + q, p + q) array
-        Covariance of the errors of the coefficients.
+    innovation, covariance : float, (p + q, p + q) array
+        Variance of ε, in unit², and covariance of the errors of the coefficients.
     misfit : float
         Mean squared difference between the logarithms of the measured and the fitted density, relative to its
         expectation; near 1 for a good fit.
@@ -100,7 +85,7 @@ class SpectralShape:
 
     @property
     def density(self) -> float:
-        """Density at the frequency 0 (unit² per cycle per sample), which is σ² (1 + Σθ)² / (1 − Σφ)²."""
+        """Density at the frequency 0 (unit² per cycle per sample), σ² (1 + Σθ)² / (1 − Σφ)²."""
         return self.innovation * (1 + float(self.theta.sum())) ** 2 / (1 - float(self.phi.sum())) ** 2
 
 
@@ -113,29 +98,19 @@ def short_memory(
     white noise and adds one to four roots at a time, from several starting points near the largest residuals. It stops
     when the sum of squares decreases by less than log(n) for each coefficient. At the end, the factor on the known part
     is fitted too, for all orders that are nearly as good as the best one. A process whose density at the frequency 0 is
-    uncertain is not used.
+    uncertain is not used. Source: Brockwell and Davis (1991), Time Series: Theory and Methods, section 10.8, for the
+    likelihood that these least squares approximate.
 
     Parameters
     ----------
     frequencies : (n,) array
         Frequencies (Hz), ascending, without the frequencies of lines.
-    density : (n,) array
-        Measured two-sided density (unit² per cycle per sample), which is σ² for white noise.
-    degrees_of_freedom : (n,) array
-        Degrees of freedom η of each density.
+    density, degrees_of_freedom : (n,) arrays
+        Measured two-sided density (unit² per cycle per sample, σ² for white noise), and its degrees of freedom η.
     rate : float
         Sampling rate (Hz).
     known : (n,) array
         Density of the other processes, called the known part.
-
-    Returns
-    -------
-    SpectralShape
-
-    References
-    ----------
-    Brockwell and Davis (1991), Time Series: Theory and Methods, section 10.8, for the likelihood that these least
-    squares approximate.
     """
     angles = 2 * math.pi * frequencies / rate
     plateau = float(np.median(density[: max(density.size // 8, 3)]))
@@ -191,10 +166,8 @@ def _grown(data: _Data, best: _Point, price: float, *, free: bool) -> list[_Poin
 
 
 def _best_start(data: _Data, best: _Point, more: tuple[int, int], *, free: bool) -> _Point:
-    """Return the optimum with more roots.
-
-    All starting points are improved by a few steps, and the best of them are then optimised completely.
-    """
+    """Return the optimum with more roots: a few steps from all starting points, then all steps from the best of
+    them."""
     # Starting points can be equal, because a real root does not depend on the angle, and both residuals can be largest
     # at the same frequency.
     distinct = {(a.tobytes(), b.tobytes()): (a, b) for a, b in _starts(data, best, more)}.values()
@@ -213,10 +186,7 @@ def _best_of_each_order(tried: Sequence[_Point]) -> list[_Point]:
 
 
 def _log_bias(degrees_of_freedom: Vector) -> Vector:
-    """Return the mean (n,) of the logarithm of an estimate divided by its expectation.
-
-    For a chi-square estimate with η degrees of freedom it is about −1/η.
-    """
+    """Return the mean (n,) of the logarithm of an estimate divided by its expectation, about −1/η."""
     from scipy.special import digamma
 
     half = degrees_of_freedom / 2
@@ -225,11 +195,8 @@ def _log_bias(degrees_of_freedom: Vector) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class _Data:
-    """The measured density at n frequencies.
-
-    `waves` (2, HIGHEST, n) are the real and the imaginary parts of exp(−i ω k). The `rows` (3, n) are the known part,
-    the logarithms of the density, and their weights.
-    """
+    """The measured density at n frequencies. `waves` (2, HIGHEST, n) are the real and the imaginary parts of exp(−i ω
+    k). The `rows` (3, n) are the known part, the logarithms of the density, and their weights."""
 
     waves: NDArray[np.float64]
     angles: Vector
@@ -265,11 +232,8 @@ class _Data:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Point:
-    """Process with the density e^scale |b|²/|a|², and its loss.
-
-    `a` and `b` are the coefficients of the two polynomials without the leading 1. `slow` is the logarithm of the factor
-    on the known part.
-    """
+    """Process with the density e^scale |b|²/|a|²; `slow` is the logarithm of the factor on the known part. `a` and `b`
+    are the coefficients of the two polynomials without the leading 1."""
 
     data: _Data
     a: Vector
@@ -323,10 +287,8 @@ class _Point:
 def _descend(
     data: _Data, a: Vector, b: Vector, scale: float, *, slow: float = 0.0, free: bool = False, steps: int = _ITERATIONS
 ) -> _Point:
-    """Find the local optimum by the Levenberg-Marquardt method, with all roots inside the unit circle.
-
-    If `free`, the factor on the known part is fitted too.
-    """
+    """Find the local optimum by the Levenberg-Marquardt method, with all roots inside the unit circle. If `free`, the
+    factor on the known part is fitted too."""
     found = np.concatenate([[scale], a, b, [slow]])
     _core.spectral_descent(
         data.waves, data.rows, floor=data.floor, prior=KNOWN, p=a.size, free=free, steps=steps, near=_NEAR,
@@ -363,17 +325,15 @@ def _scatter(point: _Point, data: _Data) -> Matrix:
 
 
 def _bend(data: _Data, point: _Point) -> float:
-    """Return the logarithm of the ratio of the density at the frequency 0 to the density at the lowest frequency of the
+    """Return the logarithm of the ratio of the density at the frequency 0 to that at the lowest frequency of the
     data."""
     below, above = (abs(data.polynomial(tail)[0]) / max(abs(1 + tail.sum()), 1e-12) for tail in (point.a, point.b))
     return 2 * math.log(below / above)
 
 
 def _inside(tail: Vector, most: float) -> tuple[Vector, float]:
-    """Return the coefficients of the polynomial 1 + c₁z⁻¹ + … after its roots are moved inside the unit circle.
-
-    The second value is the logarithm of the factor by which this reduces the squared modulus on the unit circle.
-    """
+    """Return the coefficients of the polynomial 1 + c₁z⁻¹ + … after its roots are moved inside the unit circle. The
+    second value is the logarithm of the factor by which this reduces the squared modulus on the unit circle."""
     if _core.roots_inside(tail, most):
         return tail, 0.0
     roots = np.roots(np.concatenate([[1.0], tail]))
@@ -386,10 +346,8 @@ def _inside(tail: Vector, most: float) -> tuple[Vector, float]:
 
 
 def _starts(data: _Data, best: _Point, more: tuple[int, int]) -> Iterator[tuple[Vector, Vector]]:
-    """Yield starting points, which are the best process so far with additional roots.
-
-    The additional roots are at the frequencies of the largest residuals, and at high and low frequencies.
-    """
+    """Yield starting points: the best process so far, with roots at the largest residuals, and at high and low
+    frequencies."""
     scaled = np.sqrt(data.weights) * best.left
     smooth = np.convolve(scaled, np.ones(_SMOOTH) / _SMOOTH, mode="same")
     for residual in (smooth, scaled):
@@ -416,11 +374,8 @@ def _widened(tail: Vector, count: int, angle: float, radius: float) -> Vector:
 
 
 def _alternatives(data: _Data, chosen: _Point, tried: Sequence[_Point], price: float) -> tuple[Alternative, ...]:
-    """Return the best process of each other order that has a weight of at least `LIKELY`.
-
-    The weight is proportional to exp(−d/2), where d is the information criterion minus its value for the chosen
-    process. All weights sum to 1.
-    """
+    """Return the best process of each other order with a weight of at least `LIKELY`. The weight is proportional to
+    exp(−d/2), with d the information criterion minus that of the chosen process."""
     best = {(point.a.size, point.b.size): point for point in (*_best_of_each_order(tried), chosen)}
     spread = max(chosen.loss / max(data.logs.size - chosen.order - 1, 1), 1.0)
     own = _score(chosen, price, spread)

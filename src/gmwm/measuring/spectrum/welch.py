@@ -1,5 +1,4 @@
-"""Welch's method, with sums of the windowed periodograms of overlapping blocks and the degrees of freedom of their
-mean."""
+"""Welch's method: windowed periodograms of overlapping blocks, and the degrees of freedom of their mean."""
 
 from __future__ import annotations
 
@@ -16,14 +15,14 @@ from gmwm.base.arrays import Vector, freeze
 Detrend = Literal["constant", "linear"]
 """Trend that is subtracted from each block: the mean, or the least-squares line."""
 OVERLAP_CORRELATION = (1 / 6) ** 2
-"""Correlation of the periodograms of two Hann blocks that overlap by one half: (Σ w_t w_{t+L/2} / Σ w_t²)² in the
-limit of long blocks (Percival and Walden 1993, chapter 6.17)."""
+"""Correlation of the periodograms of two half-overlapping Hann blocks, (Σ w_t w_{t+L/2} / Σ w_t²)² (Percival and Walden
+1993, chapter 6.17)."""
 ENERGY_WIDTH = 1.5
 """Equivalent noise bandwidth of the Hann window, L Σ w² / (Σ w)², in bins (Harris 1978, table 1)."""
 HALF_POWER_WIDTH = 1.44
 """Width of a line at half its power with a Hann window, in bins (Harris 1978, table 1)."""
 BATCH = 1 << 17
-"""Number of samples that are transformed at once. They take 1 MB and stay in the cache of the processor."""
+"""Number of samples that are transformed at once: 1 MB, which stays in the cache of the processor."""
 ROUNDING = 8 * float(np.finfo(np.float64).eps)
 """Largest relative rounding error of the mean of a constant block, with a safety factor of eight."""
 TINY = 1e-300
@@ -37,18 +36,9 @@ def hann(length: int) -> Vector:
 
 
 class Periodograms(NamedTuple):
-    """Sums over the periodograms of blocks of one length.
-
-    Attributes
-    ----------
-    total : (length/2 + 1,) array
-        Σ |FFT(w · block)|² over the blocks, with the Hann window w.
-    levels, squares : (bands,) arrays
-        Sums over the blocks of the geometric mean of the periodogram in each band, and of its square. They show whether
-        the noise has the same power in all blocks, because lines hardly change a geometric mean.
-    blocks : int
-        Number of blocks.
-    """
+    """Sums over the periodograms |FFT(w · block)|² of blocks of one length, with the Hann window w. `total` (length/2 +
+    1,) is the sum over the blocks. `levels` and `squares` (bands,) are the sums of the geometric mean in each band and
+    of its square. They show whether the noise has the same power in all blocks: lines hardly change them."""
 
     total: Vector
     levels: Vector
@@ -73,10 +63,8 @@ class Periodograms(NamedTuple):
 
 @lru_cache(maxsize=16)
 def band_edges(length: int) -> NDArray[np.int64]:
-    """Return the first bin of each band. The first band has the bins 2 to 31, and the others are octaves.
-
-    The bins 0 and 1 are left out, because they contain a part of the mean.
-    """
+    """Return the first bin of each band: the bins 2 to 31, then octaves. The bins 0 and 1 contain a part of the
+    mean."""
     octaves = [1 << power for power in range(5, 40) if 1 << power < length // 2]
     return np.array([min(2, length // 2), *octaves], dtype=np.int64)
 
@@ -129,21 +117,16 @@ def one_sided_density(sums: Periodograms, length: int, rate: float) -> Vector:
 
 
 def nominal_freedom(blocks: int, pairs: int) -> float:
-    """Return the equivalent degrees of freedom of the mean of K periodograms of stationary noise.
-
-    They are 2 K² / (K + 2 P r) for K blocks and P pairs of overlapping blocks, where r is the correlation of the
-    periodograms of such a pair (Welch 1967).
-    """
+    """Return the edf 2 K² / (K + 2 P r) of the mean of K periodograms of stationary noise (Welch 1967). P is the number
+    of pairs of overlapping blocks, and r the correlation of the periodograms of a pair."""
     return 2 * blocks**2 / (blocks + 2 * pairs * OVERLAP_CORRELATION)
 
 
 def degrees_of_freedom(sums: Periodograms, pairs: int, length: int) -> Vector:
-    """Return the equivalent degrees of freedom (length/2 + 1,) of the mean periodogram at each frequency.
-
-    If the power of the noise differs between the blocks, they are divided by 1 + c², where c² is the squared
-    coefficient of variation of the power of the blocks, minus the value expected for stationary noise. The first and
-    the last frequency have half as many degrees of freedom, because their Fourier coefficients are real.
-    """
+    """Return the equivalent degrees of freedom (length/2 + 1,) of the mean periodogram at each frequency. If the power
+    of the noise differs between the blocks, they are divided by 1 + c², where c² is the squared coefficient of
+    variation of the power of the blocks, minus the value expected for stationary noise. The first and the last
+    frequency have half as many degrees of freedom, because their Fourier coefficients are real."""
     blocks, edges = sums.blocks, band_edges(length)
     sizes = np.diff(np.append(edges, length // 2 + 1))
     with np.errstate(invalid="ignore", divide="ignore"):

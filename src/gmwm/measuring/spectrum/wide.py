@@ -12,17 +12,14 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
 from gmwm.measuring.spectrum.level import flanks, p_values, pooled_freedom
-from gmwm.measuring.spectrum.line import LEAST_QUALITY, Bump, Line
-from gmwm.measuring.spectrum.line_measurement import measured_line
+from gmwm.measuring.spectrum.line import LEAST_QUALITY, Bump, Line, lorentz_fit, measured_line
 from gmwm.measuring.spectrum.narrow import FIRST_BIN
-from gmwm.measuring.spectrum.shape import lorentz_fit
 
 if TYPE_CHECKING:
     from gmwm.measuring.spectrum.result import PowerSpectrum
 
 RESOLUTIONS = tuple(6 * 2**k for k in range(9, -1, -1))
-"""Number of bins per octave of each grid, the finest grid first. The grids find widths from 0.02 % to 50 % of the
-frequency."""
+"""Number of bins per octave of each grid, the finest first, for widths from 0.02 % to 50 % of the frequency."""
 LEAST_BINS = 2
 """Smallest number of frequencies of the spectrum in a bin of a grid."""
 NEAR, FAR = 4, 11
@@ -30,16 +27,15 @@ NEAR, FAR = 4, 11
 LEAST_FLANK = 3
 """Smallest number of bins of a flank at the ends of the grid."""
 INNER, OUTER = 1, 5
-"""Distances, in bins of the grid, for the test whether a grid is coarse enough for a peak. The excess of the peak at
-distances of 2 to 5 bins must be less than half of its excess within one bin, so that the flanks are outside the
-peak."""
+"""Distances (bins of the grid) for the test whether a grid is coarse enough: the excess at 2 to 5 bins must be less
+than half of that within one bin, so that the flanks are outside the peak."""
 SHARP = 3.0
 """Smallest Q factor of a resonance whose frequency and width are fitted with a Lorentz shape."""
 AROUND, PER_WIDTH = 3.0, 6.0
 """The fit uses the frequencies within three widths on each side, and bins of at most a sixth of the width."""
 LEAST_HEIGHT = 1.25
-"""Smallest ratio of the density of a bump to the level on both sides. Ripples in the response of the filter of a sensor
-are smaller and are not reported."""
+"""Smallest ratio of the density of a bump to the level on both sides; ripples in the response of a filter are smaller.
+"""
 
 
 class Grid(NamedTuple):
@@ -52,10 +48,7 @@ class Grid(NamedTuple):
 
 
 class WidePeak(NamedTuple):
-    """Significant peak on a grid.
-
-    `compact` tells whether the grid is coarse enough for the peak; the other attributes are as in `Bump`.
-    """
+    """Significant peak on a grid. `compact` tells whether the grid is coarse enough; the others are as in `Bump`."""
 
     frequency: float
     width: float
@@ -99,12 +92,9 @@ def wide_peaks(
     narrow: tuple[Sequence[Line], Sequence[Bump]],
     level: float,
 ) -> tuple[list[Line], list[Bump]]:
-    """Return the significant wide lines and bumps.
-
-    `level` is the significance level for all bins of all grids together, by Bonferroni's inequality. `freedom` are the
-    degrees of freedom of each density, and `free` marks the bins without a narrow peak. `narrow` has the lines and
-    bumps that `narrow_lines` found. A broad base of such a line or bump is not reported as another peak.
-    """
+    """Return the significant wide lines and bumps. `level` is the significance level for all bins of all grids
+    together, by Bonferroni's inequality, and `free` marks the bins without a narrow peak. A broad base of the lines and
+    bumps in `narrow` is not reported as another peak."""
     grids = [grid_of(spectrum, freedom, free, resolution) for resolution in RESOLUTIONS]
     tests = max(1, sum(grid.density.size for grid in grids))
     found: list[WidePeak] = []
@@ -180,11 +170,8 @@ def _fitted(peak: WidePeak, grids: Sequence[Grid]) -> WidePeak:
 
 
 def _width(grid: Grid, k: int, half: float) -> float | None:
-    """Return the width (Hz) of the peak at bin k, measured where its density falls to `half`.
-
-    The width of the bins is subtracted in quadrature. The result is None if the density does not fall to `half` on one
-    side.
-    """
+    """Return the width (Hz) of the peak at bin k where its density falls to `half`; None if it does not on one side.
+    The width of the bins is subtracted in quadrature."""
     ends = []
     for step in (-1, 1):
         j = k
@@ -217,19 +204,15 @@ def _is_compact(grid: Grid, k: int, level: float) -> bool:
 
 
 def _overlap(one: WidePeak, other: WidePeak, grid: Grid | None) -> bool:
-    """Return whether two peaks count as the same peak.
-
-    They do if they are closer than the width of the wider peak, or closer than two bins of `grid`.
-    """
+    """Return whether two peaks are closer than the width of the wider one, or than two bins of `grid`, and so the
+    same."""
     bin_width = 0.0 if grid is None else 2 * other.frequency * math.log(2) / grid.per_octave
     return abs(one.frequency - other.frequency) <= max(one.width, other.width, bin_width)
 
 
 def _is_known(peak: WidePeak, lines: Sequence[Line], bumps: Sequence[Bump]) -> bool:
-    """Return whether a peak is the flank of a narrow bump, or the broad base of a line whose phase is not steady.
-
-    Such a base has less than half the power of the line in it.
-    """
+    """Return whether a peak is the flank of a narrow bump, or the broad base of a line whose phase is not steady. Such
+    a base has less than half the power of the line in it."""
     if any(abs(bump.frequency - peak.frequency) <= 4 * bump.width + peak.width for bump in bumps):
         return True
     # The power of a Lorentz shape is π/2 times its height and its width.

@@ -19,6 +19,7 @@ import numpy as np
 
 from gmwm.base.errors import GmwmError
 from gmwm.base.threads import INTERRUPT_CHECK
+from gmwm.base.time_base import lost_samples
 from gmwm.files.readers.builder import RowSummary
 from gmwm.files.readers.parts import Part, PartReader
 from gmwm.files.readers.streams import FileRows, Stream
@@ -103,16 +104,23 @@ def spread(
     """
     with connected(scheduler, workers) as client:
         crew = _Crew(
-            client, stream, {axis: one.change for axis, one in curves.items()}, parts=parts, done=done, prepare=prepare
+            client,
+            stream,
+            {axis: axis_curves.change for axis, axis_curves in curves.items()},
+            parts=parts,
+            done=done,
+            prepare=prepare,
         )
-        first = crew.measure({axis: partial(_beginning, one.first) for axis, one in curves.items()})
-        for axis, one in curves.items():
-            one.first = first[axis]
+        first = crew.measure({axis: partial(_beginning, axis_curves.first) for axis, axis_curves in curves.items()})
+        for axis, axis_curves in curves.items():
+            axis_curves.first = first[axis]
         # A part that is the whole recording may need no second pass.
-        again = {axis: one for axis, one in curves.items() if one.begin_again()}
-        second = crew.measure({axis: one.second.part for axis, one in again.items() if one.second is not None})
-        for axis, one in again.items():
-            one.second = second[axis]
+        again = {axis: axis_curves for axis, axis_curves in curves.items() if axis_curves.begin_again()}
+        second = crew.measure(
+            {axis: axis_curves.second.part for axis, axis_curves in again.items() if axis_curves.second is not None}
+        )
+        for axis, axis_curves in again.items():
+            axis_curves.second = second[axis]
     stream._ended(crew.summary, stacklevel=6)
 
 
@@ -126,16 +134,16 @@ class _Measured(Generic[G]):
     def has_short_gaps(self, rate: float) -> bool:
         """Return whether the part has a gap that may be filled, or follows one. Sample numbers then differ from row
         numbers."""
-        lost = np.array([seconds * rate - 1 for _, seconds in self.summary.gaps])
-        return bool(np.any(is_short(np.rint(lost))))
+        late = [seconds - 1 / rate for _, seconds in self.summary.gaps]
+        return bool(np.any(is_short(lost_samples(late, rate))))
 
     def followed_by(self, later: _Measured[G]) -> _Measured[G]:
         """Merge the results of this part and the next one, with a gap between them if the recording has one there."""
         axes: dict[str, G] = {}
-        for axis, one in self.axes.items():
+        for axis, accumulator in self.axes.items():
             if later.summary.parted:
-                one.gap()
-            axes[axis] = one.merge(later.axes[axis])
+                accumulator.gap()
+            axes[axis] = accumulator.merge(later.axes[axis])
         return _Measured(axes, self.summary.followed_by(later.summary))
 
 
@@ -158,8 +166,8 @@ def _beginning(one: WaveletAccumulator, start: int) -> WaveletAccumulator:
     )
 
 
-def _unpacked(packed: bytes) -> Any:
-    """Restore an object that `_held` compressed."""
+def _unpack(packed: bytes) -> Any:
+    """Restore an object that `_hold` compressed."""
     return pickle.loads(zlib.decompress(packed))
 
 
@@ -183,9 +191,9 @@ def _measure(part: Part, begin: _Begin[G]) -> _Measured[G] | GmwmError:
     """Measure a part in a worker. An error in the file is returned and not raised, because Dask would repeat the
     work."""
     reader = PartReader(part)
-    axes = {axis: made(part.first) for axis, made in begin.axes.items()}
+    axes = {axis: create(part.first) for axis, create in begin.axes.items()}
     try:
-        measured = {axis: _PartMeasurement(one, begin.changes[axis]) for axis, one in axes.items()}
+        measured = {axis: _PartMeasurement(accumulator, begin.changes[axis]) for axis, accumulator in axes.items()}
         batches = gathered(reader.samples(), tuple(axes), part.found.rate)
         measure(batches if begin.prepare is None else map(begin.prepare, batches), measured, threads=1)
     except GmwmError as error:
@@ -219,32 +227,32 @@ class _Crew:
         """
         if not axes:
             return {}
-        found = self._measured(axes)
-        if found is None:
+        result = self._measured(axes)
+        if result is None:
             self._parts, self._samples = self._whole, 0
-            found = self._measured(axes)
-        assert found is not None
-        self.summary = found.summary
-        return found.axes
+            result = self._measured(axes)
+        assert result is not None
+        self.summary = result.summary
+        return result.axes
 
     def _measured(self, axes: Mapping[str, Callable[[int], G]]) -> _Measured[G] | None:
         """Measure all parts and merge them in order; None if they cannot be measured one by one."""
         arrived: queue.SimpleQueue[int] = queue.SimpleQueue()
         running: dict[int, Any] = {}
-        found: dict[int, _Measured[G] | GmwmError] = {}
+        answers: dict[int, _Measured[G] | GmwmError] = {}
         joined: _Measured[G] | None = None
-        asked = merged = 0
+        submitted = merged = 0
         rate = self._whole[0].found.rate
-        begin = self._held(_Begin(axes, self._changes, self._prepare))
+        begin = self._hold(_Begin(axes, self._changes, self._prepare))
         try:
             while joined is None or merged < len(self._parts):
-                while asked < min(len(self._parts), merged + AHEAD * self._threads()):
-                    running[asked] = self._ask(asked, begin, arrived)
-                    asked += 1
+                while submitted < min(len(self._parts), merged + AHEAD * self._threads()):
+                    running[submitted] = self._ask(submitted, begin, arrived)
+                    submitted += 1
                 k = _next(arrived)
-                found[k] = self._answer(k, running.pop(k))
-                while merged in found:
-                    part = found.pop(merged)
+                answers[k] = self._answer(k, running.pop(k))
+                while merged in answers:
+                    part = answers.pop(merged)
                     if isinstance(part, GmwmError):
                         raise part
                     ends = joined.summary.stop if joined is not None else 0
@@ -261,14 +269,14 @@ class _Crew:
         """Return the current number of threads of all workers. More workers may connect later."""
         return max(1, int(sum(self._client.nthreads().values())))
 
-    def _held(self, begin: _Begin[G]) -> Any:
+    def _hold(self, begin: _Begin[G]) -> Any:
         """Send the functions that create accumulators to the cluster once, for all parts.
 
         They are the result of a separate task, which Dask repeats if the worker that holds it is lost.
         """
         packed = zlib.compress(pickle.dumps(begin), 1)
         with self._dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GB"}):
-            return self._client.submit(_unpacked, packed, pure=False, retries=RETRIES)
+            return self._client.submit(_unpack, packed, pure=False, retries=RETRIES)
 
     def _ask(self, k: int, begin: Any, arrived: queue.SimpleQueue[int]) -> Any:
         future = self._client.submit(_measure, self._parts[k], begin, pure=False, retries=RETRIES)

@@ -203,7 +203,7 @@ def measured_curves(
     batches = Batches(stream, None if done is None else lambda samples: done(before + samples))
     measure(batches, curves, threads)
     before = batches.samples
-    if again := {axis: one for axis, one in curves.items() if one.begin_again()}:
+    if again := {axis: axis_curves for axis, axis_curves in curves.items() if axis_curves.begin_again()}:
         measure(batches, again, threads)
     return curves
 
@@ -213,10 +213,10 @@ def curves_of(
     robust: bool = True, efficiency: float = EFFICIENCY, passes: int = 2, change: Change | None = None,
 ) -> dict[str, AxisCurves]:  # fmt: skip
     """Make empty accumulators for some axes; by default with as many exact levels as memory allows."""
-    made = accumulators(recording, axes, levels=levels, exact=exact, robust=robust)
+    accumulators_of = accumulators(recording, axes, levels=levels, exact=exact, robust=robust)
     return {
-        axis: AxisCurves(one, recording.source, efficiency=efficiency, passes=passes, change=change)
-        for axis, one in made.items()
+        axis: AxisCurves(accumulator, recording.source, efficiency=efficiency, passes=passes, change=change)
+        for axis, accumulator in accumulators_of.items()
     }
 
 
@@ -253,15 +253,15 @@ def feed_chunks(chunks: Iterable[Chunk], measured: Mapping[str, WaveletAccumulat
         segment = -1
         for chunk in chunks:
             signals = {
-                axis: Signal(chunk.values[axis], one.rate, one.unit, axis, starts=(chunk.start,))
-                for axis, one in measured.items()
+                axis: Signal(chunk.values[axis], accumulator.rate, accumulator.unit, axis, starts=(chunk.start,))
+                for axis, accumulator in measured.items()
             }
             yield Batch(signals, chunk.first, chunk.segment == segment)
             segment = chunk.segment
 
     for batch in filled(batches(), 1, block=LIVE_BLOCK, context=LIVE_BLOCK // 2):
-        for axis, one in measured.items():
-            one.feed(batch.signals[axis], batch.continues_on(axis))
+        for axis, accumulator in measured.items():
+            accumulator.feed(batch.signals[axis], batch.continues_on(axis))
 
 
 def stream_psd(
@@ -280,8 +280,8 @@ def stream_psd(
         )
         for axis in stream.axes
     }
-    measure(Batches(stream, done), {axis: _Spectrum(one) for axis, one in measured.items()})
-    return PowerSpectra(spectra=in_threads(lambda _, one: one.result(confidence), measured))
+    measure(Batches(stream, done), {axis: _Spectrum(accumulator) for axis, accumulator in measured.items()})
+    return PowerSpectra(spectra=in_threads(lambda _, accumulator: accumulator.result(confidence), measured))
 
 
 class _Spectrum(NamedTuple):

@@ -18,13 +18,11 @@ from gmwm.measuring.variance.biweight import EFFICIENCY, biweight, require_robus
 from gmwm.measuring.variance.coefficients import require_digits
 from gmwm.measuring.variance.open_segments import DEEPEST, EXACT, SegmentedAccumulator
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.measuring.variance.rise import RiseSums
+from gmwm.measuring.variance.rise import RiseSums, ThinnedValues
 from gmwm.measuring.variance.robust import RobustVariances, robust_variances
 from gmwm.measuring.variance.second_pass import SecondPass, sum_request
 from gmwm.measuring.variance.segment_state import LARGEST_SUM, SegmentState, as_count
-from gmwm.measuring.variance.sketch import SKETCH_COLLECTOR, Counts, Sketches
-from gmwm.measuring.variance.sketched import SketchCoefficients
-from gmwm.measuring.variance.winsorised_mean import ThinnedValues
+from gmwm.measuring.variance.sketch import SKETCH_COLLECTOR, Counts, SketchCoefficients, Sketches
 from gmwm.recording.signals import MINIMUM_SAMPLES, Signal
 
 
@@ -104,10 +102,7 @@ class WaveletAccumulator(SegmentedAccumulator):
     def merge(self, following: WaveletAccumulator) -> WaveletAccumulator:
         """Merge this part with the part that directly follows it, into a new accumulator.
 
-        Raises
-        ------
-        OptionError
-            If `following` does not begin where this part ends, or was made with other options.
+        Raises OptionError if `following` does not begin where this part ends, or was made with other options.
         """
         self._require_following(following, "rate", "exact", "levels", "unit", "robust")
         joint = self._copy()
@@ -128,10 +123,8 @@ class WaveletAccumulator(SegmentedAccumulator):
 
         Parameters
         ----------
-        confidence : float
-            Confidence level of the limits.
-        robust, efficiency : bool, float
-            As for `wavelet_variance`.
+        confidence, robust, efficiency
+            The same as for `wavelet_variance`.
 
         Raises
         ------
@@ -158,22 +151,15 @@ class WaveletAccumulator(SegmentedAccumulator):
     def second_pass(self, efficiency: float = EFFICIENCY, *, start: int | None = None) -> SecondPass:
         """Create a second pass over the same samples, which computes the exact robust wavelet variance.
 
-        This accumulator must contain the whole recording. It does not change.
+        This accumulator must contain the whole recording. It does not change. Errors are the same as for `result`.
 
         Parameters
         ----------
         efficiency : float
-            As for `wavelet_variance`.
+            The same as for `wavelet_variance`.
         start : int, optional
             Index of the first sample, if the second pass processes a part of the recording and is merged later; by
             default the first sample of the recording.
-
-        Raises
-        ------
-        DataError
-            If there are fewer than 8 samples without a gap.
-        OptionError
-            If an option has an invalid value, or the accumulator was made without `robust=True`.
 
         Examples
         --------
@@ -200,13 +186,8 @@ class WaveletAccumulator(SegmentedAccumulator):
         )
 
     def _sketched(self) -> SketchCoefficients:
-        """Return the sketches of the coefficients so far.
-
-        Raises
-        ------
-        DataError
-            If there are fewer than 8 samples without a gap.
-        """
+        """Return the sketches of the coefficients so far; raise DataError if there are fewer than 8 samples without a
+        gap."""
         self._fold()
         reach = self._measured()[1].size
         sketches: Sketches = self._all_statistics()
@@ -226,25 +207,12 @@ class WaveletAccumulator(SegmentedAccumulator):
         if found is not None:
             variance = found.variance
         wv = WaveletVariance(
-            levels=np.arange(1, counts.size + 1, dtype=np.int64),
-            variance=variance,
-            lower=variance,
-            upper=variance,
-            counts=counts,
-            rate=self.rate,
-            samples=sum(lengths),
-            unit=self.unit,
-            axis=self.axis,
-            confidence=confidence,
-            slope=self._slope() if found is None else slope,
-            segments=lengths if len(lengths) > 1 else (),
-            filled=self.filled,
-            rise=self.rise,
-            strides=_strides(self.exact, counts.size),
-            robust=found is not None,
-            efficiency=efficiency,
-            diagnostics={} if found is None else {"robust": found.diagnostics},
-        )
+            levels=np.arange(1, counts.size + 1, dtype=np.int64), variance=variance, lower=variance, upper=variance,
+            counts=counts, rate=self.rate, samples=sum(lengths), unit=self.unit, axis=self.axis, confidence=confidence,
+            slope=self._slope() if found is None else slope, segments=lengths if len(lengths) > 1 else (),
+            filled=self.filled, rise=self.rise, strides=_strides(self.exact, counts.size), robust=found is not None,
+            efficiency=efficiency, diagnostics={} if found is None else {"robust": found.diagnostics},
+        )  # fmt: skip
         lower, upper = chi_square_limits(variance, wv.degrees_of_freedom, confidence)
         return replace(wv, lower=lower, upper=upper)
 
@@ -252,10 +220,7 @@ class WaveletAccumulator(SegmentedAccumulator):
 
     @one_at_a_time
     def to_dict(self) -> dict[str, Any]:
-        """Return the whole state as numbers, strings and arrays.
-
-        They can be stored by pickle or `numpy.savez`, or in JSON if the arrays are converted to lists.
-        """
+        """Return the whole state as numbers, strings and arrays, for pickle, `numpy.savez`, or (as lists) JSON."""
         self._fold()
         kept: Any = self._statistics if self.robust else Sketches()
         return {
@@ -272,13 +237,7 @@ class WaveletAccumulator(SegmentedAccumulator):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> WaveletAccumulator:
-        """Restore an accumulator from the result of its `to_dict`.
-
-        Raises
-        ------
-        ReadError
-            If `values` is not the state of an accumulator.
-        """
+        """Restore an accumulator from the result of its `to_dict`; raise ReadError if `values` is not such a state."""
         try:
             made = cls(
                 float(values["rate"]), levels=int(values["levels"]), exact=int(values["exact"]),
@@ -325,15 +284,9 @@ class WaveletAccumulator(SegmentedAccumulator):
         """Return a copy of the accumulator, which shares the data of closed segments, because they never change."""
         self._fold()
         made = WaveletAccumulator(
-            self.rate,
-            levels=self.levels,
-            exact=self.exact,
-            start=self.start,
-            unit=self.unit,
-            axis=self.axis,
-            robust=self.robust,
-            held=self.held,
-        )
+            self.rate, levels=self.levels, exact=self.exact, start=self.start, unit=self.unit, axis=self.axis,
+            robust=self.robust, held=self.held,
+        )  # fmt: skip
         made._take_state(self)
         made._thinned = self._thinned
         return made

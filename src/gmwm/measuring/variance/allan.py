@@ -8,11 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector
-from gmwm.measuring.confidence_limits import chi_square_limits
-from gmwm.measuring.variance.clusters import ClusterVariance
+from gmwm.measuring.variance.clusters import ClusterVariance, cluster_variance
 from gmwm.measuring.variance.edf import degrees_of_freedom
-from gmwm.measuring.variance.noise_type import NoiseType, noise_types
+from gmwm.measuring.variance.noise_type import exponents, noise_types
 from gmwm.measuring.variance.phase import Clusters, Data, Progress, cluster_sizes, mean_squares, phase_of
 from gmwm.recording.options import as_confidence, one_of
 from gmwm.recording.signals import Signal
@@ -111,51 +109,16 @@ def allan_variance(
             step = 1 if kind == "overlapping" else 0
             squares = mean_squares(lambda n: _core.second_differences(p, n, step or n), sizes, counts, progress)
     variance = squares / (2.0 * scale * sizes * sizes)
-    noise = noise_types(p, sizes, variance, reddest=REDDEST, modified_ratio=lambda n: modified_ratio(p, n))
+    noise = noise_types(p, sizes, variance, reddest=REDDEST)
     freedom = degrees_of_freedom(
         exponents(noise), sizes, p.size, order=2, overlapping=kind != "nonoverlapping", modified=modified
     )
-    lower, upper = chi_square_limits(variance, freedom, confidence)
-    return ClusterVariance(
-        family="allan",
-        kind=kind,
-        clusters=sizes,
-        variance=variance,
-        lower=lower,
-        upper=upper,
-        counts=counts,
-        degrees_of_freedom=freedom,
-        noise=tuple(n.name for n in noise),
-        rate=phase.rate,
-        samples=phase.samples,
-        unit=phase.unit,
-        axis=phase.axis,
-        confidence=confidence,
-        data=data,
-    )
+    values = {"clusters": sizes, "variance": variance, "counts": counts, "degrees_of_freedom": freedom}
+    return cluster_variance(phase, noise, confidence, family="allan", kind=kind, **values)
 
 
 def difference_counts(points: int, clusters: NDArray[np.int64], order: int, overlapping: bool) -> NDArray[np.int64]:
-    """Count the differences of order `order` of a phase of `points` values at each cluster size n.
-
-    Overlapping differences start at every value, other differences at every n-th value.
-    """
+    """Count the differences of order `order` of a phase of `points` values at each cluster size n. Overlapping
+    differences start at every value, other differences at every n-th value."""
     places = points - order * clusters
     return places if overlapping else (places - 1) // clusters + 1
-
-
-def modified_ratio(phase: Vector, n: int) -> float:
-    """Return the ratio of the modified to the overlapping Allan variance at one cluster size.
-
-    The ratio is 1 if the phase is too short for the modified variance.
-    """
-    if 3 * n > phase.size:
-        return 1.0
-    modified = _core.moving_second_differences(phase, n) / (phase.size - 3 * n + 1) / n**2
-    plain = _core.second_differences(phase, n) / (phase.size - 2 * n)
-    return modified / plain if plain > 0 else 1.0
-
-
-def exponents(noise: tuple[NoiseType, ...]) -> NDArray[np.int64]:
-    """Return the exponents α of noise types."""
-    return np.array([found.exponent for found in noise], dtype=np.int64)

@@ -3,29 +3,115 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
+from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Remark, texts
 from gmwm.base.text import Summarised, with_article
+from gmwm.base.units import datasheet_units, find_unit, noise_unit
 from gmwm.measuring.variance.allan import allan_variance
 from gmwm.measuring.variance.clusters import ClusterVariance
 from gmwm.measuring.variance.phase import contradicting_rate
-from gmwm.measuring.variance.slope_line import LAWS, SlopeLine, Term, coefficient_unit
+from gmwm.recording.options import one_of
 from gmwm.recording.signals import Signal
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
+Term: TypeAlias = Literal["Q", "N", "B", "K", "R"]
+"""Noise terms of IEEE Std 952: quantization noise, angle or velocity random walk, bias instability, rate random walk
+and rate ramp."""
 
-    from gmwm.showing.plots.view import UnitSystem
+
+@dataclass(frozen=True)
+class _Law:
+    """Power law of a term, σ(τ) = factor · coefficient · τ^slope, by IEEE Std 952."""
+
+    name: str
+    slope: float
+    factor: float
+
+
+LAWS: dict[Term, _Law] = {
+    "Q": _Law("quantization noise", -1.0, math.sqrt(3)),
+    "N": _Law("angle or velocity random walk", -0.5, 1.0),
+    "B": _Law("bias instability", 0.0, math.sqrt(2 * math.log(2) / math.pi)),
+    "K": _Law("rate random walk", 0.5, 1 / math.sqrt(3)),
+    "R": _Law("rate ramp", 1.0, 1 / math.sqrt(2)),
+}
+"""The terms of an Allan deviation, by ascending slope."""
+
+
+def coefficient_unit(term: Term, unit: str, units: Literal["si", "datasheet"] = "si") -> tuple[str, float]:
+    """Return the unit of a coefficient for data in `unit`, and the factor from the unit of the data and seconds to it.
+
+    >>> name, factor = coefficient_unit("N", "rad/s", "datasheet")
+    >>> name, round(factor, 3)
+    ('deg/√h', 3437.747)
+    """
+    one_of(units, "units", ("si", "datasheet"))
+    if units == "datasheet" and find_unit(unit) is None:
+        raise OptionError(
+            f"datasheet units need an angular rate or an acceleration; the data have {unit or 'no unit'}",
+            argument="unit",
+            got=unit,
+            advice="Use {--units=si}.",
+        )
+    si, factor = noise_unit(-LAWS[term].slope, unit, empty="unit")
+    if units == "si":
+        return si, factor
+    name, size = next(iter(datasheet_units(si).items()))
+    return name, size * factor
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlopeLine:
+    """Line of fixed slope that was fitted to a range of an Allan deviation.
+
+    Parameters
+    ----------
+    term : str
+        Noise term: "Q", "N", "B", "K" or "R".
+    coefficient : float
+        Coefficient of the term, in the unit of the data and seconds.
+    first, last, points : float, float, int
+        First and last averaging times (s) of the range, and number of values that were used.
+    bound : bool
+        Whether the coefficient is only an upper bound: the bias instability of a curve that still falls at its end.
+    """
+
+    term: Term
+    coefficient: float
+    first: float
+    last: float
+    points: int
+    bound: bool = False
+
+    @property
+    def slope(self) -> float:
+        """Slope of the line in the logarithmic plot."""
+        return LAWS[self.term].slope
+
+    @property
+    def name(self) -> str:
+        """Name of the coefficient, for example "white noise density"."""
+        return LAWS[self.term].name
+
+    @property
+    def reading_time(self) -> float:
+        """Averaging time (s) at which the line has the value of its coefficient; for B the minimum of the curve."""
+        law = LAWS[self.term]
+        return self.first if law.slope == 0 else float(law.factor ** (-1 / law.slope))
+
+    def deviation(self, tau: ArrayLike) -> Vector:
+        """Compute the Allan deviation of the line at the averaging times `tau` (s)."""
+        law = LAWS[self.term]
+        return np.asarray(law.factor * self.coefficient * np.asarray(tau, dtype=np.float64) ** law.slope)
+
 
 _Reason = Literal["slope", "chance", "few", "rising"]
 """Reason why a term is not found."""
@@ -34,7 +120,7 @@ OCTAVE = 1.9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class AllanRegression(Summarised):
+class AllanRegression(Summarised, Plotted):
     """Noise coefficients from the slopes of an Allan deviation, with the fitted lines.
 
     Attributes
@@ -44,8 +130,8 @@ class AllanRegression(Summarised):
     lines : tuple of SlopeLine
         Fitted lines, one for each term that was found.
     remarks : tuple of Remark
-        One remark for each term that was not found. The subject of the remark is the term, and its fact `reason` is
-        "slope", "chance", "few" or "rising".
+        One remark for each term that was not found. Its subject is the term, and its fact `reason` is "slope",
+        "chance", "few" or "rising".
     """
 
     allan: ClusterVariance
@@ -105,41 +191,6 @@ class AllanRegression(Summarised):
         rows += texts(self.remarks)
         rows.append("a graphical method: inconsistent where several terms share the range; see avlr")
         return "\n".join(rows)
-
-    def plot(
-        self,
-        *,
-        units: UnitSystem = "si",
-        guides: bool = True,
-        ax: Axes | None = None,
-        path: str | os.PathLike[str] | None = None,
-    ) -> MatplotlibFigure:
-        """Draw the Allan deviation with the fitted lines and the points that give Q, N, B, K and R.
-
-        Parameters
-        ----------
-        units : "si" or "datasheet"
-            Units of the plot: rad/s and m/s², or deg/h and mg with coefficients in units such as deg/√h.
-        guides : bool
-            Whether to draw the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1
-            (ramp).
-        ax : matplotlib Axes, optional
-            Axes to draw on; by default the axes of a new figure.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown, or the data do not support it.
-        """
-        from gmwm.showing.plots.allan import plot_avlr
-
-        return plot_avlr(self, units=units, guides=guides, ax=ax, path=path)
 
     def __repr__(self) -> str:
         values = ", ".join(f"{term}={value:.4g}" for term, value in self.coefficients.items())
@@ -274,10 +325,8 @@ def _inside(term: Term, bounds: tuple[float, float], tau: Vector) -> NDArray[np.
 
 
 def _fitted_range(log_tau: Vector, log_deviation: Vector, slope: float, tolerance: float) -> NDArray[np.bool_]:
-    """Mark the longest run of values in which the local slope differs from `slope` by at most `tolerance`.
-
-    No value is marked if there is no such run.
-    """
+    """Mark the longest run of values in which the local slope differs from `slope` by at most `tolerance`, if there is
+    one."""
     chosen = np.zeros(log_tau.size, dtype=bool)
     near = np.abs(np.diff(log_deviation) / np.diff(log_tau) - slope) <= tolerance
     length, start = 0.0, None
@@ -311,10 +360,6 @@ def _minimum(tau: Vector, deviation: Vector) -> SlopeLine | _Reason:
         return "rising"
     at = float(tau[k])
     return SlopeLine(
-        term="B",
-        coefficient=float(deviation[k]) / LAWS["B"].factor,
-        first=at,
-        last=at,
-        points=1,
+        term="B", coefficient=float(deviation[k]) / LAWS["B"].factor, first=at, last=at, points=1,
         bound=k == tau.size - 1,
-    )
+    )  # fmt: skip

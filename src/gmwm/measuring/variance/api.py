@@ -16,7 +16,12 @@ from gmwm.base.errors import DataError
 from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.variance.axes_result import WaveletVariances
 from gmwm.measuring.variance.biweight import require_robust
-from gmwm.measuring.variance.coefficients import Coefficients, HaarCoefficients, PlainCoefficients, PooledCoefficients
+from gmwm.measuring.variance.coefficients import (
+    CoefficientSource,
+    HaarCoefficients,
+    PlainCoefficients,
+    PooledCoefficients,
+)
 from gmwm.measuring.variance.phase import SCALE_DOWN, TOO_LARGE, contradicting_rate
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.measuring.variance.rise import RiseSums
@@ -225,35 +230,19 @@ def signal_wavelet_variance(
     filled = 0 if signal is None else signal.filled
     lower, upper = chi_square_limits(variance, eta / loss_factor(filled, sum(lengths)), confidence)
     return WaveletVariance(
-        levels=numbers,
-        variance=variance,
-        lower=lower,
-        upper=upper,
-        counts=counts,
-        rate=rate,
-        samples=sum(lengths),
-        unit="" if signal is None else signal.unit,
-        axis="" if signal is None else signal.axis,
-        confidence=confidence,
-        filter=wavelet.name,
-        transform=transform,
-        robust=robust,
-        efficiency=efficiency if robust else None,
-        slope=slope,
-        diagnostics=diagnostics,
-        segments=lengths if len(lengths) > 1 else (),
-        filled=filled,
+        levels=numbers, variance=variance, lower=lower, upper=upper, counts=counts, rate=rate, samples=sum(lengths),
+        unit="" if signal is None else signal.unit, axis="" if signal is None else signal.axis, confidence=confidence,
+        filter=wavelet.name, transform=transform, robust=robust, efficiency=efficiency if robust else None, slope=slope,
+        diagnostics=diagnostics, segments=lengths if len(lengths) > 1 else (), filled=filled,
         rise=None if signal is None or len(lengths) == 1 else RiseSums.of(signal).slope(),
-    )
+    )  # fmt: skip
 
 
 def variances_alone(
     segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int, efficiency: float | None
 ) -> Vector:
-    """Estimate the wavelet variances of levels 1 … J from segments of finite samples, without limits and remarks.
-
-    The estimates are robust if an efficiency is given, and classical if it is None.
-    """
+    """Estimate the wavelet variances of levels 1 … J from segments of finite samples, without limits and remarks. The
+    estimates are robust if an efficiency is given, and classical if it is None."""
     if efficiency is None:
         return _classical(segments, filter, transform, levels)[0]
     return _robust(segments, filter, transform=transform, levels=levels, efficiency=efficiency).variance
@@ -262,10 +251,8 @@ def variances_alone(
 def _classical(
     segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int
 ) -> tuple[Vector, list[float]]:
-    """Compute the mean square, at each level, over all coefficients of all segments.
-
-    The kernel of the Haar filter also returns the mean rise of each segment with two samples or more.
-    """
+    """Compute the mean square, at each level, over all coefficients of all segments. The kernel of the Haar filter also
+    returns the mean rise of each segment with two samples or more."""
     numbers = np.arange(1, levels + 1, dtype=np.int64)
     found, rises = [], []
     for segment, reach in _reaching(segments, filter, transform, levels):
@@ -288,7 +275,7 @@ def _robust(
     segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int, efficiency: float
 ) -> RobustVariances:
     """Compute robust estimates from all coefficients of all segments, with one estimating equation for each level."""
-    sources: list[Coefficients] = [
+    sources: list[CoefficientSource] = [
         HaarCoefficients(segment, reach)
         if _by_running_sum(filter, transform)
         else _plain(segment, filter, transform, reach)
@@ -318,12 +305,9 @@ def _plain(values: Vector, filter: WaveletFilter, transform: Transform, levels: 
 
 
 def _slope(segments: Sequence[Vector], rises: Sequence[float] = ()) -> float:
-    """Return the mean slope of a signal (unit per sample). Raises DataError if a value is not finite.
-
-    Segments are weighted by the squares of their lengths. This is a compromise: the optimal weights are the lengths for
-    a random walk, and the cubes of the lengths for white noise. `rises` are the slopes of the segments with two samples
-    or more, if they are known. Such a slope is not finite if a value is not, or if a sum of values overflows.
-    """
+    """Return the mean slope of a signal (unit per sample). Raises DataError if a value is not finite. The weights are
+    the squared lengths of the segments, between those for a random walk (lengths) and for white noise (cubes). `rises`
+    are slopes of the segments from the kernel; they are not finite if a value or a sum is not."""
     long = [segment for segment in segments if segment.size > 1]
     known = rises or [math.nan] * len(long)
     slopes = [rise if math.isfinite(rise) else _rise(values) for rise, values in zip(known, long, strict=True)]

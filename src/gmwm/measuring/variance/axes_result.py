@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from itertools import groupby
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from gmwm.base.errors import DataError
 from gmwm.base.remarks import texts
-from gmwm.base.text import Summarised
+from gmwm.measuring.axis_results import AxisResults
 from gmwm.measuring.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
-
-    from gmwm.showing.plots.view import UnitSystem, ViewName
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class WaveletVariances(Summarised, Mapping[str, WaveletVariance]):
+class WaveletVariances(AxisResults[WaveletVariance]):
     """Wavelet variances of the axes of one recording, as a mapping of axis to `WaveletVariance`.
 
     Parameters
@@ -35,81 +28,12 @@ class WaveletVariances(Summarised, Mapping[str, WaveletVariance]):
     --------
     >>> from gmwm import simulate, wavelet_variance
     >>> curves = wavelet_variance(simulate("WN(sigma2=4e-8)", rate=100.0, samples=1000, rng=1))
-    >>> list(curves)
-    ['gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z']
     >>> curves["gyro_x"]
     WaveletVariance(gyro_x, haar, 9 levels, 1000 samples at 100 Hz)
     """
 
     curves: Mapping[str, WaveletVariance]
-
-    def __post_init__(self) -> None:
-        if not self.curves:
-            raise DataError(argument="curves", expected="the wavelet variance of at least one axis", got=self.curves)
-        object.__setattr__(self, "curves", MappingProxyType(dict(self.curves)))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # A mapping proxy cannot be pickled, so the copy is rebuilt from a plain dict.
-        return partial(WaveletVariances, curves=dict(self.curves)), ()
-
-    def __getitem__(self, axis: str) -> WaveletVariance:
-        try:
-            return self.curves[axis]
-        except KeyError:
-            raise DataError(argument="axis", expected=f"one of {', '.join(self.curves)}", got=axis) from None
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.curves)
-
-    def __len__(self) -> int:
-        return len(self.curves)
-
-    def __contains__(self, axis: object) -> bool:
-        return axis in self.curves
-
-    def get(self, axis: str, default: Any = None) -> Any:
-        """Return the wavelet variance of an axis, or `default` if there is none."""
-        return self.curves.get(axis, default)
-
-    def plot(
-        self,
-        *,
-        split: bool = True,
-        view: ViewName = "wavelet",
-        units: UnitSystem = "si",
-        path: str | os.PathLike[str] | None = None,
-    ) -> MatplotlibFigure:
-        """Draw the wavelet variance of every axis.
-
-        Parameters
-        ----------
-        split : bool
-            Whether to draw one panel for each axis, with a row for each sensor. Otherwise there is one panel for each
-            sensor, with x, y and z in vermillion, green and blue.
-        view : "wavelet" or "allan"
-            Quantity to draw: the wavelet variance ν² against the scale τ (s), or the Allan deviation √(2ν²) against the
-            averaging time τ/2 (s).
-        units : "si" or "datasheet"
-            Units of the plot: rad/s and m/s², or deg/h and mg.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown.
-        """
-        from gmwm.showing.plots.imu import plot_imu
-
-        return plot_imu(self, split=split, view=view, units=units, path=path)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fields of each axis as plain numbers, lists and strings, by axis."""
-        return {axis: wv.to_dict() for axis, wv in self.curves.items()}
+    noun = "wavelet variance"
 
     def to_frame(self) -> DataFrame:
         """Return the curves as a Polars data frame with one row for each axis and level."""

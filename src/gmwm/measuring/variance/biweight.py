@@ -29,46 +29,25 @@ Criterion = Callable[[float], tuple[float, float]]
 
 @dataclass(frozen=True)
 class Biweight:
-    """Tukey's biweight ρ(r) = r² (1 − r²/c²)⁴ for |r| ≤ c, and 0 otherwise.
-
-    The M-estimate of the scale σ of coefficients W solves mean ρ(W/σ) = a.
-
-    Attributes
-    ----------
-    c : float
-        Cut-off. Coefficients beyond c σ have no weight.
-    a : float
-        Expectation of ρ(r) for r with the distribution N(0, 1).
-    """
+    """Tukey's biweight ρ(r) = r² (1 − r²/c²)⁴ for |r| ≤ c, and 0 otherwise. The M-estimate of the scale σ of
+    coefficients W solves mean ρ(W/σ) = a, the expectation of ρ under N(0, 1). Coefficients beyond the cut-off c σ have
+    no weight."""
 
     c: float
     a: float
 
     def criterion(self, cubed: Number, fourth: Number, count: Number) -> tuple[Number, Number]:
-        """Compute mean ρ − a and its derivative with respect to log σ².
-
-        `cubed` and `fourth` are the sums Σ v q³ and Σ v q⁴ over `count` coefficients, with v = min(r²/c², 1) and
-        q = 1 − v.
-        """
+        """Compute mean ρ − a and its derivative with respect to log σ². `cubed` and `fourth` are Σ v q³ and Σ v q⁴ over
+        `count` coefficients, with v = min(r²/c², 1) and q = 1 − v."""
         square = self.c**2
         return square * fourth / count - self.a, square * (4 * cubed - 5 * fourth) / count
 
-    @property
-    def least_share(self) -> float:
-        """Smallest share of nonzero coefficients for which a root can exist, which is a / max ρ."""
-        return self.a / (self.c**2 * 4**4 / 5**5)
-
 
 def biweight(efficiency: float) -> Biweight:
-    """Return the biweight with the given efficiency for uncorrelated Gaussian coefficients.
+    """Return the biweight with an efficiency from 0.3 to 0.99 for uncorrelated Gaussian coefficients.
 
     The efficiency of the M-estimator of σ is e = (E r ρ′(r))² / (2 Var ρ(r)). On the branch c > 2.6 used here, e
-    increases with c.
-
-    Raises
-    ------
-    OptionError
-        If `efficiency` is not a number from 0.3 to 0.99.
+    increases with c. Raises OptionError for another efficiency.
 
     >>> round(biweight(0.6).c, 6), round(biweight(0.6).a, 7)
     (4.400278, 0.5691689)
@@ -128,11 +107,9 @@ def _legendre() -> tuple[Vector, Vector]:
 
 
 def newton(criterion: Criterion, tolerance: float) -> tuple[float | None, int]:
-    """Find the root that Newton's method in log σ² reaches from 0; return it and the number of evaluations.
-
-    The root is None if the criterion does not decrease at an iterate, or if an iterate leaves the accepted range. This
-    excludes the spurious root at 0.07 σ², at which the criterion increases. It exists even for data without outliers.
-    """
+    """Find the root that Newton's method in log σ² reaches from 0; return it and the number of evaluations. The root is
+    None if the criterion does not decrease at an iterate, or an iterate leaves the accepted range. This excludes the
+    spurious root at 0.07 σ², where the criterion increases, which exists even without outliers."""
     place = 0.0
     for count in range(1, 41):
         value, slope = criterion(place)
@@ -149,17 +126,7 @@ def newton(criterion: Criterion, tolerance: float) -> tuple[float | None, int]:
 
 @dataclass(frozen=True)
 class Scan:
-    """Result of the scan of a criterion over the accepted range of log σ².
-
-    Attributes
-    ----------
-    root : float or None
-        Root that `scan` found.
-    peaks : tuple of (float, float)
-        Position and value of each local maximum.
-    evaluations : int
-        Number of evaluations of the criterion.
-    """
+    """Result of a scan: the root or None, position and value of each local maximum, and the number of evaluations."""
 
     root: float | None
     peaks: tuple[tuple[float, float], ...]
@@ -167,12 +134,10 @@ class Scan:
 
 
 def scan(criterion: Criterion, tolerance: float) -> Scan:
-    """Find a root at which the criterion decreases, starting from log σ² = 0, and all local maxima.
-
-    If the criterion is positive at 0, σ² is too small there, and the first root above 0 is chosen. If it is negative,
-    σ² is too large, and the first root below 0 is chosen. The iteration σ² ← σ² mean ρ / a would converge to the same
-    root. If there is no root in this direction, the nearest root in the other direction is chosen.
-    """
+    """Find a root at which the criterion decreases, starting from log σ² = 0, and all local maxima. If the criterion is
+    positive at 0, σ² is too small there, and the first root above 0 is chosen; if it is negative, the first root below
+    0. The iteration σ² ← σ² mean ρ / a would converge to the same root. Without a root in this direction, the nearest
+    root in the other direction is chosen."""
     grid = np.linspace(-REACH, REACH, 61)
     values = np.array([criterion(float(place))[0] for place in grid])
     inside = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:])) + 1
@@ -188,9 +153,8 @@ def scan(criterion: Criterion, tolerance: float) -> Scan:
 
 
 def root_beyond(criterion: Criterion, peak: float, tolerance: float) -> tuple[float | None, int]:
-    """Find the root above the local maximum near `peak`, and return it with the number of evaluations.
-
-    The root is None if no positive value of the criterion is found near `peak`.
+    """Find the root above the local maximum near `peak`, or None without a positive value near `peak`; also return the
+    number of evaluations.
     """
     low, high = peak - 0.2, peak + 0.2
     value, place, count = -1.0, peak, 0
@@ -212,9 +176,8 @@ def root_beyond(criterion: Criterion, peak: float, tolerance: float) -> tuple[fl
 
 
 def _between(criterion: Criterion, low: float, high: float, tolerance: float) -> tuple[float, int]:
-    """Find the root between `low`, where the criterion is positive, and `high`, where it is negative.
-
-    Newton's method is used, constrained to the interval. The number of evaluations is returned as well.
+    """Find the root between `low`, where the criterion is positive, and `high`, where it is negative, by Newton's
+    method within this interval. Return also the number of evaluations.
     """
     place, count = (low + high) / 2, 0
     for count in range(1, 101):  # noqa: B007

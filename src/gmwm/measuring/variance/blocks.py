@@ -1,18 +1,55 @@
 """Block sums of a segment of samples, from which the coefficients of large scales are computed; 64 blocks per scale.
 
-Block k of a step s contains the samples k s … (k + 1) s − 1, counted from the beginning of the whole recording.
-Therefore two consecutive segments have the same blocks as their union.
+Block k of a step s has the samples k s … (k + 1) s − 1, counted from the beginning of the whole recording. Two
+consecutive segments therefore have the same blocks as their union.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
 
 import numpy as np
 
 from gmwm.base.arrays import Vector
 from gmwm.measuring.variance.coefficients import haar_resolution
-from gmwm.measuring.variance.statistics_protocol import LevelStatistic, StatisticsCollector
+
+
+class LevelStatistic(Protocol):
+    """Statistic of some coefficients of one level. Statistics can be merged in any order and grouping."""
+
+    def merge(self, other: Any, /) -> Any:
+        """Return the statistic of the coefficients of `self` and `other` together."""
+
+
+class Statistics(Protocol):
+    """Statistics of the coefficients of all levels. They can be merged in any order and grouping."""
+
+    def merge(self, other: Any, /) -> Any:
+        """Return the statistics of the coefficients of `self` and `other` together."""
+
+
+class StatisticsCollector(Protocol):
+    """Object that computes statistics of wavelet coefficients; `squares` tells whether Σ W² is needed too."""
+
+    squares: bool
+
+    def haar(self, running_sum: Vector, levels: int, begin: int) -> Statistics:
+        """Return the statistics of the coefficients of levels 1 … `levels` that end at sample `begin` or after."""
+
+    def across(self, running_sum: Vector, level: int) -> Statistics:
+        """Return the statistics of all coefficients of one level of a running sum."""
+
+    def values(self, coefficients: Vector, level: int) -> LevelStatistic:
+        """Return the statistic of an array of coefficients of one level, which can be empty."""
+
+    def at(self, level: int, part: Any, resolution: float) -> Statistics:
+        """Return the statistics of all levels, with `part` at `level`. Any |W| up to `resolution` can be a rounding
+        error."""
+
+    def empty(self) -> Statistics:
+        """Return the statistics of no coefficients."""
+
 
 STEPS = 64
 """Number of blocks per scale τ. Coefficients are computed at every τ/64-th sample."""
@@ -28,11 +65,11 @@ class Blocks:
     step : int
         Number of samples in a block, τ/64.
     first, last : int
-        Index of the first complete block, and one past the index of the last complete block. last < first if no
-        multiple of the step lies inside the segment or at its ends.
+        Indices of the first complete block and of the end; last < first if the segment contains no multiple of the
+        step.
     before, after : float
-        Sums of the samples before the first and after the last complete block. If last < first, `before` is the sum of
-        all samples.
+        Sums of the samples before the first and after the last complete block; `before` is the sum of all if last <
+        first.
     heads, tails : arrays
         Sums of the samples in the first and the last 63 blocks.
     squares, count : float, int
@@ -121,18 +158,9 @@ class Blocks:
         """Restore the blocks from the output of `numbers` and the sums of the first and last blocks."""
         first, last, before, after, squares, count, total, moment, _ = numbers
         return cls(
-            step=step,
-            first=int(first),
-            last=int(last),
-            before=before,
-            after=after,
-            heads=heads.copy(),
-            tails=tails.copy(),
-            squares=squares,
-            count=int(count),
-            total=total,
-            moment=moment,
-        )
+            step=step, first=int(first), last=int(last), before=before, after=after, heads=heads.copy(),
+            tails=tails.copy(), squares=squares, count=int(count), total=total, moment=moment,
+        )  # fmt: skip
 
     def raised(self, offset: float, start: int, stop: int) -> Blocks:
         """Return the blocks of the segment from `start` to `stop` with `offset` added to every sample."""
@@ -140,14 +168,11 @@ class Blocks:
             return replace(self, before=self.before + offset * (stop - start))
         s, n = self.step, self.last - self.first
         return replace(
-            self,
-            before=self.before + offset * (self.first * s - start),
-            after=self.after + offset * (stop - self.last * s),
-            heads=self.heads + offset * s,
-            tails=self.tails + offset * s,
-            total=self.total + offset * s * n,
+            self, before=self.before + offset * (self.first * s - start),
+            after=self.after + offset * (stop - self.last * s), heads=self.heads + offset * s,
+            tails=self.tails + offset * s, total=self.total + offset * s * n,
             moment=self.moment + offset * s * (n * (n - 1) / 2),
-        )
+        )  # fmt: skip
 
 
 def measured(
@@ -179,11 +204,8 @@ def _empty(collector: StatisticsCollector | None, step: int) -> LevelStatistic |
 def blocks_of(
     sums: Vector, start: int, stop: int, *, steps: list[int], collector: StatisticsCollector | None = None
 ) -> list[Blocks]:
-    """Build the blocks of the samples `start` … `stop` − 1, for each step.
-
-    `sums` are the sums of all samples before each multiple of the first step, and of all samples. The other steps are
-    powers of two times the first step.
-    """
+    """Build the blocks of the samples `start` … `stop` − 1, for each step, a power of two times the first one. `sums`
+    are the sums of all samples before each multiple of the first step, and of all samples."""
     base, first, total = steps[0], -(-start // steps[0]), float(sums[-1])
     marks = sums[:-1]
     return [
@@ -207,17 +229,7 @@ def _of(step: int, start: int, stop: int, marks: Vector, total: float, collector
     blocks = np.diff(marks)
     squares, count, part, resolution = measured(blocks, step, collector)
     return Blocks(
-        step=step,
-        first=first,
-        last=last,
-        before=float(marks[0]),
-        after=total - float(marks[-1]),
-        heads=blocks[:_KEPT].copy(),
-        tails=blocks[-_KEPT:].copy(),
-        squares=squares,
-        count=count,
-        total=float(blocks.sum()),
-        moment=float(np.arange(blocks.size) @ blocks),
-        part=part,
-        resolution=resolution,
-    )
+        step=step, first=first, last=last, before=float(marks[0]), after=total - float(marks[-1]),
+        heads=blocks[:_KEPT].copy(), tails=blocks[-_KEPT:].copy(), squares=squares, count=count,
+        total=float(blocks.sum()), moment=float(np.arange(blocks.size) @ blocks), part=part, resolution=resolution,
+    )  # fmt: skip

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import OptionError
+from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised
-from gmwm.measuring.variance.noise_type import noise_type
-from gmwm.measuring.variance.phase import Data
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    from gmwm.showing.plots.view import UnitSystem
+from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.variance.noise_type import NoiseType, noise_type
+from gmwm.measuring.variance.phase import Data, Phase
 
 Family: TypeAlias = Literal["allan", "hadamard", "total"]
 Kind: TypeAlias = Literal["overlapping", "nonoverlapping", "modified"]
@@ -36,35 +31,29 @@ _TITLES = {
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class ClusterVariance(Summarised):
+class ClusterVariance(Summarised, Plotted):
     """Allan, Hadamard or total variance of a signal at averaging times τ = n Δt, with chi-square limits.
 
     Attributes
     ----------
-    family : "allan", "hadamard" or "total"
-        Family of the variance.
-    kind : "overlapping", "nonoverlapping" or "modified"
-        Kind of the variance, as for `allan_variance`.
+    family, kind : str
+        "allan", "hadamard" or "total", and "overlapping", "nonoverlapping" or "modified", as for `allan_variance`.
     clusters : (J,) int array
         Cluster sizes n (samples), ascending.
     variance, lower, upper : (J,) arrays, in unit²
-        Estimate and limits at `confidence`.
+        Estimate and limits at the level `confidence`.
     counts : (J,) int array
         Number of squared differences that each estimate averages.
     degrees_of_freedom : (J,) array
         Equivalent degrees of freedom under the identified noise.
     noise : tuple of J str
         Dominant noise at each cluster size, such as "white FM"; `noise_terms` has the names used for inertial sensors.
-    rate : float
-        Sampling rate (Hz).
+    rate, confidence : float
+        Sampling rate (Hz), and confidence level of the limits.
     samples : int
         Number of input values. A recording of N intervals has N values of the rate, or N + 1 values of the phase.
-    unit : str
-        Unit of the rate, and therefore of the deviation.
-    axis : str
-        Name of the axis.
-    confidence : float
-        Confidence level of the limits.
+    unit, axis : str
+        Unit of the rate, and therefore of the deviation, and name of the axis.
     data : "rate" or "phase"
         Kind of the input values.
     """
@@ -139,10 +128,8 @@ class ClusterVariance(Summarised):
         return cls(**(known | {"noise": tuple(known["noise"])}))
 
     def summary(self) -> str:
-        """Format a table with one row for each cluster size.
-
-        A row has the averaging time, the deviation with its limits, the degrees of freedom and the noise type.
-        """
+        """Format a table of the averaging time, deviation, limits, degrees of freedom and noise type of each cluster
+        size."""
         unit = f" ({self.unit})" if self.unit else ""
         of = f" of {self.axis}" if self.axis else ""
         lines = [
@@ -162,48 +149,22 @@ class ClusterVariance(Summarised):
     def __len__(self) -> int:
         return int(self.clusters.size)
 
-    def plot(
-        self,
-        *,
-        units: UnitSystem = "si",
-        guides: bool = True,
-        ax: Axes | None = None,
-        path: str | os.PathLike[str] | None = None,
-    ) -> MatplotlibFigure:
-        """Draw the deviation over the averaging time, with its confidence band, on logarithmic axes.
-
-        A variance of zero is marked at the lower edge of the plot.
-
-        Parameters
-        ----------
-        units : "si" or "datasheet"
-            Units of the plot: rad/s and m/s², or deg/h and mg.
-        guides : bool
-            Whether to draw the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1
-            (ramp).
-        ax : matplotlib Axes, optional
-            Axes to draw on; by default the axes of a new figure.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown, or the data do not support it.
-        """
-        from gmwm.showing.plots.allan import plot_allan
-
-        return plot_allan(self, units=units, guides=guides, ax=ax, path=path)
-
     def __repr__(self) -> str:
         return (
             f"ClusterVariance({self.axis or 'unnamed'}, {self.title.removesuffix(' deviation')}, {len(self)} "
             f"cluster sizes, {self.samples} samples at {self.rate:g} Hz)"
         )
+
+
+def cluster_variance(
+    phase: Phase, noise: Sequence[NoiseType], confidence: float, *, bias: Vector | float = 1.0, **values: Any
+) -> ClusterVariance:
+    """Return the result of a phase. Its limits are those of the variance over `bias`; `values` are other fields."""
+    lower, upper = chi_square_limits(values["variance"] / bias, values["degrees_of_freedom"], confidence)
+    return ClusterVariance(
+        lower=lower, upper=upper, noise=tuple(kind.name for kind in noise), rate=phase.rate, samples=phase.samples,
+        unit=phase.unit, axis=phase.axis, data=phase.data, confidence=confidence, **values,
+    )  # fmt: skip
 
 
 def _plain(value: Any) -> Any:

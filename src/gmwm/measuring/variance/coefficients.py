@@ -1,7 +1,4 @@
-"""Sources of wavelet coefficients with a common interface.
-
-The coefficients are computed from a running sum, stored as one array per level, or combined from several segments.
-"""
+"""Sources of wavelet coefficients: a running sum, one array per level, or several segments."""
 
 from __future__ import annotations
 
@@ -17,29 +14,35 @@ from gmwm.base.arrays import MISSING_SAMPLES, Vector
 from gmwm.base.errors import DataError
 
 
-class Coefficients(Protocol):
-    """Interface to the wavelet coefficients W of all levels, independent of how they are stored.
-
-    The index k stands for level k + 1. `counts` has the number of coefficients of each level.
-    """
+class CoefficientSource(Protocol):
+    """Interface to the coefficients W of all levels. The index k is level k + 1, and `counts` has their numbers."""
 
     counts: NDArray[np.int64]
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
         """Return Σ v q³, Σ v q⁴ and the number of terms for each level, with v = min(W²/limit, 1) and q = 1 − v.
-
-        `limits` has (cσ)² for each level; levels with a limit of 0 are skipped. If `every` is larger than 1, only about
-        one in `every` coefficients is used.
-        """
+        `limits` has (cσ)² for each level, or 0 for a level to skip. Only about one in `every` coefficients is used."""
 
     def sample(self, k: int, size: int) -> Vector:
-        """Return |W| at `size` evenly spread positions, or all |W| if the level has no more than `size`."""
+        """Return |W| at `size` evenly spread positions, or all |W| if there are no more."""
 
     def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
         """Return the number of |W| ≤ `low`, and the values with `low` < |W| ≤ `high`."""
 
     def median(self, k: int) -> float:
-        """Return the median of |W|."""
+        """Return the exact median of |W| at level k + 1. Only the values near the median of a sample are stored."""
+        count = int(self.counts[k])
+        sample = np.sort(self.sample(k, SAMPLE))
+        if sample.size < count:
+            around = 3 * math.isqrt(sample.size)
+            low, high = float(sample[sample.size // 2 - around]), float(sample[sample.size // 2 + around])
+            below, sizes = self.between(k, low, high)
+            first, last = (count - 1) // 2 - below, count // 2 - below
+            if first >= 0 and last < sizes.size:
+                middle = np.partition(sizes, (first, last))
+                return float(middle[first] + middle[last]) / 2
+            sample = self.sample(k, count)
+        return float(np.median(sample))
 
     def resolution(self, k: int) -> float:
         """Return the largest |W| that can be a rounding error."""
@@ -47,22 +50,6 @@ class Coefficients(Protocol):
 
 SAMPLE = 2048
 """Number of coefficients of a level that are used for the first search for the root and for the median."""
-
-
-def selected_median(source: Coefficients, k: int) -> float:
-    """Compute the exact median of |W| at level k + 1. Only the values near the median of a sample are stored."""
-    count = int(source.counts[k])
-    sample = np.sort(source.sample(k, SAMPLE))
-    if sample.size < count:
-        around = 3 * math.isqrt(sample.size)
-        low, high = float(sample[sample.size // 2 - around]), float(sample[sample.size // 2 + around])
-        below, kept = source.between(k, low, high)
-        first, last = (count - 1) // 2 - below, count // 2 - below
-        if first >= 0 and last < kept.size:
-            middle = np.partition(kept, (first, last))
-            return float(middle[first] + middle[last]) / 2
-        sample = source.sample(k, count)
-    return float(np.median(sample))
 
 
 def haar_resolution(peak: float, level: int) -> float:
@@ -76,13 +63,7 @@ rounding error of the running sum exceeds 1e-4 of a typical coefficient."""
 
 
 def require_digits(x: Vector) -> None:
-    """Check that no value is so large that the running sum loses the digits of the other values.
-
-    Raises
-    ------
-    DataError
-        If there is such a value. The message states the value and its index.
-    """
+    """Raise DataError if a value is so large that the running sum loses the digits of the other values."""
     some = x[:: max(1, x.size // SAMPLE)]
     middle = float(np.median(some))
     largest = max(float(x.max()) - middle, middle - float(x.min()))
@@ -101,7 +82,7 @@ def require_digits(x: Vector) -> None:
     )
 
 
-class HaarCoefficients:
+class HaarCoefficients(CoefficientSource):
     """Haar MODWT coefficients, computed from one running sum of the signal."""
 
     def __init__(self, x: Vector, levels: int) -> None:
@@ -111,27 +92,23 @@ class HaarCoefficients:
         self._peak = max(float(self.sum.max()), -float(self.sum.min()))
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
-        """Compute the sums of all levels in one pass over the running sum."""
+        """See `CoefficientSource.sums`. All levels are computed in one pass over the running sum."""
         return _core.haar_biweight_sums(self.sum, limits, every)
 
     def sample(self, k: int, size: int) -> Vector:
-        """Compute |W| at evenly spread positions."""
+        """See `CoefficientSource.sample`."""
         return _core.haar_sample(self.sum, k + 1, size)
 
     def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
-        """Count the |W| up to `low`, and return the values between `low` and `high`."""
+        """See `CoefficientSource.between`."""
         return _core.haar_between(self.sum, k + 1, low, high)
 
-    def median(self, k: int) -> float:
-        """Select the exact median."""
-        return selected_median(self, k)
-
     def resolution(self, k: int) -> float:
-        """Return the largest |W| that can be a rounding error of the running sum."""
+        """See `haar_resolution`."""
         return haar_resolution(self._peak, k + 1)
 
 
-class PlainCoefficients:
+class PlainCoefficients(CoefficientSource):
     """Coefficients stored as one array per level."""
 
     def __init__(self, levels: Sequence[Vector], resolutions: Sequence[float]) -> None:
@@ -140,7 +117,7 @@ class PlainCoefficients:
         self._resolutions = resolutions
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
-        """Compute the sums level by level."""
+        """See `CoefficientSource.sums`."""
         sums = np.zeros((3, len(self.levels)))
         for k, limit in enumerate(limits.tolist()):
             if limit > 0:
@@ -149,10 +126,8 @@ class PlainCoefficients:
         return sums[0], sums[1], sums[2]
 
     def sample(self, k: int, size: int) -> Vector:
-        """Return one |W| from each of `size` equal intervals, or all |W|.
-
-        The positions within the intervals follow the golden ratio, so that a periodic W does not alias.
-        """
+        """Return one |W| from each of `size` equal intervals. Positions follow the golden ratio, so a periodic W does
+        not alias."""
         w = self.levels[k]
         if size >= w.size:
             return np.abs(w)
@@ -161,29 +136,25 @@ class PlainCoefficients:
         return np.abs(w[np.minimum(places, w.size - 1)])
 
     def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
-        """Count the |W| up to `low`, and return the values between `low` and `high`."""
+        """See `CoefficientSource.between`."""
         size = np.abs(self.levels[k])
         return int(np.count_nonzero(size <= low)), size[(size > low) & (size <= high)]
-
-    def median(self, k: int) -> float:
-        """Select the exact median."""
-        return selected_median(self, k)
 
     def resolution(self, k: int) -> float:
         """Return the stored resolution."""
         return self._resolutions[k]
 
 
-class PooledCoefficients:
+class PooledCoefficients(CoefficientSource):
     """Coefficients of several segments, which can have different numbers of levels."""
 
-    def __init__(self, sources: Sequence[Coefficients]) -> None:
+    def __init__(self, sources: Sequence[CoefficientSource]) -> None:
         self.sources = sources
         self.counts = np.zeros(max(len(source.counts) for source in sources), dtype=np.int64)
         for source in sources:
             self.counts[: len(source.counts)] += source.counts
 
-    def _reaching(self, k: int) -> list[Coefficients]:
+    def _reaching(self, k: int) -> list[CoefficientSource]:
         return [source for source in self.sources if len(source.counts) > k]
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
@@ -208,10 +179,6 @@ class PooledCoefficients:
         """Combine the counts and values of all segments."""
         found = [source.between(k, low, high) for source in self._reaching(k)]
         return sum(below for below, _ in found), np.concatenate([kept for _, kept in found])
-
-    def median(self, k: int) -> float:
-        """Select the exact median."""
-        return selected_median(self, k)
 
     def resolution(self, k: int) -> float:
         """Return the largest resolution of the segments."""

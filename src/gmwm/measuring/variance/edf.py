@@ -12,8 +12,8 @@ from gmwm.base.arrays import Vector
 MOST_TERMS = 240
 """Largest number of terms of the sum over lags; a longer sum is replaced by a quadrature rule with this many nodes."""
 LARGEST_FINITE = 100
-"""Largest product of the cluster size n and d + 1, with the order d of the differences, for which the covariance of the
-sampled process is used. For larger products, the covariance of the process in continuous time is used."""
+"""Largest product of the cluster size and d + 1 for which the covariance of the sampled process is used; for larger
+products, that of the process in continuous time."""
 CHUNK = 2048
 """Number of cluster sizes processed together, to bound the memory."""
 
@@ -35,34 +35,22 @@ def degrees_of_freedom(
 
         1/edf = [s_z(0)² + (1 − J/M) s_z(J/S)² + 2 Σ_{0<j<J} (1 − j/M) s_z(j/S)²] / (M s_z(0)²).
 
-    A sum of more than 240 terms is replaced by the trapezoidal rule with 240 nodes on the same interval; Greenhall
-    and Riley use tabulated limits of the same integrals instead. For small clusters, white and random walk FM are
-    discrete-time processes, as in the rest of the package; Greenhall and Riley average the phase over a sample.
+    A sum of more than 240 terms is replaced by the trapezoidal rule with 240 nodes on the same interval. For small
+    clusters, white and random walk FM are discrete-time processes, as in the rest of the package. Source: Greenhall and
+    Riley (2003), 35th PTTI Meeting, 267-280, who average the phase over a sample and use tabulated limits; NIST SP 1065
+    (2008), section 5.4.
 
     Parameters
     ----------
-    exponents : (n,) int array
-        Noise exponent α at each cluster size, with 2 − 2d < α <= 2 and α > 1 − 2d.
-    clusters : (n,) int array
-        Cluster sizes m (samples).
-    points : int
-        Number of values of the phase.
-    order : int
-        Order d of the differences, 2 for the Allan variance and 3 for the Hadamard variance.
-    overlapping : bool
-        Whether a difference starts at every sample (S = m) or at every m-th sample (S = 1).
-    modified : bool
-        Whether the differences are averaged over a cluster.
+    exponents, clusters : (n,) int arrays
+        Noise exponent α (2 − 2d < α <= 2 and α > 1 − 2d) and size m (samples) of each cluster.
+    points, order : int
+        Number of values of the phase, and order d: 2 for the Allan variance and 3 for the Hadamard variance.
+    overlapping, modified : bool
+        Whether a difference starts at every sample (S = m, else S = 1), and whether differences are averaged over a
+        cluster.
 
-    References
-    ----------
-    Greenhall, C. A. and Riley, W. J. (2003), Uncertainty of stability variances based on finite differences,
-    35th PTTI Meeting, 267-280; NIST Special Publication 1065 (2008), section 5.4.
-
-    Examples
-    --------
-    >>> n = np.array([1, 10])
-    >>> degrees_of_freedom(np.array([0, 0]), n, 1001, order=2, overlapping=True).round(1)
+    >>> degrees_of_freedom(np.array([0, 0]), np.array([1, 10]), 1001, order=2, overlapping=True).round(1)
     array([666.2, 146.1])
     """
     result = np.empty(clusters.size)
@@ -117,10 +105,7 @@ def _of_one_noise(alpha: int, m: NDArray[np.int64], points: int, d: int, overlap
 
 
 def _white_phase(estimates: Vector, clusters: Vector, d: int) -> Vector:
-    """Compute the degrees of freedom for white PM.
-
-    Differences are correlated only at lags of k clusters, k = 1 … d, with the correlation C(2d, d − k)/C(2d, d).
-    """
+    """Compute the edf for white PM, whose differences k clusters apart have the correlation C(2d, d − k)/C(2d, d)."""
     square = np.ones(estimates.size)
     for k in range(1, d + 1):
         rho = comb(2 * d, d - k) / comb(2 * d, d)
@@ -137,12 +122,9 @@ def _covariance(t: Vector, filter_factor: Vector, alpha: int, d: int, modified: 
 
 
 def _averaged(t: Vector, filter_factor: Vector, alpha: int, modified: bool) -> Vector:
-    """Compute s_x(t), the generalised autocovariance of the phase, at a lag of t clusters.
-
-    s_x is −F² times the second difference, with a step of 1/F, of the kernel s_w for α, with F = `filter_factor`. For
-    F → ∞ it is the kernel for α + 2. For running sums of white and random-walk samples it is exactly |t| and
-    |t|³ − |t|/n², up to a factor.
-    """
+    """Compute s_x(t), the generalised autocovariance of the phase, at a lag of t clusters. s_x is −F² times the second
+    difference, with a step of 1/F, of the kernel s_w for α, with F = `filter_factor`. For F → ∞ it is the kernel for α
+    + 2. For running sums of white and random-walk samples it is |t| and |t|³ − |t|/n²."""
     endless = np.isinf(filter_factor)
     f = np.where(endless, 1.0, filter_factor)
     if alpha == 1:
@@ -157,10 +139,7 @@ def _averaged(t: Vector, filter_factor: Vector, alpha: int, modified: bool) -> V
 
 
 def _kernel(t: Vector, alpha: int) -> Vector:
-    """Compute the generalised autocovariance s_w(t) for the exponent α.
-
-    Up to the sign it is |t|^(3−α), multiplied by ln |t| if 3 − α is even.
-    """
+    """Compute the generalised autocovariance s_w(t): ±|t|^(3−α), multiplied by ln |t| if 3 − α is even."""
     size = np.abs(t)
     power = size
     for _ in range(2 - alpha):
@@ -171,10 +150,8 @@ def _kernel(t: Vector, alpha: int) -> Vector:
 
 
 def _flicker_phase(u: Vector, f: Vector) -> Vector:
-    """Compute s_x for α = 1 at the lag t = u/F, which is 2 ln F minus the second difference of u² ln|u| with step 1.
-
-    Far from 0 the difference is computed from its series 2 ln|u| + 3 − 1/(6u²), which avoids cancellation.
-    """
+    """Compute s_x for α = 1 at the lag t = u/F: 2 ln F minus the second difference of u² ln|u| with step 1. Far from 0
+    the difference follows from its series 2 ln|u| + 3 − 1/(6u²), which avoids cancellation."""
     far = np.abs(u) > 1000
     near = np.where(far, 0.0, u)
     difference = _square_log(near - 1) + _square_log(near + 1) - 2 * _square_log(near)

@@ -7,11 +7,10 @@ from typing import Literal
 from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.measuring.confidence_limits import chi_square_limits
-from gmwm.measuring.variance.allan import difference_counts, exponents, modified_ratio
-from gmwm.measuring.variance.clusters import ClusterVariance
+from gmwm.measuring.variance.allan import difference_counts
+from gmwm.measuring.variance.clusters import ClusterVariance, cluster_variance
 from gmwm.measuring.variance.edf import degrees_of_freedom
-from gmwm.measuring.variance.noise_type import noise_types
+from gmwm.measuring.variance.noise_type import exponents, noise_types
 from gmwm.measuring.variance.phase import Clusters, Data, Progress, cluster_sizes, mean_squares, phase_of
 from gmwm.recording.options import as_confidence, one_of
 from gmwm.recording.signals import Signal
@@ -38,14 +37,12 @@ def hadamard_variance(
 
     Parameters
     ----------
-    x : Signal, or (N,) array in any unit
-        At least 8 finite samples without a gap.
-    rate : float
-        Sampling rate (Hz); leave it out for a Signal.
+    x, rate, data, confidence, progress
+        The same as for `allan_variance`.
     kind : "overlapping" or "nonoverlapping"
         Kind of Hadamard variance.
-    clusters, data, confidence, progress
-        The same as for `allan_variance`, except that cluster sizes are at most N/3.
+    clusters : "octave", "decade", "all", or (J,) int array
+        The same as for `allan_variance`, but at most N/3.
 
     Returns
     -------
@@ -54,10 +51,8 @@ def hadamard_variance(
 
     Raises
     ------
-    DataError
-        If the signal has gaps that cannot be filled, NaN or infinities, or fewer than 8 samples.
-    OptionError
-        If an option has an invalid value, or `rate` contradicts the rate of the Signal.
+    DataError, OptionError
+        The same as for `allan_variance`.
 
     References
     ----------
@@ -80,23 +75,7 @@ def hadamard_variance(
     step = 1 if overlapping else 0
     squares = mean_squares(lambda n: _core.third_differences(p, n, step or n), sizes, counts, progress)
     variance = squares / (6.0 * sizes * sizes)
-    noise = noise_types(p, sizes, variance, reddest=REDDEST, modified_ratio=lambda n: modified_ratio(p, n))
+    noise = noise_types(p, sizes, variance, reddest=REDDEST)
     freedom = degrees_of_freedom(exponents(noise), sizes, p.size, order=3, overlapping=overlapping)
-    lower, upper = chi_square_limits(variance, freedom, confidence)
-    return ClusterVariance(
-        family="hadamard",
-        kind=kind,
-        clusters=sizes,
-        variance=variance,
-        lower=lower,
-        upper=upper,
-        counts=counts,
-        degrees_of_freedom=freedom,
-        noise=tuple(n.name for n in noise),
-        rate=phase.rate,
-        samples=phase.samples,
-        unit=phase.unit,
-        axis=phase.axis,
-        confidence=confidence,
-        data=data,
-    )
+    values = {"clusters": sizes, "variance": variance, "counts": counts, "degrees_of_freedom": freedom}
+    return cluster_variance(phase, noise, confidence, family="hadamard", kind=kind, **values)

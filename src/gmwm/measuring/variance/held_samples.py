@@ -16,18 +16,9 @@ SMALL = 4096
 class HeldSamples:
     """Samples in the order of their arrival, divided into segments by gaps.
 
-    Parameters
-    ----------
-    buffer : (n,) array, optional
-        Chunks with fewer than n samples are copied into it.
+    Chunks with fewer samples than `buffer` are copied into it. `inbox` has the buffer and the number of samples in it;
+    chunks can be appended to it directly.
 
-    Attributes
-    ----------
-    inbox : _core.Inbox
-        The buffer and the number of samples in it. Chunks can be appended to it directly.
-
-    Examples
-    --------
     >>> held = HeldSamples()
     >>> held.add(np.array([1.0, 2.0]))
     >>> held.gap()

@@ -3,31 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm.base import _core
 from gmwm.base.arrays import Vector
 from gmwm.measuring.variance.phase import inner_product
 
 
 @dataclass(frozen=True)
 class NoiseType:
-    """Type of power-law noise, with its names in time keeping and in inertial sensing.
-
-    Parameters
-    ----------
-    name : str
-        Name in time keeping; PM is noise of the phase and FM is noise of its rate.
-    exponent : int
-        Exponent α of the spectral density of the rate, which is proportional to f^α.
-    slope : float
-        Slope of the Allan deviation (Hadamard deviation for α ≤ −3) over the averaging time on logarithmic axes.
-    term : str
-        Name in inertial sensing; "" if there is none.
-    """
+    """Type of power-law noise, with its name in time keeping (PM: noise of the phase, FM: noise of its rate).
+    `exponent` is α of the spectral density f^α of the rate, `slope` the slope of the Allan deviation (Hadamard
+    deviation for α ≤ −3) over the averaging time on logarithmic axes, and `term` the name in inertial sensing or ""."""
 
     name: str
     exponent: int
@@ -46,8 +37,7 @@ NOISE_TYPES = (
 )
 """The noise types in descending order of α."""
 DRIFT = NoiseType("drift", -2, 1.0, "rate ramp")
-"""A linear change of the rate. Confidence limits are computed for α = −2, the smallest α with a finite Allan
-variance."""
+"""A linear change of the rate. Its limits are computed for α = −2, the smallest α with a finite Allan variance."""
 UNDETERMINED = NoiseType("undetermined", 0, -0.5)
 """The type of a constant recording. Confidence limits are computed as for white FM."""
 
@@ -69,19 +59,19 @@ LEAST_DRIFT = 16
 LEAST_PHASE_RATIO = 8
 """Smallest cluster size at which the modified Allan variance distinguishes white from flicker PM."""
 LEAST_FREQUENCY_RATIO = 64
-"""Smallest cluster size at which the ratio of the modified to the overlapping Allan variance also distinguishes white
-FM from flicker PM."""
+"""Smallest cluster size at which this ratio also distinguishes white FM from flicker PM."""
 MOST_VALUES = 1024
 MOST_DIFFERENCES = 3
 
 
 def noise_type(name: str) -> NoiseType:
-    """Return the noise type with this name.
-
-    >>> noise_type("white FM").term
-    'angle or velocity random walk'
-    """
+    """Return the noise type with this name."""
     return _BY_NAME[name]
+
+
+def exponents(noise: Sequence[NoiseType]) -> NDArray[np.int64]:
+    """Return the exponents α of noise types."""
+    return np.array([kind.exponent for kind in noise], dtype=np.int64)
 
 
 def noise_types(
@@ -90,9 +80,8 @@ def noise_types(
     variance: Vector,
     *,
     reddest: int,
-    modified_ratio: Callable[[int], float],
 ) -> tuple[NoiseType, ...]:
-    """Identify the dominant noise at each cluster size.
+    """Identify the dominant noise at each cluster size, from the phase without a straight line and its `variance`.
 
     The phase is decimated to every n-th sample. If more than 1024 values remain, the 1024 values in the middle are
     used. The method depends on the number of values:
@@ -103,29 +92,13 @@ def noise_types(
     - For at least 10 cluster means, B1 is used, the ratio of their variance to their Allan variance.
     - For fewer cluster means, the type of the next smaller cluster is used.
 
-    For n ≥ 8, the ratio of the modified to the overlapping Allan variance distinguishes white from flicker PM; for
-    n ≥ 64 it can also reject PM. If the mean linear rise of the rate causes more than half of an Allan variance, the
-    type is drift.
+    For n ≥ 8, the ratio of the modified to the overlapping Allan variance (`modified_ratio` of n) distinguishes white
+    from flicker PM; for n ≥ 64 it can also reject PM. If the mean linear rise of the rate causes more than half of an
+    Allan variance, the type is drift. `reddest` is the smallest α for which the variance is finite: −2 for the Allan
+    variance, and −4 for the Hadamard variance, which a drift does not affect.
 
-    Parameters
-    ----------
-    phase : (N + 1,) array
-        Phase from which a straight line was subtracted.
-    clusters : (n,) int array
-        Cluster sizes, ascending.
-    variance : (n,) array
-        Estimated variance at these cluster sizes.
-    reddest : int
-        Smallest exponent α for which the variance is finite: −2 for the Allan variance, and −4 for the Hadamard
-        variance, which a drift does not affect.
-    modified_ratio : callable
-        Function of the cluster size that returns the ratio of the modified to the overlapping Allan variance.
-
-    References
-    ----------
-    Riley, W. J. and Greenhall, C. A. (2004), Power law noise identification using the lag 1 autocorrelation,
-    18th European Frequency and Time Forum. B1 and R(n): Riley, W. J., Handbook of Frequency Stability Analysis,
-    NIST Special Publication 1065 (2008), section 5.5.
+    Source: Riley and Greenhall (2004), Power law noise identification using the lag 1 autocorrelation, 18th EFTF. B1
+    and R(n): NIST Special Publication 1065 (2008), section 5.5.
     """
     found = []
     last = UNDETERMINED
@@ -140,7 +113,7 @@ def noise_types(
         elif means >= LEAST_RATIO and last is not DRIFT:
             last = _by_ratio(taken, reddest) or last
         if last.exponent > 0 and n >= LEAST_PHASE_RATIO and means >= LEAST_RATIO:
-            last = _by_modified_ratio(modified_ratio(n), n)
+            last = _by_modified_ratio(modified_ratio(phase, n), n)
         found.append(last)
     return tuple(found)
 
@@ -180,9 +153,7 @@ def _by_autocorrelation(phase: Vector, n: int, reddest: int) -> NoiseType | None
 
 
 def b1_ratio(means: int, mu: int) -> float:
-    """Compute B1(N, μ), the expected ratio of the variance of N cluster means to their Allan variance.
-
-    The Allan variance is proportional to τ^μ.
+    """Compute B1(N, μ), the expected ratio of the variance of N cluster means to their Allan variance, which is ∝ τ^μ.
 
     >>> b1_ratio(10, -1), b1_ratio(10, 1)
     (1.0, 5.0)
@@ -206,11 +177,18 @@ def _by_ratio(phase: Vector, reddest: int) -> NoiseType | None:
     return _BY_EXPONENT[2 if mu == -2 else max(reddest, -mu - 1)]
 
 
-def _by_modified_ratio(ratio: float, n: int) -> NoiseType:
-    """Return the noise type for the ratio R(n) of the modified to the overlapping Allan variance.
+def modified_ratio(phase: Vector, n: int) -> float:
+    """Return the ratio of the modified to the overlapping Allan variance; 1 if the phase is too short for it."""
+    if 3 * n > phase.size:
+        return 1.0
+    modified = _core.moving_second_differences(phase, n) / (phase.size - 3 * n + 1) / n**2
+    plain = _core.second_differences(phase, n) / (phase.size - 2 * n)
+    return modified / plain if plain > 0 else 1.0
 
-    The theoretical ratio is 1/n for white PM, 3.37/(1.04 + 3 ln n) for flicker PM, and ½ for white FM.
-    """
+
+def _by_modified_ratio(ratio: float, n: int) -> NoiseType:
+    """Return the noise type for the ratio R(n) of the modified to the overlapping Allan variance. In theory it is 1/n
+    for white PM, 3.37/(1.04 + 3 ln n) for flicker PM, and ½ for white FM."""
     white, flicker, frequency = 1 / n, 3.37 / (1.04 + 3 * math.log(n)), 0.5
     if n >= LEAST_FREQUENCY_RATIO and ratio > math.sqrt(flicker * frequency):
         return _BY_EXPONENT[0]

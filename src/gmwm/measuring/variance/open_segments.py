@@ -11,27 +11,26 @@ from gmwm.base.arrays import Vector, as_vector
 from gmwm.base.errors import OptionError
 from gmwm.base.locks import OneAtATime, one_at_a_time
 from gmwm.base.text import with_article
+from gmwm.measuring.variance.blocks import Statistics, StatisticsCollector
 from gmwm.measuring.variance.held_samples import HeldSamples
 from gmwm.measuring.variance.rise import RiseSums
 from gmwm.measuring.variance.segment_state import SegmentState
-from gmwm.measuring.variance.statistics_protocol import Statistics, StatisticsCollector
 from gmwm.recording.batches import feed
 from gmwm.recording.signals import Signal
 
 EXACT = 14
 """Default number of levels at which an accumulator uses every coefficient."""
 LEAST_EXACT = 6
-"""Smallest number of exact levels. Up to a scale τ of 64 samples, every τ/64-th coefficient means every coefficient."""
+"""Smallest number of exact levels. Up to τ = 64 samples, every τ/64-th coefficient means every coefficient."""
 MOST_EXACT = 24
 """Largest number of exact levels."""
 SAMPLE_BYTES = 40
-"""Memory (bytes) of an accumulator for each of 2^exact samples: the first and last samples of a segment, and the
-results computed from a panel and the samples before it."""
+"""Memory (bytes) of an accumulator for each of 2^exact samples: the ends of a segment, and the results of a panel."""
 DEEPEST = 44
 """Largest number of levels: 2^44 samples are 500 years at 1 kHz."""
 MEMORY = 1 << 29
-"""Default limit (bytes) of the memory of the accumulators of all axes of a recording. For six axes, 8.4 million samples
-are stored, which is 23 h at 100 Hz or 2.3 h at 1 kHz. For more samples, 21 levels are exact."""
+"""Default limit (bytes) of the memory of all accumulators of a recording. Six axes then store 8.4 million samples, 23 h
+at 100 Hz; for more samples, 21 levels are exact."""
 HELD_BYTES = 8
 """Memory (bytes) of an accumulator for each sample that is stored."""
 PANEL = 1 << 20
@@ -41,25 +40,11 @@ LARGE = 1 << 18
 
 
 class SegmentedAccumulator(OneAtATime):
-    """Sums over the wavelet coefficients of a recording that arrives in chunks.
-
-    The result does not depend on the sizes of the chunks. Several threads may use one accumulator: one call runs at a
-    time, and samples are in the order of the calls. Up to `held` samples are stored unprocessed. With more samples,
-    they are processed in panels, and only sums are kept.
-
-    Parameters
-    ----------
-    levels : int
-        Largest number of levels J.
-    exact : int
-        Number of levels at which every coefficient is used.
-    start : int
-        Index of the first sample in the recording.
-    collector : StatisticsCollector or None
-        Collector of further statistics of the coefficients, besides their squares.
-    held : int, optional
-        Largest number of samples that are stored unprocessed; by default 2^exact − 1, for which all levels are exact.
-    """
+    """Sums over the wavelet coefficients of a recording that arrives in chunks of any size. Several threads may use one
+    accumulator: one call runs at a time, and samples are in the order of the calls. Up to `held` samples (2^exact − 1
+    by default, for which all levels are exact) are stored unprocessed. More samples are processed in panels, and only
+    sums are kept. `start` is the index of the first sample in the recording, and `collector` computes further
+    statistics of the coefficients. The other parameters are as for `WaveletAccumulator`."""
 
     def __init__(
         self, levels: int, exact: int, start: int, collector: StatisticsCollector | None, held: int | None = None
@@ -111,14 +96,9 @@ class SegmentedAccumulator(OneAtATime):
         return self._first is None and self._last is None and not self._lengths
 
     def update(self, chunk: ArrayLike) -> None:
-        """Add the next samples (n,), one or more.
-
-        Raises
-        ------
-        DataError
-            If a value is NaN or infinite, or if, in a robust accumulator, it is so large that double precision loses
-            the other values. The chunk is rejected, and the earlier samples are kept.
-        """
+        """Add the next samples (n,), one or more. Raises DataError if a value is NaN or infinite, or if, in a robust
+        accumulator, it is so large that double precision loses the other values. The chunk is rejected, and the earlier
+        samples are kept."""
         with self._lock:
             # The checks of a small chunk in Python take three times as long as its sums.
             if not (self._usual and self._held.inbox.append(chunk, LARGE - 1)):
@@ -283,8 +263,6 @@ class SegmentedAccumulator(OneAtATime):
 def exact_levels(axes: int, memory: int = MEMORY, sample_bytes: int = SAMPLE_BYTES) -> int:
     """Return the largest number of exact levels for which the accumulators of all axes need at most `memory` bytes.
 
-    The number depends neither on the recording nor on the computer.
-
     >>> exact_levels(6), exact_levels(1)
     (21, 23)
     """
@@ -292,7 +270,7 @@ def exact_levels(axes: int, memory: int = MEMORY, sample_bytes: int = SAMPLE_BYT
 
 
 def held_samples(axes: int) -> int:
-    """Return the number of samples of each axis that are stored by default in a recording of `axes` axes.
+    """Return the default number of samples of each axis that are stored in a recording of `axes` axes.
 
     >>> held_samples(6)
     8388608
@@ -301,13 +279,7 @@ def held_samples(axes: int) -> int:
 
 
 def whole(value: int, name: str, least: int, most: int) -> int:
-    """Check that `value` is an integer in its range, and return it as an int.
-
-    Raises
-    ------
-    OptionError
-        If `value` is not an integer from `least` to `most`.
-    """
+    """Check that `value` is an integer from `least` to `most`, and return it as an int."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
         raise OptionError(argument=name, expected=f"a whole number from {least} to {most}", got=value)
     return int(value)

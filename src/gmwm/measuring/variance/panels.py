@@ -1,8 +1,4 @@
-"""Divide samples that arrive in chunks of any length into panels of a fixed length.
-
-A result that is a sum over panels does not depend on the lengths of the chunks. A recording has the same panels whether
-it is read at once or in chunks.
-"""
+"""Divide samples that arrive in chunks into panels of a fixed length, which do not depend on the chunks."""
 
 from __future__ import annotations
 
@@ -19,7 +15,7 @@ LEAST = 1 << 17
 
 
 def panel_length(rate: float) -> int:
-    """Return the number of samples of a panel, which is a power of two.
+    """Return the number of samples of a panel, a power of two.
 
     >>> panel_length(100.0), panel_length(4000.0)
     (131072, 524288)
@@ -28,15 +24,8 @@ def panel_length(rate: float) -> int:
 
 
 class Panels:
-    """Divide one segment after the other into panels. The last panel of a segment can be shorter.
+    """Divide one segment after the other into panels of `length` samples. The last panel of a segment can be shorter.
 
-    Parameters
-    ----------
-    length : int
-        Number of samples of a panel.
-
-    Examples
-    --------
     >>> panels = Panels(4)
     >>> [part.tolist() for part in panels.cut(np.arange(6.0))], [part.tolist() for part in panels.end()]
     ([[0.0, 1.0, 2.0, 3.0]], [[4.0, 5.0]])

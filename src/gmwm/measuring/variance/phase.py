@@ -17,8 +17,7 @@ from gmwm.recording.options import one_of
 from gmwm.recording.signals import MINIMUM_SAMPLES, Signal
 
 Clusters: TypeAlias = Literal["octave", "decade", "all"]
-"""Name of a choice of cluster sizes. They are 1, 2, 4, 8, … for "octave", 1, 2, 4, 10, 20, 40, 100, … for "decade", and
-every size for "all"."""
+"""Name of a choice of cluster sizes: 1, 2, 4, 8, …; 1, 2, 4, 10, 20, 40, 100, …; or every size."""
 Data: TypeAlias = Literal["rate", "phase"]
 """Kind of the samples: the rate (as from an IMU), or its integral, the phase."""
 Progress: TypeAlias = Callable[[int, int], object]
@@ -31,29 +30,16 @@ SCALE_DOWN = "Pass the signal in a larger unit."
 
 @dataclass(frozen=True, eq=False)
 class Phase:
-    """Phase of a recording. It is in the unit of the rate, because time is measured in samples.
-
-    The mean rate over n samples is the phase difference over n samples divided by n.
-
-    Parameters
-    ----------
-    values : (intervals + 1,) array
-        Phase from which a straight line was subtracted.
-    rate : float
-        Sampling rate (Hz).
-    samples : int
-        Number of input values.
-    unit, axis : str
-        Unit of the rate, and name of the axis.
-    octaves : (j,) array, optional
-        Sums of squared second differences at 1, 2, 4, … samples, if they were computed together with the phase.
-    """
+    """Phase of a recording, minus a straight line. It is in the unit of the rate: time is measured in samples.
+    `samples` is the number of input values, `rate` the sampling rate (Hz), and `unit` the unit of the rate. `octaves`
+    are the sums of squared second differences at 1, 2, 4, … samples, if they were computed together with the phase."""
 
     values: Vector
     rate: float
     samples: int
     unit: str = ""
     axis: str = ""
+    data: Data = "rate"
     octaves: Vector | None = None
 
     @property
@@ -65,32 +51,10 @@ class Phase:
 def phase_of(
     x: Signal | ArrayLike, rate: float | None, data: Data, *, straighten: bool = False, octaves: bool = False
 ) -> Phase:
-    """Compute the phase of a signal.
-
-    It is the running sum of the rate after its mean is subtracted, or the given phase after a straight line is
-    subtracted.
-
-    Parameters
-    ----------
-    x : Signal, or (N,) array
-        At least 8 finite samples, without a gap that cannot be filled.
-    rate : float
-        Sampling rate (Hz); a Signal has its own rate.
-    data : "rate" or "phase"
-        Whether `x` contains the rate or the phase.
-    straighten : bool
-        Whether to subtract a straight line from the rate. Third differences of the phase remove it anyway, but
-        subtracting it first reduces rounding errors.
-    octaves : bool
-        Whether to compute the sums of squared second differences at octaves in the same pass, which saves time.
-
-    Raises
-    ------
-    DataError
-        If the signal has gaps that cannot be filled, NaN or infinities, or fewer than 8 samples.
-    OptionError
-        If `data` is unknown, or `rate` contradicts the rate of the Signal.
-    """
+    """Compute the phase: the running sum of the rate without its mean, or the given phase without a straight line. With
+    `straighten`, a straight line is subtracted from the rate, which reduces the rounding errors of third differences.
+    With `octaves`, the sums of squared second differences at octaves are computed in the same pass. Raises DataError or
+    OptionError for unusable samples or options, as `allan_variance` does."""
     one_of(data, "data", ("rate", "phase"))
     if isinstance(x, Signal):
         if rate is not None and rate != x.rate:
@@ -114,7 +78,7 @@ def phase_of(
     if not np.isfinite(phase[-1]):
         require_finite(values, "x")
         raise DataError(TOO_LARGE, argument="x", advice=SCALE_DOWN)
-    return Phase(values=phase, rate=rate, samples=values.size, unit=unit, axis=axis, octaves=sums)
+    return Phase(values=phase, rate=rate, samples=values.size, unit=unit, axis=axis, data=data, octaves=sums)
 
 
 def contradicting_rate(rate: float, known: float, owner: str) -> OptionError:
@@ -153,16 +117,7 @@ def _without_slope(values: Vector) -> Vector:
 
 
 def cluster_sizes(clusters: Clusters | ArrayLike, largest: int, usual: int | None = None) -> NDArray[np.int64]:
-    """Return the requested cluster sizes in ascending order.
-
-    Parameters
-    ----------
-    clusters : "octave", "decade", "all", or (n,) array of integers
-        Requested sizes (samples).
-    largest : int
-        Largest size for which the variance is defined.
-    usual : int, optional
-        Largest size that "octave", "decade" and "all" include; by default `largest`.
+    """Return the requested cluster sizes, up to `largest`, in ascending order. Names include sizes up to `usual`.
 
     >>> cluster_sizes("decade", 300)
     array([  1,   2,   4,  10,  20,  40, 100, 200])
@@ -198,10 +153,8 @@ def cluster_sizes(clusters: Clusters | ArrayLike, largest: int, usual: int | Non
 def mean_squares(
     kernel: Callable[[int], float], clusters: NDArray[np.int64], counts: NDArray[np.int64], progress: Progress | None
 ) -> Vector:
-    """Compute the mean square at each cluster size from the sum of squares that `kernel` returns for it.
-
-    `counts` has the numbers of terms. Ctrl-C stops between two sizes.
-    """
+    """Divide the sum of squares that `kernel` returns for each cluster size by the number of terms. Ctrl-C stops
+    between two sizes."""
     sums = np.empty(clusters.size)
     for k, n in enumerate(clusters.tolist()):
         if progress is not None:
@@ -215,8 +168,5 @@ def mean_squares(
 
 
 def inner_product(a: Vector, b: Vector) -> float:
-    """Compute Σ a_i b_i without BLAS.
-
-    The threads of BLAS wait for each other, which takes ten times as long on a busy machine.
-    """
+    """Compute Σ a_i b_i without BLAS, whose threads wait for each other: ten times as long on a busy machine."""
     return float(np.einsum("i,i->", a, b))

@@ -18,38 +18,18 @@ from gmwm.theory.filters import find_filter
 
 Number = TypeVar("Number", np.float64, np.int64)
 SLOWER = 1e-3
-"""Largest relative difference of the sampling rates. Rates of real clocks differ by some 1e-5, and a difference of 1e-3
-changes the wavelet variance by at most 0.3 %."""
+"""Largest relative difference of the sampling rates. Real clocks differ by 1e-5; 1e-3 changes the wavelet variance by
+at most 0.3 %."""
 
 
 def pooled(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
-    """Pool the wavelet variances of independent recordings of one unit.
+    """Pool the wavelet variances of independent recordings of one unit: ν̂_j² = Σ_r M_rj ν̂_rj² / Σ_r M_rj.
 
-    The pooled curve is the mean square of the wavelet coefficients of all recordings r,
+    Recordings may have different means and lengths, and no coefficient extends from one recording into another. They
+    are treated like the segments of one recording with gaps, also for the covariance. The attribute `recordings` of the
+    result has the single curves; a single curve is returned unchanged. Raises DataError if the recordings differ in
+    their rate, unit, filter, transform or estimator.
 
-        ν̂_j² = Σ_r M_rj ν̂_rj² / Σ_r M_rj.
-
-    Recordings may have different means, and no coefficient extends from one recording into another. The recordings are
-    treated like the segments of one recording with gaps, also for the covariance.
-
-    Parameters
-    ----------
-    curves : mapping of name to WaveletVariance
-        At least one curve, all with the same unit, filter, transform and estimator. They can differ in length.
-
-    Returns
-    -------
-    WaveletVariance
-        The pooled curve, whose attribute `recordings` has the single curves. If there is only one curve, it is returned
-        unchanged.
-
-    Raises
-    ------
-    DataError
-        If the recordings differ in their rate, unit, filter, transform or estimator.
-
-    Examples
-    --------
     >>> from gmwm import WN, wavelet_variance
     >>> days = {day: wavelet_variance(WN(sigma2=1.0).simulate(4096, 100.0, rng=k), 100.0)
     ...         for k, day in enumerate(("monday", "tuesday"))}
@@ -126,12 +106,9 @@ def _differ(what: str, one: str, other: str) -> DataError:
 
 
 def _reach(items: list[WaveletVariance]) -> int:
-    """Return the number of levels of the pooled curve.
-
-    It has all levels of the longest curve, unless another curve lacks a level that its length allows, for example
-    because a regression on the temperature left it out. The covariance of segments requires the coefficients of every
-    segment that is long enough for the level.
-    """
+    """Return the number of levels of the pooled curve: those of the longest curve, up to a level that another curve
+    lacks. A curve lacks a level that its length allows if, for example, a regression left it out. The covariance of
+    segments requires the coefficients of every segment that is long enough."""
     reach = max(map(len, items))
     for wv in items:
         if len(wv) < reach and _counts(wv, reach)[len(wv)] > 0:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector, freeze
 from gmwm.base.errors import DataError, OptionError
+from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark, texts
 from gmwm.base.text import Summarised
 from gmwm.measuring.confidence_limits import chi_square_limits
@@ -26,11 +26,7 @@ from gmwm.recording.options import one_of
 from gmwm.theory.filters import find_filter
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
-
-    from gmwm.showing.plots.view import UnitSystem, ViewName
 
 
 _OUTCOMES = {"mad": "robust-mad", "mean": "robust-mean", "zero": "robust-zero"}
@@ -38,7 +34,7 @@ _OUTCOMES = {"mad": "robust-mad", "mean": "robust-mean", "zero": "robust-zero"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class WaveletVariance(Summarised):
+class WaveletVariance(Summarised, Plotted):
     """Wavelet variance ν̂² of a signal at the dyadic scales τ_j = 2^j samples, with confidence limits.
 
     Attributes
@@ -153,9 +149,8 @@ class WaveletVariance(Summarised):
     def degrees_of_freedom(self) -> Vector:
         """Equivalent degrees of freedom (Percival 1995): max(M_j / 2^j, 1) for a MODWT, and M_j for a DWT.
 
-        For several segments s they are M_j² / Σ_s (M_sj² / η_sj), where η_sj ≥ 1 are the degrees of freedom of a
-        segment. They are divided by `loss_factor`. For a robust estimate they are multiplied by the efficiency, which
-        is conservative, because the efficiency is higher for correlated coefficients.
+        For several segments see `pooled_counts`. They are divided by `loss_factor`, and multiplied by the efficiency of
+        a robust estimate. This is conservative, because the efficiency is higher for correlated coefficients.
         """
         if self.segments:
             _, eta = pooled_counts(self.segments, self.levels, find_filter(self.filter), self.transform)
@@ -207,20 +202,14 @@ class WaveletVariance(Summarised):
         ----------
         variance : (J,) array, in unit²
             Estimates at the scales 2, 4, 8, … samples. There may be fewer levels than the length allows.
-        samples : int
-            Length N of the signal.
-        rate : float
-            Sampling rate (Hz).
+        samples, rate : int, float
+            Length N of the signal, and sampling rate (Hz).
         lower, upper : (J,) arrays, optional
             Published confidence limits; by default chi-square limits.
         robust, efficiency : bool, float
             Whether the estimates are robust, and their efficiency, 0.6 by default.
-        filter, transform : str
-            Wavelet filter, see `gmwm.filters.find_filter`, and transform, "modwt" or "dwt".
-        confidence : float
-            Confidence level of the limits.
-        unit, axis : str
-            Unit and name of the signal.
+        filter, transform, confidence, unit, axis
+            The same as the attributes.
 
         Raises
         ------
@@ -262,21 +251,10 @@ class WaveletVariance(Summarised):
                 "the limits must enclose the variance: lower ≤ variance ≤ upper at every level", argument="limits"
             )
         return cls(
-            levels=levels,
-            variance=values,
-            lower=limits[0],
-            upper=limits[1],
-            counts=counts,
-            rate=as_rate(rate),
-            samples=samples,
-            unit=unit,
-            axis=axis,
-            confidence=confidence,
-            filter=wavelet.name,
-            transform=transform,
-            robust=robust,
-            efficiency=efficiency,
-        )
+            levels=levels, variance=values, lower=limits[0], upper=limits[1], counts=counts, rate=as_rate(rate),
+            samples=samples, unit=unit, axis=axis, confidence=confidence, filter=wavelet.name, transform=transform,
+            robust=robust, efficiency=efficiency,
+        )  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain numbers, lists and strings for JSON."""
@@ -422,18 +400,9 @@ class WaveletVariance(Summarised):
     def only(self, levels: Iterable[int]) -> WaveletVariance:
         """Return the curve at some of its levels, to leave the other levels out of a fit.
 
-        Parameters
-        ----------
-        levels : sequence of int
-            Levels j to keep, for example ``range(3, 15)``.
+        `levels` are the levels j to keep, for example ``range(3, 15)``. Raises OptionError if `levels` is empty, or
+        contains a level that the curve does not have.
 
-        Raises
-        ------
-        OptionError
-            If `levels` is empty, or contains a level that the curve does not have.
-
-        Examples
-        --------
         >>> from gmwm import WN, fit, wavelet_variance
         >>> wv = wavelet_variance(WN(sigma2=4.0).simulate(4096, 100.0, rng=1), rate=100.0)
         >>> len(wv), fit("WN", wv.only(range(2, 8))).wavelet_variance.levels
@@ -462,57 +431,6 @@ class WaveletVariance(Summarised):
             excess=None if self.excess is None else self.excess[np.ix_(kept, kept)],
             recordings={name: one._at(kept[kept < len(one)]) for name, one in self.recordings.items()},
         )
-
-    def plot(
-        self,
-        *,
-        view: ViewName = "wavelet",
-        units: UnitSystem = "si",
-        label: str | None = None,
-        color: str | None = None,
-        ax: Axes | None = None,
-        path: str | os.PathLike[str] | None = None,
-    ) -> MatplotlibFigure:
-        """Draw the wavelet variance over the scale, with its confidence band, on logarithmic axes.
-
-        Levels with a variance of zero are marked at the lower edge of the plot.
-
-        Parameters
-        ----------
-        view : "wavelet" or "allan"
-            Quantity to draw: the wavelet variance ν² against the scale τ (s), or the Allan deviation √(2ν²) against the
-            averaging time τ/2 (s).
-        units : "si" or "datasheet"
-            Units of the plot: rad/s and m/s², or deg/h and mg.
-        label : str, optional
-            Name of the curve in the legend. Use it to draw several curves on the same axes, as in
-            `monday.plot(ax=ax, label="monday")`. Each curve then has its own colour and symbol.
-        color : str, optional
-            Matplotlib colour such as "#D55E00"; by default a colour that no earlier curve has.
-        ax : matplotlib Axes, optional
-            Axes to draw on; by default the axes of a new figure.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown, if the data do not support it, or if an earlier curve on `ax` has another unit.
-
-        Examples
-        --------
-        >>> wv = WaveletVariance.from_values([4e-6, 2e-6, 1e-6], samples=1000, rate=100.0, unit="rad/s")
-        >>> figure = wv.plot(view="allan", units="datasheet")
-        >>> figure.axes[0].get_ylabel()
-        'Allan deviation (deg/h)'
-        """
-        from gmwm.showing.plots.variance import plot_wavelet_variance
-
-        return plot_wavelet_variance(self, view=view, units=units, label=label, color=color, ax=ax, path=path)
 
     def __repr__(self) -> str:
         kind = "robust " if self.robust else ""

@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
 from gmwm.recording.signals import Signal
 
 
 class RiseSums(NamedTuple):
-    """Sums for the least-squares slope of a straight line through samples at known times.
-
-    Attributes
-    ----------
-    number : float
-        Number of samples.
-    time, value : float
-        Mean t̄ of the times (in sampling intervals) and mean x̄ of the samples.
-    times2, product : float
-        Σ (t − t̄)² and Σ (t − t̄)(x − x̄) over the times t and the samples x.
-    known : float
-        1 if the times are known and in order, else 0.
-    """
+    """Sums for the least-squares slope of a straight line through samples at known times t (in sampling intervals).
+    `number` is the number of samples, `time` and `value` are the means t̄ and x̄, `times2` and `product` are Σ (t −
+    t̄)² and Σ (t − t̄)(x − x̄). `known` is 1 if the times are known and in order, else 0."""
 
     number: float = 0.0
     time: float = 0.0
@@ -65,3 +57,84 @@ def _of_segment(values: Vector, time: float) -> RiseSums:
     product = float(np.dot(np.arange(values.size) - middle, values - mean))
     times2 = values.size * (values.size**2 - 1.0) / 12
     return RiseSums(number=values.size, time=time + middle, value=mean, times2=times2, product=product)
+
+
+KEPT = 8192
+"""Largest number of stored values. If there are more, every second value is dropped."""
+FAR = 10.0
+"""Clipping limit, as a distance from the median in median absolute deviations."""
+ROW = 256
+_ROW_SUMS = np.column_stack([np.arange(ROW, dtype=np.float64), np.ones(ROW)])
+
+
+@dataclass(frozen=True, eq=False)
+class ThinnedValues:
+    """Every 2^k-th value of a recording, counted from its beginning. `every` is their distance (samples), a power of
+    two, and `first` the index of the first one, a multiple of `every`."""
+
+    every: int = 1
+    first: int = 0
+    values: Vector = field(default_factory=lambda: np.empty(0))
+
+    @classmethod
+    def of(cls, x: Vector, start: int) -> ThinnedValues:
+        """Return the thinned values of a part that begins with sample `start`."""
+        every = 1 << max(0, (x.size // KEPT).bit_length() - 1)
+        before = -start % every
+        return cls(every, start + before, x[before::every].copy())._thinned(every)
+
+    def joined(self, later: ThinnedValues) -> ThinnedValues:
+        """Return the thinned values of this part and the part that directly follows it."""
+        every = max(self.every, later.every)
+        a, b = self._thinned(every), later._thinned(every)
+        first = a.first if a.values.size else b.first
+        return ThinnedValues(every, first, np.concatenate([a.values, b.values]))._thinned(every)
+
+    def _thinned(self, every: int) -> ThinnedValues:
+        """Keep every `every`-th sample, and fewer if more than `KEPT` values remain."""
+        first, values, own = self.first, self.values, self.every
+        while own < every or values.size > KEPT:
+            odd = first // own % 2
+            first, values, own = first + odd * own, values[odd::2].copy(), 2 * own
+        return ThinnedValues(own, first, values)
+
+    def winsorised_rise(self, start: int, lengths: tuple[int, ...]) -> WinsorisedRise:
+        """Return the object that computes the mean rise in the second pass, with clipping limits from the kept values.
+        `start` is the index of the first sample, and `lengths` are the lengths of the segments."""
+        middle = float(np.median(self.values)) if self.values.size else 0.0
+        spread = float(np.median(np.abs(self.values - middle))) if self.values.size else 0.0
+        sizes = np.array(lengths, dtype=np.float64)
+        edges = start + np.cumsum([0, *lengths])
+        # Least squares in each segment, weighted by the squares of the segment lengths.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            weights = np.where(sizes > 1, 12.0 * sizes / (sizes**2 - 1.0), 0.0) / np.sum(sizes[sizes > 1] ** 2)
+        return WinsorisedRise(middle, FAR * spread if spread > 0 else np.inf, edges, weights)
+
+
+@dataclass(frozen=True, eq=False)
+class WinsorisedRise:
+    """Weights and clipping limits for the mean rise of a recording. Contributions of parts can be added in any order.
+    Values are clipped to `middle` ± `reach`. `edges` (S + 1,) are the indices at which the S segments begin and the
+    last one ends, and `weights` (S,) the weights of Σ (t − t_m) x_t, where t_m is the middle of the segment."""
+
+    middle: float
+    reach: float
+    edges: NDArray[np.int64]
+    weights: Vector
+
+    def rise(self, x: Vector, start: int) -> float:
+        """Return the contribution of samples of one segment, the first of which has the index `start`, to the mean
+        rise."""
+        k = int(np.searchsorted(self.edges, start, side="right")) - 1
+        if not 0 <= k < self.weights.size:
+            return 0.0  # more samples than in the first pass
+        values = x - self.middle
+        np.clip(values, -self.reach, self.reach, out=values)
+        # Process row by row to compute the sums of x and of t x in one pass.
+        rows = values[: values.size // ROW * ROW].reshape(-1, ROW) @ _ROW_SUMS
+        rest = values[rows.shape[0] * ROW :]
+        total = float(rows[:, 1].sum()) + float(rest.sum())
+        moment = float(rows[:, 0].sum() + ROW * (np.arange(rows.shape[0], dtype=np.float64) @ rows[:, 1]))
+        moment += float(np.arange(x.size - rest.size, x.size, dtype=np.float64) @ rest)
+        begin = float(start - self.edges[k]) - 0.5 * (float(self.edges[k + 1] - self.edges[k]) - 1.0)
+        return float(self.weights[k]) * (moment + begin * total)

@@ -1,8 +1,7 @@
 """Robust wavelet variance, which is the M-estimate of scale of the coefficients at each level.
 
-First, Newton's method finds an approximate root of the estimating equation for a sample of the coefficients of a level,
-starting from their median. Two or three passes over all coefficients of all levels then refine the roots. Each pass
-reads the running sum once.
+Newton's method finds an approximate root of the estimating equation for a sample of the coefficients, from their
+median. Two or three passes over all coefficients then refine the roots of all levels; each reads the running sum once.
 """
 
 from __future__ import annotations
@@ -19,21 +18,21 @@ from numpy.typing import ArrayLike
 from gmwm.base import _core
 from gmwm.base.arrays import Vector, as_vector
 from gmwm.measuring.variance.biweight import NORMAL_QUARTILE, Biweight, Criterion, biweight, newton, root_beyond, scan
-from gmwm.measuring.variance.coefficients import SAMPLE, Coefficients, HaarCoefficients, PlainCoefficients
+from gmwm.measuring.variance.coefficients import SAMPLE, CoefficientSource, PlainCoefficients
 
 PART = 8
-"""Before the passes over all coefficients, one Newton step uses one eighth of the recording. A level takes this step if
-that part has more independent coefficients than the sample of the level."""
+"""Before the passes over all coefficients, one Newton step uses one eighth of the recording, if this part has more
+independent coefficients than the sample of the level."""
 PASSES = 8
 """Largest number of passes; two or three are typical. `_settle` solves a level that has not converged after them."""
 TOLERANCE = 1e-11
 """Predicted error of log σ² below which a level has converged."""
 FEW = 2
-"""Largest number of coefficients among which no outlier can be identified: the variance is the mean of the squares."""
+"""Largest number of coefficients for which the variance is the mean square, because no outlier can be identified."""
 
 Outcome: TypeAlias = Literal["root", "mad", "mean", "zero"]
-"""Result of the search at a level: "root", a root of the equation; "mad", (MAD / 0.67449)² because there is no root;
-"mean", too few coefficients; "zero", most coefficients are zero."""
+"""Method of a level: "root" of the equation; "mad", (MAD / 0.67449)², without a root; "mean" of one or two squares;
+"zero" if most coefficients are zero."""
 
 
 @dataclass
@@ -56,41 +55,20 @@ class _Level:
 
 @dataclass(frozen=True)
 class RobustVariances:
-    """Robust variances of several levels, with diagnostics of the search.
-
-    Attributes
-    ----------
-    variance : (J,) array, in the square of the coefficients' unit
-        Robust variance of each level.
-    diagnostics : mapping
-        Lists with one value for each level. "outcome" is "root", or "mad" if no root exists, "mean" for the mean square
-        of one or two coefficients, or "zero" if all coefficients are zero, or most are zero and no root exists. "start"
-        is the starting value of σ², which is (MAD / 0.67449)², or follows from a higher quantile if the MAD is 0.
-        "iterations" is the number of iterations on a sample of the coefficients, "passes" the number of passes over all
-        coefficients, and "zeros" the share of coefficients that are zero.
-    """
+    """Robust variances of several levels (J,), with diagnostics of the search. The diagnostics are lists with one value
+    for each level: "outcome", see `Outcome`; "start", the starting value of σ²; "iterations" on a sample of the
+    coefficients; "passes" over all coefficients; "zeros", the share of zero coefficients."""
 
     variance: Vector
     diagnostics: Mapping[str, list[Any]]
 
 
-def robust_variances(source: Coefficients, efficiency: float = 0.6) -> RobustVariances:
-    """Compute the M-estimate of σ² at every level.
-
-    It is a root of mean ρ(W/σ) = a, see `Biweight`. If there are several roots, the search starts at (MAD / 0.67449)²
-    and accepts only roots at which the left side decreases with σ.
-
-    Raises
-    ------
-    OptionError
-        If `efficiency` is not from 0.3 to 0.99.
-
-    Notes
-    -----
-    MAD is the median of |W|. It is 0 if more than half of the coefficients are zero. This happens at fine levels of
-    a coarsely quantized signal (standard deviation up to half the least significant bit). In this case the search
-    starts at the median of the nonzero coefficients. If it finds no root, the variance is 0.
-    """
+def robust_variances(source: CoefficientSource, efficiency: float = 0.6) -> RobustVariances:
+    """Compute the M-estimate of σ² at every level. It is a root of mean ρ(W/σ) = a, see `Biweight`. If there are
+    several roots, the search starts at (MAD / 0.67449)², with the median MAD of |W|, and accepts only roots at which
+    the left side decreases with σ. The MAD is 0 if more than half of the coefficients are zero, as at fine levels of a
+    coarsely quantized signal. The search then starts at the median of the nonzero coefficients, and the variance is 0
+    without a root."""
     tuning = biweight(efficiency)
     levels = [_first(source, k, tuning) for k in range(len(source.counts))]
     _polish(source, levels, tuning)
@@ -104,32 +82,11 @@ def robust_variances(source: Coefficients, efficiency: float = 0.6) -> RobustVar
     return RobustVariances(np.array([level.variance for level in levels]), diagnostics)
 
 
-def haar_robust_variances(x: Vector, levels: int, efficiency: float = 0.6) -> RobustVariances:
-    """Compute robust Haar MODWT variances of a finite signal at levels 1 … `levels`."""
-    return robust_variances(HaarCoefficients(x, levels), efficiency)
-
-
 def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6, *, resolution: float = 0.0) -> float:
-    """Compute the robust variance of zero-mean coefficients, the square of Tukey's biweight M-estimate of scale.
+    """Compute the robust variance of zero-mean coefficients (M,), the square of Tukey's biweight M-estimate of scale.
 
-    σ solves mean ρ(W/σ) = a, with ρ(r) = r²(1 − r²/c²)⁴ for |r| ≤ c and 0 otherwise. The requested efficiency
-    determines c, and a = E ρ(r) under N(0, 1).
-
-    Parameters
-    ----------
-    coefficients : (M,) array
-        Coefficients W, at least one.
-    efficiency : float
-        Efficiency for Gaussian coefficients, from 0.3 to 0.99.
-    resolution : float
-        Coefficients with |W| up to this value are treated as zero (rounding error).
-
-    Raises
-    ------
-    DataError
-        If a coefficient is not finite, or the array is empty.
-    OptionError
-        If `efficiency` is not from 0.3 to 0.99.
+    Coefficients with |W| up to `resolution` are treated as zero (rounding error). Raises DataError if a coefficient is
+    not finite, or the array is empty, and OptionError if `efficiency` is not from 0.3 to 0.99.
 
     >>> w = np.random.default_rng(1).normal(size=100_000)
     >>> w[::100] = 1e6
@@ -140,7 +97,7 @@ def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6, *, resolut
     return float(robust_variances(plain, efficiency).variance[0])
 
 
-def _first(source: Coefficients, k: int, tuning: Biweight) -> _Level:
+def _first(source: CoefficientSource, k: int, tuning: Biweight) -> _Level:
     """Search the root of a level on a sample of its coefficients. The result is final if the sample has all of them."""
     sample = source.sample(k, SAMPLE)
     count, resolution = int(source.counts[k]), source.resolution(k)
@@ -201,7 +158,7 @@ def _on_sample(level: _Level, sample: Vector, tuning: Biweight) -> Criterion:
     return criterion
 
 
-def _on_all(source: Coefficients, k: int, level: _Level, tuning: Biweight) -> Criterion:
+def _on_all(source: CoefficientSource, k: int, level: _Level, tuning: Biweight) -> Criterion:
     limits = np.zeros(len(source.counts))
 
     def criterion(place: float) -> tuple[float, float]:
@@ -212,7 +169,7 @@ def _on_all(source: Coefficients, k: int, level: _Level, tuning: Biweight) -> Cr
     return criterion
 
 
-def _polish(source: Coefficients, levels: Sequence[_Level], tuning: Biweight) -> None:
+def _polish(source: CoefficientSource, levels: Sequence[_Level], tuning: Biweight) -> None:
     """Refine the sample roots of all levels by Newton's method on all coefficients, pass by pass."""
     active = np.array([level.rooted and level.outcome is None for level in levels])
     start = np.array([level.start for level in levels])
@@ -246,12 +203,10 @@ def _polish(source: Coefficients, levels: Sequence[_Level], tuning: Biweight) ->
 def _interpolated(
     before: tuple[Vector, Vector, Vector], here: tuple[Vector, Vector, Vector], step: Vector
 ) -> tuple[Vector, Vector]:
-    """Return the step to the root of the cubic through the last two points and slopes, and the predicted error.
-
-    The cubic is log σ² as a function of the criterion. Its error is proportional to the product of the squared
-    distances of both points from the root. The error of a Newton step is proportional to the squared distance of the
-    later point. If the criterion of the later point is not below a tenth of the earlier one, the Newton step is used.
-    """
+    """Return the step to the root of the cubic through the last two points and slopes, and the predicted error. The
+    cubic is log σ² as a function of the criterion. Its error is proportional to the product of the squared distances of
+    both points from the root; the error of a Newton step, to the squared distance of the later point. The Newton step
+    is used if the later criterion is not below a tenth of the earlier one."""
     (x0, y0, d0), (x1, y1, d1) = before, here
     usable = (np.abs(y1) < 0.1 * np.abs(y0)) & (d0 < 0) & (d1 < 0)
     span = np.where(usable, y1 - y0, 1.0)
@@ -265,12 +220,9 @@ def _interpolated(
     return moved, error
 
 
-def _settle(source: Coefficients, k: int, level: _Level, tuning: Biweight) -> None:
-    """Solve a level that has no root on its sample or has not converged.
-
-    The criterion of all coefficients is scanned for a root. If there is none, the variance follows from the MAD, or is
-    0 if the MAD is 0.
-    """
+def _settle(source: CoefficientSource, k: int, level: _Level, tuning: Biweight) -> None:
+    """Solve a level without a root on its sample, or that has not converged, by a scan of all coefficients. Without a
+    root, the variance follows from the MAD, or is 0 if the MAD is 0."""
     criterion = _on_all(source, k, level, tuning)
     root: float | None = None
     if level.rooted:

@@ -1,10 +1,8 @@
 """Exact robust wavelet variance from two passes over a recording.
 
-The sketches of the first pass, which are histograms of the coefficients, determine σ² with a relative error of at most
-1e-4. The second pass computes the exact sums over all coefficients at this σ². The differences from the sums over the
-sketches are small and smooth functions of σ², so a linear correction has an error of the order of 1e-8. For a level
-without a root, the second pass finds the exact median inside a bin of the sketch. All coefficients of levels with few
-coefficients are stored.
+The sketches of the first pass determine σ² with a relative error of at most 1e-4. The second pass computes the exact
+sums at this σ². Their differences from the sums over the sketches are smooth functions of σ², so a linear correction
+has an error of the order of 1e-8. Levels without a root get the exact median; levels with few coefficients keep all.
 """
 
 from __future__ import annotations
@@ -23,32 +21,29 @@ from gmwm.measuring.variance.biweight import REACH, Biweight, Criterion, biweigh
 from gmwm.measuring.variance.coefficients import SAMPLE
 from gmwm.measuring.variance.open_segments import SegmentedAccumulator
 from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.measuring.variance.rise import WinsorisedRise
 from gmwm.measuring.variance.robust import RobustVariances, robust_variances
 from gmwm.measuring.variance.second_pass_sums import LevelSums, SecondPassSums, SumRequest
-from gmwm.measuring.variance.sketched import SketchCoefficients
-from gmwm.measuring.variance.winsorised_mean import WinsorisedRise
+from gmwm.measuring.variance.sketch import SketchCoefficients
 
 if TYPE_CHECKING:
     from gmwm.measuring.variance.accumulate import WaveletAccumulator
 
 OTHERS = 0.05
-"""Relative change of a variance in the second pass above which the samples must differ from the samples of the first
-pass. For equal samples, the change is typically 1e-4."""
+"""Relative change of a variance in the second pass above which the samples must differ from those of the first pass.
+For equal samples, it is typically 1e-4."""
 NEAR = 0.02
-"""Largest distance in log σ² from the value at which the exact sums are known, for which the linear correction is
-used."""
+"""Largest distance in log σ² from the exact sums at which the linear correction is used."""
 DOUBT = 0.01
-"""Threshold for the maximum of the criterion and for its slope at the root, both relative to a. Below it, the exact
-coefficients may have a root although the sketch has none, or the reverse. The second pass then collects the sums for
-both cases."""
+"""Threshold for the maximum of the criterion and for its slope at the root, relative to a. Below it, only one of sketch
+and exact coefficients may have a root, so the second pass collects the sums for both cases."""
 
 
 class SecondPass(SegmentedAccumulator):
     """Second pass over a recording, which computes the exact robust variance from the sketches of the first pass.
 
     `WaveletAccumulator.second_pass` creates it. It must receive the same samples with the same gaps, in chunks of any
-    size. Parts of the recording can be processed separately and merged in order; `part` creates a second pass that
-    begins at any sample.
+    size. Parts that `part` creates can be processed separately and merged in order.
     """
 
     def __init__(
@@ -69,10 +64,7 @@ class SecondPass(SegmentedAccumulator):
     def merge(self, following: SecondPass) -> SecondPass:
         """Merge this part with the part that directly follows it.
 
-        Raises
-        ------
-        OptionError
-            If `following` does not begin where this part ends, or is not a second pass over the same recording.
+        Raises OptionError if `following` does not begin where this part ends, or belongs to another first pass.
         """
         self._require_following(following, "exact", "levels", "efficiency")
         for name in ("limits", "low", "high", "kept"):
@@ -91,23 +83,13 @@ class SecondPass(SegmentedAccumulator):
 
     @one_at_a_time
     def result(self, confidence: float = 0.95) -> WaveletVariance:
-        """Compute the robust wavelet variance of the whole recording.
+        """Compute the robust wavelet variance of the whole recording, with limits at `confidence`.
 
-        Levels up to `exact` agree with `wavelet_variance(…, robust=True)` to about 1e-10. Higher levels are computed
-        from every τ/64-th coefficient. If the estimating equation of a level has no root, its variance is
-        (MAD / 0.67449)². Its relative error is 1e-7 if the bin of the sketch with the median has more than 2^17
-        coefficients. `diagnostics["robust"]` also contains "moved", the relative change of the variance of each level
-        in the second pass.
-
-        Parameters
-        ----------
-        confidence : float
-            Confidence level of the limits.
-
-        Raises
-        ------
-        DataError
-            If the samples differ from the samples of the first pass in number, gaps or values.
+        Levels up to `exact` agree with `wavelet_variance(…, robust=True)` to about 1e-10. Higher levels use every
+        τ/64-th coefficient. Without a root, the variance is (MAD / 0.67449)²; its relative error is 1e-7 if the bin
+        with the median has more than 2^17 coefficients. `diagnostics["robust"]` also contains "moved", the relative
+        change of the variance of each level in the second pass. Raises DataError if the samples differ from those of
+        the first pass in number, gaps or values.
         """
         self._fold()
         if self.start != self._seen.start or self.lengths != self._seen.lengths:

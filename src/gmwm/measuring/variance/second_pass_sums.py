@@ -19,18 +19,9 @@ MOST = 1 << 17
 
 @dataclass(frozen=True, eq=False)
 class MedianCells:
-    """Counts of |W| in narrow cells around the median. The cells are as fine as their maximum number allows.
-
-    A cell contains all numbers with the same leading bits. Counts of parts of the coefficients can be merged in any
-    order.
-
-    Attributes
-    ----------
-    shift : int
-        Number of low-order bits that a cell omits.
-    cells, counts : (n,) arrays
-        Leading bits in ascending order, and the number of |W| in each cell.
-    """
+    """Counts of |W| in narrow cells around the median, as fine as their maximum number allows; merged in any order. A
+    cell has all numbers with the same leading bits: `shift` low-order bits are omitted. `cells` are the leading bits in
+    ascending order, and `counts` the numbers of |W|."""
 
     shift: int = FINEST
     cells: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
@@ -83,19 +74,9 @@ class MedianCells:
 
 @dataclass(frozen=True, eq=False)
 class LevelSums:
-    """Sums and counts over a set of coefficients of one level.
-
-    Attributes
-    ----------
-    cubed, fourth : float
-        Σ v q³ and Σ v q⁴ (see `Biweight.criterion`) at the limit (cσ)² of the level.
-    below : int
-        Number of |W| below the bracket of the median.
-    inside : MedianCells
-        Counts of |W| in the bracket of the median.
-    sizes : (n,) array
-        All |W|, for a level with few coefficients.
-    """
+    """Sums and counts over a set of coefficients of one level. `cubed` and `fourth` are Σ v q³ and Σ v q⁴ (see
+    `Biweight.criterion`) at the limit (cσ)² of the level, `below` and `inside` the counts of |W| below and in the
+    bracket of the median, and `sizes` all |W| of a level with few of them."""
 
     cubed: float = 0.0
     fourth: float = 0.0
@@ -130,17 +111,9 @@ class SecondPassSums:
 
 @dataclass(frozen=True, eq=False)
 class SumRequest:
-    """Specification of the sums that the second pass collects at each level; it is a `StatisticsCollector`.
-
-    Attributes
-    ----------
-    limits : (J,) array
-        (cσ)² for which the sums are computed; 0 for levels without sums.
-    low, high : (J,) arrays
-        Bracket of the median of |W|; `high` is 0 for levels without a bracket.
-    kept : (J,) array of bool
-        Whether all |W| of a level are stored.
-    """
+    """Specification of the sums that the second pass collects at each level (J,); it is a `StatisticsCollector`.
+    `limits` has (cσ)² for the sums, or 0 for none. `low` and `high` are the bracket of the median of |W|; `high` is 0
+    without a bracket. `kept` tells whether all |W| of a level are stored."""
 
     limits: Vector
     low: Vector
@@ -190,10 +163,8 @@ class SumRequest:
         return LevelSums(cubed, fourth, below=below, inside=inside, sizes=sizes if self.kept[k] else np.empty(0))
 
     def at(self, level: int, part: LevelSums, resolution: float = 0.0) -> SecondPassSums:
-        """Return the sums of all levels, with `part` at `level` and empty sums at lower levels.
-
-        `resolution` is ignored, because the first pass provides it.
-        """
+        """Return the sums of all levels, with `part` at `level` and empty sums at lower levels; `resolution` has no
+        effect."""
         return SecondPassSums((*(LevelSums() for _ in range(level - 1)), part))
 
     def empty(self) -> SecondPassSums:

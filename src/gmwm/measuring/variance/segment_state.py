@@ -11,29 +11,24 @@ from numpy.typing import NDArray
 
 from gmwm.base import _core
 from gmwm.base.arrays import Vector
-from gmwm.measuring.variance.blocks import STEPS, Blocks, blocks_of
+from gmwm.measuring.variance.blocks import STEPS, Blocks, Statistics, StatisticsCollector, blocks_of
 from gmwm.measuring.variance.sketch import SKETCH_COLLECTOR, Sketch, Sketches
-from gmwm.measuring.variance.statistics_protocol import Statistics, StatisticsCollector
 
 LONGEST = 1 << 61
-"""Largest number of samples of a stored state, so that the sum with the index of the first sample is a 64-bit
-integer."""
+"""Largest number of samples of a stored state: a 64-bit integer can hold its sum with the first index."""
 
 
 @dataclass(frozen=True, eq=False)
 class SegmentState:
-    """State that is kept for a segment of consecutive samples.
-
-    The first sample is subtracted from all values, so a large offset causes no rounding errors.
+    """State of a segment of consecutive samples. The first sample is subtracted, so a large offset causes no rounding
+    error.
 
     Attributes
     ----------
     exact : int
         Number of levels at which every coefficient is used.
-    start, count : int
-        Index of the first sample in the recording, and number of samples.
-    reference : float
-        Value of the first sample.
+    start, count, reference : int, int, float
+        Index of the first sample in the recording, number of samples, and value of the first sample.
     head, tail : arrays
         The first and the last 2^exact − 1 samples, minus `reference`.
     squares : (exact,) array
@@ -67,16 +62,11 @@ class SegmentState:
         nothing = np.empty(0)
         squares, sums, statistics = _measured(nothing, x, reference, start=start, exact=exact, collector=collector)
         return cls(
-            exact=exact,
-            start=start,
-            count=x.size,
-            reference=reference,
-            head=x[:reach] - reference,
-            tail=x[-reach:] - reference,
-            squares=squares,
+            exact=exact, start=start, count=x.size, reference=reference, head=x[:reach] - reference,
+            tail=x[-reach:] - reference, squares=squares,
             blocks=tuple(blocks_of(sums, start, start + x.size, steps=steps, collector=collector)),
             statistics=statistics,
-        )
+        )  # fmt: skip
 
     def grown(self, x: Vector, collector: StatisticsCollector | None = None) -> SegmentState:
         """Return the state of this segment extended by the samples `x`."""
@@ -88,16 +78,13 @@ class SegmentState:
         fresh = blocks_of(sums, self.stop, self.stop + x.size, steps=steps, collector=collector)
         missing = reach - self.head.size
         return SegmentState(
-            exact=self.exact,
-            start=self.start,
-            count=self.count + x.size,
-            reference=self.reference,
+            exact=self.exact, start=self.start, count=self.count + x.size, reference=self.reference,
             head=self.head if missing == 0 else np.concatenate([self.head, x[:missing] - self.reference]),
             tail=np.concatenate([self.tail[x.size :], x[-reach:] - self.reference])[-reach:],
             squares=self.squares + squares,
             blocks=tuple(a.followed_by(b, collector) for a, b in zip(self.blocks, fresh, strict=True)),
             statistics=_merged(self.statistics, statistics),
-        )
+        )  # fmt: skip
 
     def followed_by(self, later: SegmentState, collector: StatisticsCollector | None = None) -> SegmentState:
         """Return the state of this segment and the segment that directly follows it."""
@@ -149,8 +136,7 @@ class SegmentState:
 
     @property
     def rise(self) -> float:
-        """Mean rise per sample, by least squares over the block means, or from the means of both halves if there are no
-        blocks."""
+        """Mean rise per sample, by least squares over the block means, or from the means of both halves."""
         rise = self.blocks[0].rise
         if rise is not None:
             return rise
@@ -212,16 +198,9 @@ class SegmentState:
             blocks = [replace(b, part=p[0], resolution=p[1]) for b, p in zip(blocks, known, strict=False)]
         start, count = (as_count(values[prefix + name]) for name in ("start", "count"))
         return cls(
-            exact=exact,
-            start=start,
-            count=count,
-            reference=float(values[f"{prefix}reference"]),
-            head=head,
-            tail=tail,
-            squares=squares,
-            blocks=tuple(blocks),
-            statistics=statistics,
-        )
+            exact=exact, start=start, count=count, reference=float(values[f"{prefix}reference"]), head=head, tail=tail,
+            squares=squares, blocks=tuple(blocks), statistics=statistics,
+        )  # fmt: skip
 
 
 LARGEST_SUM = 1e140
@@ -229,7 +208,7 @@ LARGEST_SUM = 1e140
 
 
 def as_count(value: Any, least: int = 0) -> int:
-    """Return a stored number of samples; raise a ValueError if no recording has that number."""
+    """Return a stored number of samples; raise ValueError if no recording has that number."""
     count = int(value)
     if not least <= count <= LONGEST:
         raise ValueError(f"a number of samples must be from {least} to {LONGEST}")
@@ -239,12 +218,9 @@ def as_count(value: Any, least: int = 0) -> int:
 def _measured(
     before: Vector, x: Vector, reference: float, *, start: int, exact: int, collector: StatisticsCollector | None
 ) -> tuple[Vector, Vector, Statistics | None]:
-    """Measure the samples x, which follow `before` and begin at sample `start` of the recording.
-
-    Returns Σ W² (exact,) of the coefficients that end in x; the sums of x − `reference` before each multiple of the
-    smallest step of the blocks, and over all; and the statistics. The sums Σ W² are computed only if the collector
-    needs them or there is no collector. `before` is relative to `reference`.
-    """
+    """Return Σ W² (exact,) of the coefficients that end in x, the sums for the blocks, and the further statistics. The
+    samples x follow `before`, which is relative to `reference`, and begin at sample `start` of the recording. Σ W² is
+    computed only if the collector needs it or there is no collector."""
     step = (2 << exact) // STEPS
     reach = min(exact, (before.size + x.size).bit_length() - 1) if collector is None or collector.squares else 0
     squares = np.zeros(exact)

@@ -7,11 +7,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base import _core
 from gmwm.base.arrays import Vector
-from gmwm.measuring.confidence_limits import chi_square_limits
-from gmwm.measuring.variance.allan import REDDEST, exponents, modified_ratio
-from gmwm.measuring.variance.clusters import ClusterVariance
+from gmwm.measuring.variance.allan import REDDEST
+from gmwm.measuring.variance.clusters import ClusterVariance, cluster_variance
 from gmwm.measuring.variance.edf import degrees_of_freedom
-from gmwm.measuring.variance.noise_type import noise_types
+from gmwm.measuring.variance.noise_type import exponents, noise_types
 from gmwm.measuring.variance.phase import Clusters, Data, Progress, cluster_sizes, mean_squares, phase_of
 from gmwm.recording.options import as_confidence
 from gmwm.recording.signals import Signal
@@ -50,13 +49,11 @@ def total_variance(
 
     Parameters
     ----------
-    x : Signal, or (N,) array in any unit
-        At least 8 finite samples without a gap.
-    rate : float
-        Sampling rate (Hz); leave it out for a Signal.
-    clusters, data, confidence, progress
-        The same as for `allan_variance`, except for the largest cluster size. "octave", "decade" and "all" include
-        sizes up to N/2, for which the theory of the limits holds; an array may have sizes up to N − 1.
+    x, rate, data, confidence, progress
+        The same as for `allan_variance`.
+    clusters : "octave", "decade", "all", or (J,) int array
+        The same as for `allan_variance`, but the names include sizes up to N/2, for which the theory of the limits
+        holds; an array may have sizes up to N − 1.
 
     Returns
     -------
@@ -65,10 +62,8 @@ def total_variance(
 
     Raises
     ------
-    DataError
-        If the signal has gaps that cannot be filled, NaN or infinities, or fewer than 8 samples.
-    OptionError
-        If an option has an invalid value, or `rate` contradicts the rate of the Signal.
+    DataError, OptionError
+        The same as for `allan_variance`.
 
     References
     ----------
@@ -90,27 +85,11 @@ def total_variance(
     counts = np.full(sizes.size, p.size - 2)
     squares = mean_squares(lambda n: _core.reflected_second_differences(p, n), sizes, counts, progress)
     variance = squares / (2.0 * sizes * sizes)
-    noise = noise_types(p, sizes, variance, reddest=REDDEST, modified_ratio=lambda n: modified_ratio(p, n))
+    noise = noise_types(p, sizes, variance, reddest=REDDEST)
     freedom = total_degrees_of_freedom(exponents(noise), sizes, p.size)
-    expected = 1 - _bias(exponents(noise)) * np.minimum(sizes / phase.intervals, 0.5)
-    lower, upper = chi_square_limits(variance / expected, freedom, confidence)
-    return ClusterVariance(
-        family="total",
-        kind="overlapping",
-        clusters=sizes,
-        variance=variance,
-        lower=lower,
-        upper=upper,
-        counts=counts,
-        degrees_of_freedom=freedom,
-        noise=tuple(n.name for n in noise),
-        rate=phase.rate,
-        samples=phase.samples,
-        unit=phase.unit,
-        axis=phase.axis,
-        confidence=confidence,
-        data=data,
-    )
+    bias = 1 - _bias(exponents(noise)) * np.minimum(sizes / phase.intervals, 0.5)
+    values = {"clusters": sizes, "variance": variance, "counts": counts, "degrees_of_freedom": freedom}
+    return cluster_variance(phase, noise, confidence, bias=bias, family="total", kind="overlapping", **values)
 
 
 def _bias(alphas: NDArray[np.int64]) -> Vector:
@@ -119,16 +98,12 @@ def _bias(alphas: NDArray[np.int64]) -> Vector:
 
 
 def total_degrees_of_freedom(alphas: NDArray[np.int64], clusters: NDArray[np.int64], points: int) -> Vector:
-    """Compute the equivalent degrees of freedom of the total variance, at least 1.
-
-    For white, flicker and random-walk noise of the rate they are b T/τ − c, with b and c from Howe and Greenhall. This
-    holds for many samples per cluster. For few samples per cluster, the value is reduced by the same factor as the
-    degrees of freedom of the overlapping Allan variance.
-
-    For white PM they are 72 (1 + 4/(3r))² / (64/r² + (320/r + 140)/N) to leading orders in τ/T, with r = T/τ. This
-    formula was derived for gmwm; its term 64/r² comes from the end values. For flicker PM, simulations support the
-    degrees of freedom of the overlapping Allan variance up to τ = T/4, and proportionality to T/τ beyond.
-    """
+    """Compute the equivalent degrees of freedom of the total variance, at least 1. For white, flicker and random-walk
+    noise of the rate they are b T/τ − c (Howe and Greenhall). For few samples per cluster, they are reduced by the same
+    factor as those of the overlapping Allan variance. For white PM they are 72 (1 + 4/(3r))² / (64/r² + (320/r +
+    140)/N) to leading orders in τ/T, with r = T/τ; this formula was derived for gmwm, and its term 64/r² comes from the
+    end values. For flicker PM, simulations support the degrees of freedom of the overlapping Allan variance up to τ =
+    T/4, and proportionality to T/τ beyond."""
     intervals = points - 1
     r = intervals / clusters
     many = 1 + intervals * FINE

@@ -20,26 +20,9 @@ Boundary = Literal["periodic", "reflection"]
 """Extension of a signal beyond its ends, either periodic or by its mirror image."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Modwt:
-    """Maximal-overlap discrete wavelet transform of a signal.
-
-    Attributes
-    ----------
-    filter : WaveletFilter
-        The wavelet filter.
-    details : mapping of level j to array
-        Wavelet coefficients W_{j,t} = Σ_l h_{j,l} X_{t−l}. Each level has N coefficients, or 2N with reflection.
-    smooth : array
-        Scaling coefficients V_{J,t} of the last level.
-    interior : mapping of level j to slice
-        Positions t = L_j − 1 … N − 1 of the coefficients that do not depend on the boundary, because they only use
-        X_{t−L_j+1} … X_t. The slice is empty if the filter at level j is longer than the signal.
-    samples : int
-        Length N of the signal.
-    boundary : "periodic" or "reflection"
-        Extension of the signal beyond its ends.
-    """
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class _Transform:
+    """Coefficients of a wavelet transform."""
 
     filter: WaveletFilter
     details: Mapping[int, Vector]
@@ -56,6 +39,32 @@ class Modwt:
         """Number of levels J."""
         return len(self.details)
 
+    def __repr__(self) -> str:
+        name, samples = type(self).__name__, self.samples
+        return f"{name}({self.filter.name}, {self.levels} levels, {samples} samples, {self.boundary})"
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Modwt(_Transform):
+    """Maximal-overlap discrete wavelet transform of a signal.
+
+    Attributes
+    ----------
+    filter : WaveletFilter
+        The wavelet filter.
+    details : mapping of level j to array
+        Wavelet coefficients W_{j,t} = Σ_l h_{j,l} X_{t−l}. Each level has N coefficients, or 2N with reflection.
+    smooth : array
+        Scaling coefficients V_{J,t} of the last level.
+    interior : mapping of level j to slice
+        Positions t = L_j − 1 … N − 1 of the coefficients that do not depend on the boundary, because they only use
+        X_{t−L_j+1} … X_t. The slice is empty if the filter at level j is longer than the signal.
+    levels, samples : int
+        Number of levels J, and length N of the signal.
+    boundary : "periodic" or "reflection"
+        Extension of the signal beyond its ends.
+    """
+
     @property
     def interior(self) -> dict[int, slice]:
         """For each level, the slice of the coefficients that do not depend on the boundary."""
@@ -69,12 +78,9 @@ class Modwt:
             values = _core.pyramid_unstep(values, self.details[j], scaling, wavelet, 1 << (j - 1))
         return values[: self.samples].copy()
 
-    def __repr__(self) -> str:
-        return f"Modwt({self.filter.name}, {self.levels} levels, {self.samples} samples, {self.boundary})"
 
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Dwt:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Dwt(_Transform):
     """Orthonormal discrete wavelet transform of a signal, with as many coefficients as samples.
 
     Level j halves the scaling coefficients of level j − 1. If their number is odd, the last one is stored in `extras`.
@@ -95,27 +101,13 @@ class Dwt:
     interior : mapping of level j to slice
         Positions of the coefficients that do not depend on the boundary, because they only use X_{t−L_j+1} … X_t. The
         slice can be empty.
-    samples : int
-        Length N of the signal.
+    levels, samples : int
+        Number of levels J, and length N of the signal.
     boundary : "periodic" or "reflection"
         Extension of the signal beyond its ends.
     """
 
-    filter: WaveletFilter
-    details: Mapping[int, Vector]
-    smooth: Vector
     extras: Mapping[int, float]
-    samples: int
-    boundary: Boundary
-
-    def __post_init__(self) -> None:
-        for values in (*self.details.values(), self.smooth):
-            freeze(values)
-
-    @property
-    def levels(self) -> int:
-        """Number of levels J."""
-        return len(self.details)
 
     @property
     def interior(self) -> dict[int, slice]:
@@ -131,9 +123,6 @@ class Dwt:
             if j in self.extras:
                 values = np.append(values, self.extras[j])
         return values[: self.samples].copy()
-
-    def __repr__(self) -> str:
-        return f"Dwt({self.filter.name}, {self.levels} levels, {self.samples} samples, {self.boundary})"
 
 
 def modwt(
@@ -189,7 +178,7 @@ def modwt(
     smooth, details = _continued(values, boundary), {}
     for j in range(1, count + 1):
         smooth, details[j] = _core.pyramid_step(smooth, scaling, wavelet, 1 << (j - 1))
-    return Modwt(wavelet_filter, details, smooth=smooth, samples=values.size, boundary=boundary)
+    return Modwt(filter=wavelet_filter, details=details, smooth=smooth, samples=values.size, boundary=boundary)
 
 
 def dwt(
@@ -206,14 +195,8 @@ def dwt(
 
     Parameters
     ----------
-    x : Signal, or (N,) array in any unit
-        Finite samples.
-    filter : str
-        Wavelet filter, see `gmwm.filters.find_filter`.
-    levels : int, optional
-        Number of levels J, at most and by default floor(log2 N).
-    boundary : "periodic" or "reflection"
-        Extension of the signal beyond its ends.
+    x, filter, levels, boundary
+        The same as for `modwt`.
 
     Returns
     -------
@@ -221,10 +204,8 @@ def dwt(
 
     Raises
     ------
-    DataError
-        If `x` has NaN or infinities, gaps, or fewer than 2 samples.
-    OptionError
-        If an option has an invalid value.
+    DataError, OptionError
+        The same as for `modwt`.
 
     References
     ----------
@@ -284,10 +265,8 @@ def _maximal_overlap(filter: WaveletFilter) -> tuple[Vector, Vector]:
 
 
 def _decimated(values: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
-    """Compute the scaling and wavelet coefficients of the next level, Σ_l f_l V_{2n+1−l} with the filters f = g and h.
-
-    Indices are modulo the length of V, which is even.
-    """
+    """Compute the coefficients of the next level, Σ_l f_l V_{2n+1−l} with f = g and h, and indices modulo the even
+    length."""
     half = values.size // 2
     smooth, detail = np.zeros(half), np.zeros(half)
     for l, (g, h) in enumerate(zip(filter.scaling, filter.wavelet, strict=True)):  # noqa: E741
@@ -328,10 +307,8 @@ def _first_interior(filter: WaveletFilter, level: int) -> int:
 def coefficient_counts(
     samples: int | NDArray[np.int64], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
 ) -> NDArray[np.int64]:
-    """Return the number M_j of coefficients that only use samples of the recording; ≤ 0 if there are none.
-
-    The maximal-overlap transform has N − L_j + 1 such coefficients, and the decimated transform every 2^j-th of them.
-    """
+    """Return the number M_j of coefficients that only use samples of the recording; ≤ 0 if there are none. There are N
+    − L_j + 1 of the maximal-overlap transform; the decimated transform has every 2^j-th of them."""
     if transform == "modwt":
         return np.asarray(samples - filter.widths(levels) + 1, dtype=np.int64)
     first = np.array([_first_interior(filter, int(j)) for j in levels], dtype=np.int64)
@@ -341,12 +318,9 @@ def coefficient_counts(
 def pooled_counts(
     lengths: Sequence[int], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the total number M_j of coefficients of several segments, and the degrees of freedom η_j of their mean
-    square.
-
-    M_j = Σ_s M_sj, and η_j = M_j² / Σ_s (M_sj² / η_sj). If no segment is shorter than two scales, η_j = M_j / 2^j. It
-    is larger if there are many segments with few coefficients, because each segment has at least one degree of freedom.
-    """
+    """Return the total number M_j of coefficients of several segments, and the edf η_j of their mean square. M_j = Σ_s
+    M_sj, and η_j = M_j² / Σ_s (M_sj² / η_sj) with η_sj ≥ 1. If no segment is shorter than two scales, η_j = M_j / 2^j;
+    it is larger if there are many segments with few coefficients."""
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
     own = np.maximum(coefficient_counts(sizes[:, None], levels, filter, transform), 0)
     counts = np.asarray(times @ own, dtype=np.int64)
@@ -368,36 +342,26 @@ def deepest_level(samples: int, filter: WaveletFilter, transform: Transform) -> 
 def degrees_of_freedom(
     counts: NDArray[np.int64], levels: NDArray[np.int64], transform: Transform
 ) -> NDArray[np.float64]:
-    """Compute the equivalent degrees of freedom η_j = max(M_j / 2^j, 1), or M_j for the decimated transform (Percival
-    1995)."""
+    """Compute the edf η_j = max(M_j / 2^j, 1), or M_j for the decimated transform (Percival 1995)."""
     return np.maximum(counts / (1.0 if transform == "dwt" else np.ldexp(1.0, levels)), 1.0)
 
 
 def loss_factor(filled: int, samples: int) -> float:
-    """Return the factor by which filled samples increase the covariance of wavelet variances.
-
-    It is 1 + 2.5 p for a share p of filled samples, which add scatter but no information. The number 2.5 was measured
-    in tests/filling.
-    """
+    """Return the factor by which filled samples increase the covariance of wavelet variances. It is 1 + 2.5 p for a
+    share p of filled samples, which add scatter but no information."""
     return 1.0 + LOSS * filled / samples
 
 
 def variances(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> Vector:
-    """Compute the wavelet variances of levels 1 … J, as mean squares of coefficients that do not depend on the
-    boundary.
-
-    Decimated coefficients are 2^(j/2) times the maximal-overlap coefficients, so their mean squares are divided by 2^j.
-    """
+    """Compute the wavelet variances of levels 1 … J: the mean squares of `inner_coefficients`."""
     if transform == "modwt":
         return _core.pyramid_variance(values, *_maximal_overlap(filter), levels)
     return np.array([np.mean(w**2) for w in inner_coefficients(values, filter, transform, levels)])
 
 
 def inner_coefficients(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> list[Vector]:
-    """Return the coefficients of levels 1 … J that do not depend on the boundary.
-
-    Decimated coefficients are scaled to the size of maximal-overlap coefficients.
-    """
+    """Return the coefficients of levels 1 … J that do not depend on the boundary. Decimated coefficients, 2^(j/2) times
+    the maximal-overlap coefficients, are scaled to the size of the latter."""
     centred = values - _core.mean(values)
     whole = modwt(centred, filter, levels) if transform == "modwt" else dwt(centred, filter, levels)
     inside = whole.interior

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.threads import in_threads
+from gmwm.base.time_base import lost_before
 from gmwm.recording.batches import Batch, joined
 from gmwm.recording.gaps import gaps
 from gmwm.recording.gaps.drawing import drawn
@@ -73,15 +74,15 @@ class _Window:
 
     def ends_in_short_gaps(self, batch: Batch) -> bool:
         """Return whether the last batch has gaps that may be filled, or a gap before it."""
-        one = next(iter(batch.signals.values()))
-        if not one.gaps_known:
+        signal = next(iter(batch.signals.values()))
+        if not signal.gaps_known:
             return False
-        segments, starts = list(one.segments), list(one.starts)
+        segments, starts = list(signal.segments), list(signal.starts)
         if len(self._parts) > 1 and not batch.continues:
             before = next(iter(self._parts[-2].signals.values()))
             (first, last), start = before.segments[-1], before.starts[-1]
             segments, starts = [(first - last, 0), *segments], [start, *starts]
-        return gaps.has_short_gaps(one.rate, segments, starts)
+        return gaps.has_short_gaps(signal.rate, segments, starts)
 
     def filled(self, first: int, last: int, threads: int | None) -> Batch:
         """Return samples number `first` … `last` − 1 of a block with their gaps, and the gap before them, filled."""
@@ -103,9 +104,9 @@ class _Window:
 
     def _lost(self, signals: Mapping[str, Signal], threads: int | None) -> Mapping[str, NDArray[np.int64]]:
         """Return for each axis the number of samples to fill in before each segment but the first."""
-        one = next(iter(signals.values()))
-        ranges = np.array(one.segments, dtype=np.int64)
-        begins, lost = ranges[1:, 0], gaps.lost_samples(one.rate, ranges, one.starts)
+        first = next(iter(signals.values()))
+        ranges = np.array(first.segments, dtype=np.int64)
+        begins, lost = ranges[1:, 0], lost_before(first.rate, ranges, first.starts)
         accepted = gaps.fillable(ranges[:, 1] - ranges[:, 0], lost)
 
         def own(_: str, signal: Signal) -> NDArray[np.int64]:
@@ -113,10 +114,10 @@ class _Window:
             again[accepted] = restarts(signal.values, begins[accepted], lost[accepted], begins[~accepted].tolist())
             return np.where(accepted & ~again, lost, 0)
 
-        found = in_threads(own, signals, threads=threads)
+        samples = in_threads(own, signals, threads=threads)
         if not self._together:
-            return found
-        least = np.stack(list(found.values())).min(axis=0)
+            return samples
+        least = np.stack(list(samples.values())).min(axis=0)
         return dict.fromkeys(signals, least)
 
     def forget(self, first: int) -> None:
@@ -124,10 +125,10 @@ class _Window:
         while self._parts and self._first + len(self._parts[0]) <= first:
             self._first += len(self._parts.pop(0))
         if self._parts and self._first < first:
-            rest = self._parts[0].between(first - self._first, len(self._parts[0]))
+            remainder = self._parts[0].between(first - self._first, len(self._parts[0]))
             # Copy the few samples that remain, so that the memory of the others can be freed.
             self._parts[0] = replace(
-                rest, signals={axis: replace(x, values=x.values.copy()) for axis, x in rest.signals.items()}
+                remainder, signals={axis: replace(x, values=x.values.copy()) for axis, x in remainder.signals.items()}
             )
             self._first = first
 

@@ -93,14 +93,14 @@ def drawn(values: Vector, present: NDArray[np.bool_], *, seed: int = 0, cuts: Se
     x = np.where(present, values - np.repeat(middle, np.diff([0, *cuts, values.size])), 0.0)
     prediction = _Prediction.of(_Known.of(x, present), ranges, rng)
     for (first, last), level in zip(ranges, middle.tolist(), strict=True):
-        own = slice(first, last)
-        if not np.all(present[own]):
-            x[own] = _drawn(_Known.of(x[own], present[own]), prediction, rng) + level
+        span = slice(first, last)
+        if not np.all(present[span]):
+            x[span] = _draw(_Known.of(x[span], present[span]), prediction, rng) + level
     x[present] = values[present]
     return x
 
 
-def _drawn(known: _Known, prediction: _Prediction, rng: np.random.Generator) -> Vector:
+def _draw(known: _Known, prediction: _Prediction, rng: np.random.Generator) -> Vector:
     """Return the samples of a range without cuts, with draws for lost samples."""
     lost = runs_of(~known.present)
     gaps = _Gaps(lost[:, 0], lost[:, 1] - lost[:, 0])
@@ -154,10 +154,10 @@ class _Known:
         has no samples, both values are the mean of the other side."""
         i = self.before[np.clip(first, 0, self.values.size)]
         k = self.before[np.clip(last, 0, self.values.size)]
-        left, right = np.minimum(width, i), np.minimum(width, len(self) - k)
-        a = (self.path[i] - self.path[i - left]) / np.maximum(left, 1)
+        before, right = np.minimum(width, i), np.minimum(width, len(self) - k)
+        a = (self.path[i] - self.path[i - before]) / np.maximum(before, 1)
         b = (self.path[k + right] - self.path[k]) / np.maximum(right, 1)
-        return np.where(left > 0, a, b), np.where(right > 0, b, a)
+        return np.where(before > 0, a, b), np.where(right > 0, b, a)
 
     def level(self, first: Places, last: Places, width: int) -> Vector:
         """Return the level, which is the average of the means of both sides."""
@@ -206,12 +206,12 @@ def _autocovariance(
     accurate enough.
     """
     places = _inside(rng.integers(0, known.values.size - size + 1, _WINDOWS), size, ranges)
-    there = np.lib.stride_tricks.sliding_window_view(known.present, size)[places].astype(np.float64)
+    present = np.lib.stride_tricks.sliding_window_view(known.present, size)[places].astype(np.float64)
     level = known.level(places, places + size, width)[:, None]
-    deviation = (np.lib.stride_tricks.sliding_window_view(known.values, size)[places] - level) * there
-    squares = (deviation**2).T @ there
+    deviation = (np.lib.stride_tricks.sliding_window_view(known.values, size)[places] - level) * present
+    squares = (deviation**2).T @ present
     halves = 0.5 * (squares + squares.T) - deviation.T @ deviation
-    pairs = there.T @ there
+    pairs = present.T @ present
     sums = np.array([(np.trace(halves, lag), np.trace(pairs, lag)) for lag in range(size)])
     lags = np.abs(np.subtract.outer(np.arange(size), np.arange(size)))
     variance = np.trace(squares) / max(sums[0, 1], 1.0)
@@ -256,9 +256,9 @@ class _Prediction:
         near, covariance = self.near, self.covariance
         if not covariance[0, 0] > 0:
             return np.zeros((2 * near, length))
-        beside = np.r_[0:near, near + length : 2 * near + length]
+        neighbours = np.r_[0:near, near + length : 2 * near + length]
         inside = np.arange(near, near + length)
-        return np.linalg.solve(covariance[np.ix_(beside, beside)], covariance[np.ix_(beside, inside)])
+        return np.linalg.solve(covariance[np.ix_(neighbours, neighbours)], covariance[np.ix_(neighbours, inside)])
 
 
 def _neighbours(known: int) -> int:
@@ -358,17 +358,17 @@ def _donors(known: _Known, length: int, count: int, rng: np.random.Generator) ->
 
 def _draw_long(x: Vector, known: _Known, gaps: _Gaps, *, prediction: _Prediction, rng: np.random.Generator) -> None:
     """Draw the samples of long gaps in place, from the shortest gap to the longest."""
-    there = np.ones(x.size, dtype=np.bool_)
+    present = np.ones(x.size, dtype=np.bool_)
     for first, length in zip(*gaps, strict=True):
-        there[first : first + length] = False
+        present[first : first + length] = False
     near, ends, levels = prediction.near, list[int](), list[float]()
     octaves = np.log2(np.maximum(gaps.lengths, 1)).astype(np.int64)
     for octave in np.unique(octaves).tolist():
-        some = gaps.only(octaves == octave)
-        before = np.concatenate([[0], np.cumsum(there)])
+        subset = gaps.only(octaves == octave)
+        before = np.concatenate([[0], np.cumsum(present)])
         middle = min(round(1.4 * 2**octave), x.size // 2)
         width = known.best_width(middle, _widths(1, len(known) // 8, 4), rng)
-        for first, length in zip(some.firsts.tolist(), some.lengths.tolist(), strict=True):
+        for first, length in zip(subset.firsts.tolist(), subset.lengths.tolist(), strict=True):
             places = rng.integers(0, x.size - length + 1, _TRIALS)
             donor = int(places[np.argmax(before[places + length] - before[places])])
             inner = (np.arange(length) + 0.5) / length
@@ -377,8 +377,8 @@ def _draw_long(x: Vector, known: _Known, gaps: _Gaps, *, prediction: _Prediction
             x[first : first + length] = line[0] + rng.choice([-1.0, 1.0]) * (x[donor : donor + length] - line[1])
             ends += [first, first + length - near]
             levels += [float(line[0][near // 2]), float(line[0][-near // 2])]
-        for first, length in zip(*some, strict=True):
-            there[first : first + length] = True
+        for first, length in zip(*subset, strict=True):
+            present[first : first + length] = True
     # The ends are drawn again from the neighbours on both sides, so that a smooth signal stays smooth there.
     places = np.array(ends, dtype=np.int64)
     ends_of_gaps = _Gaps(places, np.full(places.size, near))

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector
+from gmwm.base.time_base import lost_before
 from gmwm.recording.gaps.drawing import SHORT
 
 AROUND, LEAST_AROUND = 32, 1024
@@ -31,13 +31,6 @@ changes."""
 Ranges = NDArray[np.int64]
 
 
-def lost_samples(rate: float, segments: Ranges, starts: Sequence[float] | Vector) -> NDArray[np.int64]:
-    """Return the number of samples missing between one segment and the next; 0 or less if the clock was set back."""
-    times = np.asarray(starts, dtype=np.float64)
-    ends = times + (segments[:, 1] - segments[:, 0]) / rate
-    return np.rint((times[1:] - ends[:-1]) * rate).astype(np.int64)
-
-
 def is_short(lost: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Return whether gaps with these numbers of lost samples are filled if enough samples around them are known."""
     return np.asarray((lost > 0) & (lost <= LONGEST))
@@ -45,7 +38,7 @@ def is_short(lost: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 def has_short_gaps(rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]) -> bool:
     """Return whether any gap between segments may be filled."""
-    return len(segments) > 1 and bool(np.any(is_short(lost_samples(rate, np.array(segments), starts))))
+    return len(segments) > 1 and bool(np.any(is_short(lost_before(rate, segments, starts))))
 
 
 def joined_ranges(
@@ -55,18 +48,18 @@ def joined_ranges(
     if not has_short_gaps(rate, segments, starts):
         return tuple(segments)
     ranges = np.array(segments, dtype=np.int64)
-    lost = lost_samples(rate, ranges, starts)
+    lost = lost_before(rate, ranges, starts)
     accepted = np.zeros(lost.size, dtype=np.bool_)
     total = int(ranges[-1, 1])
     for first in range(0, total, BLOCK):
         last = min(first + BLOCK, total)
-        some = slice(*np.searchsorted(ranges[:, 0], [max(first - CONTEXT, 0) + 1, last + CONTEXT]).tolist())
-        some = slice(some.start - 1, some.stop)
-        near = np.clip(ranges[some], first - CONTEXT, last + CONTEXT)
-        behind = ranges[some.start + 1 : some.stop, 0]
-        own = np.flatnonzero((behind >= first) & (behind < last))
-        gaps = slice(some.start, some.stop - 1)
-        accepted[gaps][own] = fillable(near[:, 1] - near[:, 0], lost[gaps])[own]
+        subset = slice(*np.searchsorted(ranges[:, 0], [max(first - CONTEXT, 0) + 1, last + CONTEXT]).tolist())
+        subset = slice(subset.start - 1, subset.stop)
+        near = np.clip(ranges[subset], first - CONTEXT, last + CONTEXT)
+        behind = ranges[subset.start + 1 : subset.stop, 0]
+        places = np.flatnonzero((behind >= first) & (behind < last))
+        gaps = slice(subset.start, subset.stop - 1)
+        accepted[gaps][places] = fillable(near[:, 1] - near[:, 0], lost[gaps])[places]
     cuts = ranges[1:, 0][~accepted].tolist()
     return tuple(pairwise([0, *cuts, total]))
 
@@ -85,17 +78,17 @@ def fillable(lengths: NDArray[np.int64], lost: NDArray[np.int64]) -> NDArray[np.
     total = int(lengths.sum() + missing.sum())
     corners = np.stack([ends, begins], axis=1).ravel()
     for gap in np.unique(lost[is_short(lost)])[::-1].tolist():
-        some = np.flatnonzero(lost == gap)
+        subset = np.flatnonzero(lost == gap)
         away = np.where(accepted, 0, missing)
         summed = np.stack([np.cumsum(away) - away, np.cumsum(away)], axis=1).ravel()
         context = min(max(AROUND * gap, LEAST_AROUND), CONTEXT)
-        far = np.maximum(ends[some] - context, 0), np.minimum(begins[some] + context, total)
+        far = np.maximum(ends[subset] - context, 0), np.minimum(begins[subset] + context, total)
         unknown = (
-            summed[2 * some] - np.interp(far[0], corners, summed, left=0.0),
-            np.interp(far[1], corners, summed) - summed[2 * some + 1],
+            summed[2 * subset] - np.interp(far[0], corners, summed, left=0.0),
+            np.interp(far[1], corners, summed) - summed[2 * subset + 1],
         )
-        sizes = np.stack([ends[some] - far[0], far[1] - begins[some]])
-        known = sizes - np.stack(unknown)
+        sizes = np.stack([ends[subset] - far[0], far[1] - begins[subset]])
+        counts = sizes - np.stack(unknown)
         least = np.maximum(SHARE * sizes, (BESIDE if gap <= SHORT else BESIDE_LONG) * gap)
-        accepted[some] = np.all(known >= least, axis=0)
+        accepted[subset] = np.all(counts >= least, axis=0)
     return accepted

@@ -59,10 +59,10 @@ def restarts(values: Vector, places: Places, lost: Places, cuts: Sequence[int]) 
     >>> restarts(x, np.array([5_000, 9_900, 10_000]), np.array([1, 1, 1]), ())
     array([False, False,  True])
     """
-    found = np.zeros(places.size, dtype=np.bool_)
+    flags = np.zeros(places.size, dtype=np.bool_)
     differences = _Differences(values, int(lost.max(initial=0)))
     if not differences.widths:
-        return found
+        return flags
     edges, open_ = [0, *cuts, values.size], np.ones(places.size, dtype=np.bool_)
     octaves = np.ceil(np.log2(np.maximum(lost, 1))).astype(np.int64)
     before, after = _edges(places, edges)
@@ -77,19 +77,19 @@ def restarts(values: Vector, places: Places, lost: Places, cuts: Sequence[int]) 
         least, most = int(before[k]) + LEAST, int(after[k]) - LEAST
         near = np.arange(max(place - width, least), min(place + width, most) + 1)
         gains = differences.gains(near, place, octave=octave, width=width)
-        own = np.flatnonzero(np.isin(near, places))
-        nearest = own[np.argmax(gains[own])]
+        indices = np.flatnonzero(np.isin(near, places))
+        nearest = indices[np.argmax(gains[indices])]
         best = nearest if gains[nearest] > np.max(gains) - _NEARER else np.argmax(gains)
         jump = int(near[best])
         if differences.is_steep(jump, octave, min(width, jump - int(before[k]), int(after[k]) - jump)):
-            found |= (places == jump) & (best == nearest)
+            flags |= (places == jump) & (best == nearest)
             open_ &= places != jump
             elsewhere += int(best != nearest)
             edges.append(jump)
             before, after = _edges(places, edges)
             ratios, widths = differences.ratios(places, octaves, np.minimum(places - before, after - places))
     # If a sensor jumps more often at other places than at gaps, its jumps are not restarts.
-    return found if np.count_nonzero(found) > elsewhere else np.zeros_like(found)
+    return flags if np.count_nonzero(flags) > elsewhere else np.zeros_like(flags)
 
 
 def _edges(places: Places, edges: Sequence[int]) -> tuple[Places, Places]:
@@ -130,9 +130,9 @@ class _Differences:
             if most <= width:
                 return 0.0, np.inf
             every = np.linspace(width, most, min(_PLACES, most - width + 1)).astype(np.int64)
-            found = self.at(every, width, lost)
-            middle = float(np.median(found))
-            spread = float(np.median(np.abs(found - middle))) / 0.67449
+            differences = self.at(every, width, lost)
+            middle = float(np.median(differences))
+            spread = float(np.median(np.abs(differences - middle))) / 0.67449
             self._usual[width, octave] = middle, max(spread, self._floor)
         return self._usual[width, octave]
 
@@ -144,9 +144,9 @@ class _Differences:
         for octave in np.unique(octaves).tolist():
             for width in self.widths:
                 middle, usual = self.usual(width, octave)
-                some = np.flatnonzero((octaves == octave) & (room >= width) & (usual < spread))
-                ratio[some] = np.abs(self.at(places[some], width) - middle) / usual
-                spread[some], chosen[some] = usual, width
+                subset = np.flatnonzero((octaves == octave) & (room >= width) & (usual < spread))
+                ratio[subset] = np.abs(self.at(places[subset], width) - middle) / usual
+                spread[subset], chosen[subset] = usual, width
         return ratio, chosen
 
     def gains(self, near: Places, place: int, *, octave: int, width: int) -> Vector:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from gmwm.base.errors import DataError, GmwmError, OptionError
+from gmwm.base.guests import admit_guests
 from gmwm.base.remarks import Remark
 from gmwm.base.text import version
 from gmwm.base.units import Quantity
@@ -125,7 +126,18 @@ def register(exporter: E_) -> E_:
 
 def registered() -> tuple[Exporter, ...]:
     """Return all formats, in alphabetical order."""
+    _admit_guests()
     return tuple(_EXPORTERS[name] for name in sorted(_EXPORTERS))
+
+
+def _admit_guests() -> None:
+    """Register the formats of other packages. Their entry points in `gmwm.exporters` name subclasses of `Exporter`."""
+    admit_guests("gmwm.exporters", _require_registered)
+
+
+def _require_registered(name: str, exporter: object) -> None:
+    if exporter not in [type(format) for format in _EXPORTERS.values()]:
+        raise TypeError(f"{name} is not a registered subclass of gmwm.exporters.Exporter")
 
 
 def find_exporter(format: str) -> Exporter:
@@ -136,6 +148,8 @@ def find_exporter(format: str) -> Exporter:
     OptionError
         If there is no such format.
     """
+    if format not in _EXPORTERS:
+        _admit_guests()
     if format not in _EXPORTERS:
         raise OptionError(argument="format", expected=f"one of {', '.join(sorted(_EXPORTERS))}", got=format)
     return _EXPORTERS[format]

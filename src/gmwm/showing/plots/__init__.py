@@ -1,31 +1,38 @@
-"""Plots of results with Matplotlib.
+"""Plots of results with Matplotlib. `result.plot()` calls the function that is registered for the type of the result.
 
 Each plot has two functions. The first returns a description of the plot without Matplotlib, as a `Panel` or `Figure`
 of `gmwm.plots.figure` (for example `fit_panel` or `imu_figure`). The second (`plot_…`) draws this description with
-Matplotlib. Matplotlib is imported when the first plot is drawn. Results have a method `plot`, which calls the function
-for their type.
+Matplotlib, which is imported when the first plot is drawn.
 
 The functions `plot_…` return a `matplotlib.figure.Figure` that is not registered with pyplot, so it need not be closed,
 and notebooks display it. If `path` is given, they also write the picture to a .png, .pdf or .svg file.
 """
 
-from gmwm.showing.plots.allan import plot_allan, plot_allan_axes, plot_avlr
-from gmwm.showing.plots.autocorrelation import plot_autocorrelation
-from gmwm.showing.plots.coefficients import plot_coefficients
-from gmwm.showing.plots.comparison import compare
-from gmwm.showing.plots.fit import plot_fit
-from gmwm.showing.plots.imu import plot_imu
-from gmwm.showing.plots.overlay import plot_comparison
-from gmwm.showing.plots.plan import plot_plan
-from gmwm.showing.plots.ranking import plot_candidates, plot_ranking
-from gmwm.showing.plots.residuals import plot_residuals
-from gmwm.showing.plots.series import plot_components, plot_recording, plot_signal
-from gmwm.showing.plots.spectrum import plot_spectra, plot_spectrum
-from gmwm.showing.plots.tracks import plot_tracks
-from gmwm.showing.plots.variance import plot_wavelet_variance
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from gmwm.base.plotting import Plotted as Plotted
+from gmwm.base.plotting import plot, register
+
+if TYPE_CHECKING:
+    from gmwm.showing.plots.allan import plot_allan, plot_allan_axes, plot_avlr
+    from gmwm.showing.plots.autocorrelation import plot_autocorrelation
+    from gmwm.showing.plots.coefficients import plot_coefficients
+    from gmwm.showing.plots.fit import plot_fit
+    from gmwm.showing.plots.imu import plot_imu
+    from gmwm.showing.plots.overlay import compare, plot_comparison
+    from gmwm.showing.plots.plan import plot_plan
+    from gmwm.showing.plots.ranking import plot_candidates, plot_ranking
+    from gmwm.showing.plots.residuals import plot_residuals
+    from gmwm.showing.plots.series import plot_components, plot_recording, plot_signal
+    from gmwm.showing.plots.spectrum import plot_spectra, plot_spectrum
+    from gmwm.showing.plots.tracks import plot_tracks
+    from gmwm.showing.plots.variance import plot_wavelet_variance
 
 __all__ = [
+    "Plotted",
     "compare",
+    "plot",
     "plot_allan",
     "plot_allan_axes",
     "plot_autocorrelation",
@@ -45,4 +52,45 @@ __all__ = [
     "plot_spectrum",
     "plot_tracks",
     "plot_wavelet_variance",
+    "register",
 ]
+
+_RESULTS = {
+    "calibration.result.Calibration": "imu.plot_imu",
+    "choosing.replicates.result.Replicates": "recordings.plot_recordings",
+    "choosing.selection.ranking.Comparison": "ranking.plot_candidates",
+    "choosing.selection.ranking.Ranking": "ranking.plot_ranking",
+    "fitting.estimation.conditions_fit.ConditionsFit": "overlay.plot_conditions",
+    "fitting.estimation.result.Fit": "fit.plot_fit",
+    "fitting.inference.planning.Plan": "plan.plot_plan",
+    "fitting.likelihood.innovations.Residuals": "residuals.plot_residuals",
+    "fitting.likelihood.result.LikelihoodFit": "fit.plot_fit",
+    "fitting.likelihood.tracks.Tracks": "tracks.plot_tracks",
+    "measuring.regression.result.Regression": "regression.plot_regression",
+    "measuring.spectrum.result.PowerSpectra": "spectrum.plot_spectra",
+    "measuring.spectrum.result.PowerSpectrum": "spectrum.plot_spectrum",
+    "measuring.variance.allan_regression.AllanRegression": "allan.plot_avlr",
+    "measuring.variance.axes_result.WaveletVariances": "imu.plot_imu",
+    "measuring.variance.clusters.ClusterVariance": "allan.plot_allan",
+    "measuring.variance.result.WaveletVariance": "variance.plot_wavelet_variance",
+    "recording.signals.Imu": "series.plot_recording",
+    "recording.signals.Signal": "series.plot_signal",
+    "theory.simulation.components.SimulatedSignal": "series.plot_components",
+}
+"""Functions of this package by the result that they draw."""
+_OTHERS = ("allan.plot_allan_axes", "autocorrelation.plot_autocorrelation", "coefficients.plot_coefficients",
+           "overlay.compare", "overlay.plot_comparison")  # fmt: skip
+"""Functions that draw several results, or with other arguments than `result.plot()`."""
+_MODULES = {name: module for module, _, name in (place.partition(".") for place in (*_RESULTS.values(), *_OTHERS))}
+
+for _kind, _place in _RESULTS.items():
+    register(f"gmwm.{_kind}", f"{__name__}.{_place}")
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        """Import a function when it is used: all modules of this package import most of gmwm, which takes 0.4 s."""
+        if name not in _MODULES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        function = globals()[name] = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+        return function

@@ -6,16 +6,17 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
+from gmwm.measuring.variance.allan_regression import Term, coefficient_unit
 from gmwm.measuring.variance.clusters import ClusterVariance
-from gmwm.measuring.variance.slope_line import Term, coefficient_unit
 from gmwm.showing.plots.axes import number_text, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE, band_edges, closed_panel, curves_then_bands
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import (
     Axis,
     Band,
@@ -35,7 +36,6 @@ from gmwm.showing.plots.view import UnitSystem, View, view_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
 
     from gmwm.measuring.variance.allan_regression import AllanRegression
     from gmwm.measuring.variance.result import WaveletVariance
@@ -247,6 +247,7 @@ def allan_figure(curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "
     return Figure((panels,), width=105.0 * len(panels), height=92.0, legend_columns=4)
 
 
+@drawing
 def plot_allan(
     result: ClusterVariance,
     *,
@@ -254,12 +255,22 @@ def plot_allan(
     guides: bool = True,
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> MatplotlibFigure:
-    """Draw a deviation over its averaging times. `ClusterVariance.plot` describes the arguments."""
+) -> Figure:
+    """Draw the deviation over the averaging time, with its confidence band, on logarithmic axes.
+
+    A variance of zero is marked at the lower edge of the plot.
+
+    Parameters
+    ----------
+    guides : bool
+        Whether to draw the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1
+        (ramp).
+    """
     panel = allan_panel({result.title: result}, units=units, guides=guides, title=axis_title(result.axis))
-    return _drawn(panel, ax, path)
+    return single_panel(panel, 84.0)
 
 
+@drawing
 def plot_avlr(
     regression: AllanRegression,
     *,
@@ -267,25 +278,35 @@ def plot_avlr(
     guides: bool = True,
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> MatplotlibFigure:
-    """Draw an Allan deviation with its fitted lines. `AllanRegression.plot` describes the arguments."""
-    return _drawn(avlr_panel(regression, units=units, guides=guides), ax, path)
+) -> Figure:
+    """Draw the Allan deviation with the fitted lines and the points that give Q, N, B, K and R.
+
+    Parameters
+    ----------
+    units : "si" or "datasheet"
+        Units of the plot: rad/s and m/s², or deg/h and mg with coefficients in units such as deg/√h.
+    guides : bool
+        Whether to draw the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1
+        (ramp).
+    """
+    return single_panel(avlr_panel(regression, units=units, guides=guides), 84.0)
 
 
+@drawing
 def plot_allan_axes(
     curves: Mapping[str, ClusterVariance],
     *,
     units: UnitSystem = "si",
     guides: bool = True,
     path: str | os.PathLike[str] | None = None,
-) -> MatplotlibFigure:
+) -> Figure:
     """Draw the deviations of several axes, with one panel for each sensor.
 
     Parameters
     ----------
     curves : mapping of axis name to ClusterVariance
         Curves by axis, for example {"gyro_x": allan_x, "accel_z": allan_z}. Curves with other names share one panel.
-    units, guides, path
+    guides : bool
         As for `plot_allan`.
 
     Raises
@@ -293,12 +314,4 @@ def plot_allan_axes(
     OptionError
         If an option is unknown, or the curves of a panel differ in quantity or unit.
     """
-    from gmwm.showing.plots.matplotlib import draw
-
-    return draw(allan_figure(curves, units=units, guides=guides), path=path)
-
-
-def _drawn(panel: Panel, ax: Any, path: str | os.PathLike[str] | None) -> MatplotlibFigure:
-    from gmwm.showing.plots.matplotlib import draw
-
-    return draw(single_panel(panel, 84.0), ax=ax, path=path)
+    return allan_figure(curves, units=units, guides=guides)

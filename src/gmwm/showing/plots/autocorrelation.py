@@ -16,6 +16,7 @@ from gmwm.recording.autocorrelation import autocorrelation, observed_pairs
 from gmwm.recording.options import as_whole_number
 from gmwm.recording.signals import Signal
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.linear import even_axis
@@ -23,7 +24,7 @@ from gmwm.showing.plots.series import PAGE
 from gmwm.showing.plots.style import BLACK, BLUE, GREY
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
+    pass
 
 LEVEL = 0.95
 """Confidence level of the limits for white noise."""
@@ -74,9 +75,10 @@ def signal_autocorrelation_panel(signal: Signal, lags: int | None = None) -> Pan
     return autocorrelation_panel(r, error, f"{axis_title(signal.axis) or 'Signal'}, limits for white noise")
 
 
+@drawing
 def plot_autocorrelation(
     signal: Signal, lags: int | None = None, *, path: str | os.PathLike[str] | None = None
-) -> MatplotlibFigure:
+) -> Figure:
     """Draw the autocorrelation of a signal at the lags 1 … L, with the 95 % limits of each value for white noise.
 
     Parameters
@@ -85,12 +87,6 @@ def plot_autocorrelation(
         The signal. Pairs of samples of which one is missing are left out.
     lags : int, optional
         Number of lags L. Default: 10 log₁₀ N for N samples.
-    path : path, optional
-        File to write the picture to, ending in .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
 
     Raises
     ------
@@ -106,9 +102,7 @@ def plot_autocorrelation(
     >>> figure.axes[0].get_ylabel()
     'Autocorrelation'
     """
-    from gmwm.showing.plots.matplotlib import draw
-
-    return draw(Figure(((signal_autocorrelation_panel(signal, lags),),), width=PAGE, height=70.0), path=path)
+    return Figure(((signal_autocorrelation_panel(signal, lags),),), width=PAGE, height=70.0)
 
 
 def percent(share: float) -> str:

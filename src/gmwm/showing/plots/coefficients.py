@@ -14,6 +14,7 @@ from gmwm.base.errors import OptionError
 from gmwm.base.text import duration_text
 from gmwm.measuring.variance.transform import Dwt, Modwt
 from gmwm.showing.plots.curves import FRONT
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Figure, Line, Panel, Stroke
 from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit, time_unit
 from gmwm.showing.plots.series import DOTS, PAGE, WIDTH, row_height, time_once
@@ -21,7 +22,7 @@ from gmwm.showing.plots.style import BLUE
 from gmwm.showing.plots.trace import even_trace
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
+    pass
 
 
 def coefficients_figure(
@@ -56,6 +57,7 @@ def _panel(transform: Modwt | Dwt, level: int, rate: float, unit: str) -> Panel:
     return Panel(x, y, (line,), f"Level {level}, scale {scale}")
 
 
+@drawing
 def plot_coefficients(
     transform: Modwt | Dwt,
     rate: float,
@@ -63,7 +65,7 @@ def plot_coefficients(
     unit: str = "",
     levels: Iterable[int] | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> MatplotlibFigure:
+) -> Figure:
     """Draw wavelet coefficients over time, with a panel for each level, without those affected by the boundaries.
 
     Parameters
@@ -76,12 +78,6 @@ def plot_coefficients(
         Unit of the signal, for the labels.
     levels : sequence of int, optional
         Levels to draw. Default: all levels with coefficients that the boundaries do not affect.
-    path : path, optional
-        File to write the picture to, ending in .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
 
     Raises
     ------
@@ -97,6 +93,4 @@ def plot_coefficients(
     >>> len(figure.axes)
     3
     """
-    from gmwm.showing.plots.matplotlib import draw
-
-    return draw(coefficients_figure(transform, rate, unit=unit, levels=levels), path=path)
+    return coefficients_figure(transform, rate, unit=unit, levels=levels)

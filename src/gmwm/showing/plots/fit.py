@@ -12,14 +12,14 @@ import numpy as np
 
 from gmwm.base.arrays import Vector
 from gmwm.showing.plots.curves import ABOVE, MIDDLE, closed_panel, observed_marks, view_for
-from gmwm.showing.plots.figure import Line, Panel, Stroke, Text, drawable, single_panel
+from gmwm.showing.plots.drawing import drawing
+from gmwm.showing.plots.figure import Figure, Line, Panel, Stroke, Text, drawable, single_panel
 from gmwm.showing.plots.labels import axis_title, datasheet_label, model_text, term_label
 from gmwm.showing.plots.style import GREY, IMPLIED, term_strokes
 from gmwm.showing.plots.view import UnitSystem, View, ViewName
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
 
     from gmwm.measuring.variance.result import WaveletVariance
     from gmwm.theory.processes.base import Process
@@ -174,6 +174,7 @@ def _with_hidden_terms(panel: Panel, terms: tuple[Line, ...]) -> Panel:
     return replace(panel, marks=marks)
 
 
+@drawing
 def plot_fit(
     fit: Fitted,
     *,
@@ -184,9 +185,26 @@ def plot_fit(
     color: str | None = None,
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> MatplotlibFigure:
-    """Draw a fit. `Fit.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
+) -> Figure:
+    """Draw the data with their confidence band, the curve that the model implies, and the curve of each term.
+
+    Parameters
+    ----------
+    decomposition : bool, optional
+        Whether to draw the curves of the terms. By default they are drawn unless `label` or `color` is given.
+    label : str, optional
+        Name of the fit in the legend. Use it to draw several fits on the same axes, as in
+        `monday.plot(ax=ax, label="monday")`. Each fit then has its own colour and symbol.
+    color : str, optional
+        Matplotlib colour such as "#D55E00"; by default a colour that no earlier fit has.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown, if the data do not support it, or if an earlier fit on `ax` has another unit.
+    ModelError
+        If a maximum-likelihood fit was read from a file, which does not hold the recording.
+    """
     from gmwm.showing.plots.shared_axes import named_fit_panel
 
     if label is None and color is None:
@@ -195,4 +213,4 @@ def plot_fit(
         panel = named_fit_panel(
             fit, label=label, color=color, view=view, units=units, ax=ax, decomposition=decomposition is True
         )
-    return draw(single_panel(panel), ax=ax, path=path)
+    return single_panel(panel)

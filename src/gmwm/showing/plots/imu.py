@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, cast
 
 from gmwm.base.errors import OptionError
 from gmwm.showing.plots.axes import quiet, spaced, value_axis
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Axis, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.plots.labels import axis_title, sensor_and_letter, sensor_title
@@ -18,8 +19,6 @@ from gmwm.showing.plots.variance import wavelet_variance_panel
 from gmwm.showing.plots.view import UnitSystem, ViewName
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
     from gmwm.fitting.estimation.result import Fit
 
 PAGE = 174.0
@@ -55,6 +54,7 @@ def imu_figure(
     return _by_sensor(single, view, units)
 
 
+@drawing
 def plot_imu(
     items: Mapping[str, Item | Mapping[str, Item]],
     *,
@@ -62,7 +62,7 @@ def plot_imu(
     view: ViewName = "wavelet",
     units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
-) -> MatplotlibFigure:
+) -> Figure:
     """Draw all axes of an inertial unit.
 
     Parameters
@@ -73,26 +73,13 @@ def plot_imu(
     split : bool
         If True, draw one panel for each axis and one row of panels for each sensor. If False, draw one panel for each
         sensor, in which x, y and z differ in colour (vermillion, green, blue), symbol and dash.
-    view : "wavelet" or "allan"
-        ν² against the scale τ (s), or the Allan deviation √(2ν²) against the averaging time τ/2 (s).
-    units : "si" or "datasheet"
-        rad/s and m/s², or deg/h and mg.
-    path : path, optional
-        File to write the picture to, ending in .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
 
     Raises
     ------
     OptionError
         If an option is unknown, `items` is empty, or `split` is False and an axis has several curves.
     """
-    from gmwm.showing.plots.matplotlib import draw
-
-    return draw(imu_figure(items, split=split, view=view, units=units), path=path)
+    return imu_figure(items, split=split, view=view, units=units)
 
 
 def _grid(items: Mapping[str, Item | dict[str, Item]], view: ViewName, units: UnitSystem) -> Figure:

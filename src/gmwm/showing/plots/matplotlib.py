@@ -14,7 +14,6 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axes._secondary_axes import SecondaryAxis
-from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure as MatplotlibFigure
 from matplotlib.lines import Line2D
 from matplotlib.markers import TICKDOWN, TICKLEFT, MarkerStyle
@@ -26,7 +25,6 @@ from gmwm.base.atomic_files import write_bytes
 from gmwm.base.errors import OptionError
 from gmwm.showing.plots.figure import Axis, Band, Figure, Foot, Mark, Panel, Stroke, Symbol, Tick
 from gmwm.showing.plots.legend import EDGE, MILLIMETRE, folded, legend_below, legend_inside
-from gmwm.showing.plots.png import png
 from gmwm.showing.plots.style import GRID
 
 if TYPE_CHECKING:
@@ -39,7 +37,9 @@ FORMATS = (".png", ".pdf", ".svg")
 """Suffixes of the picture formats that can be written."""
 
 DPI = 200
-PRINT_DPI = 400
+"""Resolution of a picture that a notebook shows."""
+PRINT_DPI = 300
+"""Resolution of a .png file: the least that journals accept."""
 TEXT_SIZE = 8.0
 SMALL_SIZE = 7.0
 FOOT = 0.03
@@ -103,8 +103,6 @@ def save(picture: MatplotlibFigure, path: str | os.PathLike[str]) -> None:
 
 def rendered(picture: MatplotlibFigure, suffix: str) -> bytes:
     """Return the content of a file with the suffix ".png", ".pdf" or ".svg"."""
-    if suffix == ".png" and isinstance(picture, Picture) and to_rgba(picture.get_facecolor())[3] == 1:
-        return png(picture, PRINT_DPI)
     # Text in a PDF stays text (font type 42), as journals require. The salt makes the identifiers in an SVG
     # reproducible.
     settings: Any = {"svg.hashsalt": "gmwm", "pdf.fonttype": 42}

@@ -5,23 +5,33 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 
 from gmwm.base.errors import OptionError
 from gmwm.showing.plots.curves import MIDDLE, closed_panel, curves_then_bands, observed_marks, view_for
-from gmwm.showing.plots.figure import Band, Line, Mark, Panel, Stroke, drawable, single_panel
+from gmwm.showing.plots.drawing import drawing
+from gmwm.showing.plots.figure import Band, Figure, Line, Mark, Panel, Stroke, drawable, single_panel
+from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.style import curve_stroke
 from gmwm.showing.plots.view import UnitSystem, View, ViewName
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
 
-    from gmwm.fitting.estimation.conditions_fit import AtCondition
+    from gmwm.base.arrays import Vector
+    from gmwm.fitting.estimation.conditions_fit import ConditionsFit
     from gmwm.fitting.estimation.result import Fit
     from gmwm.measuring.variance.result import WaveletVariance
+
+
+class AtCondition(NamedTuple):
+    """Measured wavelet variance at one condition, and the wavelet variance that the model implies there."""
+
+    wavelet_variance: WaveletVariance
+    implied: Vector
+
 
 Item: TypeAlias = "WaveletVariance | Fit | AtCondition"
 """Something to draw as a curve: a wavelet variance, or a fit, which contains a wavelet variance."""
@@ -116,6 +126,15 @@ def _faint(mark: Mark) -> Mark:
     return replace(mark, opacity=0.15) if isinstance(mark, Band) else mark
 
 
+def comparison_figure(
+    items: Mapping[str, Item], *, view: ViewName = "wavelet", units: UnitSystem = "si", title: str = ""
+) -> Figure:
+    """Return the figure that `plot_comparison` draws."""
+    panel = overlay_panel(checked_items(items), view=view, units=units, title=title)
+    return single_panel(panel, legend_rows=2)
+
+
+@drawing
 def plot_comparison(
     items: Mapping[str, Item],
     *,
@@ -124,29 +143,138 @@ def plot_comparison(
     title: str = "",
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> MatplotlibFigure:
+) -> Figure:
     """Draw several wavelet variances in one panel, for example classical and robust, or two recordings.
 
     Parameters
     ----------
     items : mapping of name to WaveletVariance or Fit
         The curves, with their names for the legend. A fit is drawn with symbols for the data and a line for the model.
-    view, units, ax, path
-        As for `plot_wavelet_variance`.
     title : str
         Title of the panel.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
 
     Raises
     ------
     OptionError
         If an option is unknown, or the curves differ in unit.
     """
-    from gmwm.showing.plots.matplotlib import draw
+    return comparison_figure(items, view=view, units=units, title=title)
 
-    panel = overlay_panel(checked_items(items), view=view, units=units, title=title)
-    return draw(single_panel(panel, legend_rows=2), ax=ax, path=path)
+
+@drawing
+def plot_conditions(
+    fit: ConditionsFit,
+    *,
+    view: ViewName = "wavelet",
+    units: UnitSystem = "si",
+    path: str | os.PathLike[str] | None = None,
+) -> Figure:
+    """Draw the curves of all conditions with their models."""
+    items: dict[str, Item] = {
+        f"{fit.condition} {c:g}": AtCondition(wv, fit.models[c].wavelet_variance(wv.levels, wv.rate, wv.filter))
+        for c, wv in fit.curves.items()
+    }
+    return comparison_figure(items, view=view, units=units)
+
+
+@drawing
+def compare(
+    *items: Item,
+    labels: Sequence[str] | None = None,
+    view: ViewName = "wavelet",
+    units: UnitSystem = "si",
+    title: str = "",
+    ax: Axes | None = None,
+    path: str | os.PathLike[str] | None = None,
+) -> Figure:
+    """Draw several wavelet variances in one panel, for example classical and robust, or several axes or recordings.
+
+    Parameters
+    ----------
+    items : WaveletVariance or Fit
+        One or more curves. A fit is drawn with symbols for the data and a line for the model.
+    labels : sequence of str, optional
+        Names for the legend. By default, they state the properties in which the curves differ: axis, classical or
+        robust estimate, filter, length and rate, or fitted model.
+    title : str
+        Title of the panel.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown, a label is missing or repeated, or the curves differ in unit.
+
+    References
+    ----------
+    The comparison of classical and robust wavelet variances follows Balamuta, Guerrier, Molinari and Yang.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gmwm import Signal, wavelet_variance
+    >>> signal = Signal(np.random.default_rng(1).normal(size=4096), 100.0, "rad/s", "gyro_x")
+    >>> figure = compare(wavelet_variance(signal), wavelet_variance(signal, robust=True))
+    >>> figure.axes[0].get_ylabel()
+    'Wavelet variance (rad²/s²)'
+    """
+    if not items:
+        raise OptionError(argument="items", expected="one or more of WaveletVariance and Fit", got=items)
+    for item in items:
+        if not hasattr(measured(item), "robust"):
+            raise OptionError(
+                argument="items",
+                expected="of type WaveletVariance or Fit",
+                got=item,
+                advice="Draw Allan variances with `gmwm.plots.plot_allan_axes`.",
+            )
+    names = automatic_labels(items) if labels is None else [str(name) for name in labels]
+    if len(names) != len(items):
+        raise OptionError(
+            argument="labels", expected=f"a sequence of {len(items)} names, one for each curve", got=names
+        )
+    if len(set(names)) != len(names):
+        raise OptionError(argument="labels", expected="a sequence of different names", got=names)
+    return comparison_figure(dict(zip(names, items, strict=True)), view=view, units=units, title=title)
+
+
+def automatic_labels(items: Sequence[Item]) -> list[str]:
+    """Return a name for each item that states how it differs from the others, such as by its axis or its model.
+
+    Items that do not differ are numbered.
+
+    >>> from gmwm import WaveletVariance
+    >>> one = WaveletVariance.from_values([2.0, 1.0], samples=1000, rate=100.0, axis="gyro_x")
+    >>> two = WaveletVariance.from_values([2.0, 1.0], samples=1000, rate=100.0, axis="gyro_x", robust=True)
+    >>> automatic_labels([one, two]), automatic_labels([one, one])
+    (['classical', 'robust'], ['Gyroscope X (1)', 'Gyroscope X (2)'])
+    """
+    results = [measured(item) for item in items]
+    aspects = [
+        [axis_title(wv.axis) for wv in results],
+        _estimators(results),
+        [f"{wv.filter} {wv.transform.upper()}" for wv in results],
+        [wv.extent for wv in results],
+        [_model(item) for item in items],
+    ]
+    telling = [aspect for aspect in aspects if len(set(aspect)) > 1] or [aspects[0]]
+    names = [", ".join(filter(None, words)) or "Wavelet variance" for words in zip(*telling, strict=True)]
+    for name in {name for name in names if names.count(name) > 1}:
+        same = [k for k, other in enumerate(names) if other == name]
+        for number, k in enumerate(same, 1):
+            names[k] = f"{name} ({number})"
+    return names
+
+
+def _model(item: Item) -> str:
+    """Return the structure of a fitted model, for example "2*GM + WN"; "" for a measured curve."""
+    model = getattr(item, "model", None)
+    return "" if model is None else str(model.structure)
+
+
+def _estimators(results: Sequence[WaveletVariance]) -> list[str]:
+    """Return "classical" or "robust" for each result, with the efficiency if it differs between robust results."""
+    several = len({wv.efficiency for wv in results if wv.robust}) > 1
+    return [
+        (f"robust, efficiency {wv.efficiency:g}" if several else "robust") if wv.robust else "classical"
+        for wv in results
+    ]

@@ -15,13 +15,13 @@ from gmwm.base.text import duration_text
 from gmwm.fitting.inference.planning import SEEN, Plan, as_accuracy
 from gmwm.showing.plots.axes import limits_of, time_axis, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
-from gmwm.showing.plots.figure import Band, Line, Mark, Panel, Stroke, Symbol, single_panel
+from gmwm.showing.plots.drawing import drawing
+from gmwm.showing.plots.figure import Band, Figure, Line, Mark, Panel, Stroke, Symbol, single_panel
 from gmwm.showing.plots.labels import model_text
 from gmwm.showing.plots.style import BLACK, DOTTED, GREY, term_strokes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
 
 HIGHEST = 2.0
 """Largest relative standard error that is drawn. Pinned by tests/plots/test_plot_plan.py."""
@@ -132,15 +132,28 @@ def _need_text(name: str, seconds: float, plan: Plan, accuracy: float) -> str:
     return f"more than {100 * accuracy:g} % in {duration_text(plan.horizon)}"
 
 
+@drawing
 def plot_plan(
     plan: Plan,
     *,
     accuracy: float = 0.1,
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> MatplotlibFigure:
-    """Draw the relative standard errors of a plan. `Plan.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
+) -> Figure:
+    """Draw the relative standard error of each parameter over the length of the recording.
 
+    The curves continue beyond the planned duration, which is marked.
+
+    Parameters
+    ----------
+    accuracy : float
+        Desired relative standard error. It is drawn as a horizontal line, with a ring where each parameter reaches
+        it.
+
+    Raises
+    ------
+    OptionError
+        If `accuracy` is not between 0 and 0.5, or the plot cannot be drawn on `ax` or written to `path`.
+    """
     panel = plan_panel(plan, accuracy=accuracy)
-    return draw(single_panel(panel, 84.0), ax=ax, path=path)
+    return single_panel(panel, 84.0)

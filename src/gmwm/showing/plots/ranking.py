@@ -14,6 +14,7 @@ from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
 from gmwm.showing.plots.axes import signed_axis, time_axis
 from gmwm.showing.plots.curves import ABOVE, BAND, BEHIND, FRONT, MIDDLE, closed_panel, observed_marks, view_for
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, Symbol, Tick, drawable
 from gmwm.showing.plots.imu import PAGE, SINGLE
 from gmwm.showing.plots.labels import axis_title, model_text
@@ -21,8 +22,6 @@ from gmwm.showing.plots.style import GREY, IMPLIED, OBSERVED, term_stroke
 from gmwm.showing.plots.view import UnitSystem, ViewName
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
     from gmwm.choosing.selection.ranking import Candidate, Comparison, Ranking
     from gmwm.measuring.variance.result import WaveletVariance
 
@@ -209,6 +208,7 @@ def _score_name(candidate: Candidate) -> str:
     return "WIC" if candidate.out_of_sample is None else "Loss out of sample"
 
 
+@drawing
 def plot_ranking(
     ranking: Ranking,
     *,
@@ -216,21 +216,38 @@ def plot_ranking(
     view: ViewName = "wavelet",
     units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
-) -> MatplotlibFigure:
-    """Draw the best models of a ranking with the data. `Ranking.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
+) -> Figure:
+    """Draw the best models with the data, their distances from the data, and the criteria.
 
-    return draw(ranking_figure(ranking, limit=limit, view=view, units=units), path=path)
+    The curves of different models often look the same. The second panel shows their distances from the data, scaled
+    so that the confidence limits are at −1 and 1. With several recordings, the mean wavelet variance is drawn.
+
+    Parameters
+    ----------
+    limit : int
+        Number of the best distinct candidates to draw. The recommended candidate is always drawn.
+
+    Examples
+    --------
+    >>> from gmwm import QN, RW, WN, select
+    >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(20_000, 100.0, rng=1)
+    >>> figure = select(WN() + QN() + RW(), x, rate=100.0).plot()
+    >>> figure.axes[2].get_xlabel()
+    'WIC above the best'
+    """
+    return ranking_figure(ranking, limit=limit, view=view, units=units)
 
 
+@drawing
 def plot_candidates(
     comparison: Comparison,
     *,
     view: ViewName = "wavelet",
     units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
-) -> MatplotlibFigure:
-    """Draw two candidates of a ranking with the data. `Comparison.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
+) -> Figure:
+    """Draw the two candidates with the data, and their distances from the data.
 
-    return draw(candidates_figure(comparison, view=view, units=units), path=path)
+    The title states the difference of the criteria. With several recordings, the mean wavelet variance is drawn.
+    """
+    return candidates_figure(comparison, view=view, units=units)

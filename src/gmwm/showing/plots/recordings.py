@@ -12,13 +12,12 @@ from gmwm.measuring.covariance import Design
 from gmwm.measuring.covariance.api import variances
 from gmwm.showing.plots.axes import signed_axis, time_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.style import GREY, SOLID, curve_stroke
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
     from gmwm.choosing.replicates import Replicates
 
 MEAN = Stroke(GREY, 0.8, SOLID)
@@ -57,8 +56,10 @@ def recordings_figure(found: Replicates) -> Figure:
     return Figure(((Panel(x, y, tuple(marks), title=axis_title(wv.axis)),),), width=150.0, height=95.0)
 
 
-def plot_recordings(found: Replicates, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw the difference of each recording from the mean. `Replicates.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
+@drawing
+def plot_recordings(found: Replicates, *, path: str | os.PathLike[str] | None = None) -> Figure:
+    """Draw the relative difference between the wavelet deviation of each recording and of all recordings together.
 
-    return draw(recordings_figure(found), path=path)
+    A band shows the range of differences that chance explains.
+    """
+    return recordings_figure(found)

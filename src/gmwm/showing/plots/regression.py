@@ -10,6 +10,7 @@ import numpy as np
 from gmwm.base.errors import OptionError
 from gmwm.base.units import datasheet_units
 from gmwm.measuring.regression.against import TIME, WARM_UP
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Band, Figure, Line, Panel, Stroke, single_panel
 from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit
@@ -18,7 +19,6 @@ from gmwm.showing.plots.view import UnitSystem
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
 
     from gmwm.measuring.regression.result import Regression
 
@@ -68,12 +68,13 @@ def regression_figure(found: Regression, *, units: UnitSystem = "si") -> Figure:
     return single_panel(regression_panel(found, units=units))
 
 
+@drawing
 def plot_regression(
     found: Regression, *, units: UnitSystem = "si", ax: Axes | None = None, path: str | os.PathLike[str] | None = None
-) -> MatplotlibFigure:
-    """Draw a regression. `Regression.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
-
+) -> Figure:
+    """Draw the axis against its first covariate, before and after the effect is subtracted, with the effect and its
+    band.
+    """
     if units not in ("si", "datasheet"):
         raise OptionError(argument="units", expected="'si' or 'datasheet'", got=units)
-    return draw(regression_figure(found, units=units), ax=ax, path=path)
+    return regression_figure(found, units=units)

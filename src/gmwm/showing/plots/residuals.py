@@ -14,6 +14,7 @@ from gmwm.fitting.likelihood.innovations import Residuals
 from gmwm.showing.plots.autocorrelation import DOTTED, EXPECTED, LEVEL, autocorrelation_panel, percent
 from gmwm.showing.plots.axes import number_text, power_text
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.labels import axis_title, model_text
 from gmwm.showing.plots.linear import even_axis, number_at, time_unit
@@ -22,7 +23,7 @@ from gmwm.showing.plots.style import BLUE, GREY, VERMILLION
 from gmwm.showing.plots.trace import even_trace, isolated
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
+    pass
 
 LEAST_P = 1e-6
 """Smallest p-value that is shown as a number. Smaller p-values are shown as "p < 10⁻⁶". Pinned by
@@ -145,10 +146,30 @@ def _p_text(p_value: float) -> str:
 # --- pictures -----------------------------------------------------------------------------------------
 
 
+@drawing
 def plot_residuals(
     residuals: Residuals, lags: int | None = None, *, path: str | os.PathLike[str] | None = None
-) -> MatplotlibFigure:
-    """Draw residuals and the results of their tests. `Residuals.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
+) -> Figure:
+    """Draw the residuals over time, their normal probability plot, and their autocorrelation.
 
-    return draw(residuals_figure(residuals, lags), path=path)
+    The titles give the results of the tests.
+
+    Parameters
+    ----------
+    lags : int, optional
+        Number of lags of the autocorrelation and of the Ljung-Box test; 10 log₁₀ N by default.
+
+    Raises
+    ------
+    OptionError
+        If `lags` is not a whole number below the number of samples, or the ending of `path` is unknown.
+
+    Examples
+    --------
+    >>> from gmwm import RW, WN
+    >>> model = WN(sigma2=1.0) + RW(gamma2=1e-4)
+    >>> picture = model.residuals(model.simulate(1000, 100.0, rng=1), rate=100.0).plot()
+    >>> [axes.get_title().partition(":")[0] for axes in picture.findobj(match=type(picture.axes[0]))]
+    ['WN + RW', 'Jarque-Bera', 'Ljung-Box, 30 lags']
+    """
+    return residuals_figure(residuals, lags)

@@ -13,6 +13,7 @@ from gmwm.base.units import Quantity, find_unit
 from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.plots.axes import number_text, quiet
 from gmwm.showing.plots.curves import FRONT
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Figure, Line, Mark, Panel, Stroke, Symbol
 from gmwm.showing.plots.labels import axis_title, model_text, sensor_and_letter, term_label
 from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit, time_unit
@@ -22,7 +23,6 @@ from gmwm.showing.plots.view import UnitSystem, View, view_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
 
     from gmwm.theory.simulation.components import SimulatedSignal
 
@@ -216,32 +216,38 @@ def time_once(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | N
 # --- pictures -----------------------------------------------------------------------------------------
 
 
+@drawing
 def plot_signal(
     signal: Signal,
     *,
     units: UnitSystem = "si",
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> MatplotlibFigure:
-    """Draw a signal over time. `Signal.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
+) -> Figure:
+    """Draw the signal over time, with its line broken where samples are missing.
 
-    return draw(Figure(((signal_panel(signal, units=units),),), width=PAGE, height=62.0), ax=ax, path=path)
-
-
-def plot_recording(
-    imu: Imu, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None
-) -> MatplotlibFigure:
-    """Draw all axes of a recording over time. `Imu.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
-
-    return draw(recording_figure(imu, units=units), path=path)
+    If the samples are far from zero, their mean is subtracted, and the title states it.
+    """
+    return Figure(((signal_panel(signal, units=units),),), width=PAGE, height=62.0)
 
 
+@drawing
+def plot_recording(imu: Imu, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None) -> Figure:
+    """Draw all axes over time, gyroscopes next to accelerometers, with lines broken where samples are missing.
+
+    If the samples of an axis are far from zero, as with gravity, their mean is subtracted, and the title states it.
+    The axes of a sensor have the same scale, unless a curve would be flat.
+    """
+    return recording_figure(imu, units=units)
+
+
+@drawing
 def plot_components(
     simulated: SimulatedSignal, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None
-) -> MatplotlibFigure:
-    """Draw a simulated signal and its latent processes. `SimulatedSignal.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
+) -> Figure:
+    """Draw the simulated signal over time and, below it, each latent process.
 
-    return draw(components_figure(simulated, units=units), path=path)
+    Gravity is subtracted from the signal, and the title states it. All panels have the same scale, unless a curve
+    would be flat.
+    """
+    return components_figure(simulated, units=units)

@@ -15,6 +15,7 @@ from gmwm.base.units import datasheet_units, noise_unit
 from gmwm.measuring.spectrum.welch import ENERGY_WIDTH
 from gmwm.showing.plots.axes import limits_near, limits_of, power_ticks, value_axis
 from gmwm.showing.plots.curves import ABOVE, BAND, FRONT, MIDDLE
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, drawable, single_panel
 from gmwm.showing.plots.fit import LINES
 from gmwm.showing.plots.labels import axis_title, model_text
@@ -23,7 +24,6 @@ from gmwm.theory.processes.model import ModelLike, as_model
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
 
     from gmwm.measuring.spectrum import PowerSpectrum
     from gmwm.showing.plots.view import UnitSystem
@@ -173,6 +173,7 @@ def spectra_figure(
     return Figure(full, width=max(70.0 * columns, 100.0), height=20.0 + 62.0 * len(rows), legend_columns=4)
 
 
+@drawing
 def plot_spectrum(
     spectrum: PowerSpectrum,
     *,
@@ -180,22 +181,49 @@ def plot_spectrum(
     units: UnitSystem = "si",
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> MatplotlibFigure:
-    """Draw a power spectral density. `PowerSpectrum.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
+) -> Figure:
+    """Draw the root density over the frequency, with its confidence band, lines and bumps, on logarithmic axes.
 
+    The density is averaged over 1/24 octave, except around lines. It is one-sided, so white noise with the
+    two-sided density N of a datasheet is drawn at √2 N.
+
+    Parameters
+    ----------
+    model : Model, Process or str, optional
+        Model with values, such as `fit.model`. Its density and the densities of its terms are drawn on top of the
+        spectrum. A cross marks the height of a sinusoid of the model in this spectrum.
+    units : "si" or "datasheet"
+        Units of the plot: rad/s/√Hz and m/s²/√Hz, or deg/s/√Hz and µg/√Hz.
+
+    Raises
+    ------
+    OptionError
+        If `units` is unknown, or is "datasheet" and the signal is neither an angular rate nor an acceleration.
+    """
     panel = spectrum_panel(spectrum, model=model, units=units)
-    return draw(single_panel(panel), ax=ax, path=path)
+    return single_panel(panel)
 
 
+@drawing
 def plot_spectra(
     spectra: Mapping[str, PowerSpectrum],
     *,
     models: Mapping[str, ModelLike] | None = None,
     units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
-) -> MatplotlibFigure:
-    """Draw the power spectral densities of several axes. `PowerSpectra.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
+) -> Figure:
+    """Draw the spectrum of every axis, with one row for each sensor; see `PowerSpectrum.plot`.
 
-    return draw(spectra_figure(spectra, models=models, units=units), path=path)
+    Parameters
+    ----------
+    models : mapping of axis to Model, Process or str, optional
+        Models with values, whose densities are drawn on top of the spectra.
+    units : "si" or "datasheet"
+        Units of the plot: rad/s/√Hz and m/s²/√Hz, or deg/s/√Hz and µg/√Hz.
+
+    Raises
+    ------
+    OptionError
+        If `units` is unknown, or is "datasheet" and an axis is neither an angular rate nor an acceleration.
+    """
+    return spectra_figure(spectra, models=models, units=units)

@@ -18,6 +18,7 @@ from gmwm.fitting.likelihood.system import LEVEL
 from gmwm.fitting.likelihood.tracks import BIAS, Kind, Tracks, wanders
 from gmwm.showing.plots.axes import number_text, quiet
 from gmwm.showing.plots.curves import ABOVE, BAND, BEHIND, FRONT, MIDDLE
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.labels import axis_title, model_text, term_label
 from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit, time_unit
@@ -28,7 +29,6 @@ from gmwm.showing.plots.view import UnitSystem, View, view_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as MatplotlibFigure
 
 COLUMNS = round(DOTS * PAGE)
 RECORD = Stroke(PALE, 0.5)
@@ -265,6 +265,7 @@ def _as_truth(tracks: Tracks, truth: Mapping[str, ArrayLike] | ArrayLike | None)
 # --- pictures -----------------------------------------------------------------------------------------
 
 
+@drawing
 def plot_tracks(
     tracks: Tracks,
     labels: str | Sequence[str] | None = None,
@@ -274,9 +275,38 @@ def plot_tracks(
     units: UnitSystem = "si",
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> MatplotlibFigure:
-    """Draw estimated processes with their confidence bands. `Tracks.plot` describes the arguments."""
-    from gmwm.showing.plots.matplotlib import draw
+) -> Figure:
+    """Draw the recording with its bias and, below it, the bias or other tracks with their confidence bands.
 
-    figure = tracks_figure(tracks, labels, truth=truth, level=level, units=units, record=ax is None)
-    return draw(figure, ax=ax, path=path)
+    The line of the recording has gaps where samples are missing; the tracks do not. Samples with an infinite
+    standard deviation are not drawn. For a prediction, only the tracks are drawn.
+
+    Parameters
+    ----------
+    labels : str or sequence of str, optional
+        The tracks to draw, one panel each; the bias by default.
+    truth : mapping of label to (N,) array, or (N,) array, optional
+        The true values, in the unit of the recording, if they are known. A single array is the true bias.
+    level : float
+        Probability that the band contains the process at a given sample, if the parameters of the model are exact.
+    ax : matplotlib Axes, optional
+        Axes on which to draw one track without the recording; a new figure by default.
+
+    Raises
+    ------
+    OptionError
+        If a label or an option is unknown, if `truth` has another length than the tracks, or if the picture cannot
+        be drawn on `ax`.
+    DataError
+        If `truth` is not a vector of real numbers.
+
+    Examples
+    --------
+    >>> from gmwm import simulate_signal
+    >>> made = simulate_signal("WN(sigma2=1.0) + RW(gamma2=1e-4)", rate=100.0, samples=1000, rng=1)
+    >>> tracks = made.model.smooth(made.signal)
+    >>> picture = tracks.plot(truth=made["RW"])
+    >>> [axes.get_title() for axes in picture.axes]
+    ['Record and its bias: WN + RW', 'Bias: RW']
+    """
+    return tracks_figure(tracks, labels, truth=truth, level=level, units=units, record=ax is None)

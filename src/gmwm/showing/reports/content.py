@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gmwm.applications.navigation.table import budget_table
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect, Remark, texts
@@ -29,6 +29,7 @@ from gmwm.showing.reports.figures import (
     spectrum_pictures,
 )
 from gmwm.showing.reports.recording_facts import Facts, recording_facts
+from gmwm.showing.reports.sections import sections
 from gmwm.showing.reports.spectrum_tables import spectrum_tables
 from gmwm.showing.reports.verdict import notes, verdict
 
@@ -53,7 +54,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
     -------
     dict
         The content, with the keys `title`, `verdict`, `notes`, `recording`, `settings`, `confidence`, `tables`,
-        `sensors`, `axes`, `outliers`, `budget`, `configurations`, `left_out`, `citation`, `pictures` and `gmwm`.
+        `sensors`, `axes`, `outliers`, `sections`, `configurations`, `left_out`, `citation`, `pictures` and `gmwm`.
 
     Raises
     ------
@@ -114,7 +115,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
         "axes": axes,
         "outliers": [_outliers(axis, found) for axis, found in calibration.axes.items()],
         "confidence": f"{100 * calibration.settings.confidence:g} %",
-        "budget": budget_table(calibration),
+        "sections": {name: asdict(section) for name, section in sections(calibration).items()},
         "configurations": files,
         "left_out": left,
         "citation": citation(),

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.base.errors import MissingTheoryError, ModelError, OptionError
+from gmwm.base.guests import admit_guests
 from gmwm.base.remarks import Remark
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
@@ -598,3 +599,13 @@ class Process(ABC):
 
     def __repr__(self) -> str:
         return str(self) if str(self).endswith(")") else f"{self}()"
+
+
+def admit_guest_processes() -> None:
+    """Import the processes of other packages, which register themselves. Their entry points are in `gmwm.processes`."""
+    admit_guests("gmwm.processes", _require_registered)
+
+
+def _require_registered(name: str, process: object) -> None:
+    if process not in registry.values():
+        raise TypeError(f"{name} is not a registered subclass of gmwm.processes.Process")

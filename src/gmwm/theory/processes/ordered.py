@@ -18,7 +18,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from gmwm.base.errors import ModelError
-from gmwm.theory.processes.base import Process, registry
+from gmwm.theory.processes.base import Process, admit_guest_processes, registry
 from gmwm.theory.processes.parameter import Fixed, Parameter, Value
 
 ordered_classes: dict[str, type[Ordered]] = {}
@@ -43,6 +43,8 @@ def find_class(name: str) -> type[Process] | None:
     ordered, bracket, orders = name.rstrip(")").partition("(")
     if ordered in ordered_classes and bracket and all(order.isdigit() for order in orders.split(",")):
         return ordered_classes[ordered].of(*map(int, orders.split(",")))
+    if name not in registry:
+        admit_guest_processes()
     return registry.get(name)
 
 

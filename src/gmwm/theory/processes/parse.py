@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 from gmwm.base.errors import ModelError
-from gmwm.theory.processes.base import Process, registry
+from gmwm.theory.processes.base import Process, admit_guest_processes, registry
 from gmwm.theory.processes.model import MOST_TERMS, Model
 from gmwm.theory.processes.ordered import Ordered, ordered_classes
 from gmwm.theory.processes.parameter import Fixed, Value
@@ -114,8 +114,10 @@ class _ModelParser:
         token = self._advance()
         if token.kind != "name":
             self._fail(token, f"expected a process, one of {_registered()}")
-        by_key = {name.casefold(): process for name, process in {**registry, **ordered_classes}.items()}
-        process = by_key.get(token.text.casefold())
+        process = _find(token.text)
+        if process is None:
+            admit_guest_processes()
+            process = _find(token.text)
         if process is None:
             self._fail(token, f"there is no process of this name; the processes are {_registered()}")
         opened = self._take("(")
@@ -271,6 +273,12 @@ class _ModelParser:
         error.facts.update(facts)
         error.facts["character"] = None if token.kind == "end" else token.at + 1
         raise error
+
+
+def _find(name: str) -> type[Process] | type[Ordered] | None:
+    """Return the process of a name, in which upper and lower case are not distinguished."""
+    classes = {**registry, **ordered_classes}
+    return next((process for known, process in classes.items() if known.casefold() == name.casefold()), None)
 
 
 def _registered() -> str:

@@ -7,21 +7,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gmwm.base.errors import DataError
+from gmwm.base.plotting import Plotted
 from gmwm.recording.signals import Imu, Signal
 from gmwm.recording.writers import write_table
 from gmwm.theory.processes.model import Model
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MatplotlibFigure
-
-    from gmwm.showing.plots.view import UnitSystem
-
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class SimulatedSignal:
+class SimulatedSignal(Plotted):
     """Simulated signal X_t = offset + Σ_k X_t^(k), with the latent process X^(k) of each term k of the model.
 
     Parameters
@@ -69,32 +65,6 @@ class SimulatedSignal:
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.components)
-
-    def plot(self, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-        """Draw the simulated signal over time and, below it, each latent process.
-
-        Gravity is subtracted from the signal, and the title states it. All panels have the same scale, unless a curve
-        would be flat.
-
-        Parameters
-        ----------
-        units : "si" or "datasheet"
-            Units of the axes of the plot: rad/s and m/s², or deg/h and mg. Signals in other units are not converted.
-        path : path, optional
-            File to write the picture to, ending in .png, .pdf or .svg.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        OptionError
-            If an option is unknown, or the data do not support it.
-        """
-        from gmwm.showing.plots.series import plot_components
-
-        return plot_components(self, units=units, path=path)
 
     def __repr__(self) -> str:
         return f"SimulatedSignal({self.signal!r} = {' + '.join(self.model.terms)})"

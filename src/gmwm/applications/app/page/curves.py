@@ -7,14 +7,14 @@ from typing import Any
 from dash import Dash, Input, html
 
 from gmwm.applications.app.desk import Desk
-from gmwm.applications.app.figures import curves, drawn, half_of, spectra
+from gmwm.applications.app.figures import curves, half_of, plotly_figure, spectra
 from gmwm.applications.app.page.render import changes, draws, restores
 from gmwm.applications.app.page.widgets import choices, graph, of_job
 from gmwm.applications.app.session import Session
 from gmwm.applications.app.workspace import Workspace
 from gmwm.base.axis_names import by_sensor
 from gmwm.calibration.tables import SENSORS
-from gmwm.measuring.spectrum.axes_result import PowerSpectra
+from gmwm.measuring.spectrum.result import PowerSpectra
 from gmwm.measuring.variance.axes_result import WaveletVariances
 from gmwm.showing.plots.labels import axis_title
 
@@ -51,41 +51,47 @@ def register(app: Dash, desk: Desk) -> None:
 
 
 def _curves(session: Session, workspace: Workspace, width: float) -> Any:
-    wanted = {"classical": (False,), "robust": (True,), "both": (False, True)}[session.curve]
-    jobs = {robust: workspace.curves(session, robust=robust) for robust in wanted}
-    first, last = jobs[wanted[0]], jobs[wanted[-1]]
-    return of_job(first, lambda one: of_job(last, lambda other: _shown(session, (one, other)[: len(wanted)], width)))
+    estimators = {"classical": (False,), "robust": (True,), "both": (False, True)}[session.curve]
+    jobs = {robust: workspace.curves(session, robust=robust) for robust in estimators}
+    first, last = jobs[estimators[0]], jobs[estimators[-1]]
+    return of_job(
+        first, lambda one: of_job(last, lambda other: _curve_sections(session, (one, other)[: len(estimators)], width))
+    )
 
 
-def _shown(session: Session, found: tuple[WaveletVariances, ...], width: float) -> list[Any]:
-    made = []
+def _curve_sections(session: Session, found: tuple[WaveletVariances, ...], width: float) -> list[Any]:
+    sections = []
     for sensor, axes in by_sensor(found[0]).items():
         several = len(found) > 1
-        of = {", robust" if several and k else "": {axis: one[axis] for axis in axes} for k, one in enumerate(found)}
+        of = {
+            ", robust" if several and k else "": {axis: curve[axis] for axis in axes} for k, curve in enumerate(found)
+        }
         title = SENSORS.get(sensor, sensor or "Axes")
         panel = curves(of, session.view, session.units)
-        made.append(
-            html.Div([html.H3(title), graph(drawn(panel, half_of(width)), f"curve-{sensor}", f"{title}: curves")])
+        sections.append(
+            html.Div(
+                [html.H3(title), graph(plotly_figure(panel, half_of(width)), f"curve-{sensor}", f"{title}: curves")]
+            )
         )
-    return made
+    return sections
 
 
 def _spectra(session: Session, workspace: Workspace, width: float) -> Any:
     def show(found: PowerSpectra) -> list[Any]:
-        made = []
+        sections = []
         for sensor, axes in by_sensor(found).items():
             title = SENSORS.get(sensor, sensor or "Axes")
-            figure = drawn(spectra(axes, session.units), half_of(width))
+            figure = plotly_figure(spectra(axes, session.units), half_of(width))
             place = graph(figure, f"spectrum-{sensor}", f"{title}: spectrum")
-            made.append(html.Div([html.H3(title), place, _peaks(axes)]))
-        return made
+            sections.append(html.Div([html.H3(title), place, _peaks(axes)]))
+        return sections
 
     return of_job(workspace.spectrum(session), show)
 
 
 def _peaks(axes: Any) -> Any:
     """Return a list that describes the lines and the broad peaks of all axes in words."""
-    found = [
+    peaks = [
         html.Li(f"{axis_title(axis)}: {text}")
         for axis, spectrum in axes.items()
         for text in (
@@ -93,4 +99,4 @@ def _peaks(axes: Any) -> Any:
             *(bump.described() for bump in spectrum.bumps),
         )
     ]
-    return html.Ul(found, className="peaks") if found else html.P("No line is found.", className="hint")
+    return html.Ul(peaks, className="peaks") if peaks else html.P("No line is found.", className="hint")

@@ -103,12 +103,12 @@ def _file(wanted: str, session: Session, workspace: Workspace) -> tuple[str, str
         raise job.error
     if job.state != "done":
         raise OptionError("the calibration was cancelled", advice="Start it again above.")
-    found: Calibration = job.value
+    calibration: Calibration = job.value
     if wanted == "get-report":
-        return "report.html", _written(found.report, "report.html")
+        return "report.html", _written(calibration.report, "report.html")
     if wanted == "get-json":
-        return "calibration.json", _written(found.save, "calibration.json")
-    return file_name(session), exported(found, session)
+        return "calibration.json", _written(calibration.save, "calibration.json")
+    return file_name(session), exported(calibration, session)
 
 
 def _written(write: Callable[[Path], Any], name: str) -> str:

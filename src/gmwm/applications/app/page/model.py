@@ -8,7 +8,7 @@ from typing import Any
 from dash import ALL, Dash, Input, Output, State, html, no_update
 
 from gmwm.applications.app.desk import Desk
-from gmwm.applications.app.figures import compared, drawn, fitted, misfit, movable, moved
+from gmwm.applications.app.figures import axis_at, compared, fitted, misfit, movable, plotly_figure
 from gmwm.applications.app.jobs import QUICK
 from gmwm.applications.app.page.render import changes, draws, triggers
 from gmwm.applications.app.page.widgets import button, graph, menu, of_job, remarks, table, text_input
@@ -17,7 +17,7 @@ from gmwm.applications.app.terms import adding, held_at, holding, removing, repl
 from gmwm.applications.app.workspace import Workspace
 from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import GmwmError
-from gmwm.choosing.selection.search import Searched
+from gmwm.choosing.selection.search import ModelChoice
 from gmwm.fitting.estimation.model_error import relative_misfit
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.summary import IntervalMethod, estimate_text, intervals_if_known, rows, test_in_words
@@ -85,11 +85,11 @@ def register(app: Dash, desk: Desk) -> None:
 
     def change(session: Session, *given: Any) -> Session | None:
         *_, typed, term, page = given
-        done = [one for one in triggers() if one[2]]
+        done = [trigger for trigger in triggers() if trigger[2]]
         for hit, change_of, value in done:
             # If the user leaves the field without a change, the recommended model does not become a chosen model.
             if change_of != "n_blur" or typed != model_of(session, desk.workspace(page)):
-                session = _changed(session, desk.workspace(page), hit, value, typed=str(typed or ""), term=term)
+                session = _apply_change(session, desk.workspace(page), hit, value, typed=str(typed or ""), term=term)
         return session if done else None
 
     inputs = [
@@ -103,7 +103,7 @@ def register(app: Dash, desk: Desk) -> None:
     changes(app, desk, inputs, change, states=states, errors=("model",))
 
 
-def _changed(session: Session, workspace: Workspace, hit: Any, value: Any, *, typed: str, term: str) -> Session:
+def _apply_change(session: Session, workspace: Workspace, hit: Any, value: Any, *, typed: str, term: str) -> Session:
     """Return the session after an action of the user on this tab.
 
     Parameters
@@ -132,7 +132,7 @@ def _changed(session: Session, workspace: Workspace, hit: Any, value: Any, *, ty
     if not model:
         return session
     if kind == "spread":
-        for other in _recorded(session, workspace):
+        for other in _record(session, workspace):
             session = session.with_model(other, model) if sensor_of(other) == sensor_of(axis) else session
         return session
     if kind == "add":
@@ -149,15 +149,15 @@ def _changed(session: Session, workspace: Workspace, hit: Any, value: Any, *, ty
         if held is None or str(value) == estimate_text(held):
             return session  # The field was only created, possibly for a model that is no longer shown.
         return session.with_model(axis, held_at(fit, hit["parameter"], str(value)))
-    return _dragged(session, axis, fit, value)
+    return _apply_slider(session, axis, fit, value)
 
 
-def _dragged(session: Session, axis: str, fit: Fit, relayout: dict[str, Any]) -> Session:
+def _apply_slider(session: Session, axis: str, fit: Fit, relayout: dict[str, Any]) -> Session:
     """Return the session after the handle of a term was dragged, with the term held at the new position."""
     for k, term in enumerate(movable(fit)):
         x, y = (relayout.get(f"shapes[{k}].{name}") for name in ("xanchor", "yanchor"))
         if x is not None and y is not None:
-            process = moved(fit, term, (float(x), float(y)), session)
+            process = axis_at(fit, term, (float(x), float(y)), session)
             return session.with_model(axis, replacing(fit, term, process))
     return session
 
@@ -165,7 +165,7 @@ def _dragged(session: Session, axis: str, fit: Fit, relayout: dict[str, Any]) ->
 # --- what is shown ----------------------------------------------------------------------------------
 
 
-def _recorded(session: Session, workspace: Workspace) -> tuple[str, ...]:
+def _record(session: Session, workspace: Workspace) -> tuple[str, ...]:
     job = workspace.recording(session)
     job.join(60)
     if job.error is not None:
@@ -185,7 +185,7 @@ def model_of(session: Session, workspace: Workspace) -> str:
 
 def axis_of(session: Session, workspace: Workspace) -> str:
     """Return the axis that is shown: the axis that the user chose, or the first axis of the recording."""
-    axes = _recorded(session, workspace)
+    axes = _record(session, workspace)
     return session.axis if session.axis in axes else next(iter(axes), "")
 
 
@@ -225,10 +225,10 @@ def _fit(session: Session, workspace: Workspace, width: float) -> Any:
 
     def show(fit: Fit) -> list[Any]:
         figure = fitted(fit, session, min(width, 1360) - 40)
-        residual = drawn(misfit(fit, session.view, session.units), width - 40, 210)
+        residual = plotly_figure(misfit(fit, session.view, session.units), width - 40, 210)
         return [
             html.H2(f"{axis_title(axis)}: {chosen}"),
-            html.P(_measured(fit, session, workspace), className="hint", id="measured"),
+            html.P(_regression_note(fit, session, workspace), className="hint", id="measured"),
             html.P("Drag a coloured handle to hold its term there.", className="hint"),
             graph(
                 figure, {"type": "fitted", "axis": axis}, f"Fit of {axis_title(axis)}", edits={"shapePosition": True}
@@ -241,19 +241,20 @@ def _fit(session: Session, workspace: Workspace, width: float) -> Any:
     return _with_fit(session, workspace, show)
 
 
-def _measured(fit: Fit, session: Session, workspace: Workspace) -> str:
+def _regression_note(fit: Fit, session: Session, workspace: Workspace) -> str:
     """Return a sentence that states which wavelet variance is fitted, and which effects were removed from it."""
     data = workspace.data(session).value[fit.wavelet_variance.axis]
     curve = "robust" if fit.wavelet_variance.robust else "classical"
-    found = data.regression
-    removed = "" if found is None else f" without the effect of {covariates_text(found)}, {effect_text(found)}"
+    fitted = data.regression
+    applied = fitted is not None and fitted.applied
+    removed = f" without the effect of {covariates_text(fitted)}, {effect_text(fitted)}" if applied else ""
     return f"As gmwm calibrate does, this page fits the {curve} curve{removed}."
 
 
-def _rounded(model: str) -> str:
+def _round(model: str) -> str:
     """Return the text of a model with its held values rounded to four digits.
 
-    >>> _rounded("DR + MA(1, theta1=fixed(0.16732089037064277))")
+    >>> _round("DR + MA(1, theta1=fixed(0.16732089037064277))")
     'DR + MA(1, theta1=fixed(0.1673))'
     """
     return re.sub(r"(?<=fixed\()[^)]+", lambda found: f"{float(found[0]):.4g}", model)
@@ -278,12 +279,12 @@ def _parameters(fit: Fit, session: Session) -> Any:
 
 
 def _tests(fit: Fit) -> Any:
-    found = relative_misfit(fit)
+    deviation = relative_misfit(fit)
     _, test = test_in_words(fit, IntervalMethod())
     gap = "no certificate" if fit.gap is None else f"proven within {100 * fit.gap:.2g} % of the objective"
     misfit_text = "none"
-    if found.largest > 0:
-        misfit_text = f"{100 * found.rms:.2g} % rms, {100 * found.largest:.2g} % at {found.tau:.3g} s"
+    if deviation.largest > 0:
+        misfit_text = f"{100 * deviation.rms:.2g} % rms, {100 * deviation.largest:.2g} % at {deviation.tau:.3g} s"
     facts = {
         "Goodness of fit": test,
         "Global optimum": gap,
@@ -296,17 +297,21 @@ def _tests(fit: Fit) -> Any:
 def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
     axis = axis_of(session, workspace)
 
-    def show(found: Searched) -> list[Any]:
+    def show(found: ModelChoice) -> list[Any]:
         ranking, listed = found.ranking, []
-        for one in ranking.distinct[:LISTED]:
-            mark = "recommended" if one.recommended else "as good" if one.equivalent else ""
-            pvalue = "" if one.pvalue is None else "< 0.001" if one.pvalue < SMALL else f"{one.pvalue:.3f}"
-            use = button("Use", {"type": "use", "model": one.structure}, "small", title=f"Use {one.structure}")
-            listed.append([_rounded(ranking.label(one)), use, f"{one.difference:.2f}", pvalue, mark])
+        for candidate in ranking.distinct[:LISTED]:
+            mark = "recommended" if candidate.recommended else "as good" if candidate.equivalent else ""
+            pvalue = (
+                "" if candidate.pvalue is None else "< 0.001" if candidate.pvalue < SMALL else f"{candidate.pvalue:.3f}"
+            )
+            use = button(
+                "Use", {"type": "use", "model": candidate.structure}, "small", title=f"Use {candidate.structure}"
+            )
+            listed.append([_round(ranking.label(candidate)), use, f"{candidate.difference:.2f}", pvalue, mark])
         return [
             table(["Model", "", "WIC − best", "p of the fit", ""], listed, "numbers ranking"),
             graph(
-                drawn(compared(ranking, session.view, session.units), min(width, 1360) - 40, 260), "compared",
+                plotly_figure(compared(ranking, session.view, session.units), min(width, 1360) - 40, 260), "compared",
                 f"Distances of the best models of {axis_title(axis)} from the data",
             ),
         ]  # fmt: skip

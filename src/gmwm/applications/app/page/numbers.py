@@ -10,7 +10,7 @@ from dash import Dash, Input, State, dcc, html
 
 from gmwm.applications.app.commands import number
 from gmwm.applications.app.desk import Desk
-from gmwm.applications.app.figures import drawn, half_of
+from gmwm.applications.app.figures import half_of, plotly_figure
 from gmwm.applications.app.page.render import changes, draws, restores
 from gmwm.applications.app.page.widgets import button, choices, field, graph, of_job, remarks, table, text_input
 from gmwm.applications.app.session import Session
@@ -149,11 +149,14 @@ def _datasheets(found: Calibration, session: Session) -> list[Any]:
 
 def _sensor(sensor: str, axes: Mapping[str, AxisCalibration], session: Session) -> Any:
     rows: list[list[Any]] = [
-        ["Model", *(one.fit.model.structure for one in axes.values())],
-        ["p of the fit", *("–" if one.test is None else one.test.pvalue_in_words for one in axes.values())],
+        ["Model", *(axis_result.fit.model.structure for axis_result in axes.values())],
+        [
+            "p of the fit",
+            *("–" if axis_result.test is None else axis_result.test.pvalue_in_words for axis_result in axes.values()),
+        ],
     ]
-    for symbol in in_order([list(one.datasheet) for one in axes.values()]):
-        entries = [one.datasheet.get(symbol) for one in axes.values()]
+    for symbol in in_order([list(axis_result.datasheet) for axis_result in axes.values()]):
+        entries = [axis_result.datasheet.get(symbol) for axis_result in axes.values()]
         title = next(entry.title for entry in entries if entry is not None)
         cells = ["" if entry is None else entry.text(session.units) for entry in entries]
         rows.append([html.Span([symbol, html.Small(f" {title}")]), *cells])
@@ -165,13 +168,13 @@ def _effective(session: Session, workspace: Workspace, width: float) -> Any:
     def show(found: Calibration) -> Any:
         head = ["Axis", f"N at {session.horizon:g} s", f"K at {session.horizon:g} s"]
         rows = []
-        for axis, one in found.axes.items():
+        for axis, axis_result in found.axes.items():
             try:
-                entries = effective_noise(one.fit, session.horizon, session.confidence)
+                entries = effective_noise(axis_result.fit, session.horizon, session.confidence)
             except GmwmError as error:
                 rows.append([axis, error.text(Dialect.SHELL), ""])
                 continue
-            rows.append([axis, *(_inflated(entries[name], session) for name in ("N_eff", "K_eff"))])
+            rows.append([axis, *(_inflate(entries[name], session) for name in ("N_eff", "K_eff"))])
         times = f", multiplied by {session.inflation:g}" if session.inflation != 1 else ""
         return [table(head, rows, "numbers"), html.P(f"The files of the tab Download have these numbers{times}.")]
 
@@ -183,7 +186,7 @@ def _budget(session: Session, workspace: Workspace, width: float) -> Any:
     def show(found: Calibration) -> Any:
         budget = found.budget(session.duration, level=session.confidence)
         figures = [
-            graph(drawn(panel, half_of(width), 260, title=True), {"type": "budget", "number": k}, panel.title)
+            graph(plotly_figure(panel, half_of(width), 260, title=True), {"type": "budget", "number": k}, panel.title)
             for k, panel in enumerate(budget_figure(budget).panels)
         ]
         return [html.P(headline(budget), className="facts"), html.Div(figures, className="grid")]
@@ -192,7 +195,7 @@ def _budget(session: Session, workspace: Workspace, width: float) -> Any:
     return of_job(job, show) if job.state == "done" else []
 
 
-def _inflated(entry: Any, session: Session) -> str:
+def _inflate(entry: Any, session: Session) -> str:
     value, _, _, unit = entry.in_units(session.units)
     return f"{'≤ ' if entry.upper_only else ''}{session.inflation * value:.4g} {unit}"
 
@@ -202,8 +205,8 @@ def _against(session: Session, workspace: Workspace, width: float) -> Any:
         rows = []
         for name, text in session.reference.items():
             sensor, _, symbol = name.rpartition(".")
-            for axis, one in found.axes.items():
-                entry = one.datasheet.get(symbol)
+            for axis, axis_result in found.axes.items():
+                entry = axis_result.datasheet.get(symbol)
                 if entry is None or (axis != sensor and not axis.startswith(f"{sensor}_")):
                     continue
                 value, _, unit = text.partition(" ")

@@ -30,8 +30,8 @@ from gmwm.base.durations import parse_length
 from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.text import duration_text
 from gmwm.base.units import unit_names
-from gmwm.files.readers.columns import parse_columns
-from gmwm.files.readers.scale_factors import parse_scale
+from gmwm.files.columns.columns import parse_columns
+from gmwm.files.columns.scale_factors import parse_scale
 from gmwm.measuring.inspection import Inspection
 from gmwm.recording.signals import Imu
 from gmwm.showing.plots.labels import axis_title
@@ -328,10 +328,10 @@ def _spans(session: Session, workspace: Workspace, width: float) -> list[Any]:
 
 def _verdict(session: Session, workspace: Workspace, width: float) -> Any:
     # An error of reading is already shown beside its field.
-    return [] if _reading_error(session, workspace) else of_job(workspace.inspection(session), _inspected)
+    return [] if _reading_error(session, workspace) else of_job(workspace.inspection(session), _inspection_view)
 
 
-def _inspected(found: Inspection) -> Any:
+def _inspection_view(found: Inspection) -> Any:
     state = "At rest" if found.static else "Not at rest"
     facts = [f"{found.samples} samples at {found.rate:.10g} Hz", duration_text(found.duration, 3), state]
     if found.segments > 1:
@@ -340,9 +340,9 @@ def _inspected(found: Inspection) -> Any:
         facts.append(f"specific force {found.gravity:.5g} m/s²")
     head = ["Axis", "Mean", "Standard deviation", "Noise", "LSB", "Unit"]
     rows = [
-        [axis_title(name), *(f"{value:.4g}" for value in (one.mean, one.sd, one.noise)),
-         "–" if one.lsb is None else f"{one.lsb:.4g}", one.unit]
-        for name, one in found.axes.items()
+        [axis_title(name), *(f"{value:.4g}" for value in (axis_report.mean, axis_report.sd, axis_report.noise)),
+         "–" if axis_report.lsb is None else f"{axis_report.lsb:.4g}", axis_report.unit]
+        for name, axis_report in found.axes.items()
     ]  # fmt: skip
     numbers = html.Details([html.Summary("Statistics of the axes"), table(head, rows, "numbers")])
     return [html.P(" · ".join(facts), className="facts"), remarks(found.remarks), numbers]
@@ -357,7 +357,7 @@ def _traces(session: Session, workspace: Workspace, width: float) -> Any:
             name = {"type": "trace", "axis": axis}
             return graph(with_spans(figure, spans, unit), name, f"{axis_title(axis)} over time")
 
-        return [html.Div([place(axis, one) for axis, one in of.items()]) for of in by_sensor(figures).values()]
+        return [html.Div([place(axis, picture) for axis, picture in of.items()]) for of in by_sensor(figures).values()]
 
     return [] if _reading_error(session, workspace) else of_job(workspace.overview(session), show)
 

@@ -61,7 +61,10 @@ def restores(app: Dash, desk: Desk, fields: Sequence[str], values: Callable[[Ses
 def triggers() -> list[tuple[Any, str, Any]]:
     """Return component, property and new value of each input that triggered the callback. There can be several."""
     names = ctx.triggered_prop_ids
-    return [(names[one["prop_id"]], one["prop_id"].rpartition(".")[2], one["value"]) for one in ctx.triggered]
+    return [
+        (names[trigger["prop_id"]], trigger["prop_id"].rpartition(".")[2], trigger["value"])
+        for trigger in ctx.triggered
+    ]
 
 
 Change = Callable[..., Session | None]
@@ -93,8 +96,8 @@ def changes(
                 argument = getattr(error, "argument", None) or getattr(error, "prefix", "")
                 shown[str(argument) if argument in shown else errors[0]] = message(error)
         # The page ignores a response if it has sent a newer request. So each response contains the whole session.
-        known = session.to_dict()
-        return [no_update if known == data else known, *shown.values()]
+        current = session.to_dict()
+        return [no_update if current == data else current, *shown.values()]
 
     app.callback(
         Output("session", "data", allow_duplicate=True),

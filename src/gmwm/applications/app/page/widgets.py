@@ -55,13 +55,15 @@ def button(text: Any, name: Any, kind: str = "", **more: Any) -> Any:
 def graph(figure: Drawn, name: Any, label: str, **config: Any) -> Any:
     """Return a Plotly figure as a component, with a label for screen readers."""
     settings = {"displayModeBar": False, "displaylogo": False, "responsive": True, **config}
-    made = dcc.Graph(id=name, figure=figure, config=settings, style={"height": f"{figure['layout']['height']:.0f}px"})
-    return html.Figure([made], className="picture", role="img", **{"aria-label": label})
+    figure_element = dcc.Graph(
+        id=name, figure=figure, config=settings, style={"height": f"{figure['layout']['height']:.0f}px"}
+    )
+    return html.Figure([figure_element], className="picture", role="img", **{"aria-label": label})
 
 
 def table(head: Sequence[Any], rows: Iterable[Sequence[Any]], kind: str = "") -> Any:
     """Return a table with column headings. The first cell of each row is the heading of the row."""
-    body = [html.Tr([html.Th(first, scope="row"), *map(html.Td, rest)]) for first, *rest in rows]
+    body = [html.Tr([html.Th(first, scope="row"), *map(html.Td, cells)]) for first, *cells in rows]
     top = html.Thead(html.Tr([html.Th(cell, scope="col") for cell in head]))
     return html.Div(html.Table([top, html.Tbody(body)], className=kind), className="wide")
 

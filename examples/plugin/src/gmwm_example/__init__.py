@@ -1,0 +1,1 @@
+"""Extensions of gmwm, found by the entry points of this package."""

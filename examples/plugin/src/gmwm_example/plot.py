@@ -1,0 +1,26 @@
+"""A plot: the standard deviation of each axis."""
+
+import numpy as np
+
+from gmwm.showing.plots.figure import Figure, Line, Panel, Stroke
+from gmwm.showing.plots.linear import even_axis
+from gmwm.showing.plots.style import BLUE
+from gmwm_example.command import Spread
+
+
+def spread_panel(spread: Spread) -> Panel:
+    """Return the plot of a `Spread` as data."""
+    deviations = np.array([deviation for _, deviation in spread.axes.values()])
+    numbers = np.arange(1.0, deviations.size + 1.0)
+    return Panel(
+        even_axis(0.0, deviations.size + 1.0, "Axis number", margin=0.0),
+        even_axis(0.0, float(deviations.max()), "Standard deviation (SI units)", margin=0.1),
+        (Line(numbers, deviations, Stroke(BLUE, 1.2), "Standard deviation"),),
+    )
+
+
+def plot_spread(spread: Spread, *, path=None):
+    """Draw the standard deviation of each axis."""
+    from gmwm.showing.plots.matplotlib import draw
+
+    return draw(Figure(((spread_panel(spread),),), width=110.0, height=75.0), path=path)

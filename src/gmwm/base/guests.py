@@ -1,0 +1,41 @@
+"""Load what other installed packages add to gmwm through entry points."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from functools import cache
+from importlib.metadata import entry_points
+from typing import Any
+
+from gmwm.base.errors import GmwmWarning
+from gmwm.base.remarks import Remark
+
+
+@cache
+def admit_guests(group: str, admit: Callable[[str, Any], object]) -> None:
+    """Load the entry points of a group, and pass the name and the object of each to a registry.
+
+    Only the first call with the same arguments does this, because a search of all installed packages takes 10 ms and
+    more. A registry calls the function late: when a name or a file is unknown, or when its entries are listed.
+
+    Parameters
+    ----------
+    group : str
+        Group of the entry points, such as "gmwm.readers".
+    admit : function of (name, object)
+        Adds the object to the registry. It may raise any error, for example if the name is taken.
+
+    Warns
+    -----
+    GmwmWarning
+        If an entry point cannot be loaded or registered. The others are registered nevertheless.
+    """
+    for point in entry_points(group=group):
+        try:
+            admit(point.name, point.load())
+        except Exception as error:  # code of other packages can raise any error
+            package = point.dist.name if point.dist is not None else point.value
+            reason = f"{type(error).__name__}: {error}"
+            remark = Remark.of("guest-unusable", name=point.name, group=group, package=package, reason=reason)
+            warnings.warn(GmwmWarning(remark), stacklevel=2)

@@ -1,0 +1,205 @@
+"""Calibrate one measured axis: choose the model, fit it, and compute its numbers and their uncertainty."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from gmwm.base.errors import DataError, GmwmError, MissingTheoryError, ModelError
+from gmwm.base.text import counted
+from gmwm.calibration.additions import axis_additions
+from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals, is_walk, with_band
+from gmwm.calibration.findings import LEAST_SCALES, WANTED
+from gmwm.calibration.measure import MeasuredAxis
+from gmwm.calibration.options import CalibrationOptions
+from gmwm.calibration.rest import bias_at_rest
+from gmwm.calibration.result import AxisCalibration
+from gmwm.choosing.datasheets import datasheet
+from gmwm.choosing.selection.search import ModelChoice, given_curve, given_model, search, within_family
+from gmwm.fitting.estimation.goodness import GoodnessOfFit, usable_levels
+from gmwm.fitting.estimation.model_error import nearly_fitted, relative_misfit
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.estimation.reweighting import settle
+from gmwm.fitting.inference.planning import SEEN, relative_errors
+from gmwm.measuring.spectrum import PowerSpectrum
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.theory.processes.model import Model
+from gmwm.theory.processes.walk import RW
+
+STAGES = ("measured", "model chosen", "fitted", "judged")
+"""Names of the steps of the calibration of one axis, as the progress callback gets them."""
+LONGER = 10
+"""Number of times that `needed` doubles the recording length at most, which is a factor of 1024
+(tests/calibration/test_calibrate.py)."""
+
+
+def calibrate_axis(
+    measured: MeasuredAxis,
+    options: CalibrationOptions,
+    *,
+    advance: Callable[[str], None] = lambda _: None,
+    check: Callable[[], None] = lambda: None,
+) -> AxisCalibration:
+    """Choose the model of an axis, fit it, and judge the fit.
+
+    Parameters
+    ----------
+    measured : MeasuredAxis
+    options : CalibrationOptions
+        Options of all axes.
+    advance : function
+        Called with the name of each finished stage.
+    check : function
+        Called often. It may raise to end the work.
+
+    Raises
+    ------
+    GmwmError
+        If the axis cannot be calibrated, for example because the recording is too short.
+    """
+    options = options.of_axis(measured.axis)
+    curve, level = measured.curve(options), options.confidence
+    require_scales(curve)
+    advance(STAGES[0])
+    choice = choose_model(curve, measured.spectrum, options, check=check)
+    ranking = choice.ranking
+    advance(STAGES[1])
+    fit = final_fit(ranking.recommended.model, choice.with_error, options.weighting)
+    advance(STAGES[2])
+    sheet = with_band(averaged_datasheet(datasheet(fit, level), ranking, level), choice.band, level)
+    raw = measured.raw_curve(options)
+    means, beginnings = list(measured.means.values()), list(measured.beginnings.values())
+    additions = {item.name: item.of_axis(fit, beginnings) for item in axis_additions() if beginnings}
+    axis = AxisCalibration(
+        fit=fit,
+        intervals=averaged_intervals(fit, fit.confidence_intervals(level), sheet),
+        test=_test(replace(fit, wavelet_variance=choice.wavelet_variance)),
+        datasheet=sheet,
+        ranking=ranking,
+        verdict=measured.verdict(robust=curve.robust),
+        needed=needed(_as_one_recording(fit), options.weighting),
+        spectrum=measured.spectrum,
+        misfit=relative_misfit(fit),
+        model_error=choice.error,
+        tried=choice.tried,
+        search=choice.steps,
+        regression=measured.regression,
+        left_in=None if raw is None else _left_in(fit, raw, options),
+        rest=bias_at_rest(fit, ranking, means, level=level) if means else None,
+        additions={name: value for name, value in additions.items() if value is not None},
+    )
+    # The cached values behind these are computed here, where axes are processed in parallel.
+    _ = fit.replicates, ranking.remarks
+    advance(STAGES[3])
+    return axis
+
+
+def choose_model(
+    wv: WaveletVariance, spectrum: PowerSpectrum | None, options: CalibrationOptions, *, check: Callable[[], None]
+) -> ModelChoice:
+    """Choose the model of one axis as the options say.
+
+    gmwm searches for the model, compares all models that are part of a largest model, or uses the model of the user.
+
+    Parameters
+    ----------
+    wv : WaveletVariance
+    spectrum : PowerSpectrum or None
+    options : CalibrationOptions
+        Options of this axis.
+    check : function
+        Function that is called between steps. It can raise an exception to stop the search.
+    """
+    if options.models:
+        return given_model(options.general, wv, options.ranking)
+    if options.searched:
+        # The covariance of a robust estimate of a sinusoid is unknown.
+        return search(wv, None if wv.robust else spectrum, options.ranking, check=check)
+    return within_family(options.general, wv, options.ranking, check=check)
+
+
+def final_fit(model: Model, wv: WaveletVariance, weighting: str) -> Fit:
+    """Fit a model, repeating the fit until its weights have converged, and certify the optimum.
+
+    The function issues no Python warnings, because threads share the warning filters. The fit contains the remarks.
+    """
+    return Fit.of(settle(model, wv, weighting, certify=True), wv, weighting)
+
+
+def given_fit(model: Model, wv: WaveletVariance, options: CalibrationOptions) -> Fit:
+    """Fit a given model in the same way as `calibrate` does for its argument `models`, without a ranking."""
+    return final_fit(model, given_curve(model, wv, options.weighting), options.weighting)
+
+
+def _left_in(fit: Fit, raw: WaveletVariance, options: CalibrationOptions) -> float | None:
+    """Return K (SI) that the axis would have if the effect of the conditions were not removed; None if unknown.
+
+    The model is fitted to the curve `raw`, from which the effect is not removed. If it has no random walk, one is
+    added.
+    """
+    walks = any(is_walk(process, fit.wavelet_variance.rate) for process in fit.model.processes)
+    model = fit.model if walks else Model((*fit.model.processes, RW()))
+    try:
+        left = nearly_fitted(model, raw, options.weighting)
+        entry = datasheet(left, options.confidence).get(WALK)
+    except GmwmError:
+        return None
+    return None if entry is None else entry.value
+
+
+def require_scales(wv: WaveletVariance) -> None:
+    """Raise a DataError if a wavelet variance has too few usable scales to choose a model."""
+    scales = int(np.count_nonzero(usable_levels(wv)))
+    if scales < LEAST_SCALES:
+        raise DataError(
+            f"{counted(wv.samples, 'sample')} are too short for a calibration: "
+            f"{counted(scales, 'scale')} can be used, and at least {LEAST_SCALES} are needed",
+            argument="data",
+            got=wv.samples,
+            advice="Record for several hours, or fit one model to the short curve with {gmwm fit}.",
+        )
+
+
+def _as_one_recording(fit: Fit) -> Fit:
+    """Return a fit whose standard errors do not include the spread between recordings."""
+    wv = fit.wavelet_variance
+    return replace(fit, wavelet_variance=replace(wv, recordings={})) if wv.recordings else fit
+
+
+def _test(fit: Fit) -> GoodnessOfFit | None:
+    try:
+        return fit.goodness_of_fit()
+    except (MissingTheoryError, ModelError):
+        return None
+
+
+def needed(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[str, float | None]:
+    """Return the recording length (s) that each poorly known parameter needs for a relative standard error of 20 %.
+
+    These are the parameters whose relative standard error exceeds 50 %. The length of the recording is doubled up to
+    ten times. The result is infinite if even 1024 times the length is not enough. It is None if the data cannot
+    distinguish a term from a simpler process, because theory then cannot predict the standard error.
+    """
+    shares = zip(fit.sandwich.names, np.sqrt(np.diag(fit.sandwich.relative)).tolist(), strict=True)
+    poor = [name for name, share in shares if share > SEEN]
+    if not poor or fit.diagnostics.acts_as:
+        return dict.fromkeys(poor)
+    kept = [(term, p) for term, p in zip(fit.model.terms, fit.model.processes, strict=True) if p.scale > 0]
+    model = Model(tuple(process for _, process in kept))
+    label = {new: old for new, (old, _) in zip(model.terms, kept, strict=True)}
+    found: dict[str, float | None] = dict.fromkeys(poor, math.inf)
+    for doubling in range(1, LONGER + 1):
+        samples = fit.wavelet_variance.samples << doubling
+        names, errors = relative_errors(model, samples, fit.wavelet_variance.rate, weighting)
+        for name, error in zip(names, errors.tolist(), strict=True):
+            term, _, parameter = name.partition(".")
+            own = f"{label[term]}.{parameter}"
+            if found.get(own) == math.inf and error <= WANTED:
+                found[own] = samples / fit.wavelet_variance.rate
+        if math.inf not in found.values():
+            break
+    return found

@@ -1,0 +1,371 @@
+"""Measure the axes of one or several recordings: everything that the calibration of an axis needs of its samples."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gmwm.base.errors import DataError, GmwmError, OptionError
+from gmwm.base.threads import in_threads
+from gmwm.calibration.data import AxisInput, Recordings
+from gmwm.calibration.misfit import line_in
+from gmwm.calibration.options import CalibrationOptions
+from gmwm.calibration.passes import (
+    IN_THIS_PROCESS,
+    AxisAccumulator,
+    Run,
+    clean,
+    needed_beginning,
+    read_recording,
+    read_signal,
+)
+from gmwm.calibration.rest import AxisMean, means_of
+from gmwm.files.readers.streams import Stream
+from gmwm.measuring.covariance.tails import with_common_tails
+from gmwm.measuring.inspection import Inspection
+from gmwm.measuring.outliers import (
+    MATERIAL,
+    TOLERANCE,
+    Screen,
+    Verdict,
+    contamination,
+    dependence,
+    other_efficiency,
+)
+from gmwm.measuring.outliers.screening import NOTHING_REPLACED
+from gmwm.measuring.regression.conditions import NOTHING, Conditions
+from gmwm.measuring.regression.result import Regression
+from gmwm.measuring.spectrum import PowerSpectrum
+from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.pooling import pooled
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.batches import Batch, batches, cut, joined
+from gmwm.recording.signals import Imu, Signal
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeasuredAxis:
+    """One axis of one or several recordings of a unit, before a model is chosen.
+
+    The mappings have one entry for each recording, by its name; the name of a single recording is "".
+
+    Attributes
+    ----------
+    axis : str
+    classical, robust : mapping of name to WaveletVariance
+        The two wavelet variances. A curve that the user gave is in one of them only.
+    verdicts : mapping of name to Verdict
+        Test for outliers; empty for a curve that the user gave.
+    spectrum : PowerSpectrum or None
+        Power spectrum of all recordings together, smoothed except at lines; None for a curve or for few samples.
+    regressions : mapping of name to Regression
+        Regression on the conditions, even if the axis does not follow them.
+    raw : mapping of name to WaveletVariance
+        Wavelet variance before the effect of the conditions is removed, if it is removed and if this curve is known.
+    means : mapping of name to AxisMean
+        Mean of the samples and the gravity in it.
+    beginnings : mapping of name to Signal
+        First samples for the additions, with isolated wrong samples and knocks replaced.
+    """
+
+    axis: str
+    classical: Mapping[str, WaveletVariance] = field(default_factory=dict)
+    robust: Mapping[str, WaveletVariance] = field(default_factory=dict)
+    verdicts: Mapping[str, Verdict] = field(default_factory=dict)
+    spectrum: PowerSpectrum | None = None
+    regressions: Mapping[str, Regression] = field(default_factory=dict)
+    raw: Mapping[str, WaveletVariance] = field(default_factory=dict)
+    means: Mapping[str, AxisMean] = field(default_factory=dict)
+    beginnings: Mapping[str, Signal] = field(default_factory=dict)
+
+    @property
+    def regression(self) -> Regression | None:
+        """The regression of a single recording; with several recordings, each curve contains its own."""
+        return self.regressions.get("")
+
+    def verdict(self, *, robust: bool) -> Verdict | None:
+        """Return the most severe outlier test, with the wrong samples and knocks of all recordings.
+
+        The test of the robust curve for its efficiency is a part of it only if this curve is fitted.
+        """
+        verdicts = list(self.verdicts.values())
+        if not verdicts:
+            return None
+        worst = min(verdicts, key=lambda verdict: (not verdict.contaminated, verdict.pvalue))
+        return replace(
+            worst,
+            spikes=sum(verdict.spikes for verdict in verdicts),
+            largest=max(verdict.largest for verdict in verdicts),
+            replaced=sum((verdict.replaced for verdict in verdicts), NOTHING_REPLACED),
+            dependence=worst.dependence if robust else None,
+        )
+
+    def curve(self, options: CalibrationOptions) -> WaveletVariance:
+        """Return the wavelet variance to fit: the mean over the recordings, without the effect of the conditions.
+
+        With robust="auto", it is the robust one if remaining bursts (motion, or too many knocks) raise the classical
+        curve of any recording. A classical curve includes the additional covariance from heavy tails.
+
+        Raises
+        ------
+        DataError
+            If the axis is constant in a recording, if the recordings cannot be pooled, or if the options require the
+            robust curve and the user gave the classical one.
+        """
+        removed = {name: item for name, item in self.regressions.items() if item.applied}
+        curves = self._curves(options)
+        return pooled({name: removed[name].corrected(wv) if name in removed else wv for name, wv in curves.items()})
+
+    def raw_curve(self, options: CalibrationOptions) -> WaveletVariance | None:
+        """Return the wavelet variance without the removal of the effect of the conditions.
+
+        The result is None if nothing is removed, or if the curve of a recording is not known.
+        """
+        if not any(regression.applied for regression in self.regressions.values()):
+            return None
+        curves = self._curves(options)
+        for name, regression in self.regressions.items():
+            if regression.applied:
+                if name not in self.raw:
+                    return None
+                curves[name] = self.raw[name]
+        return pooled(curves) if len({wv.robust for wv in curves.values()}) == 1 else None
+
+    def _curves(self, options: CalibrationOptions) -> dict[str, WaveletVariance]:
+        """Return the curve of each recording. Classical and robust curves cannot be pooled, so all are of one kind."""
+        names = dict.fromkeys((*self.classical, *self.robust))
+        robust = any(self._needs_robust(name, options) for name in names)
+        curves = {name: (self.robust if robust else self.classical)[name] for name in names}
+        for name, wv in curves.items():
+            if not np.any(wv.variance > 0):
+                error = DataError("the signal is constant", advice="Check whether the axis is connected.")
+                raise error.at(name) if name else error
+        return with_common_tails(curves)
+
+    def _needs_robust(self, name: str, options: CalibrationOptions) -> bool:
+        if name not in self.classical:
+            return True
+        if name not in self.robust and options.robust is True:
+            raise DataError(
+                "the wavelet variance is classical, but a robust one is required",
+                advice="Pass the signal instead, or {--robust=auto}.",
+            )
+        if options.robust != "auto" or name not in self.robust:
+            return bool(options.robust is True)
+        return self.verdicts[name].contaminated and line_in(options.general) is None
+
+
+class Measurements(NamedTuple):
+    """The measured axes, or the error of each axis that cannot be measured, with what concerns whole recordings.
+
+    The findings of the additions are in the order of `recording_additions`.
+    """
+
+    axes: dict[str, MeasuredAxis | GmwmError]
+    inspections: dict[str, Inspection]
+    findings: dict[str, tuple[object, ...]]
+
+
+def measure(recordings: Recordings, options: CalibrationOptions, run: Run = IN_THIS_PROCESS) -> Measurements:
+    """Measure the axes of one or several recordings.
+
+    Parameters
+    ----------
+    recordings : Recordings
+        Recordings in memory or streams, or signals and curves by axis.
+    options : CalibrationOptions
+        `against`, `efficiency`, `gravity` and `tilt` are used here.
+    run : Run
+        Threads and processes that read.
+
+    Raises
+    ------
+    OptionError
+        If worker processes are asked for and a recording is not a stream, or if `against` needs samples that are not
+        there.
+    """
+    if run.remote:
+        _require_one_stream(recordings, "workers" if run.scheduler is None else "scheduler")
+    parts: dict[str, list[MeasuredAxis | GmwmError]] = {axis: [] for axis in recordings.axes}
+    accumulators: dict[str, list[AxisAccumulator]] = {axis: [] for axis in recordings.axes}
+    inspections: dict[str, Inspection] = {}
+    findings: dict[str, tuple[object, ...]] = {}
+    for name in recordings.by_name:
+        measured, items, inspection, findings[name] = _measure_recording(name, recordings, options, run.named(name))
+        if inspection is not None:
+            inspections[name] = inspection
+        for axis in recordings.axes:
+            parts[axis].append(measured[axis])
+        for axis, item in items.items():
+            item.curves = None  # frees the memory
+            accumulators[axis].append(item)
+    axes = in_threads(lambda axis, own: _together(own, accumulators[axis]), parts, threads=run.threads)
+    return Measurements(axes, inspections, findings)
+
+
+def _measure_recording(
+    name: str, recordings: Recordings, options: CalibrationOptions, run: Run
+) -> tuple[
+    dict[str, MeasuredAxis | GmwmError], dict[str, AxisAccumulator], Inspection | None, tuple[object, ...]
+]:  # fmt: skip
+    """Measure the axes of one recording without their spectrum, and return the accumulators of the spectra too."""
+    items, conditions, inspection, findings = _read(name, recordings, options, run)
+    data, inputs = recordings.by_name[name], recordings.inputs[name]
+    means = means_of(data, inspection, options)
+    beginnings = _beginnings(data, items, conditions)
+
+    def work(axis: str, item: AxisInput | AxisAccumulator) -> MeasuredAxis | GmwmError:
+        try:
+            part = _curves_of(axis, name, item, options, comparisons=recordings.comparisons)
+        except GmwmError as error:
+            return error
+        regression, raw = conditions[axis].found.get(axis), _raw(axis, inputs, conditions[axis])
+        return replace(
+            part,
+            regressions={} if regression is None else {name: regression},
+            raw={} if raw is None else {name: raw},
+            means={name: means[axis]} if axis in means else {},
+            beginnings={name: beginnings[axis]} if axis in beginnings else {},
+        )
+
+    measured = in_threads(work, items, threads=run.threads)
+    accumulators = {axis: item for axis, item in items.items() if isinstance(item, AxisAccumulator)}
+    return measured, accumulators, inspection, findings
+
+
+def _require_one_stream(recordings: Recordings, argument: str) -> None:
+    """Raise an OptionError if other processes cannot read the data."""
+    if len(recordings.by_name) > 1:
+        raise OptionError(
+            f"{argument} can be given for one recording only, and there are several", argument=argument,
+            advice="Leave {--" + argument + "} out.",
+        )  # fmt: skip
+    if not isinstance(recordings.by_name[""], Stream):
+        raise OptionError(
+            f"{argument} can be given for a stream only", argument=argument,
+            advice="Pass a stream: `calibrate(gmwm.stream(path), …)`.",
+        )  # fmt: skip
+
+
+def _read(
+    name: str, recordings: Recordings, options: CalibrationOptions, run: Run
+) -> tuple[
+    dict[str, AxisInput | AxisAccumulator], dict[str, Conditions], Inspection | None, tuple[object, ...]
+]:  # fmt: skip
+    """Read the samples of one recording, and regress its axes on the conditions."""
+    data, inputs = recordings.by_name[name], recordings.inputs[name]
+    if isinstance(data, Imu | Stream):
+        conditions = Conditions.of_recording(data, options.conditions, threads=run.threads, curves=True)
+        axes, inspection, findings = read_recording(data, recordings.axes, options.efficiency, conditions, run)
+        return dict(axes), dict.fromkeys(recordings.axes, conditions), inspection, findings
+    curves = {axis: item for axis, item in inputs.items() if item is not None}
+    each = {axis: _conditions_of(axis, item, options) for axis, item in curves.items()}
+    signals = {axis: each[axis].without(axis, item) for axis, item in curves.items() if isinstance(item, Signal)}
+    read = in_threads(lambda _, signal: read_signal(signal, options.efficiency), signals, threads=run.threads)
+    return curves | read, each, None, ()
+
+
+def _conditions_of(axis: str, item: AxisInput, options: CalibrationOptions) -> Conditions:
+    """Return the conditions, with the regression, of one axis of data without a recording."""
+    if isinstance(item, Signal):
+        return Conditions.of({axis: item}, options.conditions, None)
+    if options.conditions.terms:
+        kind = "WaveletVariance" if isinstance(item, WaveletVariance) else "pair of curves"
+        raise OptionError(
+            f"against needs the samples; {axis} is a {kind}",
+            argument="against",
+            advice="Pass signals, or leave {--against} out.",
+        )
+    return NOTHING
+
+
+def _curves_of(
+    axis: str, name: str, item: AxisInput | AxisAccumulator, options: CalibrationOptions, *, comparisons: int
+) -> MeasuredAxis:
+    """Return the wavelet variances of one axis of one recording, with their test for outliers."""
+    if isinstance(item, WaveletVariance):
+        curve = {name: item}
+        return MeasuredAxis(axis=axis, classical={} if item.robust else curve, robust=curve if item.robust else {})
+    screen: Screen | None = None
+    if isinstance(item, AxisAccumulator):
+        assert item.curves is not None
+        with item.turn:
+            screen = item.screen()
+            classical, robust = item.curves.classical(), item.curves.robust()
+            # The screening accounts for heavy tails, so a smaller excess of the classical curve is significant.
+            verdict = contamination((classical, robust), comparisons=comparisons, tolerance=MATERIAL, screen=screen)
+            if verdict.contaminated:
+                other = item.curves.first.result(robust=True, efficiency=other_efficiency(options.efficiency))
+                verdict = replace(verdict, dependence=dependence(robust, other, verdict))
+            classical = replace(classical, excess=screen.tails.excess(classical))
+    else:
+        assert isinstance(item, tuple)
+        classical, robust = item
+        verdict = contamination(item, comparisons=comparisons, tolerance=TOLERANCE)
+    return MeasuredAxis(axis=axis, classical={name: classical}, robust={name: robust}, verdicts={name: verdict})
+
+
+def _raw(axis: str, inputs: Mapping[str, AxisInput | None], conditions: Conditions) -> WaveletVariance | None:
+    """Return the wavelet variance from which an effect of the conditions is not removed; None if none is removed, or if
+    this curve is not known."""
+    if conditions.applied(axis) is None:
+        return None
+    signal, raw = inputs.get(axis), conditions.raw.get(axis)
+    return signal_wavelet_variance(signal) if raw is None and isinstance(signal, Signal) else raw
+
+
+def _beginnings(
+    data: Any, items: Mapping[str, AxisInput | AxisAccumulator], conditions: Mapping[str, Conditions]
+) -> dict[str, Signal]:
+    """Return the first samples of each axis of a recording for the additions.
+
+    Isolated wrong samples and knocks are replaced. They are not part of the normal noise, and a monitor must report
+    them. The effect of conditions is not removed, because a monitor does not remove it either. If it was removed while
+    the recording was read, the beginning is read again.
+    """
+    beginnings = {
+        axis: item.beginning
+        for axis, item in items.items()
+        if isinstance(item, AxisAccumulator) and item.beginning is not None
+    }
+    if isinstance(data, Imu | Stream):
+        beginnings = {axis: signal for axis, signal in beginnings.items() if conditions[axis].applied(axis) is None}
+        again = [axis for axis in items if axis not in beginnings]
+        signals = _first_samples(data) if again else {}
+    else:
+        again = list(items)
+        signals = {data.axis or "signal": data} if isinstance(data, Signal) else data
+    reach = needed_beginning()
+    for axis in again:
+        if isinstance(signals.get(axis), Signal):
+            beginnings[axis] = clean(cut(signals[axis], 0, reach))
+    return beginnings
+
+
+def _first_samples(recording: Imu | Stream) -> Mapping[str, Signal]:
+    """Return the signals of a recording by axis, at least up to the last sample that an addition needs."""
+    parts: list[Batch] = []
+    for batch in batches(recording):
+        parts.append(batch)
+        if batch.stop >= needed_beginning():
+            break
+    return joined(parts).signals
+
+
+def _together(
+    parts: Sequence[MeasuredAxis | GmwmError], accumulators: Sequence[AxisAccumulator]
+) -> MeasuredAxis | GmwmError:
+    """Return one axis of all recordings, with its spectrum; the first error if it cannot be measured in one of them."""
+    mappings: dict[str, dict[str, Any]] = {}
+    for part in parts:
+        if isinstance(part, GmwmError):
+            return part
+        for entry in fields(part):
+            if isinstance(values := getattr(part, entry.name), Mapping):
+                mappings.setdefault(entry.name, {}).update(values)
+        axis = part.axis
+    first, others = accumulators[:1], accumulators[1:]
+    return MeasuredAxis(axis=axis, spectrum=first[0].spectrum(others) if first else None, **mappings)

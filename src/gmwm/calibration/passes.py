@@ -1,0 +1,375 @@
+"""Read a recording once or twice: accumulate the statistics of each axis, and inspect the recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field, replace
+from threading import Lock
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from gmwm.base.arrays import Vector, freeze
+from gmwm.base.errors import GmwmError
+from gmwm.base.text import duration_text
+from gmwm.base.threads import in_threads
+from gmwm.calibration.additions import axis_additions, recording_additions
+from gmwm.files.readers.streams import Stream
+from gmwm.measuring.inspection import Inspection
+from gmwm.measuring.inspection.api import FirstPass
+from gmwm.measuring.outliers import Replaced, Screen, Screening, cleaned
+from gmwm.measuring.regression.conditions import NOTHING, Conditions
+from gmwm.measuring.spectrum import PowerSpectrum, SpectrumAccumulator
+from gmwm.measuring.streaming.passes import AxisCurves, Measurement, curves_of, measure, shown, unit_of
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.batches import Batch, Batches, Streamed, cut, end_to_end, feed
+from gmwm.recording.signals import Imu, Signal
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """How a recording is read. It changes no number.
+
+    Attributes
+    ----------
+    threads : int or None
+        Number of axes that are processed at the same time.
+    scheduler, workers : optional
+        Processes that read a stream, as in `calibrate`.
+    progress : callable
+        Function that is called with a description after each chunk.
+    """
+
+    threads: int | None = None
+    scheduler: str | Client | None = None
+    workers: int | None = None
+    progress: Callable[[str], None] = field(default=lambda _: None)
+
+    @property
+    def remote(self) -> bool:
+        """Whether other processes read a stream."""
+        return self.scheduler is not None or self.workers is not None
+
+    def named(self, recording: str) -> Run:
+        """Return the run with the name of a recording in front of each description; "" for a single recording."""
+        if not recording:
+            return self
+        return replace(self, progress=lambda text: self.progress(f"{recording}: {text}"))
+
+
+IN_THIS_PROCESS = Run()
+
+
+class Passes(NamedTuple):
+    """What the passes over a recording give: accumulators by axis, inspection, findings of the additions."""
+
+    axes: Mapping[str, AxisAccumulator]
+    inspection: Inspection
+    findings: tuple[object, ...] = ()
+
+
+def clean(signal: Signal) -> Signal:
+    """Return a signal with its isolated wrong samples and knocks replaced."""
+    return cleaned(signal).signal
+
+
+def needed_beginning() -> int:
+    """Return the number of samples at the beginning of a recording that the additions need."""
+    return max((addition.beginning for addition in axis_additions()), default=0)
+
+
+class AxisAccumulator:
+    """Wavelet variances, outliers, distribution tails and spectrum of one axis of one recording.
+
+    Parameters
+    ----------
+    rate : float
+        Sampling rate (Hz).
+    unit, axis : str
+    curves : AxisCurves or None
+        Accumulators of the wavelet variances, which may need a second pass; None if another process has them.
+    turn : context manager
+        Context in which the wavelet variances are computed. The axes of a stream share a lock as context, so that only
+        one axis at a time needs the memory for this.
+    beginning : int
+        Number of samples at the beginning of the recording to keep.
+    keep : bool
+        Whether to keep all samples until `samples` is called.
+
+    Attributes
+    ----------
+    beginning : Signal or None
+        The first samples, with isolated wrong samples and knocks replaced; None before the first batch.
+    """
+
+    def __init__(
+        self, rate: float, unit: str, axis: str, curves: AxisCurves | None = None, *,
+        turn: AbstractContextManager[object] | None = None, beginning: int = 0, keep: bool = False,
+    ) -> None:  # fmt: skip
+        self.curves, self.turn = curves, turn or nullcontext()
+        self.beginning: Signal | None = None
+        self._screening = Screening(rate)
+        self._spectrum = SpectrumAccumulator(rate, unit=unit, axis=axis)
+        self._replaced = Replaced()
+        self._reach, self._keep = beginning, keep
+        self._samples: list[Vector] = []
+
+    def clean(self, signal: Signal) -> Signal:
+        """Return a batch with its isolated wrong samples and knocks replaced, and count them."""
+        result = cleaned(signal)
+        self._replaced += result.replaced
+        self._keep_beginning(result.signal)
+        if self._keep:
+            self._samples.append(result.signal.values)
+        return result.signal
+
+    def _keep_beginning(self, signal: Signal) -> None:
+        have = 0 if self.beginning is None else len(self.beginning)
+        if have >= self._reach:
+            return
+        first = cut(signal, 0, self._reach - have)
+        if self.beginning is not None:
+            first = _continued(self.beginning, first)
+        elif len(first) < len(signal):
+            # Copy the values, because a view would keep the whole array in memory.
+            first = replace(first, values=first.values.copy())
+        self.beginning = first
+
+    def samples(self) -> Vector:
+        """Return the samples that were kept, and free their memory."""
+        parts, self._samples = self._samples, []
+        return parts[0] if len(parts) == 1 else freeze(np.concatenate(parts))
+
+    def update(self, signal: Signal, continues: bool) -> None:
+        """Add a batch of the first pass. `continues` says whether it follows the previous batch without a gap."""
+        if self.curves is not None:
+            self.curves.update(signal, continues)
+        for accumulator in (self._screening, self._spectrum):
+            feed(accumulator, signal, continues)
+
+    def screen(self) -> Screen:
+        """Return the bursts, the wrong samples and the tails of the distribution."""
+        return self._screening.result(replaced=self._replaced)
+
+    def spectrum(self, others: Sequence[AxisAccumulator] = ()) -> PowerSpectrum | None:
+        """Return the power spectrum of this and other recordings together, smoothed except at lines; None if there are
+        too few samples."""
+        together = self._spectrum
+        try:
+            for other in others:
+                together = together.beside(other._spectrum)
+            return together.result().smoothed()
+        except GmwmError:
+            return None
+
+
+def _continued(before: Signal, after: Signal) -> Signal:
+    """Return two consecutive parts of a signal as one signal, joined without a gap if no sample is missing between."""
+    begin, end = before.segments[-1]
+    follows = before.starts[-1] + (end - begin) / before.rate
+    return end_to_end([before, after], [False, abs(after.starts[0] - follows) < 0.5 / before.rate])
+
+
+def read_recording(
+    recording: Imu | Stream, axes: Sequence[str], efficiency: float, conditions: Conditions = NOTHING,
+    run: Run = IN_THIS_PROCESS,
+) -> Passes:  # fmt: skip
+    """Accumulate some axes of a recording and inspect all of its axes, in the same passes over the samples.
+
+    Parameters
+    ----------
+    recording : Imu or Stream
+    axes : sequence of str
+        Axes to calibrate.
+    efficiency : float
+        Efficiency of the robust wavelet variance.
+    conditions : Conditions
+        Effects that are removed from the samples before they are measured. The inspection uses the samples without this
+        removal, except in its test for trends.
+    run : Run
+    """
+    if isinstance(recording, Stream) and run.remote:
+        return _read_remotely(recording, axes, efficiency, conditions=conditions, run=run)
+    batches = _reported(recording, run.progress)
+    inspector = FirstPass(batches)
+    accumulators = _first_pass(batches, axes, efficiency, conditions, inspector=inspector, threads=run.threads)
+    curves = {axis: item.curves for axis, item in accumulators.items() if item.curves is not None}
+    inspection = _inspected(batches, inspector, curves, run.threads, conditions=conditions)
+    return Passes(accumulators, inspection, _findings(recording, accumulators, run.threads))
+
+
+def read_signal(signal: Signal, efficiency: float) -> AxisAccumulator:
+    """Accumulate one signal that does not belong to a recording."""
+    axis = signal.axis or "signal"
+    batches = Batches(Imu({axis: signal}))
+    accumulators = _first_pass(batches, (axis,), efficiency)
+    curves = {axis: item.curves for axis, item in accumulators.items() if item.curves is not None}
+    _second_pass(batches, curves)
+    return accumulators[axis]
+
+
+def curves_and_inspection(
+    stream: Stream,
+    axes: Sequence[str],
+    *,
+    robust: bool,
+    efficiency: float,
+    conditions: Conditions = NOTHING,
+    run: Run = IN_THIS_PROCESS,
+) -> tuple[dict[str, WaveletVariance], Inspection]:
+    """Compute the wavelet variance of some axes of a stream and inspect all axes, in the same passes over the samples.
+
+    Parameters
+    ----------
+    stream, axes, conditions, run
+        As in `read_recording`.
+    robust, efficiency
+        As in `wavelet_variance`.
+    """
+    if run.remote:
+        curves, (inspection, _) = _spread(stream, axes, (), robust, efficiency, conditions=conditions, run=run)
+    else:
+        curves = curves_of(stream, axes, robust=robust, efficiency=efficiency)
+        batches = _reported(stream, run.progress)
+        inspector = FirstPass(batches)
+        measure(map(conditions.batch, shown(batches, inspector.update)), curves)
+        inspection = _inspected(batches, inspector, curves, conditions=conditions)
+
+    def curve(axis: str, item: AxisCurves) -> WaveletVariance:
+        regression, wv = conditions.applied(axis), item.robust() if robust else item.classical()
+        return wv if regression is None else regression.corrected(wv)
+
+    return in_threads(curve, curves), inspection
+
+
+def _first_pass(
+    batches: Batches, axes: Sequence[str], efficiency: float, conditions: Conditions = NOTHING, *,
+    inspector: FirstPass | None = None, threads: int | None = None,
+) -> dict[str, AxisAccumulator]:  # fmt: skip
+    """Run the first pass over a recording."""
+    recording = batches.recording
+    in_memory = isinstance(recording, Imu)
+    keep = in_memory and any(addition.needs(axes) for addition in recording_additions())
+    turn = nullcontext() if in_memory else Lock()
+    rate, reach = recording.rate, needed_beginning()
+    accumulators = {
+        axis: AxisAccumulator(rate, curves.first.unit, axis, curves, turn=turn, beginning=reach, keep=keep)
+        for axis, curves in curves_of(recording, axes, efficiency=efficiency, change=clean).items()
+    }
+    also = None if inspector is None else inspector.update
+    measure(map(conditions.batch, shown(batches, also)), accumulators, threads)
+    return accumulators
+
+
+def _second_pass(
+    batches: Batches,
+    curves: Mapping[str, AxisCurves],
+    threads: int | None = None,
+    also: Callable[[Batch], None] | None = None,
+    *,
+    conditions: Conditions = NOTHING,
+) -> None:
+    """Run the second pass for the wavelet variances that need one, and call `also`, if given, with each batch."""
+    again: dict[str, Measurement] = {axis: item for axis, item in curves.items() if item.begin_again()}
+    if again or also:
+        measure(map(conditions.batch, shown(batches, also)), again, threads)
+
+
+def _inspected(
+    batches: Batches, inspector: FirstPass, curves: Mapping[str, AxisCurves], threads: int | None = None, *,
+    conditions: Conditions = NOTHING,
+) -> Inspection:  # fmt: skip
+    statistics = inspector.second_pass()
+    _second_pass(batches, curves, threads, statistics.update, conditions=conditions)
+    return statistics.result(conditions)
+
+
+def _findings(
+    recording: Imu | Streamed, accumulators: Mapping[str, AxisAccumulator], threads: int | None
+) -> tuple[object, ...]:
+    """Return the findings of the additions about a recording in memory, in the order of `recording_additions`."""
+    needed = [isinstance(recording, Imu) and addition.needs(list(accumulators)) for addition in recording_additions()]
+    if not isinstance(recording, Imu) or not any(needed):
+        return ()
+    samples = {axis: replace(recording.signals[axis], values=item.samples()) for axis, item in accumulators.items()}
+    return tuple(
+        addition.of_recording(samples, threads=threads) if need else None
+        for addition, need in zip(recording_additions(), needed, strict=True)
+    )
+
+
+def _reported(recording: Imu | Streamed, progress: Callable[[str], None]) -> Batches:
+    """Return the batches of a recording. For a stream, the progress is reported after each chunk."""
+    if isinstance(recording, Imu):
+        return Batches(recording)
+
+    def done(samples: int) -> None:
+        length = duration_text(samples / recording.rate)
+        if not batches.samples:
+            progress(f"first pass: {length}")
+        else:
+            progress(f"second pass: {length} of {duration_text(batches.samples / recording.rate)}")
+
+    batches = Batches(recording, done)
+    return batches
+
+
+def _read_remotely(
+    stream: Stream, axes: Sequence[str], efficiency: float, *, conditions: Conditions, run: Run
+) -> Passes:
+    """Read a stream like `read_recording`, with the workers of a cluster or with local processes."""
+    curves, (inspection, accumulators) = _spread(
+        stream, axes, tuple(axes), True, efficiency, conditions=conditions, run=run, change=clean
+    )  # fmt: skip
+    for axis, item in accumulators.items():
+        item.curves = curves[axis]
+    return Passes(accumulators, inspection)
+
+
+Remote = tuple[Inspection, dict[str, "AxisAccumulator"]]
+
+
+def _spread(
+    stream: Stream, axes: Sequence[str], inspected: tuple[str, ...], robust: bool, efficiency: float, *,
+    conditions: Conditions, run: Run, change: Callable[[Signal], Signal] | None = None,
+) -> tuple[dict[str, AxisCurves], Remote]:  # fmt: skip
+    """Measure the curves of a stream with workers, one of which inspects the stream and accumulates the other
+    statistics of the axes `inspected`."""
+    from gmwm.measuring.streaming.cluster import part_levels, spread
+    from gmwm.measuring.streaming.scheduling import connected
+
+    curves = curves_of(
+        stream, axes, exact=part_levels(len(axes)), robust=robust, efficiency=efficiency, change=change
+    )  # fmt: skip
+    with connected(run.scheduler, run.workers) as client:
+        future = client.submit(_inspect_remotely, stream, inspected, conditions, pure=False, retries=2)
+        spread(
+            stream, curves, scheduler=client, prepare=conditions.batch,
+            done=lambda samples: run.progress(f"both passes: {duration_text(samples / stream.rate)}"),
+        )  # fmt: skip
+        result: Remote | GmwmError = future.result()
+    if isinstance(result, GmwmError):
+        raise result
+    return curves, result
+
+
+def _inspect_remotely(stream: Stream, axes: tuple[str, ...], conditions: Conditions) -> Remote | GmwmError:
+    """Inspect a stream in a worker process, and accumulate what does not belong to the wavelet variances.
+
+    A GmwmError is returned instead of raised, because Dask would repeat a task that raises.
+    """
+    try:
+        batches = Batches(stream)
+        inspector = FirstPass(batches)
+        reach = needed_beginning()
+        accumulators = {
+            axis: AxisAccumulator(stream.rate, unit_of(stream, axis), axis, beginning=reach) for axis in axes
+        }
+        measure(map(conditions.batch, shown(batches, inspector.update)), accumulators)
+        return _inspected(batches, inspector, {}, conditions=conditions), accumulators
+    except GmwmError as error:
+        return error

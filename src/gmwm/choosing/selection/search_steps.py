@@ -1,0 +1,93 @@
+"""Steps of the search for a model: which families were tried, and why each was entered and left."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from textwrap import wrap
+from typing import Any, Literal
+
+from gmwm.base.text import p_text
+
+Entry = Literal["within", "model", "slow", "lines", "shape", "filter", "nothing-shown", "without-absent-lines"]
+Exit = Literal["accepted", "all-rejected", "rejected", "filter-possible", "lines-absent", "last"]
+ENTRY_TEXTS: Mapping[Entry, str] = {
+    "within": "largest model of the user",
+    "model": "model of the user",
+    "slow": "slow processes, with which every search begins",
+    "lines": "with the lines of the spectrum",
+    "shape": "with the shape of the noise at high frequencies",
+    "filter": "with the shape of the noise at high frequencies, because the model before may describe a filter",
+    "nothing-shown": "slow processes, because the data show no further term",
+    "without-absent-lines": "without the lines whose power is estimated as zero",
+}
+EXIT_TEXTS: Mapping[Exit, str] = {
+    "accepted": "The test accepts it.",
+    "all-rejected": "The test rejects every model of this family, so they were not compared.",
+    "rejected": "The test rejects it.",
+    "filter-possible": "The test accepts it, but a Gauss-Markov term is as fast as a filter of the sensor.",
+    "lines-absent": "The power of a line is estimated as zero.",
+    "last": "The test rejects it, but there is no further family.",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchStep:
+    """One step of the search for a model: a family of models, and why it was entered and left.
+
+    Attributes
+    ----------
+    family : str
+        The largest model of the family. All models made of some of its terms belong to the family.
+    entered : str
+        Why the family was tried: "within" and "model" (given by the user), "slow" (the first family of a search),
+        "lines", "shape" or "filter" (terms from the spectrum), "nothing-shown", or "without-absent-lines".
+    bound : float or None
+        Upper bound of the p-value of the goodness-of-fit test of any model of the family.
+    recommended : str or None
+        The recommended model of the family; None if the models were not compared.
+    pvalue : float or None
+        p-value of the goodness-of-fit test of this model; None if there is no test.
+    model_error : float
+        Relative model error that is included in the comparison.
+    left : str
+        Why the search went on or ended: "accepted", "all-rejected", "rejected", "filter-possible", "lines-absent", or
+        "last" (rejected, and there is no further family).
+    used : bool
+        Whether the result of the search is from this family.
+    """
+
+    family: str
+    entered: Entry
+    bound: float | None = None
+    recommended: str | None = None
+    pvalue: float | None = None
+    model_error: float = 0.0
+    left: Exit
+    used: bool = False
+
+    def text(self) -> str:
+        """Return the step as one or two sentences."""
+        head = f"{self.family}: {ENTRY_TEXTS[self.entered]}."
+        if self.recommended is not None:
+            tested = "no test" if self.pvalue is None else p_text(self.pvalue)
+            head += f" Recommended: {self.recommended} ({tested})."
+        elif self.bound is not None:
+            head += f" p of any model: at most {self.bound:.2g}."
+        error = f" Model error: {100 * self.model_error:.2g} %." if self.model_error else ""
+        return f"{head} {EXIT_TEXTS[self.left]}{error}{' This result is used.' if self.used else ''}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain values for JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> SearchStep:
+        """Restore a step from the result of `to_dict`."""
+        return cls(**content)
+
+
+def search_lines(steps: Iterable[SearchStep], width: int) -> Iterator[str]:
+    """Yield the lines of a numbered list of the steps."""
+    for number, step in enumerate(steps, start=1):
+        yield from wrap(step.text(), width, initial_indent=f"{number}. ", subsequent_indent="   ")

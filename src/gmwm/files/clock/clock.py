@@ -1,0 +1,325 @@
+"""Determine the clock of a recording, its sampling rate, segments and irregularities, from all time stamps.
+
+The time stamps come in chunks of any size. They are analysed in blocks of 2²⁰ rows, each with 2¹⁶ rows before and after
+it, so the result is the same for a file in memory and for a file larger than memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Vector
+from gmwm.base.errors import ReadError
+from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.time_base import TimeBase, gap_duration
+from gmwm.base.units import LONG_TIME_UNITS, TIME_UNITS
+from gmwm.files.clock.loss_levels import Rows
+from gmwm.files.clock.rate_check import require_one_rate, require_order
+from gmwm.files.clock.sampling_interval import RATE_TOLERANCE, Found, find_losses, resolution_of
+from gmwm.files.clock.stamp_order import Steps, in_order, nominal_interval, require_span, without_steps_back
+from gmwm.files.clock.time_stamps import SegmentStarts, Timing, about_stamps, as_stamps, require_countable
+
+BLOCK, MARGIN = 1 << 20, 1 << 16
+"""Rows of a block, and rows on each side that are analysed with it. A change of the rate lasts for 3/64 of them."""
+_RATE_REMARK, _RATE_TROUBLE = 1e-4, 1e-3
+"""Relative differences between declared and measured rate for a remark or warning; crystals are within 1e-4."""
+_REGULAR, _REGULAR_SHARE, _EVEN = 5, 0.01, 0.1
+"""Losses are regular from 5 gaps and 1 % of the samples on, if the gaps are even to 10 % (standard deviation)."""
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Results for the time stamps of one block, in ticks from the first time stamp; they increase where the clock was
+    set back."""
+
+    rows: int  # number of rows
+    found: Found  # sampling interval, and gaps by the number of the row in the recording
+    walls: tuple[tuple[int, float], ...]  # each row before which the clock was set back, and its time stamp
+    index: float  # mean index of the samples, in which lost samples are counted, and mean of the time stamps
+    tick: float
+    spread: float  # sum of the squared differences of the sample indices from their mean
+    # number and sum of the intervals within segments, and the sum of their squared differences from `reference`
+    inside: int
+    span: float
+    squares: float
+    reference: float  # sampling interval of the first block, and its median interval within segments (ticks)
+    median: float
+    exact: bool  # whether all intervals are multiples of the median within the resolution of float64
+    whole: float  # sum of all intervals
+    spacing: float  # spacing of float64 numbers at the magnitude of the time stamps
+    # number of time stamps that equal the previous one, and number that are smaller than the previous one
+    duplicates: int
+    backward: int
+    steps: Steps  # wraps of a counter and changes of summer time
+    end: float  # tick of the first row of the next block
+
+
+def clock_of(chunks: Iterable[NDArray[Any]], unit: str, rate: float | None) -> tuple[Timing, Remark | None]:
+    """Return the rate, segments and irregularities of a recording, and a remark if the unit of time is inferred or
+    unusually long. `find_losses` determines the sampling interval and the lost samples. A declared rate is used if it
+    agrees with the time stamps within 1 %. The time stamps then only determine where the gaps are. The remark on the
+    difference is a warning if two conditions are met: it is more than 0.1 %, and over the longest segment it adds up to
+    more than one sampling interval and three times the jitter. The start times of the segments differ by whole sampling
+    intervals, except where the clock was set back. `unit` is "" to infer it; `rate` is the declared rate (Hz)."""
+    blocks: list[_Block] = []
+    first, remark, row = None, None, 0
+    for window, begin, end in _windows(chunks):
+        if first is None:
+            stamps, remark = as_stamps(window, unit, rate)
+            unit, first = unit or stamps.unit, window[0].item()
+        blocks.append(_block(_Window.of(window, first, unit), begin=begin, end=end, row=row, before=blocks, rate=rate))
+        row += end - begin
+    if first is None:
+        raise ReadError("the time column is empty", code="time-empty")
+    seconds, per_second = LONG_TIME_UNITS.get(unit, 1), TIME_UNITS.get(unit, 1)
+    return _joined(blocks, float(first) * seconds, per_second, unit if unit in TIME_UNITS else "s", rate=rate), remark
+
+
+def rows_between(
+    values: NDArray[Any], unit: str, rate: float | None, *, begin: float, end: float
+) -> tuple[slice, float]:
+    """Return the rows between two times (s) from the first time stamp, and the time of the first of these rows. The
+    clock is not known yet, so the time of a row is its time stamp."""
+    unit = unit or as_stamps(values, unit, rate)[0].unit
+    window = _Window.of(values, values[0].item(), unit)
+    ticks = np.fmax.accumulate(in_order(window.ticks, window.integer, window.per_second).ticks)
+    first, last = np.searchsorted(ticks, [begin * window.per_second, end * window.per_second]).tolist()
+    return slice(first, last), float(ticks[min(first, ticks.size - 1)]) / window.per_second
+
+
+def _windows(chunks: Iterable[NDArray[Any]]) -> Iterator[tuple[NDArray[Any], int, int]]:
+    """Yield blocks of rows with their margins, and the positions in these rows at which the block begins and ends."""
+    waiting: list[NDArray[Any]] = []
+    count = begin = 0
+    for chunk in chunks:
+        for k in range(0, chunk.size, BLOCK):
+            waiting.append(chunk[k : k + BLOCK])
+            count += waiting[-1].size
+            if count >= begin + BLOCK + MARGIN:
+                rows = np.concatenate(waiting)
+                while rows.size >= begin + BLOCK + MARGIN:
+                    yield rows[: begin + BLOCK + MARGIN], begin, begin + BLOCK
+                    rows = rows[begin + BLOCK - MARGIN :]
+                    begin = MARGIN
+                waiting, count = [rows], rows.size
+    if count > begin:
+        yield np.concatenate(waiting), begin, count
+
+
+@dataclass(frozen=True)
+class _Window:
+    """Time stamps in ticks from the first time stamp of the recording, and their resolution."""
+
+    ticks: Vector
+    origin: float
+    spacing: float
+    per_second: int
+    integer: bool
+
+    @classmethod
+    def of(cls, values: NDArray[Any], first: int | float, unit: str) -> _Window:
+        require_countable(values)
+        integer, seconds = values.dtype.kind in "iu", LONG_TIME_UNITS.get(unit, 1)
+        values = values.astype(np.int64, copy=False) if integer else values
+        ticks = (values - first).astype(np.float64, copy=False)
+        exact = integer and seconds == 1
+        return cls(
+            ticks=ticks * seconds if seconds != 1 else ticks,
+            origin=float(first) * seconds,
+            spacing=0.0
+            if exact
+            else float(np.spacing(np.max(np.abs(values.astype(np.float64, copy=False))))) * seconds,
+            per_second=TIME_UNITS.get(unit, 1),
+            integer=exact,
+        )
+
+
+def _block(window: _Window, *, begin: int, end: int, row: int, before: Sequence[_Block], rate: float | None) -> _Block:
+    """Analyse the rows `begin` to `end` of a window; row `begin` is row number `row` of the recording."""
+    per_second, offset = window.per_second, row - begin
+    order = in_order(window.ticks, window.integer, per_second)
+    nominal = nominal_interval(order.ticks)
+    require_order(order.ticks, nominal, window.origin, per_second, row=offset)
+    require_span(order.ticks, nominal, per_second)
+    ticks, walls = without_steps_back(order.ticks, nominal)
+    require_span(ticks, nominal, per_second)
+    ticks = ticks + ((before[-1].end if before else 0.0) - ticks[begin])
+    require_one_rate(ticks, per_second, offset)
+    declared = before[0].found.interval if before else None
+    declared = per_second / rate if rate is not None else declared
+    found = find_losses(ticks, resolution_of(ticks, window.spacing), declared)
+
+    lost = np.zeros(ticks.size, dtype=np.int64)
+    lost[found.rows] = found.lost
+    lost[walls] = 0
+    own = slice(begin, end)
+    low = max(begin, 1)  # the first row with an interval before it
+    cut = lost > 0
+    cut[walls] = True
+    steps = np.diff(ticks)[low - 1 : end - 1]
+    kept = steps[~cut[low:end]]
+    reference = before[0].reference if before else found.interval
+    median = before[0].median if before else float(np.median(kept)) if kept.size else found.interval
+    exact, whole = 2 * window.spacing + 1e-9 * median, steps / median if median > 0 else steps
+    repeated = found.repeated[(found.repeated >= begin) & (found.repeated < end)] + offset
+    repeats = np.bincount(repeated - row, minlength=end - begin)
+    missing = sum(int(np.sum(b.found.lost)) - b.found.repeated.size for b in before)
+    index = (row + missing + np.arange(end - begin) + np.cumsum(lost[own] - repeats)).astype(np.float64)
+    rows = np.flatnonzero(lost[own])
+    raw = np.diff(window.ticks)[low - 1 : end - 1]
+    return _Block(
+        rows=end - begin, found=replace(found, rows=rows + row, lost=lost[own][rows], repeated=repeated),
+        walls=tuple((int(w) + offset, float(window.ticks[w])) for w in walls if begin <= w < end),
+        index=float(np.mean(index)), tick=float(np.mean(ticks[own])),
+        spread=float(np.sum((index - np.mean(index)) ** 2)), inside=kept.size, span=float(np.sum(kept)),
+        squares=float(np.sum((kept - reference) ** 2)), reference=reference, median=median,
+        exact=median > 0 and bool(np.all(np.abs(whole - np.round(whole)) * median <= exact)),
+        whole=float(np.sum(steps)), spacing=window.spacing, duplicates=int(np.count_nonzero(raw == 0)),
+        backward=int(np.count_nonzero(np.diff(order.ticks)[low - 1 : end - 1] < 0)),
+        steps=order.steps.between(begin, end), end=float(ticks[min(end, ticks.size - 1)]),
+    )  # fmt: skip
+
+
+def _joined(blocks: Sequence[_Block], origin: float, per_second: int, unit: str, *, rate: float | None) -> Timing:
+    """Combine all blocks into the clock of the recording."""
+    rows, lost = (np.concatenate([getattr(b.found, name) for b in blocks]) for name in ("rows", "lost"))
+    count = sum(b.rows for b in blocks)
+    interval, remark = _interval(blocks, rows, lost, count=count, per_second=per_second)
+    measured = per_second / interval
+    steps = Steps.joined([b.steps for b in blocks])
+    remarks = [*steps.remarks(per_second), *([remark] if remark else ())]
+    if rate is not None:
+        _require_agreement(rate, measured, unit)
+    used = measured if rate is None else rate
+    walls = dict(wall for b in blocks for wall in b.walls)
+    cuts = np.union1d(rows, np.array(list(walls), dtype=np.int64))
+    segments = tuple(pairwise([0, *cuts.tolist(), count]))
+    inside, span, reference = sum(b.inside for b in blocks), sum(b.span for b in blocks), blocks[0].reference
+    shift = reference - interval
+    squares = sum(b.squares for b in blocks) + 2 * shift * (span - inside * reference) + inside * shift**2
+    jitter = float(np.sqrt(max(squares, 0.0) / inside)) if inside else 0.0
+    if rate is not None:
+        away = max(last - first for first, last in segments) * abs(per_second / rate - interval)
+        grave = abs(measured / rate - 1) > _RATE_TROUBLE and away > max(interval, 3 * jitter)
+        remarks += _about_declared(rate, measured, grave)
+    elif remark := _about_regular(rows, lost, count, measured) or _about_rounded(blocks, count, measured, per_second):
+        remarks = [*(one for one in remarks if one.code != "rate-from-mean"), remark]
+    gaps = dict(zip(rows.tolist(), lost.tolist(), strict=True))
+    times = {row: (origin + tick) / per_second for row, tick in walls.items()}
+    clock = SegmentStarts(origin / per_second, used)
+    starts = tuple(clock.at(row, gaps.get(row, 0), times.get(row)) for row, _ in segments)
+    base = TimeBase(
+        rate=used, stamped=True, start=starts[0], jitter=jitter / per_second,
+        gaps=tuple((row, gap_duration(count, used)) for row, count in gaps.items()),
+        duplicates=sum(b.duplicates for b in blocks), backward=sum(b.backward for b in blocks),
+    )  # fmt: skip
+    return Timing(base, segments, starts=starts, remarks=(*remarks, *about_stamps(base)), width=blocks[0].found.width)
+
+
+def _interval(
+    blocks: Sequence[_Block], rows: Rows, lost: Rows, count: int, per_second: int
+) -> tuple[float, Remark | None]:
+    """Return the sampling interval (ticks) in the digits that the time stamps resolve, and a remark if it is a mean."""
+    interval, median, spacing = _slope(blocks), blocks[0].median, max(b.spacing for b in blocks)
+    whole, repeated = sum(b.whole for b in blocks), sum(b.found.repeated.size for b in blocks)
+    mean = whole / max(1, count - 1 + int(np.sum(lost)) - repeated)
+    exact = 2 * spacing + 1e-9 * median
+    if all(b.exact for b in blocks) and abs(mean - median) <= exact and abs(interval - median) <= exact + 1e-7 * median:
+        # All intervals are multiples of one interval within the resolution of float64.
+        return _shortest_decimal(mean, 4 * spacing / whole, per_second), None
+    longest = int(np.max(np.diff(rows, prepend=0, append=count)))
+    if abs(interval - median) * longest <= 0.5 * median:
+        return interval, None
+    remark = Remark.of(
+        "rate-from-mean", rate=Quantity(per_second / interval, "Hz"), median=Quantity(median / per_second, "s")
+    )
+    return interval, remark
+
+
+def _slope(blocks: Sequence[_Block]) -> float:
+    """Return the slope of the line through the time stamps of all blocks, from the slope and mean of each block."""
+    if len(blocks) == 1:
+        return blocks[0].found.interval
+    sizes = np.array([b.rows for b in blocks], dtype=np.float64)
+    k, t = (np.array([getattr(b, name) for b in blocks]) for name in ("index", "tick"))
+    k, t = k - np.average(k, weights=sizes), t - np.average(t, weights=sizes)
+    spread, slopes = np.array([b.spread for b in blocks]), np.array([b.found.interval for b in blocks])
+    return float((np.dot(slopes, spread) + np.sum(sizes * k * t)) / (np.sum(spread) + np.sum(sizes * k * k)))
+
+
+def _about_regular(rows: Rows, lost: Rows, count: int, rate: float) -> Remark | None:
+    """Return a remark if samples are missing at regular intervals, which a lower sampling rate would also explain."""
+    share = float(np.sum(lost)) / count
+    if rows.size < _REGULAR or share < _REGULAR_SHARE or np.median(lost) > 2:
+        return None
+    apart = np.diff(rows)
+    if np.std(apart) > _EVEN * np.mean(apart):
+        return None
+    return Remark.of(
+        "losses-regular",
+        every=round(float(np.mean(apart))) + 1,
+        rate=Quantity(rate, "Hz"),
+        other=Quantity(rate / (1 + share), "Hz"),
+    )
+
+
+def _about_rounded(blocks: Sequence[_Block], count: int, rate: float, per_second: int) -> Remark | None:
+    """Return a remark if the time stamps have two explanations, rounding at this rate or regular losses at a higher
+    rate: all intervals are multiples of the most common one, and no time stamp repeats."""
+    if not all(b.exact and not b.found.rows.size and not b.duplicates for b in blocks):
+        return None
+    other = per_second / blocks[0].median
+    lost = sum(b.whole for b in blocks) / blocks[0].median - (count - 1)
+    if lost < max(_REGULAR, _REGULAR_SHARE * count):
+        return None
+    return Remark.of(
+        "rate-ambiguous", every=round(count / lost) + 1, rate=Quantity(rate, "Hz"), other=Quantity(other, "Hz")
+    )
+
+
+def _shortest_decimal(interval: float, tolerance: float, per_second: int) -> float:
+    """Round an interval within the tolerance so that it, or its rate, has the fewest decimal digits."""
+    tolerance = max(tolerance, 4 * float(np.finfo(np.float64).eps))
+    if tolerance > 1e-6:
+        return interval
+    for digits in range(1, 16):
+        by_rate = per_second / float(f"{per_second / interval:.{digits}g}")
+        by_interval = float(f"{interval:.{digits}g}")
+        for candidate in (by_rate, by_interval):
+            if abs(candidate / interval - 1) <= tolerance:
+                return candidate
+    return interval
+
+
+def _require_agreement(rate: float, measured: float, unit: str) -> None:
+    """Require that the declared rate and the rate of the time stamps (Hz) differ by 1 % at most."""
+    if abs(measured / rate - 1) <= RATE_TOLERANCE:
+        return
+    known = TIME_UNITS | {u: 1 / seconds for u, seconds in LONG_TIME_UNITS.items()}
+    agreeing = (u for u, n in known.items() if abs(measured * n / TIME_UNITS[unit] / rate - 1) <= RATE_TOLERANCE)
+    likely = next(agreeing, "")
+    advice = "To use the time stamps, leave {--rate} out; to leave them out, pass {--columns=time:none}."
+    if likely:
+        advice = "The rates agree if the time stamps are in {likely}: pass {--units=@units}. " + advice
+    raise ReadError(
+        f"the rate of {rate:g} Hz contradicts the time stamps, which show {measured:.6g} Hz in {unit}",
+        code="rate-contradiction", argument="rate", got=rate, advice=advice, likely=likely, units=f"time:{likely}",
+    )  # fmt: skip
+
+
+def _about_declared(rate: float, measured: float, grave: bool) -> Iterator[Remark]:
+    """Report a declared rate that differs from the rate of the time stamps (Hz), with a warning if `grave`."""
+    apart = abs(measured / rate - 1)
+    if apart <= _RATE_REMARK:
+        return
+    declared, stamps = Quantity(rate, "Hz"), Quantity(measured, "Hz")
+    if grave:
+        yield Remark.of("rate-contradicted", source="declared", rate=declared, stamps=stamps, percent=100 * apart)
+    else:
+        yield Remark.of("rate-declared", rate=declared, stamps=stamps, percent=100 * apart)

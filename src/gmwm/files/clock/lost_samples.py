@@ -1,0 +1,152 @@
+"""Find rows of a file without a usable sample, because of missing values, unreadable lines, or other messages.
+
+A reader marks a missing value: NaN in a column of numbers, `MISSING` in a column of integers. This module decides what
+a missing value means for the recording, in the same way for all formats, in memory and in streams:
+
+- A row with a time stamp and no value in any axis belongs to another message, or its sample was not stored. It is left
+  out. If a sample is missing there, the time stamps show the gap.
+- A row without a time stamp, in a recording that has them, cannot be placed. It is left out, and there is a gap between
+  the samples before and after it.
+- Any other row without a finite value in each axis is a lost sample. Its place is known, and it is a gap.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Vector
+from gmwm.base.remarks import Remark
+from gmwm.base.time_base import TimeBase
+from gmwm.base.units import IMPOSSIBLE
+from gmwm.files.contract import Rows
+
+CUT = -1
+"""Key of a Boolean column: before a marked row, an unknown number of samples is missing."""
+MISSING = int(np.iinfo(np.int64).min)
+"""Value of a missing integer. It is also the missing time of NumPy (NaT)."""
+
+
+def is_missing(column: NDArray[np.generic]) -> NDArray[np.bool_] | None:
+    """Return a mask of the rows without a finite number; None if there is no such row.
+
+    >>> is_missing(np.array([1.0, np.nan])), is_missing(np.array([1, 2]))
+    (array([False,  True]), None)
+    """
+    if column.dtype.kind != "f":
+        missing = column == MISSING
+        return missing if missing.any() else None
+    with np.errstate(over="ignore", invalid="ignore"):
+        if np.isfinite(column.sum()):  # one fast pass decides the usual case
+            return None
+        missing = ~np.isfinite(column)
+    return missing if missing.any() else None
+
+
+@dataclass(frozen=True)
+class Sifted:
+    """The rows that the clock of a recording counts, and masks of the lost samples and splits among them."""
+
+    rows: Rows  # the rows that the clock counts
+    # mask of the rows without a value in at least one axis; None if there is no such row
+    lost: NDArray[np.bool_] | None = None
+    # Mask of the rows before which the recording is split, for example because a row without a time stamp was left out
+    # there; None if there is no such row. The last entry is for the next row after these
+    cut: NDArray[np.bool_] | None = None
+    # number of rows that were left out because they have no time stamp, and because they have no value in any axis
+    unplaced: int = 0
+    other: int = 0
+
+
+def sift(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> Sifted:
+    """Leave out the rows that the clock does not count, and mark lost samples."""
+    marked = rows.get(CUT)
+    if marked is not None:
+        rest = sift({k: column for k, column in rows.items() if k != CUT}, columns, axes)
+        assert rest.cut is None, "rows with time stamps are not marked"
+        return replace(rest, cut=np.append(marked, False))
+    missing = [is_missing(rows[columns[axis]]) for axis in axes]
+    unstamped = is_missing(rows[columns["time"]]) if "time" in columns else None
+    if unstamped is None and not any(one is not None for one in missing):
+        return Sifted(rows)
+    size = next(iter(rows.values())).size
+    each = [np.zeros(size, dtype=bool) if one is None else one for one in missing]
+    lost, empty = np.any(each, axis=0), np.all(each, axis=0)
+    if "time" not in columns:
+        return Sifted(rows, lost)
+    away = np.zeros(size, dtype=bool) if unstamped is None else unstamped
+    out = away | empty
+    kept = ~out
+    cut = None
+    if away.any():
+        cut = np.zeros(int(np.count_nonzero(kept)) + 1, dtype=bool)
+        cut[np.cumsum(kept)[away]] = True
+    left = {k: column[kept] for k, column in rows.items()} if out.any() else rows
+    lost = lost[kept]
+    return Sifted(
+        left, lost if lost.any() else None, cut=cut, unplaced=int(np.count_nonzero(away)),
+        other=int(np.count_nonzero(out & ~away)),
+    )  # fmt: skip
+
+
+def dead_axes(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> dict[str, float]:
+    """Return the axes with the same value in all rows, with this value; NaN for an axis without a finite value."""
+    found = {}
+    for axis in axes:
+        column = np.asarray(rows[columns[axis]])
+        missing = is_missing(column)
+        there = column if missing is None else column[~missing]
+        if not there.size:
+            found[axis] = float("nan")
+        elif there[0] == there[-1] and bool(np.all(there == there[0])):
+            found[axis] = float(there[0])
+    return found
+
+
+def as_floats(column: NDArray[np.generic]) -> Vector:
+    """Convert numbers to float64, and missing integers to NaN."""
+    floats: Vector = column.astype(np.float64, copy=False)
+    if column.dtype.kind != "f" and (missing := is_missing(column)) is not None:
+        floats[missing] = np.nan
+    return floats
+
+
+def about_lost(base: TimeBase, impossible: int) -> Iterator[Remark]:
+    """Yield the remarks on lost samples. `impossible` of them are lost because no sensor can measure their values."""
+    if base.lost > impossible:
+        yield Remark.of("samples-lost", count=base.lost - impossible)
+    if impossible:
+        yield Remark.of("values-impossible", count=impossible, limit=IMPOSSIBLE)
+
+
+def whole_numbers(column: NDArray[np.generic]) -> NDArray[np.int64]:
+    """Convert numbers to int64, with `MISSING` for those that are not finite or too large.
+
+    >>> whole_numbers(np.array([3.0, np.nan, 1e30])).tolist() == [3, MISSING, MISSING]
+    True
+    """
+    if column.dtype.kind != "f":
+        return column.astype(np.int64)
+    usable = np.abs(column) < 2.0**62  # False for NaN
+    return np.where(usable, np.where(usable, column, 0.0).astype(np.int64), MISSING)
+
+
+def gaps_of(
+    pairs: Sequence[tuple[int, int]], samples: Sequence[int], stamped: Sequence[tuple[int, float]], rate: float
+) -> tuple[tuple[int, float], ...]:
+    """Return the gaps of a recording with lost samples: index of the first sample after each gap, and its duration (s).
+    `pairs` are the rows of the samples before and after each gap, `samples` the index of the sample after it, and
+    `stamped` the gaps in the time stamps: the row after each, and the time between the two rows."""
+    found, rest = [], deque(stamped)
+    for (before, after), sample in zip(pairs, samples, strict=True):
+        inside = []
+        while rest and rest[0][0] <= after:
+            row, seconds = rest.popleft()
+            inside += [seconds] if row > before else []
+        # Rows between are one interval apart, except at the gaps of the time stamps.
+        found.append((sample, sum(inside) + (after - before - len(inside)) / rate))
+    return tuple(found)

@@ -1,0 +1,145 @@
+"""Check that time stamps are in order, and that the sampling rate is the same from the first to the last."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmwm.base.arrays import Vector
+from gmwm.base.errors import ReadError
+from gmwm.base.remarks import Quantity
+
+# The thresholds separate the simulated clocks of tests/readers/test_steady.py (steady, drifting, jittered, in bursts,
+# with pauses, with one change) and test_timebase.py (out of order, set back), which pin them.
+
+_BLOCK = 64  # smallest number of intervals in a block, over which the jitter of single time stamps averages out
+_BLOCKS = 64  # largest number of blocks in a recording. A change is found if it lasts for 3/64 of the recording.
+_BESIDE = 3  # number of blocks that are compared on each side of a change. A gap or a pause affects only one of them.
+_BESIDE_BURSTS = 8  # the same number if samples come in bursts. The mean interval then varies more from block to block.
+CHANGED = 1.05
+"""Smallest ratio of two rates that is a change. Oscillators drift by less, settings of a sensor differ by more."""
+CHANGED_BURSTS = 1.2  # the same ratio if samples come in bursts, because a block can contain one burst more or less
+_NEAR = 8.0  # intervals by which a time stamp may be earlier than the previous one; beyond, the clock was set back
+_SOME, _SHARE = 2, 1e-3
+"""Number of time stamps out of order that is accepted in any recording, and share that is accepted in a long one."""
+_RESETS, _RESET_SHARE = 8, 1e-2  # the same for backward steps of the clock, at each of which the recording is split
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change of the sampling interval: the first sample with the new interval, and both intervals (ticks)."""
+
+    index: int
+    before: float
+    after: float
+
+
+def require_order(ticks: Vector, nominal: float, origin: float, per_second: float, row: int = 0) -> None:
+    """Require that time stamps are in order, except for a few. `row` rows are before the first one, `origin`."""
+    steps = np.diff(ticks)
+    back = np.flatnonzero(steps < 0)
+    near = int(np.count_nonzero(steps[back] > -_NEAR * nominal))
+    if near <= max(_SOME, _SHARE * ticks.size) and back.size <= max(_RESETS, _RESET_SHARE * ticks.size):
+        return
+    first, most = (origin + ticks[back[0] + 1]) / per_second, -float(np.min(steps)) / per_second
+    raise ReadError(
+        f"the time stamps are not in order: {back.size} of {ticks.size} are earlier than the one before, by up to "
+        f"{most:.3g} s (the first in row {row + back[0] + 2}, at {first:.6g} s)",
+        code="time-order",
+        advice="If the rows are not in the order of sampling, sort them by time; if they are, leave the time stamps "
+        "out with {--columns=time:none} and pass {--rate} (on average they show {rate:.4g}).",
+        rate=Quantity(per_second / nominal, "Hz"),
+    )
+
+
+def require_one_rate(ticks: Vector, per_second: float, row: int = 0) -> None:
+    """Require that the sampling rate does not change within the recording."""
+    change = rate_change(ticks)
+    if change is None:
+        return
+    when = float(ticks[change.index]) / per_second
+    before, after = per_second / change.before, per_second / change.after
+    raise ReadError(
+        f"the sampling rate changes from {before:.4g} Hz to {after:.4g} Hz at {when:.6g} s from the start of the "
+        f"recording (row {row + change.index + 1}), by the time stamps",
+        code="rate-changes",
+        advice="Read one part at a time: the first with {--stop=@when}, the second with {--start=@when}.",
+        when=round(when, 3),
+    )
+
+
+def rate_change(ticks: Vector) -> Change | None:
+    """Find the first lasting change of the sampling interval by more than 5 %; None if there is none.
+
+    Blocks of at least 64 intervals are compared, three on either side. The median interval of a block does not depend
+    on gaps, and the mean does not depend on jitter and rounding. Both must change by about the same factor, and all
+    blocks of one side must lie beyond all of the other side. If samples come in bursts, the median has no meaning, and
+    the mean must change by 20 %, with eight blocks on either side.
+
+    >>> rate_change(np.cumsum(np.repeat([1.0, 2.0], 500)))
+    Change(index=499, before=1.0, after=2.0)
+    """
+    steps = np.diff(ticks)
+    burst = _burst(steps)
+    beside, factor = (_BESIDE, CHANGED) if burst == 1 else (_BESIDE_BURSTS, CHANGED_BURSTS)
+    length = max(steps.size // _BLOCKS, _BLOCK, 8 * burst)
+    count = steps.size // length
+    if count < 2 * beside:
+        return None
+    blocks = np.where(steps < 0, 0.0, steps)[: count * length].reshape(count, length)
+    means, medians = np.mean(blocks, axis=1), np.median(blocks, axis=1)
+    values = medians if burst == 1 else means
+    if np.max(values) <= factor * np.min(values):
+        return None  # no block differs by this factor from any other
+    for k in range(beside, count - beside + 1):
+        mean, middle = (_Sides.of(values, k, beside) for values in (means, medians))
+        chosen = middle if burst == 1 else mean
+        if chosen.apart(factor) and (burst > 1 or mean.agrees(middle)):
+            at = _corner(steps, (k - 1) * length, (k + 1) * length, chosen)
+            return Change(at, chosen.before, chosen.after)
+    return None
+
+
+@dataclass(frozen=True)
+class _Sides:
+    """Blocks on both sides of a possible change: the medians and ranges of each side."""
+
+    before: float
+    after: float
+    ranges: tuple[float, float, float, float]
+
+    @classmethod
+    def of(cls, values: Vector, k: int, beside: int) -> _Sides:
+        left, right = np.sort(values[k - beside : k]), np.sort(values[k : k + beside])
+        ranges = (float(left[0]), float(left[-1]), float(right[0]), float(right[-1]))
+        return cls(float(np.median(left)), float(np.median(right)), ranges)
+
+    def apart(self, factor: float) -> bool:
+        """Return whether the sides differ by more than a factor, and by more than the range of either side."""
+        low, high, first, last = self.ranges
+        if self.before <= 0 or self.after <= 0 or (first <= factor * high and low <= factor * last):
+            return False
+        return max(first - high, low - last) > max(high - low, last - first)
+
+    def agrees(self, other: _Sides) -> bool:
+        """Return whether two changes have about the same factor."""
+        mine, theirs = np.log(self.after / self.before), np.log(other.after / other.before)
+        return bool(abs(mine) > np.log(CHANGED) and abs(mine - theirs) < np.log(CHANGED_BURSTS))
+
+
+def _burst(steps: Vector) -> int:
+    """Return the number of samples in a burst; 1 if the median interval is the interval of uniform sampling. Samples
+    come in bursts if more than 5 % of the intervals are longer than 4 medians, because gaps are rarer."""
+    forward = steps[steps >= 0]
+    single = float(np.median(forward)) if forward.size else 0.0
+    long = int(np.count_nonzero(forward > 4 * single))
+    return max(2, round(forward.size / long)) if long > 0.05 * forward.size else 1
+
+
+def _corner(steps: Vector, low: int, high: int, sides: _Sides) -> int:
+    """Return the last sample with the old interval, within a range of samples that contains the change."""
+    part = steps[low:high]
+    # Each interval has one vote, for the rate that it is nearer to, so a gap counts no more than any other interval.
+    votes = np.where(np.abs(part - sides.before) < np.abs(part - sides.after), 1, -1)
+    return low + int(np.argmax(np.concatenate(([0], np.cumsum(votes)))))

@@ -1,0 +1,222 @@
+"""Find the axis and the unit in the name of a column.
+
+A name is split into words. A word for the sensor ("gyro", "omega", "w") and a letter for the axis determine the axis,
+for example in gyro_x, Gyr_X, gx, w_RS_S_x, angular_velocity.x, GyroX and xgyro.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from gmwm.base.units import TIME_WORDS, find_time_unit, find_unit
+
+# Spellings of units that only occur in column names, which have no slash: gyro_x_rad_s.
+_UNIT_WORDS = {
+    "mrads": "mrad/s", "mradps": "mrad/s", "degmin": "deg/min", "mms2": "mm/s²", "mmps2": "mm/s²",
+    "rads": "rad/s", "radps": "rad/s", "radpersec": "rad/s",
+    "degs": "deg/s", "degps": "deg/s", "degpersec": "deg/s",
+    "degh": "deg/h", "°s": "deg/s", "°h": "deg/h", "degperhour": "deg/h",
+    "ms2": "m/s²", "mps2": "m/s²", "mss": "m/s²", "mpss": "m/s²", "mps²": "m/s²", "ms²": "m/s²",
+}  # fmt: skip
+
+_GYRO = {
+    "gyro", "gyr", "gyroscope", "gyros", "gyroscopes", "omega", "w", "g", "angvel", "angularvelocity",
+    "angularrate", "angrate", "rate", "turnrate", "rotationrate", "imugyro",
+}  # fmt: skip
+_ACCEL = {
+    "accel", "acc", "accelerometer", "acceleration", "accelerometers", "a", "alpha", "f", "specificforce",
+    "linearacceleration", "linacc", "totalacceleration", "imuaccel", "imuacc",
+}  # fmt: skip
+_OTHER = {
+    "mag", "magnetometer", "magnetic", "std", "stddev", "sigma", "cov", "covariance", "bias", "var",
+    "variance", "quat", "quaternion", "orientation", "inc", "increment", "delta", "jerk", "temp", "valid",
+    "status", "counts", "reference", "ref", "user", "free",
+}  # fmt: skip
+_TIME = {
+    "time", "t", "timestamp", "timestamps", "stamp", "timestamputc", "sensortime", "gpstime", "tow",
+    "secondselapsed", "timeelapsed", "elapsedtime", "elapsed", "headerstamp", "fieldheaderstamp",
+    "sampletime", "sampletimefine", "seconds", "sec", "ts", "timestartup", "gpstow",
+}  # fmt: skip
+_TEMPERATURE = {"temperature", "temp", "tempc", "imutemp", "imutemperature", "sensortemperature"}
+
+# Strings in brackets that are not units: the source of the data, the clock, or a note that the data are raw.
+_REMARKS = {
+    "raw", "counts", "count", "lsb", "lsbs", "adc", "digits", "bits", "cal", "calibrated", "uncalibrated", "body",
+    "imu", "sensor", "meas", "measured", "x", "y", "z", "-",
+}  # fmt: skip
+_CLOCKS = {"utc", "gps", "gnss", "tai", "unix", "epoch", "posix", "ros", "local", "host", "device", "sensor", "elapsed"}
+
+_ELEMENT = re.compile(r"\[([012])\]")  # pattern of an element of an array of three axes: gyroADC[0] is the x axis
+
+LONGEST = 200
+"""Largest number of characters of a name or unit that are searched. Much longer strings would take minutes."""
+_BRACKETED = re.compile(r"\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*$")
+
+
+@dataclass(frozen=True)
+class ColumnName:
+    """Axis and unit in the name of a column."""
+
+    axis: str = ""  # "gyro_x" … "accel_z", "time", "temperature", or "" if the name is not recognised
+    unit: str = ""  # unit in the spelling of `gmwm.units` or of time units; "" if the name has none
+    ros: bool = False  # whether this is a field of the ROS message sensor_msgs/Imu, whose units REP-103 fixes
+
+
+def recognise(name: str) -> ColumnName:
+    """Recognise the axis and the unit in a column name.
+
+    >>> recognise("w_RS_S_x [rad s^-1]")
+    ColumnName(axis='gyro_x', unit='rad/s', ros=False)
+    >>> recognise("accY_mg").unit, recognise("timestamp_us").unit
+    ('mg', 'us')
+    """
+    text = _ELEMENT.sub(lambda match: f"_{'xyz'[int(match[1])]}", clean(name), count=1)
+    bracket = _BRACKETED.search(text)
+    unit_text = bracket.group(1) if bracket else ""
+    words = _words(text[: bracket.start()] if bracket else text)
+    if words[-2:-1] == ["stamp"] and words[-1] in TIME_WORDS:
+        return ColumnName()  # half of a ROS stamp in two columns, header.stamp.sec and .nanosec
+    tail_unit = ""
+    axis = _axis(words)
+    while not axis and len(words) > 1:
+        # Words after the axis can only be its unit: gyro_x_rad_s, time_us.
+        tail_unit, words = words[-1] + tail_unit, words[:-1]
+        axis = _axis(words)
+    if not axis:
+        return _by_unit(words, tail_unit, unit_text)
+    unit = unit_of(unit_text, axis) or unit_of(tail_unit, axis)
+    if tail_unit and not unit_of(tail_unit, axis) and not _harmless(tail_unit):
+        return ColumnName()  # for example gyro_x_std and accel_x_bias, which are not samples
+    joined = "".join(words)
+    if joined == "ts" and unit_of(unit_text, "temperature") == "°C":
+        return ColumnName("temperature", "°C")  # the spelling of Epson units; otherwise ts is a time stamp
+    if axis == "time" and joined.startswith("sec"):
+        unit = unit or "s"
+    return ColumnName(axis, unit, "angularvelocity" in joined or "linearacceleration" in joined)
+
+
+def _by_unit(words: list[str], tail: str, unit: str) -> ColumnName:
+    """Return the axis of a column whose name is only a letter and a unit, such as X (rad/s)."""
+    if words in (["x"], ["y"], ["z"]) and not tail:
+        for quantity in ("gyro", "accel"):
+            if found := unit_of(unit, quantity):
+                return ColumnName(f"{quantity}_{words[0]}", found)
+    return ColumnName()
+
+
+def named_unit(name: str, axis: str) -> str:
+    """Return the unit in a column name if it is a unit of `axis`; otherwise "".
+
+    >>> named_unit("ch3 [dps]", "gyro_x")
+    'deg/s'
+    """
+    said = recognise(name)
+    if said.unit and said.axis.split("_")[0] == axis.split("_")[0]:
+        return said.unit
+    bracket = _BRACKETED.search(clean(name))
+    if bracket:
+        return unit_of(bracket.group(1), axis)
+    last = _words(clean(name))[-1:]
+    return TIME_WORDS.get(last[0], "") if axis == "time" and last and len(last[0]) > 1 else ""
+
+
+def unknown_unit(name: str, stated: str, axis: str) -> str:
+    """Return what a column states as its unit if this is not a unit of its axis; otherwise "".
+
+    `stated` is the unit that the file states in addition to the name.
+
+    >>> unknown_unit("gyro_x [furlong/s]", "", "gyro_x"), unknown_unit("gyro_x [deg/s]", "", "gyro_x")
+    ('furlong/s', '')
+    """
+    bracket = _BRACKETED.search(clean(name))
+    remarks = _CLOCKS if axis == "time" else _REMARKS
+    for text in (bracket.group(1) if bracket else "", stated.strip()):
+        number = re.fullmatch(r"[\d:,.\s]*", text) is not None  # w[0], gyro(:,1)
+        if not number and text.casefold() not in remarks and not unit_of(text, axis):
+            return text
+    return ""
+
+
+def unit_of(text: str, axis: str) -> str:
+    """Return the standard spelling of a unit if it is a unit of `axis`; otherwise ""."""
+    text = text.strip()[:LONGEST]
+    key = text.strip().strip("[](){}<>").casefold().replace(" ", "")
+    if axis == "time":
+        return find_time_unit(text)
+    if axis == "temperature":
+        return "°C" if key in {"c", "°c", "degc", "celsius", "deg_c", "deg.c"} else text.strip()
+    unit = find_unit(_UNIT_WORDS.get(key, key))
+    return unit.name if unit is not None and axis.startswith(unit.quantity) else ""
+
+
+def is_unit(text: str) -> bool:
+    """Return whether a cell contains only a unit, as in a row of units below the header."""
+    key = text.strip().strip("[](){}<>").strip()
+    return bool(key) and (
+        any(unit_of(key, axis) for axis in ("time", "gyro", "accel")) or unit_of(key, "temperature") == "°C"
+    )
+
+
+def clean(name: str) -> str:
+    """Return a name without quotes, surrounding blanks and the comment sign at the beginning of some headers."""
+    return name.strip()[:LONGEST].lstrip("#%").strip().strip("\"'").lstrip("#%").strip()
+
+
+def _harmless(text: str) -> bool:
+    return text.isdigit() or text in {"raw", "meas", "measured", "data", "value", "imu", "cal", "calibrated"}
+
+
+def _words(text: str) -> list[str]:
+    """Split a name into words in lower case, at punctuation, at underscores and inside camelCase."""
+    text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
+    return [word.casefold() for word in re.split(r"[^\w²°µμ]+|_", text) if word]
+
+
+def _axis(words: list[str]) -> str:
+    """Return the axis for the words of a name, or ""."""
+    joined = "".join(words)
+    if joined in _TIME:
+        return "time"
+    if joined in _TEMPERATURE:
+        return "temperature"
+    if not words or _OTHER & set(words):
+        return ""
+    for letter, rest in _letters(words):
+        quantity = _quantity(rest)
+        if quantity:
+            return f"{quantity}_{letter}"
+    return ""
+
+
+def _letters(words: list[str]) -> list[tuple[str, list[str]]]:
+    """Return all ways to split words into an axis letter and the words for the sensor."""
+    splits = []
+    if words[-1] in {"x", "y", "z"}:
+        splits.append((words[-1], words[:-1]))
+    elif words[0] in {"x", "y", "z"} and len(words) > 1:
+        splits.append((words[0], words[1:]))
+    elif len(words[-1]) > 1 and words[-1][-1] in "xyz":
+        splits.append((words[-1][-1], [*words[:-1], words[-1][:-1]]))
+        if words[-1][0] in "xyz":
+            splits.append((words[-1][0], [*words[:-1], words[-1][1:]]))
+    elif len(words[-1]) > 1 and words[-1][0] in "xyz":
+        splits.append((words[-1][0], [*words[:-1], words[-1][1:]]))
+    return splits
+
+
+def _quantity(words: list[str]) -> str:
+    """Return the sensor for the words of a name, "gyro" or "accel", or ""."""
+    joined = "".join(words)
+    long = [word for word in words if len(word) > 1]
+    if "angular" in joined and "acceleration" in joined:
+        return ""
+    for quantity, names in (("gyro", _GYRO), ("accel", _ACCEL)):
+        # A single letter (w, a) is a sensor only at the beginning of the name: w_RS_S_x.
+        if joined in names or any(joined.endswith(n) for n in names if len(n) > 7):
+            return quantity
+        if any(word in names or word.rstrip("0123456789") in names for word in long):
+            return quantity
+        if words and words[0] in names:
+            return quantity
+    return ""

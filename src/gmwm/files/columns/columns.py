@@ -1,0 +1,220 @@
+"""Find the column of each axis: by the `columns` option, by the format, or by the names in the header."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from gmwm.base.axis_names import AXES
+from gmwm.base.errors import OptionError, ReadError
+from gmwm.base.remarks import Remark
+from gmwm.base.template import Fact, joined
+from gmwm.base.text import counted
+from gmwm.base.units import STANDARD_GRAVITY
+from gmwm.files.columns.column_names import clean, recognise
+from gmwm.files.contract import Layout
+from gmwm.recording.options import ROLES, Columns
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The columns to read, and their roles."""
+
+    columns: dict[str, int]  # index of the column of each role: an axis, "time" or "temperature"
+    # remarks on columns that are not read, and on a column that was chosen among several
+    remarks: tuple[Remark, ...] = ()
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The axes among the roles, gyroscopes first."""
+        return tuple(axis for axis in AXES if axis in self.columns)
+
+    def only(self, axes: Sequence[str]) -> Choice:
+        """Return the choice without the axes that are not in `axes`. The time and the temperature are kept."""
+        kept = {role: k for role, k in self.columns.items() if role not in AXES or role in axes}
+        return Choice(kept, self.remarks)
+
+
+def choose(layout: Layout, columns: Columns | None, path: Path) -> Choice:
+    """Choose the columns to read. If `columns` names a column for at least one axis, only the named axes are read. The
+    time column is still found by its name unless `columns` has "time". An axis whose column is None is left out."""
+    if columns is not None and not isinstance(columns, Mapping):
+        return _finished(Choice(_by_order(layout, columns, path)), layout, path)
+    given = dict(columns or {})
+    declared = {role: _index(layout, column, role, path) for role, column in given.items() if column is not None}
+    exhaustive = any(role in AXES for role in declared)
+    wanted = {"time", "temperature"} if exhaustive else set(ROLES)
+    if not layout.named and not declared:
+        raise _nameless(layout, path)
+    found, remarks = _by_name(layout, wanted - set(given), set(declared.values()), path)
+    return _finished(Choice(declared | found, remarks), layout, path)
+
+
+def described(layout: Layout) -> str:
+    """Describe the columns of a file for a message: their names, or their number."""
+    if layout.named:
+        return ", ".join(channel.name or "(unnamed)" for channel in layout.channels)
+    return f"{len(layout.channels)} columns without names"
+
+
+def _finished(choice: Choice, layout: Layout, path: Path) -> Choice:
+    """Check the choice, and add a remark on the columns that are not read."""
+    indices = list(choice.columns.values())
+    repeated = next((k for k in indices if indices.count(k) > 1), None)
+    if repeated is not None:
+        roles = " and ".join(role for role, k in choice.columns.items() if k == repeated)
+        raise OptionError(
+            f"column {layout.channels[repeated].name or repeated} of {path} is given to {roles}",
+            argument="columns",
+            advice="Name a different column for each with {--columns}.",
+        )
+    if not choice.axes:
+        raise ReadError(
+            f"{path} has no column whose name is known as an axis. Its columns: {described(layout)}",
+            code="no-inertial-data",
+            advice="Name the columns of the axes with {--columns}, for example {--columns=@example}.",
+            example=f"gyro_x:{min(1, len(layout.channels) - 1)}",
+        )
+    others = [
+        channel.name or str(k)
+        for k, channel in enumerate(layout.channels)
+        if k not in choice.columns.values() and (channel.name or layout.named is False)
+    ]
+    left_out = (Remark.of("left-out", kind="columns", names=tuple(others)),) if others else ()
+    return Choice(choice.columns, (*choice.remarks, *left_out))
+
+
+def _by_order(layout: Layout, roles: Sequence[str | None], path: Path) -> dict[str, int]:
+    """Return the column indices of roles listed in the order of the columns; None or "" skips a column."""
+    if len(roles) != len(layout.channels):
+        raise OptionError(
+            f"{counted(len(roles), 'column')} named, but {path} has {len(layout.channels)} columns (first row: "
+            f"{_shown(layout)})",
+            argument="columns",
+            advice="Give one name for each column, or name single columns by name or number from 0, for example "
+            "{--columns=gyro_x:1,gyro_y:2}.",
+        )
+    return {role: k for k, role in enumerate(roles) if role}
+
+
+def _index(layout: Layout, column: str | int, role: str, path: Path) -> int:
+    """Return the index of the column for a role, given by name or index."""
+    names = [channel.name for channel in layout.channels]
+    if isinstance(column, int) and not isinstance(column, bool):
+        if 0 <= column < len(names):
+            return column
+        raise OptionError(
+            f"{path} has no column number {column} for {role}; its columns are 0 to {len(names) - 1}",
+            argument="columns",
+        )
+    matches = [k for k, name in enumerate(names) if name == column]
+    matches = matches or [k for k, name in enumerate(names) if name and clean(name) == clean(str(column))]
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        raise OptionError(
+            f"{path} has several columns {column!r}: numbers {joined(list(map(str, matches)))}",
+            argument="columns",
+            advice="Pass a number instead of the name, for example {--columns=@example}.",
+            example=f"{role}:{matches[0]}",
+        )
+    raise OptionError(
+        f"{path} has no column {column!r} for {role}. Its columns: {described(layout)}", argument="columns"
+    )
+
+
+def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tuple[dict[str, int], tuple[Remark, ...]]:
+    """Find the columns of the wanted roles by the format or by the names; columns in `used` are excluded."""
+    candidates: dict[str, list[int]] = {}
+    for k, channel in enumerate(layout.channels):
+        role = channel.axis or recognise(channel.name).axis
+        if role in wanted and k not in used:
+            candidates.setdefault(role, []).append(k)
+    for role, several in candidates.items():
+        fixed = [k for k in several if layout.channels[k].axis == role]
+        candidates[role] = fixed or several
+    if (stamp := _header_stamp(layout, candidates.get("time", []))) is not None:
+        candidates["time"] = [stamp]
+    remarks = []
+    for role, several in candidates.items():
+        if len(several) == 1:
+            continue
+        names = [layout.channels[k].name for k in several]
+        if role in AXES:
+            which = joined([f"{layout.channels[k].name!r} (number {k})" for k in several])
+            raise ReadError(
+                f"{path}: {which} could each be {role}",
+                code="columns-ambiguous",
+                advice="Choose by the numbers of the columns, counted from 0, for example {--columns=@example}.",
+                example=",".join(f"{axis}:{found[0]}" for axis, found in candidates.items()),
+            )
+        others: Fact = tuple(names[1:])
+        remarks.append(Remark.of("column-chosen", role=role, column=names[0], others=others))
+    return {role: several[0] for role, several in candidates.items()}, tuple(remarks)
+
+
+def _header_stamp(layout: Layout, times: Sequence[int]) -> int | None:
+    """Return the column of the time stamp in the header of ROS messages if other columns also contain a time. It is not
+    used if its first time stamp is 0, because some drivers do not set it."""
+    for k in times:
+        words = clean(layout.channels[k].name).casefold().replace("/", ".")
+        if words.endswith("header.stamp") and len(times) > 1 and layout.first_row[k : k + 1] not in ((), ("0",)):
+            return k
+    return None
+
+
+def _shown(layout: Layout) -> str:
+    """Return the first cells of the first row, for a message."""
+    return ", ".join(layout.first_row[:8]) + (", …" if len(layout.first_row) > 8 else "")
+
+
+def _is_gravity(cells: Sequence[str]) -> bool:
+    """Return whether the norm of three numbers is standard gravity in m/s² or g, within 10 %."""
+    try:
+        norm = math.hypot(*map(float, cells))
+    except ValueError:
+        return False
+    return any(abs(norm / gravity - 1) <= 0.1 for gravity in (STANDARD_GRAVITY, 1.0))
+
+
+_LISTED = 30  # largest number of columns that the example of the option lists
+
+
+def _nameless(layout: Layout, path: Path) -> ReadError:
+    """Make the error for columns without names, with the first row and an example of the option."""
+    count = len(layout.channels)
+    usual = {7: ("time", *AXES), 6: AXES, 4: ("time", *AXES[:3]), 3: AXES[:3], 2: ("time", "gyro_x"), 1: ("gyro_x",)}
+    guess = usual.get(count, (*AXES, *[""] * max(0, count - 6)))
+    if count in (6, 7) and _is_gravity(layout.first_row[count - 6 : count - 3]):
+        guess = (*guess[: count - 6], *AXES[3:], *AXES[:3])
+    return ReadError(
+        f"{path} has {count} columns without names; the first row is {_shown(layout)}",
+        code="columns-unnamed",
+        advice="Name the columns in their order, for example {--columns=@example}.",
+        example=",".join(guess) if count <= _LISTED else "gyro_x=1,gyro_y=2,gyro_z=3",
+    )
+
+
+def parse_columns(text: str | None) -> dict[str, str | int | None] | list[str] | None:
+    """Parse the text of the option `columns` to the mapping or list that `gmwm.read` takes.
+
+    >>> parse_columns("time,gyro_x,,accel_z")
+    ['time', 'gyro_x', '', 'accel_z']
+    >>> parse_columns("gyro_x=wx,gyro_y=3,time=")
+    {'gyro_x': 'wx', 'gyro_y': 3, 'time': None}
+    """
+    if text is None:
+        return None
+    parts = [part.strip() for part in text.split(",")]
+    if "=" not in text:
+        return parts
+    columns: dict[str, str | int | None] = {}
+    for part in parts:
+        axis, mark, column = (piece.strip() for piece in part.partition("="))
+        if not mark or not axis:
+            expected = "a list of axes, or axis=COLUMN for each axis, such as gyro_x=wx,gyro_y=3"
+            raise OptionError(argument="columns", expected=expected, got=part)
+        columns[axis] = int(column) if column.isdecimal() else column or None
+    return columns

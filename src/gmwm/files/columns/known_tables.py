@@ -1,0 +1,157 @@
+"""Recognise text tables of known programs and devices whose column names do not state the axis, the unit or the clock.
+
+Sources: PX4 guide, "ULog" and ulog2csv of pyulog; ArduPilot, libraries/AP_InertialSensor/LogStructure.h; blackbox-tools
+of Betaflight; Movella DOT user manual, "Data export"; MicroStrain MIP protocol, field sets 0x8004 and 0x8005; INSTINCT,
+VectorNavDataLogger; SensorLog for iOS.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+_AXIS = {"0": "x", "1": "y", "2": "z"}
+_RAD, _DEG, _SI, _G = "rad/s", "deg/s", "m/s²", "g"
+
+
+@dataclass(frozen=True)
+class KnownTable:
+    """Definition of the table of one program: how to recognise it, and the role and unit of its columns."""
+
+    program: str  # name in messages
+    needed: tuple[str, ...]  # patterns, each of which must match the name of a column
+    # For each pattern of column names, the role ("time", "temperature", "gyro" or "accel") and the unit of the column.
+    # A group in the pattern matches the axis: x, y, z or 0, 1, 2. If several patterns match, the first one is used. If
+    # the unit is "", the user or the name of the column must state it
+    columns: tuple[tuple[str, str, str], ...]
+    file: str = ""  # pattern of the name of the file; "" for any name
+    above: str = ""  # pattern of text above the header; "" for any text
+
+
+_UNIT = r"(?: \(.*\))?"
+_TABLES = (
+    KnownTable(
+        "PX4's sensor_combined, exported by ulog2csv",
+        (r"timestamp", r"gyro_rad\[0\]"),
+        (
+            (r"timestamp", "time", "us"),
+            (r"gyro_rad\[([012])\]", "gyro", _RAD),
+            (r"accelerometer_m_s2\[([012])\]", "accel", _SI),
+        ),
+    ),
+    *(
+        KnownTable(
+            f"PX4's sensor_{sensor}, exported by ulog2csv",
+            (r"timestamp", r"x", r"device_id"),
+            (
+                (r"timestamp_sample", "time", "us"),
+                (r"timestamp", "time", "us"),
+                (r"([xyz])", sensor, unit),
+                (r"temperature", "temperature", "°C"),
+            ),
+            file=rf"sensor_{sensor}_\d+$",
+        )
+        for sensor, unit in (("gyro", _RAD), ("accel", _SI))
+    ),
+    KnownTable(
+        "ArduPilot's messages IMU, ACC and GYR",
+        (r"TimeUS", r"(Gyr|Acc)X"),
+        (
+            (r"SampleUS", "time", "us"),
+            (r"TimeUS", "time", "us"),
+            (r"Gyr([XYZ])", "gyro", _RAD),
+            (r"Acc([XYZ])", "accel", _SI),
+            (r"T", "temperature", "°C"),
+        ),
+    ),
+    KnownTable(
+        "Betaflight's blackbox_decode",
+        (r"loopIteration", r"gyro(ADC|Unfilt)\[0\].*"),
+        (
+            (r"time \(us\)", "time", "us"),
+            (rf"gyroUnfilt\[([012])\]{_UNIT}", "gyro", ""),
+            (rf"gyroADC\[([012])\]{_UNIT}", "gyro", ""),
+            (rf"accSmooth\[([012])\]{_UNIT}", "accel", ""),
+        ),
+    ),
+    KnownTable(
+        "Movella DOT",
+        (r"SampleTimeFine", r"(Acc|Gyr)_X"),
+        (
+            (r"SampleTimeFine", "time", "us"),
+            (r"Gyr_([XYZ])", "gyro", _DEG),
+            (r"Acc_([XYZ])", "accel", _SI),
+        ),
+        above=r"DeviceTag|MeasurementMode",
+    ),
+    KnownTable(
+        "MicroStrain's MIP Monitor",
+        (r"X (Accel \[x8004\]|Gyro \[x8005\])",),
+        (
+            (r"GPS TOW(?: \[x\w+\])?", "time", "s"),
+            (r"([XYZ]) Gyro \[x8005\]", "gyro", _RAD),
+            (r"([XYZ]) Accel \[x8004\]", "accel", _G),
+        ),
+    ),
+    KnownTable(
+        "MicroStrain's SensorConnect",
+        (r".*\bscaled(Accel|Gyro)X",),
+        (
+            (r".*\bscaledGyro([XYZ])", "gyro", _RAD),
+            (r".*\bscaledAccel([XYZ])", "accel", _G),
+        ),
+    ),
+    KnownTable(
+        "INSTINCT",
+        (r"TimeStartup(?: \[ns\])?", r"(UnComp)?(Acc|Gyro)X.*"),
+        (
+            (r"TimeStartup(?: \[ns\])?", "time", "ns"),
+            (r"Gyro([XYZ])(?: \[.*\])?", "gyro", _RAD),
+            (r"Acc([XYZ])(?: \[.*\])?", "accel", _SI),
+            (r"UnCompGyro([XYZ])(?: \[.*\])?", "gyro", _RAD),
+            (r"UnCompAcc([XYZ])(?: \[.*\])?", "accel", _SI),
+            (r"Temperature(?: \[.*\])?", "temperature", "°C"),
+        ),
+    ),
+    KnownTable(
+        "SensorLog for iOS",
+        (r"accelerometerAccelerationX\(G\)",),
+        (
+            (r"accelerometerTimestamp_sinceReboot\(s\)", "time", "s"),
+            (r"gyroRotation([XYZ])\(rad/s\)", "gyro", _RAD),
+            (r"accelerometerAcceleration([XYZ])\(G\)", "accel", _G),
+        ),
+    ),
+)
+
+
+def known_table(names: Sequence[str], path: Path, above: Sequence[str]) -> tuple[str, Mapping[int, tuple[str, str]]]:
+    """Recognise a table by its column names. Return the name of the program ("" if unknown), and the role and unit of
+    each known column by its index.
+
+    `above` are the lines above the names.
+
+    >>> known_table(["TimeUS", "I", "GyrX"], Path("a.csv"), [])[1]
+    {0: ('time', 'us'), 2: ('gyro_x', 'rad/s')}
+    """
+    head = "\n".join(above)
+    for table in _TABLES:
+        fits = all(any(re.fullmatch(pattern, name) for name in names) for pattern in table.needed)
+        if fits and re.search(table.file, path.stem) and re.search(table.above, head):
+            return table.program, _roles(table, names)
+    return "", {}
+
+
+def _roles(table: KnownTable, names: Sequence[str]) -> dict[int, tuple[str, str]]:
+    found: dict[str, tuple[int, str]] = {}
+    for pattern, role, unit in table.columns:
+        matches = [(k, match) for k, name in enumerate(names) if (match := re.fullmatch(pattern, name))]
+        taken = {one for one, _ in found.items()}
+        for k, match in matches:
+            axis = match[1].lower() if match.re.groups else ""
+            full = f"{role}_{_AXIS.get(axis, axis)}" if axis else role
+            if full not in taken:
+                found.setdefault(full, (k, unit))
+    return {k: (role, unit) for role, (k, unit) in sorted(found.items(), key=lambda item: item[1][0])}

@@ -1,0 +1,63 @@
+"""Convert raw counts and increments to numbers with a unit, with the factors in the file or with declared factors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from gmwm.base.arrays import Vector
+from gmwm.base.axis_names import axis_quantity
+from gmwm.base.errors import OptionError
+from gmwm.base.remarks import Remark
+from gmwm.base.units import SI_UNIT
+from gmwm.files.columns.columns import Choice
+from gmwm.files.contract import Layout
+
+
+def multiply(
+    layout: Layout,
+    choice: Choice,
+    factors: Mapping[str, float],
+    increments: Sequence[str],
+    raw: Mapping[str, Vector],
+    rate: float,
+) -> tuple[Remark, ...]:
+    """Multiply the numbers by their factors, and increments by the rate, in place. If an axis has a factor of its own,
+    the factor of its sensor is not used. `factors` and `increments` are declared by axis or sensor. Return remarks on
+    both."""
+    read = {key for axis in choice.axes for key in (axis, axis_quantity(axis))}
+    for name, keys in (("scale", factors), ("increments", increments if set(increments) != set(SI_UNIT) else ())):
+        unused = next((key for key in keys if key not in read), None)
+        if unused is not None:
+            raise OptionError(argument=name, expected=f"for axes that are read ({', '.join(choice.axes)})", got=unused)
+    for axis in choice.axes:
+        channel = layout.channels[choice.columns[axis]]
+        factor = factors.get(axis, factors.get(axis_quantity(axis), 1.0)) * channel.scale
+        if channel.increments or axis in increments or axis_quantity(axis) in increments:
+            factor *= rate
+        if factor != 1:
+            raw[axis][...] *= factor
+    remarks = [Remark.of("scaled", key, factor=factor, source="declared") for key, factor in factors.items()]
+    remarks += [Remark.of("increments", key, source="declared") for key in increments if key in read]
+    return tuple(remarks)
+
+
+def parse_scale(text: str | None) -> dict[str, float] | None:
+    """Parse the text of the option `scale`, with numbers or fractions, to the mapping that `gmwm.read` takes.
+
+    >>> parse_scale("gyro=1/131,accel_x=6.1e-5")
+    {'gyro': 0.007633587786259542, 'accel_x': 6.1e-05}
+    """
+    if text is None:
+        return None
+    factors = {}
+    for part in text.split(","):
+        name, mark, number = (piece.strip() for piece in part.partition("="))
+        above, _, below = number.partition("/")
+        try:
+            factors[name] = float(above) / float(below or 1)
+        except (ValueError, ZeroDivisionError):
+            mark = ""
+        if not mark or not name:
+            expected = "factors of sensors or axes, such as gyro=1/131,accel_x=6.1e-5"
+            raise OptionError(argument="scale", expected=expected, got=part.strip())
+    return factors

@@ -1,0 +1,415 @@
+"""Detect the dialect of a text file: delimiter, decimal sign, comments, header, and the first line of numbers.
+
+The first 64 kB determine the dialect. Numbers and time stamps are recognised by their form; the lines above them are
+titles, headers, rows of units and comments. The thresholds below are pinned by tests/readers/test_text.py and
+test_headers.py.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from gmwm.base.errors import ReadError
+from gmwm.files.clock.text_stamps import is_stamp, parted_stamp
+from gmwm.files.columns.column_names import clean, is_unit, recognise, unit_of
+
+BLANKS = " "
+"""Delimiter that stands for any number of blanks and tabs."""
+
+LONGEST_COMMENT = 8192
+"""Length of the longest comment (characters) that is searched for names and units."""
+
+COMMENT_SIGNS = ("#", "%", "//", "!")
+
+MISSING_WORDS = ("NA", "N/A", "#N/A", "n/a", "na", "null", "NULL", "Null", "none", "None", "<NA>")
+"""Words that programs write instead of a missing number, besides NaN and an empty cell."""
+
+_NUMBER = re.compile(r"[+-]?(\d++\.?\d*+|\.\d++)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
+_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?")
+"""Pattern of a number with points between groups of three digits, as programs with a decimal comma write it."""
+_NAME_IN_BLANKS = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\]()\[]*[\])])?|\([^()]*\)|\[[^\]\[]*\]")
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """The dialect of a text file."""
+
+    delimiter: str  # one character; " " for any number of blanks
+    decimal_comma: bool  # whether the decimal sign is a comma, so that 0,5 is one half
+    fields: int  # number of fields in a row of numbers, including an empty one after a trailing delimiter
+    columns: int  # number of columns, without the empty field after a trailing delimiter
+    first_line: int  # line in which the numbers begin, counted from 1
+    names: tuple[str, ...]  # names of the columns; empty if the file has none
+    column_units: tuple[str, ...]  # units from a row below or above the names; empty if there is none
+    units: dict[str, str]  # units that a comment states for a whole quantity
+    comment: str  # sign with which comment lines begin; "" if there are none
+    first_row: tuple[str, ...]  # the first row of numbers, as text
+    integers: tuple[bool, ...]  # for each column, whether the first rows hold only integers
+    rate: float | None = None  # samples per second (Hz), if a comment states it
+    # for each column, whether the first rows hold dates with times or times of day that are not all the same
+    stamps: tuple[bool, ...] = ()
+    # The lines above the numbers that have more than one cell. Some programs repeat them between the numbers
+    header: tuple[str, ...] = ()
+    above: tuple[str, ...] = ()  # all lines above the numbers
+    # in a file with rows of several sensors, the index of the column that states the sensor, and the values of this
+    # column; None otherwise
+    sensors: tuple[int, tuple[str, ...]] | None = None
+    # index of this column, and its value in the rows to read; None to read all rows
+    sensor: tuple[int, str] | None = None
+    # indices of the columns of seconds and nanoseconds if the time stamps have two columns, as in ROS messages; None
+    # otherwise
+    stamp_parts: tuple[int, int] | None = None
+    # Replacements in each line before it is split. They remove labels of numbers, and arrows after a time
+    cleaning: tuple[tuple[bytes, bytes], ...] = ()
+    # the last cell of the file, and the last cell of the line before, if the file ends within a number; empty otherwise
+    cut: tuple[str, ...] = ()
+
+
+def split(line: str, delimiter: str) -> list[str]:
+    """Split a line into cells, without the blanks and quotes around them; quotes protect a delimiter."""
+    if delimiter == BLANKS:
+        return [cell.strip("\"'") for cell in line.split()]
+    if '"' in line:
+        pattern = rf'\s*(?:"([^"]*)"|([^{re.escape(delimiter)}]*))\s*(?:{re.escape(delimiter)}|$)'
+        cells = [(m[1] if m[1] is not None else m[2]).strip() for m in re.finditer(pattern, line)]
+        # The pattern matches once more at the end of the line, unless the line ends with a delimiter.
+        return cells if line.rstrip().endswith(delimiter) else cells[:-1]
+    return [cell.strip() for cell in line.split(delimiter)]
+
+
+def is_number(cell: str, decimal_comma: bool = False) -> bool:
+    """Return whether a cell is a number, NaN or infinity."""
+    return _NUMBER.fullmatch(cell.replace(",", ".", 1) if decimal_comma else cell) is not None
+
+
+def is_grouped(cell: str) -> bool:
+    """Return whether a cell may be a number whose points separate thousands.
+
+    >>> [cell for cell in ("5.000", "1.234.567,8", "0.500", "9.81", "5,000") if is_grouped(cell)]
+    ['5.000', '1.234.567,8']
+    """
+    return _GROUPED.fullmatch(cell) is not None
+
+
+def comment_sign(line: str) -> str:
+    """Return the comment sign with which a line begins, or ""."""
+    text = line.lstrip()
+    return next((sign for sign in COMMENT_SIGNS if text.startswith(sign)), "")
+
+
+def detect(lines: list[str], path: object) -> Dialect:
+    """Detect the dialect of a file from its first lines."""
+    body = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and not comment_sign(line)]
+    if not body:
+        raise ReadError(
+            f"{path} holds no rows, only comments or blank lines",
+            code="empty",
+            advice="Check whether the recording was interrupted.",
+        )
+    cleaning, labels = _cleaning([line for _, line in body])
+    for pattern, replacement in cleaning:
+        body = [(k, re.sub(pattern.decode(), replacement.decode(), line)) for k, line in body]
+    delimiter, decimal_comma = _delimiter([line for _, line in body])
+    rows = [(k, split(line, delimiter)) for k, line in body]
+    numeric = _numeric_columns([cells for _, cells in rows], decimal_comma)
+    start = next((i for i, (_, cells) in enumerate(rows) if _is_row(cells, numeric, decimal_comma)), None)
+    if start is None or not any(numeric):
+        shown = body[-1][1].strip()[:80]
+        raise ReadError(
+            f"{path} has no row of numbers in its first {len(lines)} lines; the last of them is {shown!r}",
+            code="no-numbers",
+            advice="Check that the file is a table of numbers.",
+        )
+    first_line, fields = rows[start][0], len(numeric)
+    _require_equal_rows(body[:start], (path, first_line))
+    data = [cells for _, cells in rows[start:] if len(cells) == fields]
+    named = any(len(cells) == fields and cells[-1] for _, cells in rows[:start])
+    trailing = fields > 1 and not named and all(cells[-1] == "" for cells in data)
+    columns = fields - trailing
+    header = [(k, _trimmed(cells, columns)) for k, cells in rows[:start]]
+    comments = [line for line in lines[: first_line - 1] if comment_sign(line) and len(line) <= LONGEST_COMMENT]
+    where = (path, first_line)
+    names, units = (
+        (labels, ())
+        if len(labels) == columns
+        else _parted(header, body, comments=comments, row=data[0][:columns], delimiter=delimiter, where=where)
+        or _header(header, body, comments=comments, columns=columns, delimiter=delimiter, where=where)
+    )
+    sign = next((comment_sign(line) for line in lines if comment_sign(line)), "")
+    whole = [cells for _, cells in rows[start:] if _is_row(cells, numeric, decimal_comma)]
+    filled = [[row[c] for row in whole if row[c]] for c in range(columns)]
+    integers = tuple(bool(cells) and all(re.fullmatch(r"[+-]?\d+", cell) for cell in cells) for cells in filled)
+    stated = _stated_units(comments)
+    first_row = tuple(data[0][:columns])
+    stamps = tuple(is_stamp(first_row[c]) and len({row[c] for row in data}) > 1 for c in range(columns))
+    return Dialect(
+        delimiter=delimiter, decimal_comma=decimal_comma, fields=fields, columns=columns, first_line=first_line,
+        names=names, column_units=units, units=stated, comment=sign, first_row=first_row, integers=integers,
+        rate=_stated_rate(comments), stamps=stamps,
+        header=tuple(line for k, line in body[:start] if len(split(line, delimiter)) > 1),
+        above=tuple(lines[: first_line - 1]), sensors=_sensors(names, whole), stamp_parts=_stamp_parts(names, integers),
+        cleaning=cleaning,
+    )  # fmt: skip
+
+
+_LABEL = r"[A-Za-z_][\w.]*\s*[:=]\s*"
+_LABELLED = re.compile(rf"\s*(?:({_LABEL})[-+]?[\d.][^\s,;:=]*+[\s,;]*+){{2,}}")
+_ARROW = re.compile(r"\s*\d\d:\d\d:\d\d[.,]\d+ -> ")
+
+
+def _cleaning(lines: list[str]) -> tuple[tuple[tuple[bytes, bytes], ...], tuple[str, ...]]:
+    """Return the replacements to make in each line, and the names of the columns if each number has a label. Programs
+    for the serial port write "ax:0.1 ay:0.2" or "t=0.01, gx=0.1", and the Arduino IDE "12:00:00.000 -> 0.1"."""
+    sample = lines[len(lines) // 2 :][:50]
+    found: list[tuple[bytes, bytes]] = []
+    if 2 * sum(_ARROW.match(line) is not None for line in sample) > len(sample):
+        rest = sample[-1].partition(" -> ")[2]
+        sign = next((mark for mark in ",;\t" if mark in rest), " ")
+        found.append((rb" -> ", sign.encode()))
+    labelled = [line for line in sample if _LABELLED.fullmatch(line.partition(" -> ")[2] or line)]
+    if 2 * len(labelled) <= len(sample):
+        return tuple(found), ()
+    names = (*["time"] * len(found), *(label.rstrip(" \t:=") for label in re.findall(_LABEL, labelled[-1])))
+    return (*found, (_LABEL.encode(), b"")), names
+
+
+def _sensors(names: Sequence[str], rows: list[list[str]]) -> tuple[int, tuple[str, ...]] | None:
+    """Find the column that states the sensor of each row; return its index and its values in the first rows."""
+    for k, name in enumerate(names):
+        if name.casefold() in _SENSOR_COLUMNS:
+            values = sorted({row[k] for row in rows})
+            if 1 < len(values) <= _MOST_SENSORS and all(value.isdecimal() for value in values):
+                return k, tuple(values)
+    return None
+
+
+_SENSOR_COLUMNS = ("i", "imu", "imu_id", "sensor", "sensor_id", "device", "device_id", "instance")
+_MOST_SENSORS = 16
+
+
+def _stamp_parts(names: Sequence[str], integers: Sequence[bool]) -> tuple[int, int] | None:
+    """Find the columns of time stamps that consist of seconds and nanoseconds."""
+    keys = {re.sub(r"[^a-z]", "", name.casefold()): k for k, name in enumerate(names)}
+    for seconds, rest in (("stampsec", "stampnanosec"), ("stampsecs", "stampnsecs")):
+        found = [next((k for key, k in keys.items() if key.endswith(end)), None) for end in (seconds, rest)]
+        if found[0] is not None and found[1] is not None and integers[found[0]] and integers[found[1]]:
+            return found[0], found[1]
+    return None
+
+
+def _delimiter(lines: list[str]) -> tuple[str, bool]:
+    """Return the delimiter and decimal sign with most numbers and most lines of the same number of cells."""
+    sample = lines[len(lines) // 2 :][-200:] if len(lines) > 4 else lines[-2:]
+    best, best_score = (",", False), (-1.0, -1.0, -1)
+    for delimiter in (",", ";", "\t", "|", BLANKS):
+        for decimal_comma in (False, True):
+            if delimiter == "," and decimal_comma:
+                continue
+            rows = [split(line, delimiter) for line in sample]
+            fields, same = Counter(map(len, rows)).most_common(1)[0]
+            cells = [cell for row in rows for cell in row]
+            numbers = sum(is_number(cell, decimal_comma) or is_stamp(cell) for cell in cells if cell)
+            filled = sum(bool(cell) for cell in cells) or 1
+            score = (round(numbers / filled, 1), round(same / len(rows), 1), fields)
+            if score > best_score and numbers:
+                best, best_score = (delimiter, decimal_comma), score
+    return best
+
+
+def _require_equal_rows(above: list[tuple[int, str]], where: tuple[object, int]) -> None:
+    """Raise a ReadError if the lines directly above the first row are rows in another form."""
+    count = next((n for n, (_, line) in enumerate(reversed(above)) if not _is_numbers(line)), len(above))
+    if count > 1:
+        raise ReadError(
+            f"{where[0]}: the {count} rows from line {above[-count][0]} on have another delimiter, decimal sign or "
+            f"number of columns than the rows from line {where[1]} on",
+            code="row-length",
+            advice="Write all rows in the same form.",
+        )
+
+
+def _is_numbers(line: str) -> bool:
+    """Return whether a delimiter splits a line into several numbers."""
+    ways = (split(line, delimiter) for delimiter in (",", ";", "\t", "|", BLANKS))
+    return any(len(cells) > 1 and all(is_number(one, decimal_comma=True) for one in cells) for cells in ways)
+
+
+def _numeric_columns(rows: list[list[str]], decimal_comma: bool) -> list[bool]:
+    """Return for each field whether it is a number in most rows. Only rows of the most common length are considered."""
+    fields = Counter(map(len, rows[len(rows) // 2 :])).most_common(1)[0][0]
+    body = [row for row in rows[len(rows) // 2 :] if len(row) == fields]
+    return [2 * sum(is_number(row[c], decimal_comma) for row in body) > len(body) for c in range(fields)]
+
+
+def _is_row(cells: list[str], numeric: list[bool], decimal_comma: bool) -> bool:
+    """Return whether a line is a row of the recording: its numeric fields contain numbers or are empty."""
+    if len(cells) != len(numeric):
+        return False
+    there = [cell for cell, wanted in zip(cells, numeric, strict=True) if wanted and cell not in ("", *MISSING_WORDS)]
+    return bool(there) and all(is_number(cell, decimal_comma) for cell in there)
+
+
+def _trimmed(cells: list[str], columns: int) -> list[str]:
+    """Return the cells without empty cells after the last column."""
+    while len(cells) > columns and cells[-1] == "":
+        cells = cells[:-1]
+    return cells
+
+
+def _parted(
+    header: list[tuple[int, list[str]]],
+    body: list[tuple[int, str]],
+    comments: list[str],
+    row: list[str],
+    delimiter: str,
+    where: tuple[object, int],
+) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
+    """Return names and units if the delimiter also splits each time stamp in two, so that a name is missing; else
+    None."""
+    at = parted_stamp(row)
+    if at is None or any(len(cells) == len(row) for _, cells in header):
+        return None
+    try:
+        names, units = _header(header, body, comments=comments, columns=len(row) - 1, delimiter=delimiter, where=where)
+    except ReadError:
+        return None
+    if not names:
+        return None
+    if delimiter != BLANKS:
+        raise ReadError(
+            f"{where[0]}, line {where[1]}: the time stamps have a comma before the fraction of a second "
+            f"({','.join(row[at : at + 2])!r}), and commas separate the columns too",
+            code="decimal-comma",
+            advice="Write a point there, or put the time stamps in quotes.",
+        )
+    return (*names[:at], "date", *names[at:]), (*units[:at], "", *units[at:]) if units else ()
+
+
+def _header(
+    header: list[tuple[int, list[str]]],
+    body: list[tuple[int, str]],
+    comments: list[str],
+    columns: int,
+    delimiter: str,
+    where: tuple[object, int],
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return names and units of the columns from the lines above the numbers."""
+    # A header may have another delimiter than the rows, for example commas above blanks.
+    texts = dict(body)
+    header = [(k, _named_cells(texts[k], columns, delimiter) or c) for k, c in header]
+    units: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
+    for _, cells in reversed(header):
+        if len(cells) == columns and not units and all(is_unit(cell) or not cell for cell in cells):
+            units = tuple(cells)
+        elif len(cells) == columns and not names:
+            names = tuple(clean(cell) for cell in cells)
+        elif len(cells) == columns and not _axes(names):
+            names = _below(cells, names)
+    if not names and header and len(header[-1][1]) == columns - 1 and _axes(header[-1][1]):
+        # `write.table` of R does not name the column of the row names.
+        names = ("", *(clean(cell) for cell in header[-1][1]))
+    for line in reversed(comments):
+        if names and units:
+            break
+        cells = _comment_cells(line, columns, delimiter)
+        if cells and not units and all(is_unit(cell) for cell in cells):
+            units = tuple(cells)
+        elif cells and not names and any(recognise(cell).axis for cell in cells):
+            names = tuple(cells)
+    if not names and header and len(header[-1][1]) > 1:
+        at, cells = header[-1]
+        raise ReadError(
+            f"{where[0]}: the header in line {at} names {len(cells)} columns, but line {where[1]} has {columns} values",
+            code="header-mismatch",
+            advice="Repair the header, or delete it and name the columns in their order with {--columns}.",
+        )
+    return names, units
+
+
+def _axes(names: Sequence[str]) -> int:
+    """Return the number of names that are known as an axis."""
+    return sum(recognise(name).axis not in ("", "time", "temperature") for name in names)
+
+
+def _below(groups: Sequence[str], names: tuple[str, ...]) -> tuple[str, ...]:
+    """Combine two header lines, such as "Gyroscope" above "X (deg/s)". A merged cell names only its first column."""
+    joined, group = [], ""
+    for above, name in zip(groups, names, strict=True):
+        group = clean(above) or group
+        joined.append(f"{group} {name}".strip())
+    return tuple(joined) if _axes(joined) else names
+
+
+def _comment_cells(line: str, columns: int, delimiter: str) -> list[str]:
+    """Return the cells of a comment that has one cell for each column; otherwise an empty list."""
+    text = line.strip()[len(comment_sign(line)) :].strip()
+    text = re.sub(r"^(units?|columns?|fields?|header)\s*[:=]\s*", "", text, flags=re.IGNORECASE)
+    return _cells(text, columns, delimiter)
+
+
+def _named_cells(line: str, columns: int, delimiter: str) -> list[str]:
+    """Return the cells of a header, which can have its own delimiter; [] if no cell is a known name or a unit."""
+    cells = _cells(line, columns, delimiter)
+    return cells if any(recognise(cell).axis or is_unit(cell) for cell in cells) else []
+
+
+def _cells(text: str, columns: int, delimiter: str) -> list[str]:
+    """Split text into one cell for each column, by the delimiter of the rows, commas or blanks; [] if none fits."""
+    ways = [split(text, delimiter), split(text, ",")]
+    if not re.search(r"[,;\t|]", text):
+        # A blank inside or before the brackets of "gyro_x [rad/s]" does not separate columns.
+        ways.append(_NAME_IN_BLANKS.findall(text))
+    fitting = [cells for way in ways if len(cells := _trimmed([clean(c) for c in way], columns)) == columns]
+    return max(fitting, key=lambda cells: sum(bool(recognise(c).axis) for c in cells), default=[])
+
+
+def _stated_units(comments: list[str]) -> dict[str, str]:
+    """Return the units that comments state for a sensor, as "gyro in deg/s, accel in g" or "units: rad/s, m/s^2"."""
+    found: dict[str, str] = {}
+    for line in comments:
+        text = _single_blanks(line).casefold()
+        said = "unit" in text
+        for clause in re.split(r"[,;]|\band\b", text):
+            about = "gyro" if re.search(r"gyr|angular|omega", clause) else ""
+            about = about or ("accel" if re.search(r"acc|specific force", clause) else "")
+            about = about or ("time" if re.search(r"\btime|stamp", clause) else "")
+            words = re.findall(r"[\w°²/^.\-µμ]+", re.sub(r"(?<=\w) (?=[sh]\^?-)", "", clause))
+            for quantity in (about,) if about else ("gyro", "accel") if said else ():
+                for word in words:
+                    unit = unit_of(word.strip(".-"), quantity)
+                    if unit and (about or word != "g") and not (quantity == "time" and not _is_clear(word, clause)):
+                        found.setdefault(quantity, unit)
+    return found
+
+
+def _stated_rate(comments: list[str]) -> float | None:
+    """Return the sampling rate (Hz) if comments state exactly one, as in "// Update Rate: 100.0Hz"; otherwise None."""
+    stated = (match for line in comments for match in _RATE.findall(_single_blanks(line)))
+    found = {float(number) * (1e3 if kilo else 1) for number, kilo in stated}
+    return found.pop() if len(found) == 1 and min(found) > 0 else None
+
+
+def _single_blanks(line: str) -> str:
+    """Replace each run of blanks by one blank. On long runs, the patterns would take very long."""
+    return " ".join(line.split())
+
+
+_RATE = re.compile(
+    r"\b(?:update|output|sampl(?:e|ing)|data)[ _]*(?:rate|frequency)\s*[:=,]?\s*(?:\(hz\)\s*[:=,]?)?\s*"
+    r"(\d+(?:\.\d+)?)\s*(k)?(?:hz|sps|,|;|\s|$)",
+    re.IGNORECASE,
+)
+
+
+def _is_clear(word: str, clause: str) -> bool:
+    """Return whether a unit of time in a comment is that of the time stamps. Minutes and hours may be a duration."""
+    stands_alone = re.search(rf"(\bin\s+|[\[(:=]\s*){re.escape(word)}\b", clause) is not None
+    return word in _CLEAR or (word in _LONG and stands_alone)
+
+
+_LONG = {"min", "minutes", "h", "hours", "days"}
+_CLEAR = {"s", "ms", "us", "ns", "µs", "seconds", "milliseconds", "microseconds", "nanoseconds"}

@@ -1,0 +1,65 @@
+"""Read tables of the phone application Sensor Logger: one file for each sensor, with time,seconds_elapsed,z,y,x.
+
+The name of the file states the sensor: Gyroscope.csv in rad/s, TotalAcceleration.csv in m/s² with gravity,
+Accelerometer.csv in m/s² without gravity. The time is in nanoseconds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar
+
+from gmwm.base.remarks import Remark
+from gmwm.files.contract import Channel, Layout, register
+from gmwm.files.formats.byte_sources import FileSource, MemberSource
+from gmwm.files.formats.text import TextReader
+
+_HEADER = b"time,seconds_elapsed,z,y,x"
+_SENSORS = {
+    "gyroscope": ("gyro", "rad/s"),
+    "gyroscopeuncalibrated": ("gyro", "rad/s"),
+    "totalacceleration": ("accel", "m/s²"),
+    "accelerometer": ("accel", "m/s²"),
+    "accelerometeruncalibrated": ("accel", ""),  # m/s² from some phones, g from others: inferred from gravity
+}
+WITHOUT_GRAVITY = "accelerometer"
+"""Name of the table from which the filter of the phone has removed gravity."""
+
+
+@register
+class SensorLoggerReader(TextReader):
+    """Reader of a table of Sensor Logger, recognised by its header and its name."""
+
+    name: ClassVar[str] = "sensorlogger"
+    extensions: ClassVar[tuple[str, ...]] = (".csv",)
+
+    def sniff(self, path: Path, head: bytes) -> float:
+        """Return 0.9 if the first line is the header and the file has the name of an inertial sensor."""
+        return 0.9 if head.split(b"\n", 1)[0].strip() == _HEADER and sensor(path) else 0.0
+
+    def layout(self, source: FileSource) -> Layout:
+        """Return the columns, with the sensor and unit that the name of the table states."""
+        found = super().layout(source)
+        path = Path(source.member) if isinstance(source, MemberSource) else source.path
+        known = _SENSORS.get(sensor(path))
+        if known is None:  # chosen by the `format` option
+            return found
+        quantity, unit = known
+        channels = [
+            Channel(c.name, "ns", "time") if c.name == "time" else Channel(c.name, unit, f"{quantity}_{c.name}")
+            if c.name in ("x", "y", "z") else Channel("(elapsed)")
+            for c in found.channels
+        ]  # fmt: skip
+        removed = (Remark.of("gravity-removed", path.stem),) if sensor(path) == WITHOUT_GRAVITY else ()
+        return replace(found, channels=tuple(channels), topic=path.stem, remarks=(*found.remarks, *removed))
+
+
+def sensor(path: Path) -> str:
+    """Return the sensor that the name of a table states, in lower case; "" for another name.
+
+    >>> sensor(Path("Gyroscope.csv")), sensor(Path("Location.csv"))
+    ('gyroscope', '')
+    """
+    stem = path.name.casefold().partition(".")[0]
+    return stem if stem in _SENSORS else ""

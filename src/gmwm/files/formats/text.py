@@ -1,0 +1,273 @@
+"""Read CSV and other text tables in blocks, which Polars parses.
+
+This module parses the header and passes a schema to Polars, so that Polars infers nothing from the first rows.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.errors import ReadError
+from gmwm.base.remarks import Remark
+from gmwm.files.clock.lost_samples import MISSING, is_missing
+from gmwm.files.clock.text_stamps import UNIT, is_time_of_day
+from gmwm.files.columns.column_names import recognise, unit_of
+from gmwm.files.columns.known_tables import known_table
+from gmwm.files.contract import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register
+from gmwm.files.formats.byte_sources import FileSource
+from gmwm.files.formats.dialect import Dialect, detect, is_number, split
+from gmwm.files.formats.text_rows import OR_SKIP, RowParser
+
+BLOCK_BYTES = 8 << 20
+"""Number of bytes in a block: enough to parse in parallel, and several blocks fit into memory."""
+
+LINE_BYTES = 8 * BLOCK_BYTES
+"""Largest number of bytes in a line. A longer line is not a row of a table."""
+
+TAIL_BYTES, TAIL_LINES = 1 << 16, 1000
+"""Number of bytes and lines at the end of a file that are compared with a last line without a newline."""
+_ENOUGH = 10  # number of lines that show the usual length of a number; pinned by tests/readers/test_stamps.py
+
+
+@dataclass(frozen=True)
+class Place:
+    """Beginning of a block of lines: its first byte and its first line."""
+
+    begin: int
+    line: int
+
+
+@register
+class TextReader(Reader):
+    """Reader of delimited text, with or without header, comments, units and time."""
+
+    name: ClassVar[str] = "text"
+    extensions: ClassVar[tuple[str, ...]] = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
+
+    def sniff(self, path: Path, head: bytes) -> float:
+        """Return 0.5 for text with a digit, 0.1 for other text, and 0.05 for text with zero bytes."""
+        if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+            return 0.5  # UTF-16, for which `layout` raises an error with advice
+        if any(bytes([c]) in head for c in (*range(1, 9), *range(14, 32))):
+            return 0.0
+        if b"\0" in head:
+            return 0.05 if head[0] and path.suffix.lower() in self.extensions else 0.0  # `layout` says where
+        return 0.5 if re.search(rb"\d", head) else 0.1
+
+    def layouts(self, path: Path) -> tuple[Layout, ...]:
+        """Return the recordings, with column names from the header or a comment; see `layouts_of`."""
+        return self.layouts_of(FileSource(path))
+
+    def layouts_of(self, source: FileSource) -> tuple[Layout, ...]:
+        """Return the recordings in text: several if a column states the sensor of each row."""
+        layout = self.layout(source)
+        dialect: Dialect = layout.state
+        if dialect.sensors is None:
+            return (layout,)
+        column, values = dialect.sensors
+        name = dialect.names[column]
+        return tuple(
+            replace(layout, topic=f"{name}={value}", state=replace(dialect, sensor=(column, value))) for value in values
+        )
+
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
+        """Yield one chunk for each block; a column whose first rows contain long integers stays int64."""
+        return self.rows(FileSource(path), layout, wanted)
+
+    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
+        """Return a mark for each block, from a pass that parses no numbers. There are none if midnights must be counted
+        from the first row, or if only some rows are read."""
+        if any(map(is_time_of_day, layout.state.first_row)) or layout.state.sensor:
+            return ()
+        source, row, marks = FileSource(path), 0, []
+        parser = RowParser(source, layout.state, layout, ())
+        for place, block in _blocks(source, layout.state):
+            count = parser.count(block, place.line)
+            if count:
+                marks.append(Mark(row, place))
+            row += count
+        return (*marks, Mark(row))
+
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
+        """Yield the chunks from the block of a mark on."""
+        return self.rows(FileSource(path), layout, wanted, mark.place)
+
+    def layout(self, source: FileSource) -> Layout:
+        """Return the layout of a file or of unpacked text."""
+        dialect = detect(_head_lines(source), source)
+        names = dialect.names or ("",) * dialect.columns
+        time, channels = _time_by_content(dialect), []
+        program, known = known_table(names, source.named, dialect.above)
+        for k, name in enumerate(names):
+            unit = dialect.column_units[k] if dialect.column_units else ""
+            axis = recognise(name).axis
+            if k in known and not dialect.stamps[k]:
+                channels.append(Channel(name, known[k][1] or unit, known[k][0]))
+            elif dialect.stamps[k]:
+                channels.append(Channel(name, UNIT, "time" if k == time else ""))
+            else:
+                channels.append(Channel(name, (unit_of(unit, axis) or unit) if axis else unit))
+        # Compressed formats detect by themselves whether they are complete.
+        end = _open_end(source, dialect.delimiter) if source.seekable else None
+        remarks: tuple[Remark, ...] = (Remark.of("no-line-end"),) if end is not None else ()
+        if end:
+            dialect = replace(dialect, cut=end)
+        if program:
+            remarks += (Remark.of("layout-known", format=program),)
+        if dialect.stamp_parts is not None:
+            channels.append(Channel("header.stamp", "ns", "time"))
+        return Layout(
+            tuple(channels), dialect.first_row, rate=dialect.rate, units=dialect.units, remarks=remarks, state=dialect
+        )
+
+    def rows(
+        self, source: FileSource, layout: Layout, wanted: Sequence[int], place: Place | None = None
+    ) -> Iterator[Rows]:
+        """Yield the numbers in text, from the first row or from the block at `place` on."""
+        dialect: Dialect = layout.state
+        _require_end(source, layout)
+        stamp, read = dialect.columns, list(wanted)
+        if stamp in wanted and dialect.stamp_parts is not None:
+            read = [*dict.fromkeys([*(k for k in wanted if k != stamp), *dialect.stamp_parts])]
+        parser = RowParser(source, dialect, layout, tuple(read))
+        for begin, block in _blocks(source, dialect, place):
+            chunk = parser.parse(block, begin.line)
+            if chunk is not None:
+                yield (
+                    chunk
+                    if stamp not in wanted
+                    else {k: _stamp(chunk, dialect) if k == stamp else chunk[k] for k in wanted}
+                )
+
+
+def _stamp(chunk: Rows, dialect: Dialect) -> NDArray[np.int64]:
+    """Return the time stamps (ns) of a table with seconds and nanoseconds in two columns."""
+    assert dialect.stamp_parts is not None
+    parts = [np.asarray(chunk[k]) for k in dialect.stamp_parts]
+    missing = [is_missing(part) for part in parts]
+    away = np.any([np.zeros(parts[0].size, dtype=bool) if one is None else one for one in missing], axis=0)
+    seconds, rest = (np.where(away, 0, part).astype(np.int64) for part in parts)
+    return np.where(away, MISSING, seconds * 10**9 + rest)
+
+
+def _time_by_content(dialect: Dialect) -> int | None:
+    """Return the column that contains dates or times of day; None if a name states the time column."""
+    timed = dialect.stamp_parts is not None or any(recognise(name).axis == "time" for name in dialect.names)
+    if not dialect.names or timed:
+        return None
+    found = [k for k, stamped in enumerate(dialect.stamps) if stamped]
+    return min(found, key=lambda k: is_time_of_day(dialect.first_row[k]), default=None)
+
+
+def _head_lines(source: FileSource) -> list[str]:
+    """Return the first complete lines as text, without a byte order mark."""
+    with source.open() as file:
+        head = file.read(HEAD_BYTES)
+        more = bool(file.read(1))
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")) or (head[1:2] == b"\0" and 3 * head.count(b"\0") > len(head)):
+        raise ReadError(
+            f"{source} is UTF-16 text", code="not-utf8", advice="Save it as UTF-8 (in a spreadsheet: CSV UTF-8)."
+        )
+    if b"\0" in head:
+        raise ReadError(
+            f"{source} is not text: it holds zero bytes, the first at byte {head.index(0)}",
+            code="not-text",
+            advice="If it is text, and the logger lost its power, delete them (tr -d '\\000'). Otherwise name its "
+            "format with {--format}.",
+        )
+    if b"\n" not in head and head.rstrip(b"\r").count(b"\r"):
+        raise ReadError(
+            f"{source} has bare carriage returns as line ends",
+            code="line-ends",
+            advice="Convert them to line feeds first.",
+        )
+    if more and b"\n" in head:
+        head = head[: head.rfind(b"\n") + 1]
+    try:
+        text = head.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = head.decode("latin-1")  # for example a degree sign in the header; numbers are ASCII in either encoding
+    return text.replace("\r\n", "\n").split("\n")
+
+
+def _open_end(source: FileSource, delimiter: str) -> tuple[str, str] | tuple[()] | None:
+    """Check the end of the last line: None if it ends with a newline, () if it may be complete. If the last number has
+    fewer digits than that of every line before, it was cut off: return both cells."""
+    with source.open() as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(0, size - TAIL_BYTES))
+        *lines, last = file.read().decode("latin-1").split("\n")
+    if not last.strip("\r") or last.endswith("\r"):
+        return None
+    *others, cut = (split(line.strip("\r"), delimiter)[-1] for line in [*lines[-TAIL_LINES:], last] if line.strip())
+    others = [cell for cell in others if is_number(cell)]
+    was_cut = len(others) >= _ENOUGH and is_number(cut) and _lacks_digits(cut, others)
+    return (cut, others[-1]) if was_cut else ()
+
+
+def _require_end(source: FileSource, layout: Layout) -> None:
+    """Raise an error if the last number of the text was cut off."""
+    cut = layout.state.cut
+    if cut and not layout.skip_bad_lines:
+        raise ReadError(
+            f"{source} ends within a number: its last line ends in {cut[0]!r} without a line end, the lines before in "
+            f"numbers like {cut[1]!r}",
+            code="cut-off",
+            advice="Remove the last line." + OR_SKIP,
+        )
+
+
+def _lacks_digits(cell: str, others: Sequence[str]) -> bool:
+    """Return whether a number is shorter than all others, or lacks the exponent that all others have."""
+    powers = [len(other.lower().partition("e")[2].lstrip("+-")) for other in (cell, *others)]
+    return len(cell) < min(map(len, others)) or powers[0] < min(powers[1:])
+
+
+def _blocks(source: FileSource, dialect: Dialect, place: Place | None = None) -> Iterator[tuple[Place, bytes]]:
+    """Yield blocks of complete lines with their places, from the first row or from the block at `place` on."""
+    first = b""
+    with source.open() as file:
+        begin, line = 0, dialect.first_line
+        if place is not None:
+            file.seek(place.begin)
+            begin, line = place.begin, place.line
+        elif line == 1:
+            first = file.read(3)
+            if first == b"\xef\xbb\xbf":
+                begin, first = 3, b""
+        else:
+            begin = sum(len(file.readline()) for _ in range(line - 1))
+        while first or (block := file.read(BLOCK_BYTES)):
+            if first:
+                block, first = first + file.read(BLOCK_BYTES), b""
+            if not block.endswith(b"\n"):
+                tail = file.readline(LINE_BYTES)
+                block += tail
+                if len(tail) == LINE_BYTES and not tail.endswith(b"\n"):
+                    raise ReadError(
+                        f"{source} has a line of more than {LINE_BYTES >> 20} MB after line {line + _lines(block)}",
+                        code="line-too-long",
+                        advice="Check that the file is a table of text with one sample per line.",
+                    )
+            rest = b""
+            if not block.endswith(b"\n"):  # the end of the file
+                end = block.rfind(b"\n") + 1
+                block, rest = block[:end], block[end:]
+            if block:
+                yield Place(begin, line), block
+            begin, line = begin + len(block), line + _lines(block)
+            if rest and not dialect.cut:
+                yield Place(begin, line), rest
+
+
+def _lines(block: bytes) -> int:
+    """Return the number of line ends. NumPy compares many bytes at once, `bytes.count` stops at each line."""
+    return int(np.count_nonzero(np.frombuffer(block, dtype=np.uint8) == ord("\n")))
