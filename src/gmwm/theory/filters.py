@@ -272,13 +272,9 @@ def _filter(
 ) -> WaveletFilter:
     scaling = project(published, moments, rounding)
     return WaveletFilter(
-        name=name,
-        scaling=scaling,
-        vanishing_moments=moments,
-        accuracy=accuracy,
-        adjustment=float(np.abs(scaling - published).max()),
-        source=source,
-    )
+        name=name, scaling=scaling, vanishing_moments=moments, accuracy=accuracy,
+        adjustment=float(np.abs(scaling - published).max()), source=source,
+    )  # fmt: skip
 
 
 def project(scaling: Vector, vanishing_moments: int, rounding: float = 8.0) -> Vector:

@@ -104,14 +104,12 @@ class StateSpace:
         """
         items = list(parts)
         return cls(
-            F=_block_diagonal([s.F for s in items]),
-            Q=_block_diagonal([s.Q for s in items]),
-            H=np.concatenate([s.H[0] for s in items]) if items else np.zeros(0),
-            R=sum(float(s.R[0, 0]) for s in items),
+            F=_block_diagonal([s.F for s in items]), Q=_block_diagonal([s.Q for s in items]),
+            H=np.concatenate([s.H[0] for s in items]) if items else np.zeros(0), R=sum(float(s.R[0, 0]) for s in items),
             m0=np.concatenate([s.m0 for s in items]) if items else np.zeros(0),
             P0=_block_diagonal([s.P0 for s in items]),
             diffuse=np.concatenate([s.diffuse for s in items]) if items else np.zeros(0),
-        )
+        )  # fmt: skip
 
     def __add__(self, other: StateSpace) -> StateSpace:
         return StateSpace.sum((self, other))
@@ -221,13 +219,9 @@ def check_matrices(
     p = h.size
     f, q, observed, r = names
     shapes: dict[str, tuple[Any, tuple[int, ...]]] = {
-        f: (transition, (p, p)),
-        q: (noise, (p, p)),
-        observed: (h, (1, p)),
-        r: (scatter, (1, 1)),
-        "m0": (np.zeros(p) if m0 is None else m0, (p,)),
-        "P0": (np.zeros((p, p)) if P0 is None else P0, (p, p)),
-    }
+        f: (transition, (p, p)), q: (noise, (p, p)), observed: (h, (1, p)), r: (scatter, (1, 1)),
+        "m0": (np.zeros(p) if m0 is None else m0, (p,)), "P0": (np.zeros((p, p)) if P0 is None else P0, (p, p)),
+    }  # fmt: skip
     matrices: dict[str, NDArray[Any]] = {}
     for name, (values, shape) in shapes.items():
         array = np.array(values, dtype=np.float64)

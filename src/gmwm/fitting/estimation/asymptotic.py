@@ -128,11 +128,9 @@ def sandwich_of(
     relative = relative_covariance(slopes, matrix, wavelet)[: len(columns), : len(columns)]
     places = [k for k, name in enumerate(columns) if name in reported]
     return Sandwich(
-        names=tuple(columns[k] for k in places),
-        values=values[places],
-        relative=relative[np.ix_(places, places)],
+        names=tuple(columns[k] for k in places), values=values[places], relative=relative[np.ix_(places, places)],
         wavelet=wavelet,
-    )
+    )  # fmt: skip
 
 
 def _unseen(model: Model, design: Design) -> list[Vector]:

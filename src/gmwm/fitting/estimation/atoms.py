@@ -123,14 +123,11 @@ def _grid(
         slopes.append(slope)
         middles += [value[1::2], value[:1]]
     return ShapeGrid(
-        branches=branches,
-        owner=np.concatenate(owner),
-        nodes=np.concatenate(nodes),
-        spacing=np.concatenate(spacing[:-1]),
-        values=np.ascontiguousarray(np.concatenate(values)),
+        branches=branches, owner=np.concatenate(owner), nodes=np.concatenate(nodes),
+        spacing=np.concatenate(spacing[:-1]), values=np.ascontiguousarray(np.concatenate(values)),
         slopes=np.ascontiguousarray(np.concatenate(slopes)),
         middle_values=np.ascontiguousarray(np.concatenate(middles[:-1])),
-    )
+    )  # fmt: skip
 
 
 def grid(

@@ -142,14 +142,9 @@ class Search:
                 if not places:
                     break
                 piece, ends = close_up(
-                    self.curved_class,
-                    places,
-                    width=width,
-                    levels=problem.levels,
-                    rate=problem.rate,
-                    filter=problem.filter,
-                    root=problem.root,
-                )
+                    self.curved_class, places, width=width, levels=problem.levels, rate=problem.rate,
+                    filter=problem.filter, root=problem.root,
+                )  # fmt: skip
                 share = np.array([(u - low) / width for (_, u), (low, _) in zip(places, ends, strict=True)])
                 moved, objective = _core.cone_refine(
                     problem.target, self.fixed, self.positive, piece.values, piece.slopes, piece.margins,

@@ -178,11 +178,9 @@ def fit(
     terms = as_model(model)
     if start is not None and not isinstance(start, Sampled):
         raise OptionError(
-            argument="start",
-            expected="a gmwm.estimation.Sampled object",
-            got=start,
+            argument="start", expected="a gmwm.estimation.Sampled object", got=start,
             advice="Write starting values into the model, for example `GM(beta=0.1)`.",
-        )
+        )  # fmt: skip
     if isinstance(data, Mapping):
         return _fitted_conditions(
             terms, data, rate, varies, weighting=weighting, robust=robust, efficiency=efficiency, certify=certify,
@@ -190,11 +188,9 @@ def fit(
         )  # fmt: skip
     if varies is not None:
         raise OptionError(
-            "varies needs recordings at known conditions",
-            argument="varies",
-            got=varies,
+            "varies needs recordings at known conditions", argument="varies", got=varies,
             advice="Pass a mapping, for example `{{0.0: rest, 50.0: slow}}`.",
-        )
+        )  # fmt: skip
     wv = measure(data, rate, robust, efficiency, against=against)
     first = None if start is None else _draws(start, wv, data)
     chosen = usual_weighting(terms) if weighting is None else weighting
@@ -288,11 +284,9 @@ def _measure(data: Curve, rate: float | None, robust: bool, efficiency: float, *
     elif isinstance(data, WaveletVariance):
         if rate is not None and rate != data.rate:
             raise OptionError(
-                argument="rate",
-                expected=f"{data.rate:g}, the sampling rate of the wavelet variance (Hz)",
-                got=rate,
+                argument="rate", expected=f"{data.rate:g}, the sampling rate of the wavelet variance (Hz)", got=rate,
                 advice="Leave {--rate} out.",
-            )
+            )  # fmt: skip
         wv = _as_measured(data, robust, efficiency)
     else:
         wv = signal_wavelet_variance(data, rate, robust=robust, efficiency=efficiency)
@@ -308,18 +302,14 @@ def _as_measured(wv: WaveletVariance, robust: bool, efficiency: float) -> Wavele
     """Check that `robust` and `efficiency` do not contradict a wavelet variance, and return it."""
     if robust and not wv.robust:
         raise OptionError(
-            argument="robust",
-            expected="False if the data are a classical wavelet variance",
-            got=robust,
+            argument="robust", expected="False if the data are a classical wavelet variance", got=robust,
             advice="Pass the signal, or its robust wavelet variance.",
-        )
+        )  # fmt: skip
     if not wv.robust:
         require_robust(robust, efficiency)
     elif efficiency not in (EFFICIENCY, wv.efficiency):
         raise OptionError(
-            argument="efficiency",
-            expected=f"{wv.efficiency:g}, the efficiency of the wavelet variance",
-            got=efficiency,
-            advice="Leave {--efficiency} out, or pass the signal.",
-        )
+            argument="efficiency", expected=f"{wv.efficiency:g}, the efficiency of the wavelet variance",
+            got=efficiency, advice="Leave {--efficiency} out, or pass the signal.",
+        )  # fmt: skip
     return wv

@@ -58,11 +58,8 @@ def reweight(
     powers = [process.scale_parameter().scale_power or 1 for process in linear]
     cumulant = sum(type(process).standard().error_cumulant for process in linear)
     data = [
-        problem.observed,
-        design.degrees_of_freedom,
-        counts,
-        np.zeros(counts.size) if added is None else np.diag(added),
-    ]
+        problem.observed, design.degrees_of_freedom, counts, np.zeros(counts.size) if added is None else np.diag(added),
+    ]  # fmt: skip
     result = search.kernel.reweight(
         design.levels, np.array(data, dtype=np.float64), np.array(segments, dtype=np.float64),
         np.array([_kind(process) for process in linear], dtype=np.int64), np.array(powers, dtype=np.float64),

@@ -132,13 +132,9 @@ def goodness_of_fit(
         drawn = bootstrap(fit, draws, rng).objectives
         larger = int(np.count_nonzero(drawn >= fit.objective))
         return GoodnessOfFit(
-            statistic=fit.objective,
-            df=None,
-            pvalue=(1 + larger) / (1 + drawn.size),
-            levels=wv.levels.copy(),
-            left_out=(),
-            method=method,
-        )
+            statistic=fit.objective, df=None, pvalue=(1 + larger) / (1 + drawn.size), levels=wv.levels.copy(),
+            left_out=(), method=method,
+        )  # fmt: skip
     # The result is cached, because the test needs another fit, and a summary, a file and a table all show the test.
     if "_goodness" not in fit.__dict__:
         fit.__dict__["_goodness"] = _by_theory(fit)
@@ -159,13 +155,9 @@ def _by_theory(fit: Fit) -> GoodnessOfFit:
     statistic, count = _statistic(short)
     df = used - count
     return GoodnessOfFit(
-        statistic=statistic,
-        df=df,
-        pvalue=float(gammaincc(df / 2, statistic / 2)),
-        levels=wv.levels[:used].copy(),
-        left_out=tuple(int(j) for j in wv.levels[used:]),
-        method="asymptotic",
-    )
+        statistic=statistic, df=df, pvalue=float(gammaincc(df / 2, statistic / 2)), levels=wv.levels[:used].copy(),
+        left_out=tuple(int(j) for j in wv.levels[used:]), method="asymptotic",
+    )  # fmt: skip
 
 
 def _too_few(fit: Fit, parameters: int, levels: int) -> ModelError:

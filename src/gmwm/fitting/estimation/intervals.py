@@ -191,12 +191,9 @@ def _asymptotic(fit: Fit, level: float, covariance: Matrix | None) -> dict[str, 
     errors = fit.sandwich
     if covariance is not None:
         errors = sandwich_of(
-            fit.model,
-            Design.of(fit.wavelet_variance),
-            matrix=fit.weighting_matrix,
-            wavelet=_as_covariance(fit, covariance),
-            acts_as=fit.diagnostics.acts_as,
-        )
+            fit.model, Design.of(fit.wavelet_variance), matrix=fit.weighting_matrix,
+            wavelet=_as_covariance(fit, covariance), acts_as=fit.diagnostics.acts_as,
+        )  # fmt: skip
     z = NormalDist().inv_cdf((1 + level) / 2)
     parameters = parameters_by_name(fit.model)
     return {
@@ -260,11 +257,9 @@ def _as_covariance(fit: Fit, covariance: Matrix) -> Matrix:
 
 def _no_covariance(what: str, got: object) -> OptionError:
     return OptionError(
-        f"covariance must {what}",
-        argument="covariance",
-        got=got,
+        f"covariance must {what}", argument="covariance", got=got,
         advice="Compute it with `empirical_covariance(x, rate)`.",
-    )
+    )  # fmt: skip
 
 
 def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> float:

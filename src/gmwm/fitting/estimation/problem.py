@@ -137,20 +137,10 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix | Weights) -> Problem
     weights = matrix if isinstance(matrix, Weights) else Weights(matrix)
     unit, target = weigh(observed, weights)
     return Problem(
-        model=model,
-        levels=levels,
-        rate=rate,
-        filter=filter,
-        samples=wv.longest,
-        observed=observed,
-        weights=weights,
-        unit=unit,
-        target=target,
-        linear=linear,
-        curved=curved,
-        free=free,
+        model=model, levels=levels, rate=rate, filter=filter, samples=wv.longest, observed=observed, weights=weights,
+        unit=unit, target=target, linear=linear, curved=curved, free=free,
         shapes=np.array(shapes).reshape(len(shapes), len(wv)),
-    )
+    )  # fmt: skip
 
 
 def weigh(observed: Vector, weights: Weights) -> tuple[float, Vector]:
@@ -210,10 +200,8 @@ def by_kind(model: Model) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, 
             if free:
                 raise ModelError(
                     f"{process}: {scale} is held while {', '.join(free)} is free",
-                    advice="Hold {free} too, or free {scale}.",
-                    free=tuple(free),
-                    scale=scale,
-                )
+                    advice="Hold {free} too, or free {scale}.", free=tuple(free), scale=scale,
+                )  # fmt: skip
             held.append(place)
         else:
             (shaped if free else linear).append(place)

@@ -141,18 +141,12 @@ class Fit(Documented, Plotted, KalmanMethods):
         )
         decomposition = model.decomposition(wv.levels, wv.rate, wv.filter)
         return cls(
-            wavelet_variance=wv,
-            model=model,
-            parameters={name: v for name, v in model.parameters.items() if v is not None},
-            objective=solution.objective,
-            lower_bound=solution.lower_bound,
-            relaxed_bound=solution.relaxed_bound,
-            implied=np.asarray(sum(decomposition.values()), dtype=np.float64),
-            decomposition=decomposition,
-            weighting=weighting,
-            weighting_matrix=problem.matrix,
-            diagnostics=diagnostics,
-        )
+            wavelet_variance=wv, model=model,
+            parameters={name: v for name, v in model.parameters.items() if v is not None}, objective=solution.objective,
+            lower_bound=solution.lower_bound, relaxed_bound=solution.relaxed_bound,
+            implied=np.asarray(sum(decomposition.values()), dtype=np.float64), decomposition=decomposition,
+            weighting=weighting, weighting_matrix=problem.matrix, diagnostics=diagnostics,
+        )  # fmt: skip
 
     def refit(self, wv: WaveletVariance) -> Fit:
         """Fit the model to data `wv` that are almost the same as the data of this fit.

@@ -79,28 +79,19 @@ def solve(problem: Problem, *, certify: bool, quick: bool = False, near: Solutio
         value = objective * square
         scales = problem.scales(problem.shapes, weights)
         return Solution(
-            objective=value,
-            lower_bound=value if certify else None,
-            relaxed_bound=value,
-            scales=scales,
-            terms=(),
-            places=(),
-            nodes=0,
-            start=Start(how="convex", tried=1, objective=float(value)),
-        )
+            objective=value, lower_bound=value if certify else None, relaxed_bound=value, scales=scales, terms=(),
+            places=(), nodes=0, start=Start(how="convex", tried=1, objective=float(value)),
+        )  # fmt: skip
     search = search_of(problem)
     result = search.optimum(certify=certify)
     best = result.best
     return Solution(
-        objective=best.objective * square,
-        lower_bound=min(result.bound, best.objective) * square if certify else None,
+        objective=best.objective * square, lower_bound=min(result.bound, best.objective) * square if certify else None,
         relaxed_bound=min(result.relaxed, best.objective) * square,
-        scales=problem.scales(problem.shapes, best.weights[: len(problem.linear)]),
-        terms=search.terms(best),
-        places=tuple(best.places),
-        nodes=result.nodes,
+        scales=problem.scales(problem.shapes, best.weights[: len(problem.linear)]), terms=search.terms(best),
+        places=tuple(best.places), nodes=result.nodes,
         start=Start(how="convex", tried=result.nodes or 1, objective=float(result.table * square)),
-    )
+    )  # fmt: skip
 
 
 def solve_near(problem: Problem) -> Solution:
@@ -313,16 +304,9 @@ def _solution(problem: Problem, surface: Surface, found: Projection, start: Star
     linear_scales = problem.scales(problem.shapes, found.weights[:linear])
     value = float(found.objective * problem.unit**2)
     return Solution(
-        objective=value,
-        lower_bound=None,
-        relaxed_bound=0.0,
-        scales=linear_scales,
-        terms=terms,
-        places=places,
-        nodes=0,
-        start=start,
-        point=found.point,
-    )
+        objective=value, lower_bound=None, relaxed_bound=0.0, scales=linear_scales, terms=terms, places=places, nodes=0,
+        start=start, point=found.point,
+    )  # fmt: skip
 
 
 def model_of(problem: Problem, solution: Solution, slope: float | None) -> Model:

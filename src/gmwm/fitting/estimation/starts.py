@@ -338,15 +338,9 @@ def _occasion(wv: WaveletVariance, spread: float, draws: int, rng: np.random.Gen
     elif dominant == "white":
         first[:] = 2
     return Occasion(
-        total=float(wv.variance.sum()),
-        spread=spread,
-        dominant=dominant,
-        first=first,
-        levels=wv.levels,
-        samples=wv.samples,
-        rate=wv.rate,
-        filter=find_filter(wv.filter),
-    )
+        total=float(wv.variance.sum()), spread=spread, dominant=dominant, first=first, levels=wv.levels,
+        samples=wv.samples, rate=wv.rate, filter=find_filter(wv.filter),
+    )  # fmt: skip
 
 
 def _dominant(wv: WaveletVariance) -> Dominant:

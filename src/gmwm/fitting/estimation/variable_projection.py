@@ -172,13 +172,9 @@ class Surface:
         every = np.ascontiguousarray(np.concatenate([self.fixed, units]))
         weights, objective = _core.nonnegative_least_squares(self.problem.target, every)
         return Projection(
-            objective=objective,
-            point=point,
-            weights=weights,
-            units=every,
-            lengths=lengths,
+            objective=objective, point=point, weights=weights, units=every, lengths=lengths,
             residual=self.problem.target - weights @ every,
-        )
+        )  # fmt: skip
 
     def free_shapes(self, z: list[Vector]) -> Matrix:
         """Return the wavelet variances (n, J) of the free processes with scale coefficient 1 at the coordinates `z`."""

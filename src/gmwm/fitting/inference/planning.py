@@ -89,15 +89,9 @@ class Plan(Summarised, Plotted):
     def __reduce__(self) -> tuple[Any, ...]:
         # A mapping proxy cannot be pickled, so the copy is built from a plain dict.
         build = partial(
-            Plan,
-            model=self.model,
-            rate=self.rate,
-            weighting=self.weighting,
-            durations=self.durations,
-            errors=dict(self.errors),
-            unit=self.unit,
-            losses=self.losses,
-        )
+            Plan, model=self.model, rate=self.rate, weighting=self.weighting, durations=self.durations,
+            errors=dict(self.errors), unit=self.unit, losses=self.losses,
+        )  # fmt: skip
         return build, ()
 
     @property
@@ -217,15 +211,12 @@ class Plan(Summarised, Plotted):
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain numbers, lists and strings for JSON."""
         return {
-            "model": str(self.model),
-            "parameters": {name: self.model.parameters[name] for name in self.errors},
+            "model": str(self.model), "parameters": {name: self.model.parameters[name] for name in self.errors},
             "units": {name: unit for name, unit in self.model.units(self.unit).items() if name in self.errors},
-            "rate": self.rate,
-            "weighting": self.weighting,
-            "duration": self.duration,
+            "rate": self.rate, "weighting": self.weighting, "duration": self.duration,
             "planned": self.at(self.duration),
             **{name: plain(getattr(self, name)) for name in ("durations", "errors", "losses")},
-        }
+        }  # fmt: skip
 
     def __repr__(self) -> str:
         return f"Plan({self.model.structure}, {duration_text(self.duration)} at {self.rate:g} Hz)"

@@ -223,30 +223,17 @@ def _as_fit(problem: LikelihoodProblem, found: Maximum) -> LikelihoodFit:
     acts_as = _acts_as(problem, found, best, renamed)
     zero = tuple(sorted(renamed[best.terms[k]] for k in gone))
     diagnostics = LikelihoodDiagnostics(
-        acts_as=acts_as,
-        not_supported=zero,
-        evaluations=found.evaluations,
-        converged=found.converged,
+        acts_as=acts_as, not_supported=zero, evaluations=found.evaluations, converged=found.converged,
         started_at=problem.value(problem.model)[0],
         remarks=tuple(_remarks(order, acts_as, zero, converged=found.converged, problem=problem)),
-    )
+    )  # fmt: skip
     return LikelihoodFit(
-        model=order,
-        parameters={name: v for name, v in order.parameters.items() if v is not None},
-        loglikelihood=value,
-        level=constant[0],
-        level_error=constant[1],
-        mean=problem.mean,
-        samples=problem.record.observed,
-        missing=problem.record.values.size - problem.record.observed,
-        rate=problem.rate,
-        unit=problem.record.unit,
-        axis=problem.record.axis,
-        names=tuple(labels[k] for k in places),
-        covariance=covariance[np.ix_(places, places)],
-        diagnostics=diagnostics,
-        record=problem.record,
-    )
+        model=order, parameters={name: v for name, v in order.parameters.items() if v is not None}, loglikelihood=value,
+        level=constant[0], level_error=constant[1], mean=problem.mean, samples=problem.record.observed,
+        missing=problem.record.values.size - problem.record.observed, rate=problem.rate, unit=problem.record.unit,
+        axis=problem.record.axis, names=tuple(labels[k] for k in places), covariance=covariance[np.ix_(places, places)],
+        diagnostics=diagnostics, record=problem.record,
+    )  # fmt: skip
 
 
 def _remarks(

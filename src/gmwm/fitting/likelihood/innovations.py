@@ -241,14 +241,9 @@ def residuals(
         estimated = as_whole_number(estimated, "estimated", 0)
     record = problem.record
     return Residuals(
-        model=problem.model,
-        values=values,
-        rate=record.rate,
-        times=record.times,
-        axis=record.axis,
-        estimated=estimated,
+        model=problem.model, values=values, rate=record.rate, times=record.times, axis=record.axis, estimated=estimated,
         spent=lost,
-    )
+    )  # fmt: skip
 
 
 _ENOUGH = 65_536

@@ -73,19 +73,15 @@ def as_record(data: Signal | ArrayLike, rate: float | None, *, name: str = "data
     if isinstance(data, Signal):
         if rate is not None and as_rate(rate) != data.rate:
             raise OptionError(
-                argument="rate",
-                expected=f"{data.rate:g}, the sampling rate of the signal (Hz)",
-                got=rate,
+                argument="rate", expected=f"{data.rate:g}, the sampling rate of the signal (Hz)", got=rate,
                 advice="Leave {--rate} out.",
-            )
+            )  # fmt: skip
         values, step, unit, axis, start = _with_gaps(data), data.rate, data.unit, data.axis, data.start
     elif isinstance(data, Imu):
         raise DataError(
-            f"{name} must be one axis; got a recording of {', '.join(data)}",
-            argument=name,
-            advice="Pass one axis, for example `imu['{axis}']`.",
-            axis=data.axes[0],
-        )
+            f"{name} must be one axis; got a recording of {', '.join(data)}", argument=name,
+            advice="Pass one axis, for example `imu['{axis}']`.", axis=data.axes[0],
+        )  # fmt: skip
     else:
         samples = np.ma.filled(data.astype(np.float64), np.nan) if isinstance(data, np.ma.MaskedArray) else data
         values, unit, axis, start = as_vector(samples, name, finite=False).copy(), "", "", 0.0

@@ -86,13 +86,9 @@ class LikelihoodSearch:
             if side and self.problem.coordinates[k].term not in self.gone and k not in self.held
         }
         return Maximum(
-            z=z,
-            active=tuple(k for k in active if k not in ends),
-            at_end=ends,
-            evaluation=evaluation,
-            evaluations=self.count,
-            converged=converged,
-        )
+            z=z, active=tuple(k for k in active if k not in ends), at_end=ends, evaluation=evaluation,
+            evaluations=self.count, converged=converged,
+        )  # fmt: skip
 
     # --- inside ---------------------------------------------------------------------------------------
 

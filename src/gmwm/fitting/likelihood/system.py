@@ -104,13 +104,9 @@ def assemble(model: Model, rate: float) -> System:
         at += space.states
     joined = StateSpace.sum(block.space for block in blocks)
     return System(
-        blocks=tuple(blocks),
-        F=np.ascontiguousarray(joined.F),
-        Q=np.ascontiguousarray(joined.Q),
-        H=np.ascontiguousarray(joined.H[0]),
-        R=float(joined.R[0, 0]),
-        P0=_start(joined),
-    )
+        blocks=tuple(blocks), F=np.ascontiguousarray(joined.F), Q=np.ascontiguousarray(joined.Q),
+        H=np.ascontiguousarray(joined.H[0]), R=float(joined.R[0, 0]), P0=_start(joined),
+    )  # fmt: skip
 
 
 def _start(space: StateSpace) -> Matrix:
@@ -189,10 +185,8 @@ def slopes(model: Model, system: System, coordinates: Sequence[FreeCoordinate], 
         here = slice(block.first, block.last)
         if coordinate.shape is None:
             out.Q[k, here, here], out.R[k], out.P0[k, here, here] = (
-                block.space.Q,
-                block.space.R[0, 0],
-                _start(block.space),
-            )
+                block.space.Q, block.space.R[0, 0], _start(block.space),
+            )  # fmt: skip
             continue
         for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
             for sign in (1, -1):

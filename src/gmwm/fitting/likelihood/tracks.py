@@ -154,11 +154,9 @@ def predict_tracks(
     steps = as_whole_number(steps, "steps", 1)
     if steps > FARTHEST:
         raise OptionError(
-            argument="steps",
-            expected=f"at most {FARTHEST}",
-            got=steps,
+            argument="steps", expected=f"at most {FARTHEST}", got=steps,
             advice="Predict at a lower rate with `model.continuous(rate).discrete(lower_rate)`.",
-        )
+        )  # fmt: skip
     return _tracks("predict", model, data=data, rate=rate, mean=mean, steps=steps)
 
 
@@ -182,16 +180,10 @@ def _tracks(
     part = slice(size - steps, None) if kind == "predict" else slice(None)
     record = problem.record
     return Tracks(
-        kind=kind,
-        model=problem.model,
-        rate=record.rate,
-        unit=record.unit,
-        axis=record.axis,
-        times=record.times[part],
-        data=record.values[part].copy(),
-        mean={label: tracks[label][0][part] for label in order},
+        kind=kind, model=problem.model, rate=record.rate, unit=record.unit, axis=record.axis, times=record.times[part],
+        data=record.values[part].copy(), mean={label: tracks[label][0][part] for label in order},
         error={label: tracks[label][1][part] for label in order},
-    )
+    )  # fmt: skip
 
 
 def pose_filter(
@@ -203,11 +195,9 @@ def pose_filter(
         data_rate = data.rate if isinstance(data, Signal) else rate
         if data_rate is not None and not math.isclose(data_rate, fit_rate, rel_tol=RATES_ALIKE):
             raise OptionError(
-                argument="rate",
-                expected=f"{fit_rate:g}, the rate of the fit (Hz), because its values are per sample",
-                got=data_rate,
-                advice="Fit the model to data with this rate.",
-            )
+                argument="rate", expected=f"{fit_rate:g}, the rate of the fit (Hz), because its values are per sample",
+                got=data_rate, advice="Fit the model to data with this rate.",
+            )  # fmt: skip
         rate = None if isinstance(data, Signal) else fit_rate
         mean = model.mean if isinstance(model, LikelihoodFit) and mean is None else mean
         model = model.model
@@ -221,13 +211,9 @@ def pose_filter(
     record = as_record(data, rate)
     if steps:
         record = Record(
-            values=np.concatenate([record.values, np.full(steps, np.nan)]),
-            rate=record.rate,
-            unit=record.unit,
-            axis=record.axis,
-            start=record.start,
-            centre=record.centre,
-        )
+            values=np.concatenate([record.values, np.full(steps, np.nan)]), rate=record.rate, unit=record.unit,
+            axis=record.axis, start=record.start, centre=record.centre,
+        )  # fmt: skip
     held = terms.with_values({name: Fixed(v) for name, v in terms.parameters.items() if v is not None})
     return LikelihoodProblem(held, record, as_mean(mean))
 

@@ -147,11 +147,9 @@ class ARMA(_Arma, abstract=True):
         if p == 0 or q == 0:
             simpler = f"{AR.name}({p})" if p else f"{MA.name}({q})" if q else f"{cls.name}(1, 1)"
             raise ModelError(
-                f"p and q of {cls.written()} must be at least 1; got {p} and {q}",
-                got=(p, q),
-                advice="Write `{simpler}`.",
-                simpler=simpler,
-            )
+                f"p and q of {cls.written()} must be at least 1; got {p} and {q}", got=(p, q),
+                advice="Write `{simpler}`.", simpler=simpler,
+            )  # fmt: skip
 
 
 class SARMA(_Arma, abstract=True):
@@ -188,11 +186,9 @@ class SARMA(_Arma, abstract=True):
         if seasonal_p + seasonal_q == 0:
             simpler = f"{ARMA.name}({p}, {q})" if p and q else f"{AR.name}({p})" if p else f"{MA.name}({max(q, 1)})"
             raise ModelError(
-                f"P or Q of {cls.written()} must be at least 1; got 0 and 0",
-                got=(0, 0),
-                advice="Write `{simpler}`.",
+                f"P or Q of {cls.written()} must be at least 1; got 0 and 0", got=(0, 0), advice="Write `{simpler}`.",
                 simpler=simpler,
-            )
+            )  # fmt: skip
 
 
 def _of_orders(orders: tuple[int, ...], period: int) -> type[_Arma]:

@@ -54,16 +54,12 @@ Theory = Literal[
 # The sources from which each piece of theory can be derived. The first source that the process defines is used.
 _SOURCES: dict[str, tuple[str, ...]] = {
     "wavelet_variance": ("running_sum_covariance", "state_space", "autocovariance"),
-    "running_sum_covariance": ("state_space", "autocovariance"),
-    "autocovariance": ("state_space",),
-    "psd": ("state_space",),
-    "simulate": ("state_space", "autocovariance"),
-    "state_space": (),
-    "coefficient_covariance": ("memory",),
-    "memory": (),
+    "running_sum_covariance": ("state_space", "autocovariance"), "autocovariance": ("state_space",),
+    "psd": ("state_space",), "simulate": ("state_space", "autocovariance"), "state_space": (),
+    "coefficient_covariance": ("memory",), "memory": (),
     "generalised_covariance": ("autocovariance", "running_sum_covariance"),
     "allan_variance": ("running_sum_covariance",),
-}
+}  # fmt: skip
 _NEEDS_STATIONARITY = frozenset({"running_sum_covariance", "autocovariance", "psd"})
 # The longest sum over lags: 2^24 doubles take 128 MB. Pinned by test_a_sum_that_would_take_too_long_is_refused.
 _LONGEST_SUM = 2**24
@@ -530,12 +526,9 @@ class Process(ABC):
         what = theory.replace("_", " ").replace("running sum", "running-sum").replace("psd", "power spectral density")
         what = "cannot be simulated" if theory == "simulate" else f"has no {what}"
         return MissingTheoryError(
-            f"{self.name} {what}{'' if self.stationary else ' (it is not stationary)'}",
-            advice="It defines {defined}.",
-            theory=theory,
-            process=self.name,
-            defined=", ".join(defined),
-        )
+            f"{self.name} {what}{'' if self.stationary else ' (it is not stationary)'}", advice="It defines {defined}.",
+            theory=theory, process=self.name, defined=", ".join(defined),
+        )  # fmt: skip
 
     def _variance_under(
         self, filter: WaveletFilter, levels: np.ndarray[Any, np.dtype[np.int64]], rate: float

@@ -74,15 +74,10 @@ def _ar1_branch(samples: int, sign: float, low_acts_as: str | None) -> Branch:
         return along.of(float(exponential.log_decay(np.array([phi]))[0]))
 
     return Branch(
-        along.low,
-        along.high,
-        values=lambda u: sign * np.exp(-along.decay(u))[:, None],
-        slope=lambda u: -sign * np.exp(u - along.decay(u))[:, None],
-        coordinate=coordinate,
-        low_acts_as=low_acts_as,
-        high_acts_as=WN.name,
-        exponential=Exponential(along.bend, along.least, sign, innovation=True),
-    )
+        along.low, along.high, values=lambda u: sign * np.exp(-along.decay(u))[:, None],
+        slope=lambda u: -sign * np.exp(u - along.decay(u))[:, None], coordinate=coordinate, low_acts_as=low_acts_as,
+        high_acts_as=WN.name, exponential=Exponential(along.bend, along.least, sign, innovation=True),
+    )  # fmt: skip
 
 
 class _Markov(Process, abstract=True):

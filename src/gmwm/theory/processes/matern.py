@@ -214,10 +214,8 @@ class MAT(Process):
         if nu > SMOOTHEST:
             raise MissingTheoryError(
                 f"{self.name} has a state space for a smoothness ν of at most {SMOOTHEST:g}; got {nu:g}",
-                advice="Use a smaller `nu`, or fit the wavelet variance.",
-                theory="state_space",
-                process=self.name,
-            )
+                advice="Use a smaller `nu`, or fit the wavelet variance.", theory="state_space", process=self.name,
+            )  # fmt: skip
         space = ladder(self.value("beta") / rate, nu)
         return ContinuousStateSpace(
             A=rate * space.A, Qc=size * rate * space.Qc, H=space.H, Rc=size * space.Rc / rate, P0=size * space.P0

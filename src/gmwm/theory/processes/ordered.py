@@ -143,11 +143,9 @@ class Ordered(Process, abstract=True):
         reach = cls.lags(numbers)
         if reach > MOST_LAGS:
             raise ModelError(
-                f"{_name(cls, numbers)} reaches back {reach} samples; the maximum is {MOST_LAGS}",
-                got=numbers,
-                reach=reach,
-                argument="orders",
-            )
+                f"{_name(cls, numbers)} reaches back {reach} samples; the maximum is {MOST_LAGS}", got=numbers,
+                reach=reach, argument="orders",
+            )  # fmt: skip
         cls.check_orders(numbers)
         return numbers
 
@@ -168,15 +166,11 @@ class Ordered(Process, abstract=True):
 
         def body(namespace: dict[str, Any]) -> None:
             namespace.update(
-                name=_name(cls, orders),
-                title=f"{cls.title} of order {', '.join(map(str, orders))}",
-                parameters=parameters,
-                orders=orders,
-                __doc__=cls.__doc__,
-                __module__=cls.__module__,
+                name=_name(cls, orders), title=f"{cls.title} of order {', '.join(map(str, orders))}",
+                parameters=parameters, orders=orders, __doc__=cls.__doc__, __module__=cls.__module__,
                 __annotations__={p.name: Value for p in parameters},
                 **dict.fromkeys((p.name for p in parameters), None),
-            )
+            )  # fmt: skip
 
         kind = new_class(_name(cls, orders), (cls,), {"register": False}, body)
         return dataclass(frozen=True, repr=False, init=False)(kind)
@@ -284,9 +278,7 @@ def _sequence(values: Any, owner: Any, polynomial: Polynomial) -> list[Value]:
     if isinstance(values, (str, Fixed, Mapping)) or not isinstance(values, Iterable):
         raise ModelError(
             f"{polynomial.name} of {owner.name} must be a list of coefficients; got {values!r}",
-            argument=polynomial.name,
-            got=values,
-            advice="A single coefficient is called `{first}`.",
+            argument=polynomial.name, got=values, advice="A single coefficient is called `{first}`.",
             first=f"{polynomial.name}1",
-        )
+        )  # fmt: skip
     return [value.item() if isinstance(value, np.generic) else value for value in values]

@@ -21,11 +21,9 @@ def as_lags(lags: ArrayLike) -> NDArray[np.int64]:
     array = np.asarray(lags)
     if array.dtype.kind not in "iu":
         raise OptionError(
-            argument="lags",
-            expected="integers (samples)",
-            got=lags,
+            argument="lags", expected="integers (samples)", got=lags,
             advice="Convert a time in seconds with `round(time * rate)`.",
-        )
+        )  # fmt: skip
     return array.astype(np.int64)
 
 
@@ -34,11 +32,9 @@ def as_clusters(clusters: ArrayLike) -> NDArray[np.int64]:
     array = np.asarray(clusters)
     if array.dtype.kind not in "iu" or np.any(array < 1):
         raise OptionError(
-            argument="clusters",
-            expected="whole numbers of samples from 1",
-            got=clusters,
+            argument="clusters", expected="whole numbers of samples from 1", got=clusters,
             advice="Convert a time in seconds with `round(time * rate)`.",
-        )
+        )  # fmt: skip
     return array.astype(np.int64)
 
 
@@ -104,12 +100,9 @@ def _require_repeatable(processes: tuple[Process, ...]) -> None:
         if count > 1 and not process.repeatable:
             raise ModelError(
                 f"{name} cannot be repeated {count} times, because no data can distinguish the terms",
-                argument="processes",
-                got=name,
-                advice="Write `{instead}` once.",
-                instead=process.instead_of_repeats(count),
-                count=count,
-            )
+                argument="processes", got=name, advice="Write `{instead}` once.",
+                instead=process.instead_of_repeats(count), count=count,
+            )  # fmt: skip
     fixed = [p for p in processes if all(p.is_fixed(q.name) for q in p.nonlinear_parameters())]
     for a, b in combinations(fixed, 2):
         if type(a) is type(b) and _have_same_shape(a, b):
@@ -135,7 +128,5 @@ def _require_one_parametrisation(processes: tuple[Process, ...]) -> None:
             first = chosen[process.parametrises]
             raise ModelError(
                 f"{first} and {process.name} are two parametrisations of one process ({process.parametrises})",
-                advice="Write all such terms as {first}, or all as {second}.",
-                first=first,
-                second=process.name,
-            )
+                advice="Write all such terms as {first}, or all as {second}.", first=first, second=process.name,
+            )  # fmt: skip

@@ -238,10 +238,8 @@ def _length(rate: float, duration: float | None, samples: int | None) -> int:
         if n < MINIMUM_SAMPLES:
             raise OptionError(
                 f"{duration:g} s at {rate:g} Hz are {n} samples, but at least {MINIMUM_SAMPLES} are needed",
-                argument="duration",
-                got=duration,
-                advice="Pass a longer {--duration}.",
-            )
+                argument="duration", got=duration, advice="Pass a longer {--duration}.",
+            )  # fmt: skip
         return n
     if isinstance(samples, bool) or not isinstance(samples, int | np.integer) or samples < MINIMUM_SAMPLES:
         raise OptionError(argument="samples", expected=f"an integer, at least {MINIMUM_SAMPLES}", got=samples)

@@ -48,13 +48,9 @@ class SimulatedSignal(Plotted):
     def __reduce__(self) -> tuple[Any, ...]:
         # A mapping proxy cannot be pickled, so the copy is made from a dict.
         build = partial(
-            SimulatedSignal,
-            signal=self.signal,
-            components=dict(self.components),
-            model=self.model,
-            offset=self.offset,
+            SimulatedSignal, signal=self.signal, components=dict(self.components), model=self.model, offset=self.offset,
             resolution=self.resolution,
-        )
+        )  # fmt: skip
         return build, ()
 
     def __getitem__(self, term: str) -> Signal:
