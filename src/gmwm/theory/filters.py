@@ -312,9 +312,6 @@ def _slopes(g: Vector) -> Matrix:
     )
 
 
-# --- the tables ---------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class _FilterTable:
     source: str

@@ -1,8 +1,7 @@
-"""Wavelet information criterion, which measures how well a fitted model predicts the wavelet variance of a new
-recording.
+"""Wavelet information criterion: the expected loss of a fitted model on another recording.
 
-The objective of a fit is smaller for its own data than for other data. The mean of this difference is called the
-optimism. The criterion is the objective plus the optimism.
+The objective of a fit is smaller for its own data than for other data, on average by the optimism. The criterion is the
+objective plus the optimism.
 """
 
 from __future__ import annotations

@@ -104,9 +104,6 @@ class Start(Documented):
         return f"best of the optima reached from {self.tried} starting points ({which})"
 
 
-# --- scan, for processes with several shape parameters ----------------------------------------------------
-
-
 def scanned_points(
     problem: Problem, surface: Surface, alone: list[Alone] | None, kept: int
 ) -> tuple[list[tuple[How, ShapePoint]], int]:
@@ -283,9 +280,6 @@ def _even(count: int, size: int) -> Matrix:
         root = (1.0 + root) ** (1.0 / (size + 1))
     steps = root ** -np.arange(1.0, size + 1)
     return np.asarray((0.5 + np.outer(np.arange(1.0, count + 1), steps)) % 1.0)
-
-
-# --- random draws -----------------------------------------------------------------------------------------
 
 
 def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, spread: float) -> ShapePoint:

@@ -250,8 +250,6 @@ class Surface:
         x[count:] = np.clip(x[count:], self.ends[:, 0], self.ends[:, 1])
         return ShapePoint(point.branches, x)
 
-    # --- descent ----------------------------------------------------------------------------------------
-
     def downhill(self, start: ShapePoint | Projection, steps: int = 100) -> Projection | None:
         """Return the point that at most `steps` Levenberg-Marquardt steps reach; None if `start` is not valid."""
         best = start if isinstance(start, Projection) else self.at(start)

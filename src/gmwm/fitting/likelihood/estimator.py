@@ -32,25 +32,8 @@ from gmwm.theory.processes.parameter import Fixed
 def loglikelihood(
     model: Model | Process | str, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None
 ) -> float:
-    """Compute the exact Gaussian log-likelihood of a recording under a model with known parameter values. log p(x) = −½
-    [N log 2π + Σ log S_t + Σ v_t²/S_t], with v_t the innovations of a Kalman filter and S_t their variances. Unknown
-    levels (the mean of the recording, the initial value of a random walk) have a flat prior and are integrated out, as
-    in an exact diffuse initialisation. The slope of a drift has the value that the model states. `model`: the model,
-    with values of all parameters. `data`: the recording. Gaps of a signal are treated as missing samples; in an array,
-    NaN is a missing sample. `rate`: sampling rate (Hz); needed only if `data` is an array. `mean`: mean of the
-    recording if it is known, for example 0 for simulated noise; unknown by default. Returns natural logarithm of the
-    density of the observed samples. Raises ModelError if a parameter has no value, or the model predicts a sample
-    exactly. Raises MissingTheoryError if a term has no state-space form. Raises DataError or OptionError if the data or
-    the rate cannot be used. Source: Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed.,
-    chapters 5 and 7.
-
-    >>> from gmwm import Model
-    >>> white = Model.parse("WN(sigma2=1.0)")
-    >>> x = white.simulate(1000, 100.0, rng=1)
-    >>> reference = -0.5 * (1000 * np.log(2 * np.pi) + x @ x)
-    >>> bool(np.isclose(white.loglikelihood(x, rate=100.0, mean=0.0), reference, rtol=1e-13))
-    True
-    """
+    """Compute the exact Gaussian log-likelihood of a recording; see `Model.loglikelihood`. The slope of a drift has the
+    value that the model states."""
     terms = as_model(model)
     missing = [name for name, value in terms.parameters.items() if value is None]
     if missing:

@@ -92,8 +92,6 @@ class _ProfileLikelihood:
         least, most = _domain(parameter)
         return (least if low is None else low, most if high is None else high)
 
-    # --- inside ---------------------------------------------------------------------------------------
-
     def _is(self, k: int, name: str) -> bool:
         c = self.problem.coordinates[k]
         process = self.fit.model.processes[c.term]

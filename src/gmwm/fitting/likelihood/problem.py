@@ -123,8 +123,6 @@ class LikelihoodProblem:
             return self.mean
         return self.record.centre
 
-    # --- points ---------------------------------------------------------------------------------------
-
     def start(self) -> Vector:
         """Return the coordinates (q,) of the starting values."""
         return self.at(self.model)
@@ -187,8 +185,6 @@ class LikelihoodProblem:
     def branch(self, coordinate: FreeCoordinate) -> tuple[Branch, ...]:
         """Return the search branches of the process that a coordinate belongs to."""
         return self.model.processes[coordinate.term].search(self.record.values.size, self.rate)
-
-    # --- likelihood -----------------------------------------------------------------------------------
 
     def value(self, model: Model) -> tuple[float, RegressionEstimate]:
         """Return the log-likelihood of a model with values, and the estimated regression coefficients."""

@@ -90,8 +90,6 @@ class LikelihoodSearch:
             evaluations=self.count, converged=converged,
         )  # fmt: skip
 
-    # --- inside ---------------------------------------------------------------------------------------
-
     def _active(self, z: Vector) -> list[int]:
         return [k for k, c in enumerate(self.problem.coordinates) if k not in self.held and c.term not in self.gone]
 

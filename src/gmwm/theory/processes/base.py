@@ -39,17 +39,9 @@ registry: dict[str, type[Process]] = {}
 """All processes by name, in the order in which they are listed."""
 
 Theory = Literal[
-    "wavelet_variance",
-    "running_sum_covariance",
-    "autocovariance",
-    "psd",
-    "state_space",
-    "simulate",
-    "coefficient_covariance",
-    "memory",
-    "generalised_covariance",
-    "allan_variance",
-]
+    "wavelet_variance", "running_sum_covariance", "autocovariance", "psd", "state_space", "simulate",
+    "coefficient_covariance", "memory", "generalised_covariance", "allan_variance",
+]  # fmt: skip
 
 # The sources from which each piece of theory can be derived. The first source that the process defines is used.
 _SOURCES: dict[str, tuple[str, ...]] = {
@@ -68,8 +60,8 @@ _LONGEST_SUM = 2**24
 class Process(ABC):
     """Base class of noise processes. Each process is a frozen dataclass whose fields are its parameters.
 
-    All theory is per sample and in SI units; u is the unit of the signal. The module docstring of `noise.py` explains
-    how to add a process. The methods share these arguments:
+    All theory is per sample and in SI units; u is the unit of the signal. The page docs/howto/add-a-process.md
+    explains how to add a process. The methods share these arguments:
 
     - `rate`: sampling rate (Hz)
     - `levels`: number J of levels, or an ascending list of levels
@@ -241,22 +233,9 @@ class Process(ABC):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Compute the wavelet variance for scale coefficient 1.
+        """Compute the wavelet variance (n, J) of n processes for scale coefficient 1; q may be 0.
 
-        Parameters
-        ----------
-        nonlinear : (n, q) array
-            n sets of nonlinear parameters; q may be 0.
-        levels : int or (J,) array
-            Wavelet levels; a number J means 1 … J.
-        rate : float
-            Sampling rate (Hz).
-        filter : WaveletFilter
-            Wavelet filter. A subclass that has closed forms for some filters calls `super().shape` for the others.
-
-        Returns
-        -------
-        (n, J) array
+        A subclass that has closed forms for some filters calls `super().shape` for the others.
         """
         numbers, processes = as_levels(levels), [cls.standard(row) for row in np.asarray(nonlinear)]
         if filter is HAAR and processes and cls._derives("state_space"):
@@ -317,20 +296,11 @@ class Process(ABC):
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """Draw starting values (draws, 1 + q), with the scale coefficient first.
+        """Draw starting values (draws, 1 + q), with the scale coefficient first, by Algorithm 3 of Balamuta et al.
 
-        The draws follow Algorithm 3 of Balamuta et al. (see `Sampled`). For other processes, the coordinates are
-        uniform over the range of `scan`, and the share of the process in the sum of the wavelet variances is uniform.
-
-        Parameters
-        ----------
-        occasion : Occasion
-            The data and the other terms.
-        rng : numpy.random.Generator
-        draws : int
-            Number of draws.
-        before : tuple of (draws, q) array
-            The nonlinear parameters drawn for earlier terms of the same class.
+        `occasion` has the data and the other terms, `draws` is the number of draws, and `before` has the nonlinear
+        parameters (draws, q) of earlier terms of the same class. By default, the coordinates are uniform over the range
+        of `scan`, and the share of the process in the sum of the wavelet variances is uniform.
         """
         ends = cls.scan(occasion.samples, occasion.rate)
         nonlinear = cls.at_coordinates(ends[:, 0] + rng.random((draws, len(ends))) * (ends[:, 1] - ends[:, 0]))
@@ -479,16 +449,8 @@ class Process(ABC):
         return None
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
-        """Return remarks on parameter values that were estimated from a recording.
-
-        Parameters
-        ----------
-        term : str
-            Label of the process in its model, such as "GM[1]".
-        samples : int
-        rate : float
-            Sampling rate (Hz).
-        """
+        """Return remarks on parameter values that were estimated from a recording; `term` is a label such as
+        "GM[1]"."""
         return ()
 
     def physical(self, rate: float) -> tuple[Physical, ...]:

@@ -126,9 +126,6 @@ def _pairs(log: float) -> int:
     return int(np.count_nonzero(size > -_GONE))
 
 
-# --- functions that support complex steps --------------------------------------------------------------
-
-
 def _relative_exponential(z: Numbers) -> Numbers:
     """Compute (e^z − 1)/z."""
     near = np.abs(z) < 1.0

@@ -28,9 +28,6 @@ from gmwm.theory.statespace import StateSpace
 Levels = NDArray[np.int64]
 
 
-# --- white noise, quantization noise, drift -----------------------------------------------------------
-
-
 def white_shape(filter: WaveletFilter, levels: Levels) -> Vector:
     """Compute the wavelet variances ν_j² = 2^−j (J,) of white noise of variance 1, which are the same for any
     filter."""
@@ -77,9 +74,6 @@ def without_zero(filter: WaveletFilter) -> Vector:
     """Return the taps of g(z)/(1 + z), where g is the smoothing filter, which has a zero at z = −1."""
     sign = (-1.0) ** np.arange(filter.length)
     return np.asarray((np.cumsum(filter.scaling / np.sqrt(2.0) * sign) * sign)[:-1])
-
-
-# --- first-order Markov processes and the random walk -------------------------------------------------
 
 
 def walk_shape(filter: WaveletFilter, levels: Levels) -> Vector:
@@ -214,9 +208,6 @@ def _near_minus_one(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matri
     return values[:, levels - 1]
 
 
-# --- any process: from its state space, or from its autocovariance ------------------------------------
-
-
 def state_space_variance(space: StateSpace, filter: WaveletFilter, levels: Levels) -> Vector:
     """Compute the wavelet variances ν_j² (J,) of a stationary process from its state space. The recursion over levels
     propagates −½E(V_{t+k} − V_t)² of the scaling coefficients V. Values at lags k ≤ L, the filter length, are stored
@@ -280,9 +271,6 @@ def autocovariance_variance(covariance: Vector, filter: WaveletFilter, levels: L
 def lags_needed(filter: WaveletFilter, level: int) -> int:
     """Return the number of lags 0, 1, … at which the autocovariance determines the wavelet variance at `level`."""
     return filter.width(level)
-
-
-# --- autocorrelations as even sequences ---------------------------------------------------------------
 
 
 def _autocorrelation(filter: Vector) -> Vector:

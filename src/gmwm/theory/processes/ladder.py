@@ -7,14 +7,11 @@ mixture of the spectra 2bs²/(b² + ω²) of Gauss-Markov processes with all rec
 
 Similarly, (β² + ω²)^(−p), 0 < p < 1, is a mixture of 1/(b² + ω²) with b² = β² (1 + g) over all g > 0. The trapezoidal
 rule over ln b or ln g turns the mixture into a sum. Its relative error decreases as 2 exp(−π²/h) with the step h of
-ln b, because the integrand is analytic up to the imaginary part ±π/2 (Trefethen and Weideman 2014). Processes that are
+ln b, because the integrand is analytic up to the imaginary part ±π/2 (Trefethen and Weideman 2014,
+SIAM Review 56, 385-458). Processes that are
 faster than the sampling rate add up to white noise, and processes that are slower than the recording act as one
 process. The variances of both are geometric series, so that all variances are smooth functions of α and of the
 smoothness.
-
-References
-----------
-Trefethen, L. N. and Weideman, J. A. C. (2014), The exponentially convergent trapezoidal rule, SIAM Review 56, 385-458.
 """
 
 from __future__ import annotations

@@ -111,8 +111,6 @@ class Lagged(Ordered, abstract=True, listed=False):
                 remarks.append(Remark.of("ma-root-near-one", term=term, modulus=float(np.abs(averaging).max())))
         return tuple(remarks)
 
-    # --- shape ----------------------------------------------------------------------------------------
-
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
         """Compute the wavelet variances (n, J) for innovation variance 1. Rows of coefficients that are not stationary
@@ -132,8 +130,6 @@ class Lagged(Ordered, abstract=True, listed=False):
         out = np.empty((*rows.shape, int(numbers[-1])))
         _core.arma_slopes(cls.full_orders(), rows, rational.odd_lags(filter), out)
         return np.ascontiguousarray(np.swapaxes(out[:, :, numbers - 1], 1, 2))
-
-    # --- coordinates ----------------------------------------------------------------------------------
 
     @classmethod
     @cache
@@ -181,8 +177,6 @@ class Lagged(Ordered, abstract=True, listed=False):
                 period = cls.full_orders()[-1] if part is SEASONAL_PHI else 1
                 ends[span.start, 1] = max(_FARTHEST, 0.5 * math.log(2.0 * samples / period))
         return ends
-
-    # --- theory ---------------------------------------------------------------------------------------
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
         """Compute the autocovariance r(k) (u²). It satisfies r(k) = Σ φ_i r(k − i) for lags beyond the degree of

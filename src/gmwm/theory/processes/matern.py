@@ -79,8 +79,6 @@ class MAT(Process):
     nu: Value = None
     sigma2: Value = None
 
-    # --- the shape --------------------------------------------------------------------------------------
-
     @classmethod
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
@@ -118,8 +116,6 @@ class MAT(Process):
         """
         smoothness = cls.parameters[1].coordinate(np.array([0.1, 3.0]))
         return np.array([[math.log(rate / samples), math.log(rate)], smoothness])
-
-    # --- theory -----------------------------------------------------------------------------------------
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
         """Compute the autocovariance r(k) = σ² M(βkΔt), where M is the Matérn correlation."""
@@ -237,8 +233,6 @@ class MAT(Process):
             if abs(log - before) < 1e-13:
                 break
         return math.exp(log) / beta
-
-    # --- private methods --------------------------------------------------------------------------------
 
     def _at_lags(self, what: str, lags: ArrayLike, rate: float) -> Vector:
         k, rate = np.abs(as_lags(lags)), as_rate(rate)

@@ -100,8 +100,6 @@ class Ordered(Process, abstract=True):
             cls.order_class, cls.parameters, cls._made = cls, (), {}
             ordered_classes[cls.name] = cls
 
-    # --- classes of the orders ------------------------------------------------------------------------
-
     @classmethod
     def order_names(cls) -> tuple[str, ...]:
         """Return the names of the orders, such as ("p", "q"), in the order of the arguments."""
@@ -174,8 +172,6 @@ class Ordered(Process, abstract=True):
 
         kind = new_class(_name(cls, orders), (cls,), {"register": False}, body)
         return dataclass(frozen=True, repr=False, init=False)(kind)
-
-    # --- instances ------------------------------------------------------------------------------------
 
     def __new__(cls, *orders: int, **values: Any) -> Self:
         """Create an instance of the class with these orders, or with the number of coefficients given."""

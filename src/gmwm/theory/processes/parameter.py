@@ -148,8 +148,6 @@ class Parameter:
             raise _wrong(f"{name} ({self.description})", expected, value, argument=name)
         return number
 
-    # --- unconstrained coordinates --------------------------------------------------------------------
-
     def room(self, values: Vector) -> Vector:
         """Compute the distance (n,) of each of the `values` (n,) from the nearest end of the domain.
 

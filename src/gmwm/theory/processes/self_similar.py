@@ -137,9 +137,6 @@ def spectrum(frequencies: Vector, epsilon: float) -> Vector:
         return np.asarray(constant * (np.sinc(f) ** 2 * f**-alpha + aliases))
 
 
-# --- wavelet variance -----------------------------------------------------------------------------------
-
-
 def powers_of_two(epsilon: Numbers, levels: NDArray[np.int64]) -> Numbers:
     """Compute 2^((j−1)ε) (n, J). The exponent is split into two parts to avoid rounding errors."""
     coarse = np.round(np.real(epsilon) * 2.0**20) / 2.0**20

@@ -63,8 +63,6 @@ class SIN(Process):
         """Return whether the process defines this theory. A sinusoid has no power spectral density."""
         return super().has(theory) and theory != "psd"
 
-    # --- the shape --------------------------------------------------------------------------------------
-
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
         """Compute the wavelet variances (n, J) for P = 1, which are the squared gains |H_j(f₀)|²."""
@@ -81,8 +79,6 @@ class SIN(Process):
     def scan(cls, samples: int, rate: float) -> Matrix:
         """Return the range (1, 2) of ln f₀, from one period per recording to half the sampling rate."""
         return np.log([[rate / samples, rate / 2]])
-
-    # --- theory -----------------------------------------------------------------------------------------
 
     def line(self, rate: float) -> tuple[float, float]:
         """Return the power P, and f₀Δt or its alias in cycles per sample."""
@@ -173,9 +169,6 @@ class SIN(Process):
         # Products of a lag below 2^29 with the first 24 digits are exact.
         first = below.astype(np.float32).astype(np.float64)
         return np.asarray((np.fmod(lags * first, rate) + np.fmod(lags * (below - first), rate)) / rate)
-
-
-# --- the squared gain of a filter at one frequency ----------------------------------------------------
 
 
 def _fold(frequency: NDArray[np.float64], rate: float) -> NDArray[np.float64]:

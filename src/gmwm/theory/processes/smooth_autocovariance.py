@@ -110,9 +110,6 @@ def _far_step(filter: WaveletFilter, reach: int, octaves: int) -> NDArray[np.flo
     return freeze(table)
 
 
-# --- sums up to any lag -------------------------------------------------------------------------------
-
-
 def partial_sums(known: Callable[[Vector], Matrix], ends: NDArray[np.int64]) -> tuple[Matrix, Matrix]:
     """Compute the sums of f(k) and of k f(k) over k = 1 … m, for functions f that are smooth in each octave. A Gauss
     rule for sums over integers gives the sum over each octave. The last octave ends at m. `known`: returns the values
@@ -151,9 +148,6 @@ def _rules(counts: Vector) -> tuple[Matrix, Matrix]:
     matrices[:, np.arange(1, NODES), np.arange(NODES - 1)] = np.sqrt(b)
     nodes, vectors = np.linalg.eigh(matrices)
     return np.asarray(nodes), np.asarray(counts[:, None] * vectors[:, 0, :] ** 2)
-
-
-# --- interpolation ------------------------------------------------------------------------------------
 
 
 def spread(known: Vector, lags: NDArray[np.int64], reach: int) -> Vector:

@@ -140,27 +140,7 @@ class SimulatedImu:
         return f"SimulatedImu({self.imu!r}; {parts})"
 
     def write_components(self, path: str | os.PathLike[str]) -> tuple[str, ...]:
-        """Write the latent processes as a table with one column each.
-
-        The columns are `time [s]` and one for each term of each axis, such as `gyro_x WN [rad/s]`, with full precision.
-        `gmwm.read(path, columns={"gyro_x": "gyro_x WN [rad/s]"})` reads one of them. If writing fails, no file
-        remains.
-
-        Parameters
-        ----------
-        path : path
-            File to write, ending in .csv or .parquet.
-
-        Returns
-        -------
-        tuple of str
-            Names of the columns after the time.
-
-        Raises
-        ------
-        OptionError
-            If the path has another ending.
-        """
+        """Write the latent processes of all axes to the file `path`; see `SimulatedSignal.write_components`."""
         return _write_components(list(self.axes.values()), path)
 
 
