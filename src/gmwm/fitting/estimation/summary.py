@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -21,6 +21,7 @@ from gmwm.theory.processes.validation import as_seed
 
 if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
+    from gmwm.fitting.likelihood.result import LikelihoodFit
 
 PROVEN = 1e-3
 """Largest gap at which a summary calls a fit the global optimum. It is 10 times `CERTIFIED_GAP`, the gap at which the
@@ -104,12 +105,17 @@ def standard_errors(fit: Fit, how: IntervalMethod) -> dict[str, float]:
 
 def rows(fit: Fit, intervals: dict[str, Interval], how: IntervalMethod) -> list[ParameterRow]:
     """Return one row of texts for each parameter of a fit, in the order of the terms."""
-    units = fit.units()
-    errors = standard_errors(fit, how) if intervals else {}
-    shown = []
+    return rows_of(fit, intervals, standard_errors(fit, how) if intervals else {}, fit.undetermined)
+
+
+def rows_of(
+    fit: Fit | LikelihoodFit, intervals: Mapping[str, Interval], errors: Mapping[str, float], unknown: Collection[str]
+) -> list[ParameterRow]:
+    """Return one row of texts for each parameter; the data do not determine the parameters `unknown`."""
+    units, table = fit.units(), []
     for name, value in fit.parameters.items():
-        if name in fit.undetermined:
-            shown.append(ParameterRow(name, "undetermined", interval="", error="", unit=units[name]))
+        if name in unknown:
+            table.append(ParameterRow(name, "undetermined", interval="", error="", unit=units[name]))
             continue
         interval, error = "", ""
         if name in fit.model.fixed_names:
@@ -118,8 +124,8 @@ def rows(fit: Fit, intervals: dict[str, Interval], how: IntervalMethod) -> list[
             interval = interval_text(*intervals[name])
             if math.isfinite(share := errors.get(name, math.inf) / abs(value) if value else math.inf):
                 error = f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
-        shown.append(ParameterRow(name, estimate_text(value), interval=interval, error=error, unit=units[name]))
-    return shown
+        table.append(ParameterRow(name, estimate_text(value), interval=interval, error=error, unit=units[name]))
+    return table
 
 
 def no_intervals(error: GmwmError) -> Remark:
@@ -133,23 +139,30 @@ def without_axis(*remarks: Remark | None) -> list[Remark]:
 
 
 def short_values(fit: Fit, how: IntervalMethod) -> dict[str, str]:
-    """Return a short text for each parameter. It is the estimate with its relative standard error, an upper limit, or
-    the process as which the term acts."""
+    """Return a short text for each parameter; see `short_texts`."""
     intervals, _ = intervals_if_known(fit, how)
-    shown = {}
-    for row in rows(fit, intervals, how):
+    return short_texts(fit, rows(fit, intervals, how), intervals, fit.undetermined)
+
+
+def short_texts(
+    fit: Fit | LikelihoodFit, table: list[ParameterRow], intervals: Mapping[str, Interval], unknown: Collection[str]
+) -> dict[str, str]:
+    """Return a short text for each parameter: the estimate with its relative standard error, an upper limit, or the
+    process as which the term acts."""
+    words = {}
+    for row in table:
         low, high = intervals.get(row.name, (0.0, math.inf))
         acting = fit.diagnostics.acts_as.get(row.name.rpartition(".")[0])
-        if row.name in fit.undetermined:
-            shown[row.name] = "—"
+        if row.name in unknown:
+            words[row.name] = "—"
         elif acting is not None:
-            shown[row.name] = "held" if row.name in fit.model.fixed_names else f"as {acting}"
+            words[row.name] = "held" if row.name in fit.model.fixed_names else f"as {acting}"
         elif math.isfinite(high) and low in (0.0, -high):
-            shown[row.name] = f"≤ {high:.2e}"
+            words[row.name] = f"≤ {high:.2e}"
         else:
             value = fit.parameters[row.name]
-            shown[row.name] = (f"{value:.2e}" if value else "0") + (f" ± {row.error}" if row.error else "")
-    return shown
+            words[row.name] = (f"{value:.2e}" if value else "0") + (f" ± {row.error}" if row.error else "")
+    return words
 
 
 def estimate_text(value: float) -> str:
