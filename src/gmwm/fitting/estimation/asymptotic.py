@@ -118,10 +118,9 @@ def no_noise(model: Model) -> ModelError:
 def sandwich_of(
     model: Model, design: Design, matrix: Matrix, wavelet: Matrix, acts_as: Mapping[str, str] | None = None
 ) -> Sandwich:
-    """Compute the covariance of estimates from the weighting matrix Ω = `matrix` and the covariance V = `wavelet`. The
-    shape of a term that acts as another process is left out, and the parameters of the term are not reported. A term
-    that is estimated as zero may have a positive true value, and the other terms would then be smaller. Its scale is
-    therefore treated as free, which makes the standard errors of the other terms larger and conservative."""
+    """Compute the covariance of estimates from Ω = `matrix` and V = `wavelet`. The parameters of a term that acts as
+    another process are not reported. The scale of a term that is estimated as zero is free, because its true value may
+    be positive; the standard errors of the other terms are then conservative."""
     columns, reported = columns_of(model, acts_as or {})
     values = sizes_of(model, columns)
     slopes = np.column_stack([relative_jacobian(model, design, columns), *_unseen(model, design)])

@@ -30,11 +30,10 @@ midpoint is not representative."""
 
 @dataclass(frozen=True, eq=False)
 class ShapeGrid:
-    """Nodes of a table, and the wavelet variances of a process at these nodes. They depend on neither data nor weights.
-    `nodes` has the search coordinates of the nodes, one branch after another, and `owner` the index of the branch of
-    each node. A cell lies between two neighbouring nodes. `spacing` is the width of each cell, and zero for a cell that
-    joins two branches. `values` and `slopes` are the wavelet variances at the nodes and their derivatives, and
-    `middle_values` the wavelet variances at the midpoints of the cells."""
+    """Nodes of a table, one branch after another, and the wavelet variances of a process at these nodes. `nodes` has
+    the search coordinates and `owner` the index of the branch. `spacing` is the width of each cell between two nodes,
+    and zero for a cell that joins two branches. `slopes` has derivatives of `values`; `middle_values` belongs to the
+    midpoints."""
 
     branches: tuple[Branch, ...]
     owner: NDArray[np.int64]

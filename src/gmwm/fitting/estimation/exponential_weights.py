@@ -31,10 +31,9 @@ def search_for_weights(problem: Problem, design: Design) -> ExponentialSearch | 
 
 
 def _kind(process: Process) -> int | None:
-    """Return the number by which the kernel knows a process without a shape; None if the kernel does not know it. The
-    attribute `elementary` of a class states that the kernel has its `coefficient_covariance`: "white" for white noise,
-    "walk" for a random walk, "spike" for quantization noise, or "drift". It is not inherited, because a subclass may
-    have another covariance."""
+    """Return the number by which the kernel knows a process without a shape; None if it does not. The class attribute
+    `elementary` states that the kernel has its `coefficient_covariance`; it is not inherited, because a subclass may
+    have another one."""
     form = vars(type(process)).get("elementary")
     return None if form is None else _KINDS.index(form)
 
@@ -42,11 +41,10 @@ def _kind(process: Process) -> int | None:
 def reweight(
     search: ExponentialSearch, solution: Solution, design: Design, options: Vector
 ) -> tuple[Optimum, Vector, float, float] | None:
-    """Iterate the estimate and the weights 1 / V_jj. `search`: search with the kernel of the problem. `solution`:
-    estimate from which the iteration starts. `design`: design for weights, see `Design.for_weights`. `options` (7,):
-    the constants PRIOR, FIXED, FAR, CUTOFF, ROUNDS, HOPE and MIXED of `gmwm.estimation.reweighting`, in this order.
-    Returns optimum, weights, relative change of the curve in the last iteration, and expected change in the next one.
-    None if the model has no noise at some level."""
+    """Iterate the estimate and the weights 1 / V_jj from `solution`, with a design for weights. `options` (7,) are
+    PRIOR, FIXED, FAR, CUTOFF, ROUNDS, HOPE and MIXED of `gmwm.estimation.reweighting`. Returns the optimum, the
+    weights, the last relative change of the curve and the expected next one; None if the model has no noise at some
+    level."""
     problem, processes = search.problem, search.problem.model.processes
     linear = [processes[place] for place in problem.linear]
     counts, added = design.counts, design.added

@@ -263,11 +263,10 @@ def _no_covariance(what: str, got: object) -> OptionError:
 
 
 def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> float:
-    """Return the upper limit of a scale parameter. If the parameter had this value, an estimate as small as the actual
-    one would have the probability (1 − level)/2. The scale coefficient c of the limit solves c = ĉ + z SE(c), where ĉ
-    is the estimate. SE(c) is the standard error for a model with this c, because the standard error increases with c.
-    In addition, no process can exceed the data: c times its wavelet variance is at most the upper chi-square limit of
-    each of the J levels, at (1 − level)/(2J)."""
+    """Return the upper limit of a scale parameter, at which an estimate as small as the actual one has the probability
+    (1 − level)/2. The limit of the scale coefficient c solves c = ĉ + z SE(c), because the standard error increases
+    with c. No process can exceed the data: c times its wavelet variance is at most the upper chi-square limit of each
+    of the J levels, at (1 − level)/(2J)."""
     wv = fit.wavelet_variance
     process = fit.model.processes[fit.model.terms.index(term)]
     name = f"{term}.{parameter.name}"

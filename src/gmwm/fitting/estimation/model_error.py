@@ -35,11 +35,9 @@ IMPLAUSIBLE = 0.01
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RelativeMisfit(Documented):
-    """Relative difference between the wavelet variances of a model and of the data. `distance` (J,): relative
-    difference d at each level, ν²/ν̂² − 1, with the wavelet variance ν² of the model and ν̂² of the data. `error` (J,):
-    relative standard error s of the data at each level. `judged` (J,): mask of the levels with more than 30 degrees of
-    freedom, which are judged. `largest`, `rms`: largest and root-mean-square difference over the judged levels, after
-    the part that chance explains is subtracted: √max(d² − s², 0). `tau`: scale (s) of the largest difference."""
+    """Relative difference between a model and its data. `distance` (J,) is d = ν²/ν̂² − 1 at each level, `error` (J,)
+    the relative standard error s of the data, and `judged` (J,) marks the levels with more than 30 degrees of freedom.
+    `largest` and `rms` summarise √max(d² − s², 0) over these levels; `tau` (s) is the scale of the largest."""
 
     distance: Vector
     error: Vector
@@ -75,10 +73,9 @@ def relative_misfit(fit: Fit) -> RelativeMisfit:
 
 
 def implausible_levels(fit: Fit, size: float = IMPLAUSIBLE) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Return a mask (J,) of the coarse levels that differ from the model by more than chance explains. Levels with at
-    most 30 degrees of freedom are tested. Each test uses a chi-square distribution with the mean and the variance that
-    the model implies. `fit`: fit whose levels are tested. `size`: probability that at least one level of a recording of
-    the model is marked."""
+    """Return a mask (J,) of the coarse levels, with at most 30 degrees of freedom, that differ from the model by more
+    than chance explains. Each test uses a chi-square distribution with the mean and variance that the model implies.
+    `size` is the probability that at least one level of a recording of the model is marked."""
     from scipy.special import gammainc, gammaincc
 
     wv = fit.wavelet_variance
@@ -94,10 +91,9 @@ def implausible_levels(fit: Fit, size: float = IMPLAUSIBLE) -> np.ndarray[Any, n
 
 
 def model_error(fit: Fit) -> float:
-    """Estimate the relative error τ of a fitted model. It is 0 if chance explains the difference from the data. The
-    model is then fitted with the weights that follow from τ, and τ is estimated from this fit. `fit`: fit whose weights
-    follow from its own model ("optimal" or "diagonal"). Returns relative error τ, at most 1. Source: Paule and Mandel
-    (1982), Consensus values and weighting factors, J. Res. NBS 87, 377-385."""
+    """Estimate the relative error τ, at most 1, of a fit whose weights follow from its model; 0 if chance explains the
+    difference from the data. The model is fitted with the weights that follow from τ, and τ is estimated again. Source:
+    Paule and Mandel (1982), J. Res. NBS 87, 377-385."""
     error = Distance.of(fit).error()
     # Largest number of fits with weights that follow from the error.
     for _ in range(2 if error else 0):

@@ -28,15 +28,12 @@ Pinned by tests/estimation/test_last_places.py.
 @dataclass(frozen=True, eq=False)
 class Problem:
     """Problem of estimating the non-negative scales of all processes and the shapes of some. The objective (ν̂ − ν)ᵀ Ω
-    (ν̂ − ν) equals `unit`² |target − Σ c a − Σ x g|². The vectors a belong to processes of known shape and the vectors
-    g to processes of free shape; all have length one. The coefficients c and x are proportional to the scales. `unit`
-    is a power of two, so that data scaled by a power of two give exactly the same problem. `linear`: indices, in the
-    model, of the processes without a free shape parameter. `curved`: indices of the processes with one free shape
-    parameter that branch and bound searches; all are of one class. `free`: indices of the other processes, whose shapes
-    are found from starting values; sorted by name. `shapes` (n linear, J): wavelet variances of the linear processes
-    for scale coefficient 1. `observed` (J,): measured ν̂² minus the wavelet variance of the processes whose parameters
-    are all fixed. `weights`: weighting matrix Ω and its root L. Problems that share this object share what depends on Ω
-    only."""
+    (ν̂ − ν) equals `unit`² |target − Σ c a − Σ x g|², with unit vectors a of processes of known shape and g of free
+    shape; c and x are proportional to the scales. `unit` is a power of two, so that data scaled by a power of two give
+    the same problem. `linear`, `curved` and `free` are indices of processes without a free shape, with one that branch
+    and bound searches (all of one class), and of the others, sorted by name. `shapes` (n linear, J) are wavelet
+    variances for scale coefficient 1. `observed` (J,) is ν̂² minus the wavelet variance of processes that are entirely
+    fixed. Problems that share `weights` share what depends on Ω only."""
 
     model: Model
     levels: NDArray[np.int64]

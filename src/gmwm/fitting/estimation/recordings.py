@@ -42,14 +42,11 @@ a spread."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Deviations:
-    """Deviations of the recordings from a pooled fit, and the test that all recordings have the same parameters.
-    `recordings`: names of the R recordings. `names`: names of the p parameters that the data determine. `values` (R,
-    p): deviations δ_r, relative to the estimate; NaN if a recording does not determine a parameter. `covariances` (R,
-    p, p): covariance of δ_r without a spread between recordings; the variance is infinite where the deviation is NaN.
-    `model_error`: relative difference between the recordings at each level that the parameters do not describe. The
-    weights and the covariances of the deviations account for it; the test does not. `statistic`: statistic H of the
-    test. It is the statistic of the goodness-of-fit test of a fit with the same parameters for all recordings, minus
-    the sum of the statistics of fits with separate parameters for each recording. `df`: degrees of freedom of H."""
+    """Deviations of R recordings from a pooled fit, and the test that all have the same p parameters `names`. `values`
+    (R, p) are δ_r, relative to the estimate, and `covariances` (R, p, p) their covariances without a spread; NaN and
+    infinite if a recording does not determine a parameter. They account for `model_error`, the relative difference at
+    each level that the parameters do not describe. `statistic` is the goodness-of-fit statistic with equal parameters
+    minus the sum of those with separate ones, with `df` degrees of freedom."""
 
     recordings: tuple[str, ...]
     names: tuple[str, ...]
@@ -92,11 +89,10 @@ class Deviations:
 
     @property
     def of_mean(self) -> Matrix:
-        """Covariance (p, p) that the spread between recordings adds to the covariance of the pooled estimate. With it,
-        intervals are as wide as intervals that include the uncertainty of the estimated spread, whether a test finds a
-        spread or not. For equally accurate recordings, they are at least as wide as the t interval of their mean, which
-        holds for any spread. For recordings without a spread, this is four times the width without the addition for two
-        recordings, twice for three, and 1.3 times for five (docs/validation/recordings.md)."""
+        """Covariance (p, p) that the spread between recordings adds to the covariance of the pooled estimate. Intervals
+        then include the uncertainty of the estimated spread, whether a test finds one or not. For recordings without a
+        spread, they are four times as wide for two recordings, twice for three, and 1.3 times for five
+        (docs/validation/recordings.md)."""
         information = np.sum(np.where(np.isfinite(self.values), 1 / self.variances, 0.0), axis=0)
         informed = information > 0
         half = half_widths(self.values.T[informed], self.variances.T[informed])
@@ -195,10 +191,9 @@ def _parts(fit: Fit, names: list[str]) -> list[_RecordingData]:
 
 
 def _error_between(parts: list[_RecordingData]) -> float:
-    """Return the relative difference between the recordings at each level that the parameters do not describe. It is 0
-    unless a test finds such a difference, for example in the shape of the noise at high frequencies. Without it, the
-    precise first levels would then determine the deviations of all parameters. It is chosen so that the chi-square
-    statistic of the part of the differences that the parameters do not describe equals its degrees of freedom."""
+    """Return the relative difference between the recordings at each level that the parameters do not describe; 0 unless
+    a test finds one. Without it, the precise first levels would determine the deviations of all parameters. The
+    chi-square statistic of this part then equals its degrees of freedom."""
     from scipy.special import gammaincc
 
     if len(parts) < 2:

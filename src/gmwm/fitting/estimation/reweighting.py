@@ -86,17 +86,13 @@ def settle(
     # Largest number of iterations to convergence. A new one is needed if the global search then finds another optimum.
     returns: int = 4,
 ) -> WeightedSolution:
-    """Iterate estimate and weights until they agree. The iteration starts with weights from the data. The global search
-    then uses the final weights, so that the estimate is the proven optimum of the objective with the recorded Ω.
-    Estimate and weights may fail to agree, for example if two estimates alternate because each implies weights that
-    lead to the other. The final weights are then computed without the model, from the mixture of all processes with the
-    largest likelihood. `weighting`: weights 1 / V_jj, or V⁻¹. `certify`: whether to compute the lower bound on the
-    objective. `start`: model near the estimate, from which the first weights are computed. `fixed`: relative change of
-    the curve below which the iteration ends. `first`: function that replaces the first global search. `search`: whether
-    to search again with the final weights. This is not needed if `start` is an estimate from almost the same data.
-    `returns`: largest number of iterations to convergence, each of which ends with a search. Raises MissingTheoryError
-    if the weighting is "optimal" and the covariance of a process is unknown. Raises ModelError if the weighting is
-    "optimal" and the model has no noise at some level."""
+    """Iterate estimate and weights ("diagonal" or "optimal") until they agree, starting with weights from the data or
+    from the model `start`. A last search with the final weights makes the estimate the proven optimum of the objective
+    with the recorded Ω; `search` omits it, if `start` is an estimate from almost the same data. If estimates alternate,
+    the final weights come from the mixture of all processes with the largest likelihood. `first` replaces the first
+    search, the relative change of the curve `fixed` ends an iteration, and `returns` is the largest number of
+    iterations to convergence. With "optimal", raises MissingTheoryError if a covariance is unknown, and ModelError if a
+    level has no noise."""
 
     def finish(problem: Problem, solution: Solution) -> Solution:
         return final(problem, solution, certify=certify) if search else resume(problem, solution)
@@ -210,10 +206,9 @@ def _weights_of_the_data(weighting: str, wv: WaveletVariance, design: Design) ->
 
 
 class _Ahead:
-    """Acceleration of the fixed-point iteration by Anderson mixing of the logarithms of the parameters. An iteration
-    maps the parameters x of a model to the estimates g with the weights of this model. The next model is the
-    combination of the last estimates whose residual g − x would be smallest if the map were linear (Anderson 1965, J.
-    ACM 12, 547-560)."""
+    """Anderson mixing of the logarithms of the parameters. An iteration maps the parameters x of a model to the
+    estimates g with its weights. The next model is the combination of the last estimates whose residual g − x would be
+    smallest if the map were linear (Anderson 1965, J. ACM 12, 547-560)."""
 
     def __init__(self) -> None:
         self.given: dict[str, float] = {}
@@ -249,12 +244,10 @@ def _logarithms(model: Model) -> dict[str, float]:
 
 
 def implied_weights(weighting: str, model: Model, design: Design, observed: Vector | None = None) -> Matrix:
-    """Compute the weights Ω that a model implies, from the covariance V of the wavelet variance under the model.
-    `weighting`: weights 1 / V_jj, or V⁻¹. `model`: model whose parameters all have values. `design`: design of the
-    wavelet variance. `observed` (J,): data ν̂². V is then scaled from the curve ν² of the model to ν̄² = (ην̂² +
-    1000ν²)/(η + 1000), where η are the degrees of freedom. This changes little if the model is correct, and makes V
-    larger where the model is below the data. Raises ModelError if the model has no noise at some level. Raises
-    MissingTheoryError if the covariance of a process is unknown."""
+    """Compute the weights 1 / V_jj ("diagonal") or V⁻¹ ("optimal") that a model with values implies. With the data
+    `observed` (J,), V is scaled from the curve ν² of the model to ν̄² = (ην̂² + 1000ν²)/(η + 1000) with η degrees of
+    freedom, which makes V larger where the model is below the data. Raises ModelError if the model has no noise at some
+    level, and MissingTheoryError if the covariance of a process is unknown."""
     if weighting == "optimal":
         return precision(drawn_covariance(model, design, observed))
     scale = _drawn_scale(model, design, observed)

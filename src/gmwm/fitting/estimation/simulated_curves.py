@@ -30,17 +30,13 @@ def simulated_variances(
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Matrix:
-    """Simulate independent sample paths of a model, and compute their wavelet variances. Paths are drawn in batches.
-    Each batch has its own random stream, which depends on the seed and the number of the batch. The result therefore
-    does not depend on `threads`, and the first rows of a longer run are the rows of a shorter run. Stationary processes
-    start from their stationary distribution, and the errors of quantization noise are uniform. Segments between gaps
-    are independent paths. `model`: model whose parameters all have values. `design`: levels, samples, rate, filter,
-    transform and estimator of the wavelet variance. `draws`: number of paths B. `seed`: seed, zero or positive; the
-    same seed gives the same paths. `threads`: number of threads; by default one for each processor. Each thread needs
-    the memory of about three paths, or of three batches of 1 MiB if paths are shorter. `progress`: function that is
-    called in the thread of the caller with the number of paths that are finished. Returns wavelet variance of each
-    path, in u² for a signal in the unit u. Raises OptionError if `draws`, `seed` or `threads` is not a whole number in
-    its range. Raises ModelError if a parameter has no value, or a process cannot be simulated.
+    """Simulate independent sample paths of a model with values, and compute their wavelet variances (draws, J) in u².
+    Each batch of paths has a random stream that depends on the seed and its number. The result therefore does not
+    depend on `threads`, and a longer run begins with the rows of a shorter one. Stationary processes start from their
+    stationary distribution, the errors of quantization noise are uniform, and segments between gaps are independent.
+    Each thread (by default one per processor) needs the memory of about three paths, or of three batches of 1 MiB.
+    `progress` is called in the thread of the caller with the number of finished paths. Raises OptionError if `draws`,
+    `seed` or `threads` is out of range, and ModelError if a value is missing or a process cannot be simulated.
 
     >>> from gmwm.processes import WN
     >>> design = Design(np.arange(1, 4), samples=1000, rate=100.0)
@@ -94,10 +90,9 @@ def _stream(seed: int, batch: int) -> np.random.Generator:
 
 
 def _keep_memory(batch: int) -> None:
-    """Prevent the allocator from returning the memory of a batch to the system, because the next batch needs it. glibc
-    returns free memory to the system if it exceeds twice the largest block that was freed, up to 32 MiB. To get it back
-    page by page can take longer than the computation. The block that is allocated and freed here is never accessed and
-    costs nothing."""
+    """Prevent the allocator from returning the memory of a batch to the system. glibc returns free memory above twice
+    the largest block that was freed, up to 32 MiB, and getting it back page by page can take longer than the
+    computation. The block that is allocated and freed here is never accessed and costs nothing."""
     np.empty(min(8 * batch, 31 << 17))
 
 

@@ -66,10 +66,9 @@ class Solution:
 
 
 def solve(problem: Problem, *, certify: bool, quick: bool = False, near: Solution | None = None) -> Solution:
-    """Find the optimum of a problem from deterministic starting points. Without free processes, it is the global
-    optimum, with a certificate if `certify`. Otherwise it is the best of the local optima that descents from the points
-    of a scan and from the solution `near` reach. If `quick`, only the best points of the scan are used, which is enough
-    if the weights will change."""
+    """Find the optimum of a problem from deterministic starting points. Without free processes it is the global
+    optimum, with a certificate if `certify`; otherwise the best local optimum from the points of a scan, or only its
+    best points if `quick`, and from the solution `near`."""
     if problem.free:
         return _solve_by_scan(problem, quick=quick, near=near)
     square = problem.unit**2

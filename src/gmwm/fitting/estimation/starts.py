@@ -107,10 +107,9 @@ class Start(Documented):
 def scanned_points(
     problem: Problem, surface: Surface, alone: list[Alone] | None, kept: int
 ) -> tuple[list[tuple[How, ShapePoint]], int]:
-    """Return the points from which descents start, and the number of points that were evaluated. The first point has
-    the values in the model, if there are any. The second point comes from `alone`, the scans of the single free
-    processes. The others are the best of a sequence of points that fills the box of the free coordinates evenly. The
-    curved and the linear processes are optimised at each point."""
+    """Return the points from which descents start, and the number of points that were evaluated: the values in the
+    model, the point of `alone`, the scans of single free processes, and the best of a sequence of points that fills the
+    box of free coordinates evenly. The curved and linear processes are optimised at each point."""
     count = sum(free.size for free in surface.frees)
     # If a parameter is fixed, only a few points of the box belong to a valid process, so more points are needed.
     held = any(not free.together for free in surface.frees)

@@ -39,10 +39,9 @@ def sampling_variance(wv: WaveletVariance) -> Vector:
 
 
 def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
-    """Return the weighting matrix Ω (J, J), in unit⁻⁴, without a model. `weighting`: weights. "diagonal" means 1 /
-    `sampling_variance`, and a vector is the diagonal of the matrix. Raises DataError if the weighting is "diagonal" and
-    the variance of a level is zero, or its square overflows. Raises OptionError if the matrix has the wrong shape, is
-    not finite, or is not symmetric and positive definite."""
+    """Return the weighting matrix Ω (J, J), in unit⁻⁴, without a model. "diagonal" is 1 / `sampling_variance`, a vector
+    the diagonal. Raises DataError if the variance of a level is zero or its square overflows, and OptionError if the
+    matrix has the wrong shape, is not finite, or is not symmetric and positive definite."""
     size = len(wv)
     if isinstance(weighting, str):
         if weighting == "identity":

@@ -16,12 +16,9 @@ from gmwm.recording.signals import MINIMUM_SAMPLES, Imu, Signal
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Equally spaced samples of one axis, with optional columns of a regression. `values` (N,): samples; NaN where a
-    sample is missing. `rate`: sampling rate (Hz). `unit`, `axis`: unit of the samples and name of the axis, or "".
-    `start`: time of the first sample (s). `centre`: a number near the values, subtracted before squares are computed to
-    avoid cancellation. `columns` (p, N): columns of a regression on conditions, scaled to standard deviation 1; none by
-    default. `scales` (p,): standard deviations of the columns before they were scaled. `names`: names of the
-    columns."""
+    """Equally spaced samples of one axis, NaN where one is missing, with optional columns of a regression. `start` is
+    the time of the first sample (s). `centre` is near the values and is subtracted before squares, to avoid
+    cancellation. `columns` (p, N) have the standard deviation 1, `scales` (p,) before they were scaled."""
 
     values: Vector
     rate: float
@@ -64,12 +61,11 @@ class Record:
 
 
 def as_record(data: Signal | ArrayLike, rate: float | None, *, name: str = "data") -> Record:
-    """Make a recording for the Kalman filter from a signal or an array. `data`: gaps between the segments of a signal
-    become missing samples. Their number follows from the time stamps; if the clock was set back, it is 1. In an array,
-    NaN or a masked value is a missing sample. `rate`: sampling rate (Hz); needed only if `data` is an array. `name`:
-    name of the argument, for error messages. Raises DataError if fewer than 8 samples are observed, if a value is
-    infinite, or if the gaps are much longer than the recording. Raises ModelError if all samples are equal. Raises
-    OptionError if the rate is missing, or differs from the rate of the signal."""
+    """Make a recording for the Kalman filter. Gaps of a signal become missing samples, whose number follows from the
+    time stamps (1 if the clock was set back); in an array, NaN or a masked value is missing. `rate` is needed for an
+    array only; `name` is the argument in messages. Raises DataError if fewer than 8 samples are observed, a value is
+    infinite, or gaps are much longer than the recording; ModelError if all samples are equal; OptionError if the rate
+    is missing or differs from the signal's."""
     if isinstance(data, Signal):
         if rate is not None and as_rate(rate) != data.rate:
             raise OptionError(

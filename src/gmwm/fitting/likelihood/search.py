@@ -24,10 +24,9 @@ information about it, are below this value."""
 
 @dataclass(frozen=True, eq=False)
 class Maximum:
-    """A local maximum of the likelihood. `z` (q,): coordinates; −inf for the scale of a term that is zero. `active`:
-    numbers of the coordinates that are not at a bound and do not belong to a term that is zero. `at_end`: shape
-    coordinates that are at a bound, with −1 for the lower bound and 1 for the upper one. `evaluation`: the last
-    evaluation of the likelihood. `evaluations`: number of evaluations. `converged`: whether the search converged."""
+    """Local maximum of the likelihood at the coordinates `z` (q,), −inf for the scale of a term that is zero. `active`
+    are the numbers of the coordinates that are not at a bound and do not belong to such a term; `at_end` has the shape
+    coordinates at a bound, −1 for the lower and 1 for the upper one."""
 
     z: Vector
     active: tuple[int, ...]
@@ -41,10 +40,9 @@ Progress = Callable[[int, float], None]
 
 
 class LikelihoodSearch:
-    """A search for a local maximum of a likelihood. `problem`: the likelihood. `held`: numbers of the coordinates that
-    do not change. `progress`: function that is called after each evaluation with the number of evaluations and the
-    log-likelihood. `tolerance`: the search ends when the expected increase of the log-likelihood is smaller than this.
-    `revive`: whether to try at the end to add terms again that became zero."""
+    """Search for a local maximum of a likelihood. The coordinates `held` do not change. `progress` is called after each
+    evaluation with their number and the log-likelihood. The search ends when the expected increase is below
+    `tolerance`. `revive` tries at the end to add terms again that became zero."""
 
     def __init__(
         self,

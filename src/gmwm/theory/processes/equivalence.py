@@ -18,13 +18,10 @@ def likeness(
     filter: WaveletFilter = HAAR,
     matrix: Matrix | None = None,
 ) -> Process | None:
-    """Return the process `name` whose wavelet variance is closest to the wavelet variance ν² of `process`. Its scale
-    coefficient is c = sᵀΩν² / sᵀΩs, where s is its wavelet variance for scale coefficient 1. For example, a
-    Gauss-Markov process whose correlation time is much longer than the recording is replaced by a random walk.
-    `process`: process whose parameters all have values. `name`: name of a registered process without shape parameters.
-    `levels` (J,): wavelet levels. `rate`: samples per second (Hz). `matrix` (J, J): weighting matrix Ω; by default all
-    levels have the same weight, relative to their variance. Returns none if `name` is not registered, has shape
-    parameters, or has a wavelet variance of zero at all levels.
+    """Return the process `name` whose wavelet variance is closest to the wavelet variance ν² of `process`, such as a
+    random walk for a Gauss-Markov process that is slower than the recording. Its scale coefficient is c = sᵀΩν² / sᵀΩs,
+    where s is its wavelet variance for scale coefficient 1; without `matrix` Ω, all levels have the same weight
+    relative to their variance. None if `name` is not registered, has shape parameters, or is zero at all levels.
 
     >>> from gmwm.processes import GM
     >>> walk = likeness(GM(beta=1e-9, sigma2=1.0), "RW", np.arange(1, 13), rate=100.0)

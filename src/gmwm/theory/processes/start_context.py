@@ -17,11 +17,9 @@ white noise ("quantization"), as fast ("white"), or more slowly ("markov")."""
 
 @dataclass(frozen=True, eq=False)
 class Occasion:
-    """Quantities of the data that Algorithms 2 and 3 of Balamuta et al. (see `Sampled`) use. `total`: σ̂_T², the sum of
-    the wavelet variances over all levels. `spread`: (max x − min x)/N. `dominant`: the noise type that dominates the
-    first levels. `first` (draws,): condition, 1 or 2, of Algorithm 3 for the first autoregression of each draw.
-    `levels` (J,): wavelet levels of the data. `samples`: length N of the recording (samples). `rate`: sampling rate
-    (Hz). `filter`: wavelet filter of the data."""
+    """Quantities of the data for Algorithms 2 and 3 of Balamuta et al. (see `Sampled`): `total` is σ̂_T², the sum of
+    the wavelet variances over all levels, `spread` is (max x − min x)/N, `dominant` the noise type of the first levels,
+    and `first` (draws,) the condition, 1 or 2, of Algorithm 3 for the first autoregression of each draw."""
 
     total: float
     spread: float
