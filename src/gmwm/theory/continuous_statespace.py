@@ -74,17 +74,10 @@ class ContinuousStateSpace:
     left_out: tuple[str, ...]
 
     def __init__(
-        self,
-        A: ArrayLike,
-        Qc: ArrayLike,
-        H: ArrayLike,
-        Rc: ArrayLike = 0.0,
-        m0: ArrayLike | None = None,
-        P0: ArrayLike | None = None,
-        diffuse: ArrayLike | None = None,
-        terms: tuple[str, ...] = (),
+        self, A: ArrayLike, Qc: ArrayLike, H: ArrayLike, Rc: ArrayLike = 0.0, m0: ArrayLike | None = None,
+        P0: ArrayLike | None = None, diffuse: ArrayLike | None = None, terms: tuple[str, ...] = (),
         left_out: tuple[str, ...] = (),
-    ) -> None:
+    ) -> None:  # fmt: skip
         arrays = check_matrices(("A", "Qc", "H", "Rc"), A, noise=Qc, seen=H, scatter=Rc, m0=m0, P0=P0, diffuse=diffuse)
         for name, value in {**arrays, "terms": tuple(terms), "left_out": tuple(left_out)}.items():
             object.__setattr__(self, name, value)

@@ -67,15 +67,9 @@ class StateSpace:
     diffuse: NDArray[np.bool_]
 
     def __init__(
-        self,
-        F: ArrayLike,
-        Q: ArrayLike,
-        H: ArrayLike,
-        R: ArrayLike = 0.0,
-        m0: ArrayLike | None = None,
-        P0: ArrayLike | None = None,
-        diffuse: ArrayLike | None = None,
-    ) -> None:
+        self, F: ArrayLike, Q: ArrayLike, H: ArrayLike, R: ArrayLike = 0.0, m0: ArrayLike | None = None,
+        P0: ArrayLike | None = None, diffuse: ArrayLike | None = None,
+    ) -> None:  # fmt: skip
         for name, array in check_matrices(
             ("F", "Q", "H", "R"), F, noise=Q, seen=H, scatter=R, m0=m0, P0=P0, diffuse=diffuse
         ).items():
@@ -205,15 +199,9 @@ class StateSpace:
 
 
 def check_matrices(
-    names: tuple[str, str, str, str],
-    transition: ArrayLike,
-    noise: ArrayLike,
-    seen: ArrayLike,
-    scatter: ArrayLike,
-    m0: ArrayLike | None,
-    P0: ArrayLike | None,
-    diffuse: ArrayLike | None,
-) -> dict[str, NDArray[Any]]:
+    names: tuple[str, str, str, str], transition: ArrayLike, noise: ArrayLike, seen: ArrayLike, scatter: ArrayLike,
+    m0: ArrayLike | None, P0: ArrayLike | None, diffuse: ArrayLike | None,
+) -> dict[str, NDArray[Any]]:  # fmt: skip
     """Check the arrays of a linear system. Return them by name, in the required shapes and read-only."""
     h = np.array(seen, dtype=np.float64).reshape(1, -1)
     p = h.size

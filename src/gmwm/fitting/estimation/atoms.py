@@ -166,14 +166,9 @@ def table(grid: ShapeGrid, root: Matrix) -> UnitCurve:
 
 
 def close_up(
-    process: type[Process],
-    places: list[Place],
-    width: float,
-    levels: NDArray[np.int64],
-    rate: float,
-    filter: WaveletFilter,
-    root: Matrix,
-) -> tuple[UnitCurve, Vector]:
+    process: type[Process], places: list[Place], width: float, levels: NDArray[np.int64], rate: float,
+    filter: WaveletFilter, root: Matrix,
+) -> tuple[UnitCurve, Vector]:  # fmt: skip
     """Tabulate one cell of a given width around each place, with exact values at its ends. Returns the table, and the
     search coordinates (n, 2) of the ends of the cells."""
     starts = [min(max(u - width / 2, branch.low), branch.high - width) for branch, u in places]

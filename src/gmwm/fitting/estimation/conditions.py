@@ -175,13 +175,9 @@ def _blocks(parts: Iterable[Matrix]) -> Matrix:
 
 
 def fit_conditions(
-    model: Model,
-    curves: Mapping[float, WaveletVariance],
-    varies: Mapping[str, str],
-    *,
-    weighting: str = "diagonal",
+    model: Model, curves: Mapping[float, WaveletVariance], varies: Mapping[str, str], *, weighting: str = "diagonal",
     certify: bool = True,
-) -> ConditionsFit:
+) -> ConditionsFit:  # fmt: skip
     """Fit a model to the wavelet variances of recordings at known conditions; see `gmwm.fit`."""
     functions, name = parse_varies(varies)
     _check(model, curves, functions)

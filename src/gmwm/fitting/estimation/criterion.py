@@ -167,13 +167,9 @@ def _derivatives(
 
 
 def _of_process(
-    process: Process,
-    levels: NDArray[np.int64],
-    rate: float,
-    filter: WaveletFilter,
-    pull: Vector,
+    process: Process, levels: NDArray[np.int64], rate: float, filter: WaveletFilter, pull: Vector,
     free: NDArray[np.intp],
-) -> tuple[Matrix, Matrix]:
+) -> tuple[Matrix, Matrix]:  # fmt: skip
     """Return the derivatives of `_derivatives` for one process. The first parameter is the scale coefficient; the
     others are the nonlinear parameters with the indices `free`."""
     if not process.nonlinear_parameters():

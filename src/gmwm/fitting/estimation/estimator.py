@@ -37,46 +37,26 @@ OneOrSeveral = Curve | Sequence[WaveletVariance] | Sequence[Signal]
 
 @overload
 def fit(
-    model: Model | Process | str,
-    data: OneOrSeveral,
-    rate: float | None = None,
-    *,
-    weighting: Weighting | None = None,
-    robust: bool = False,
-    efficiency: float = 0.6,
-    certify: bool = True,
-    start: Sampled | None = None,
+    model: Model | Process | str, data: OneOrSeveral, rate: float | None = None, *, weighting: Weighting | None = None,
+    robust: bool = False, efficiency: float = 0.6, certify: bool = True, start: Sampled | None = None,
     against: Against = None,
-) -> Fit: ...
+) -> Fit: ...  # fmt: skip
 
 
 @overload
 def fit(
-    model: Model | Process | str,
-    data: Mapping[float, WaveletVariance | Signal | ArrayLike],
-    rate: float | None = None,
-    *,
-    weighting: Weighting | None = None,
-    robust: bool = False,
-    efficiency: float = 0.6,
-    certify: bool = True,
+    model: Model | Process | str, data: Mapping[float, WaveletVariance | Signal | ArrayLike], rate: float | None = None,
+    *, weighting: Weighting | None = None, robust: bool = False, efficiency: float = 0.6, certify: bool = True,
     varies: Mapping[str, str] | None = None,
-) -> ConditionsFit: ...
+) -> ConditionsFit: ...  # fmt: skip
 
 
 def fit(
-    model: Model | Process | str,
-    data: OneOrSeveral | Mapping[float, WaveletVariance | Signal | ArrayLike],
-    rate: float | None = None,
-    *,
-    weighting: Weighting | None = None,
-    robust: bool = False,
-    efficiency: float = 0.6,
-    certify: bool = True,
-    start: Sampled | None = None,
-    against: Against = None,
+    model: Model | Process | str, data: OneOrSeveral | Mapping[float, WaveletVariance | Signal | ArrayLike],
+    rate: float | None = None, *, weighting: Weighting | None = None, robust: bool = False, efficiency: float = 0.6,
+    certify: bool = True, start: Sampled | None = None, against: Against = None,
     varies: Mapping[str, str] | None = None,
-) -> Fit | ConditionsFit:
+) -> Fit | ConditionsFit:  # fmt: skip
     """Fit a sum of noise processes to a signal or to its wavelet variance.
 
     The estimate is the global minimum θ̂ = argmin (ν̂ − ν(θ))ᵀ Ω (ν̂ − ν(θ)), where ν̂ is the measured wavelet
@@ -201,17 +181,10 @@ def fit(
 
 
 def _fitted_conditions(
-    model: Model,
-    data: Mapping[float, WaveletVariance | Signal | ArrayLike],
-    rate: float | None,
-    varies: Mapping[str, str] | None,
-    *,
-    weighting: Weighting | None,
-    robust: bool,
-    efficiency: float,
-    certify: bool,
+    model: Model, data: Mapping[float, WaveletVariance | Signal | ArrayLike], rate: float | None,
+    varies: Mapping[str, str] | None, *, weighting: Weighting | None, robust: bool, efficiency: float, certify: bool,
     others: Mapping[str, object],
-) -> ConditionsFit:
+) -> ConditionsFit:  # fmt: skip
     """Check the options of a fit to recordings at known conditions, and fit them."""
     for name, value in others.items():
         if value is not None:

@@ -38,14 +38,9 @@ is a factor of a million."""
 
 
 def confidence_intervals(
-    fit: Fit,
-    level: float = 0.95,
-    method: Method = "asymptotic",
-    *,
-    covariance: Matrix | None = None,
-    draws: int = DRAWS,
-    rng: int | np.random.Generator = 0,
-) -> dict[str, Interval]:
+    fit: Fit, level: float = 0.95, method: Method = "asymptotic", *, covariance: Matrix | None = None,
+    draws: int = DRAWS, rng: int | np.random.Generator = 0,
+) -> dict[str, Interval]:  # fmt: skip
     """Compute a confidence interval (low, high) for every estimated parameter, by name.
 
     With the estimate θ̂, its standard error SE and the normal quantile z:

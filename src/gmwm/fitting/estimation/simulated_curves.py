@@ -22,14 +22,9 @@ Python is small. The number must not depend on the machine, because the simulate
 
 
 def simulated_variances(
-    model: Model,
-    design: Design,
-    draws: int,
-    seed: int,
-    *,
-    threads: int | None = None,
+    model: Model, design: Design, draws: int, seed: int, *, threads: int | None = None,
     progress: Callable[[int], None] | None = None,
-) -> Matrix:
+) -> Matrix:  # fmt: skip
     """Simulate independent sample paths of a model with values, and compute their wavelet variances (draws, J) in u².
     Each batch of paths has a random stream that depends on the seed and its number. The result therefore does not
     depend on `threads`, and a longer run begins with the rows of a shorter one. Stationary processes start from their

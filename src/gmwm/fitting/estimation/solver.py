@@ -190,13 +190,9 @@ def _solve_by_scan(problem: Problem, *, quick: bool, near: Solution | None) -> S
 
 
 def _lowest(
-    problem: Problem,
-    surface: Surface,
-    points: list[ShapePoint],
-    *,
-    count: int = FOLLOWED,
+    problem: Problem, surface: Surface, points: list[ShapePoint], *, count: int = FOLLOWED,
     known: Projection | None = None,
-) -> tuple[int | None, Projection] | None:
+) -> tuple[int | None, Projection] | None:  # fmt: skip
     """Return the best local optimum that descents from points reach, with the index of its point. After a few steps,
     the better half of the descents continues for a few more steps, and then the best `count` of them are followed to
     the end. If the `known` optimum is better, it is returned with the index None."""

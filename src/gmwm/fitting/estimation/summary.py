@@ -182,13 +182,9 @@ def interval_text(low: float, high: float) -> str:
 
 
 def summary(
-    fit: Fit,
-    level: float = 0.95,
-    method: Method = "asymptotic",
-    *,
-    draws: int = DRAWS,
+    fit: Fit, level: float = 0.95, method: Method = "asymptotic", *, draws: int = DRAWS,
     rng: int | np.random.Generator = 0,
-) -> str:
+) -> str:  # fmt: skip
     """Describe the fit in text.
 
     Parameters

@@ -267,14 +267,9 @@ class Plan(Summarised, Plotted):
 
 
 def plan(
-    model: ModelLike,
-    *,
-    duration: float,
-    rate: float,
-    weighting: Literal["diagonal", "optimal"] | None = None,
-    unit: str = "",
-    pilot: WaveletVariance | None = None,
-) -> Plan:
+    model: ModelLike, *, duration: float, rate: float, weighting: Literal["diagonal", "optimal"] | None = None,
+    unit: str = "", pilot: WaveletVariance | None = None,
+) -> Plan:  # fmt: skip
     """Plan a recording, by computing the standard error of each parameter for recordings of many lengths.
 
     The covariance of the estimates is Cov θ̂ = B V Bᵀ, with B = (DᵀΩD)⁻¹DᵀΩ, D = ∂ν²/∂θ, the weighting matrix Ω, and

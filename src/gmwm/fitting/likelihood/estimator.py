@@ -49,15 +49,10 @@ def loglikelihood(
 
 
 def fit_ml(
-    model: Model | Process | str,
-    data: Signal | ArrayLike,
-    rate: float | None = None,
-    *,
-    start: Fit | LikelihoodFit | Model | str | None = None,
-    mean: float | None = None,
-    against: Against | Asked = None,
+    model: Model | Process | str, data: Signal | ArrayLike, rate: float | None = None, *,
+    start: Fit | LikelihoodFit | Model | str | None = None, mean: float | None = None, against: Against | Asked = None,
     progress: Callable[[int, float], None] | None = None,
-) -> LikelihoodFit:
+) -> LikelihoodFit:  # fmt: skip
     """Fit a sum of noise processes to a recording by maximum likelihood.
 
     The fit maximises the exact Gaussian likelihood, see `Model.loglikelihood`. A second pass of the Kalman filter, with

@@ -222,13 +222,9 @@ class Residuals(Summarised, Plotted):
 
 
 def residuals(
-    model: Modelled,
-    data: Signal | ArrayLike,
-    rate: float | None = None,
-    *,
-    mean: float | None = None,
+    model: Modelled, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None,
     estimated: int | None = None,
-) -> Residuals:
+) -> Residuals:  # fmt: skip
     """Compute the standardised innovations of a recording; see `Model.residuals`."""
     problem = pose_filter(model, data, rate, mean)
     values, _ = standardise(problem, problem.model)

@@ -33,12 +33,9 @@ def summary(fit: LikelihoodFit, level: float = 0.95, method: Method = "wald") ->
 
 
 def in_words(
-    fit: LikelihoodFit,
-    level: float,
-    intervals: Mapping[str, Interval],
-    residuals: Residuals | None = None,
+    fit: LikelihoodFit, level: float, intervals: Mapping[str, Interval], residuals: Residuals | None = None,
     missing: Remark | None = None,
-) -> str:
+) -> str:  # fmt: skip
     """Write the summary of a fit from intervals and residuals that are already computed. `missing` is a remark that
     states why there are no intervals."""
     words = texts(without_axis(missing, *fit.remarks))

@@ -11,13 +11,9 @@ from gmwm.theory.processes.base import Process, registry
 
 
 def likeness(
-    process: Process,
-    name: str,
-    levels: NDArray[np.int64],
-    rate: float,
-    filter: WaveletFilter = HAAR,
+    process: Process, name: str, levels: NDArray[np.int64], rate: float, filter: WaveletFilter = HAAR,
     matrix: Matrix | None = None,
-) -> Process | None:
+) -> Process | None:  # fmt: skip
     """Return the process `name` whose wavelet variance is closest to the wavelet variance ν² of `process`, such as a
     random walk for a Gauss-Markov process that is slower than the recording. Its scale coefficient is c = sᵀΩν² / sᵀΩs,
     where s is its wavelet variance for scale coefficient 1; without `matrix` Ω, all levels have the same weight

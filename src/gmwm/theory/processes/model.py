@@ -129,13 +129,9 @@ class KalmanMethods:
         return predict_tracks(self._modelled, data, steps, rate, mean=mean)
 
     def residuals(
-        self,
-        data: Signal | ArrayLike,
-        rate: float | None = None,
-        *,
-        mean: float | None = None,
+        self, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None,
         estimated: int | None = None,
-    ) -> Residuals:
+    ) -> Residuals:  # fmt: skip
         """Compute the standardised innovations, which are one-step prediction errors over their standard deviations.
 
         `data`, `rate` and `mean` are the same as for `kalman_filter`.

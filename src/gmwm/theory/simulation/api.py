@@ -29,39 +29,21 @@ _ACCELEROMETERS = tuple(axis for axis in AXES if axis_quantity(axis) == "accel")
 
 @overload
 def simulate(
-    models: Mapping[str, ModelLike] | ModelLike,
-    *,
-    rate: float,
-    rng: int | np.random.Generator,
-    duration: float | None = None,
-    samples: int | None = None,
-    resolution: Mapping[str, float] | None = None,
-    gravity: str | None = "accel_z",
-    components: Literal[False] = False,
-) -> Imu: ...
+    models: Mapping[str, ModelLike] | ModelLike, *, rate: float, rng: int | np.random.Generator,
+    duration: float | None = None, samples: int | None = None, resolution: Mapping[str, float] | None = None,
+    gravity: str | None = "accel_z", components: Literal[False] = False,
+) -> Imu: ...  # fmt: skip
 @overload
 def simulate(
-    models: Mapping[str, ModelLike] | ModelLike,
-    *,
-    rate: float,
-    rng: int | np.random.Generator,
-    duration: float | None = None,
-    samples: int | None = None,
-    resolution: Mapping[str, float] | None = None,
-    gravity: str | None = "accel_z",
-    components: Literal[True],
-) -> SimulatedImu: ...
+    models: Mapping[str, ModelLike] | ModelLike, *, rate: float, rng: int | np.random.Generator,
+    duration: float | None = None, samples: int | None = None, resolution: Mapping[str, float] | None = None,
+    gravity: str | None = "accel_z", components: Literal[True],
+) -> SimulatedImu: ...  # fmt: skip
 def simulate(
-    models: Mapping[str, ModelLike] | ModelLike,
-    *,
-    rate: float,
-    rng: int | np.random.Generator,
-    duration: float | None = None,
-    samples: int | None = None,
-    resolution: Mapping[str, float] | None = None,
-    gravity: str | None = "accel_z",
-    components: bool = False,
-) -> Imu | SimulatedImu:
+    models: Mapping[str, ModelLike] | ModelLike, *, rate: float, rng: int | np.random.Generator,
+    duration: float | None = None, samples: int | None = None, resolution: Mapping[str, float] | None = None,
+    gravity: str | None = "accel_z", components: bool = False,
+) -> Imu | SimulatedImu:  # fmt: skip
     """Simulate a static recording with known noise, from a noise model for each axis.
 
     The noise of an axis is X_t = Σ_k X_t^(k), where X^(k) is the process of term k of its model. Each axis has its own
@@ -143,15 +125,9 @@ def simulate(
 
 
 def simulate_signal(
-    model: ModelLike,
-    *,
-    rate: float,
-    rng: int | np.random.Generator,
-    duration: float | None = None,
-    samples: int | None = None,
-    unit: str = "",
-    resolution: float | None = None,
-) -> SimulatedSignal:
+    model: ModelLike, *, rate: float, rng: int | np.random.Generator, duration: float | None = None,
+    samples: int | None = None, unit: str = "", resolution: float | None = None,
+) -> SimulatedSignal:  # fmt: skip
     """Simulate one signal from a model, and return it with the latent process of each term.
 
     The signal is X_t = Σ_k X_t^(k), where X^(k) is the latent process of term k of the model.
@@ -269,16 +245,9 @@ def _errors_about(axis: str) -> Iterator[None]:
 
 
 def _simulate(
-    model: Model,
-    n: int,
-    rate: float,
-    rng: np.random.Generator,
-    *,
-    unit: str,
-    axis: str = "",
-    offset: float = 0.0,
+    model: Model, n: int, rate: float, rng: np.random.Generator, *, unit: str, axis: str = "", offset: float = 0.0,
     step: float | None,
-) -> SimulatedSignal:
+) -> SimulatedSignal:  # fmt: skip
     """Simulate a signal and its latent processes, and add these in the same order as `Model.simulate`."""
     drawn = model.simulate_terms(n, rate, rng)
     total = np.zeros(n)
