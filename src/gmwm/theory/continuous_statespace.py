@@ -18,8 +18,7 @@ from gmwm.theory.statespace import StateSpace, check_matrices
 __all__ = ["ContinuousStateSpace"]
 
 _ROUNDING = 1e-9
-"""Relative size below which a value counts as zero: the matrix functions used are accurate to about 1e-12. Pinned by
-tests/test_continuous.py."""
+"""Relative size that counts as zero; the matrix functions have errors of 1e-12 (tests/test_continuous.py)."""
 
 
 @dataclass(frozen=True, eq=False)

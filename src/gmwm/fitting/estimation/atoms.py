@@ -21,11 +21,9 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
 
 SAFETY = 2.0
-"""Factor by which the largest interpolation error at the midpoints of a cell and its neighbours is multiplied to bound
-the error everywhere in the cell."""
+"""Factor from the largest interpolation error at midpoints near a cell to the bound in the cell."""
 NEIGHBOURS = 12
-"""Number of neighbouring cells on each side that are used. Where rounding dominates (φ near 1), the error at a single
-midpoint is not representative."""
+"""Neighbouring cells on each side that are used, because rounding dominates single midpoints near φ = 1."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,19 +20,15 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
 
 CERTIFIED_GAP = 1e-4
-"""Largest relative difference between the best objective and its lower bound at which branch and bound stops
-(docs/validation/optimum.md)."""
+"""Relative gap between objective and lower bound at which the search stops (docs/validation/optimum.md)."""
 CERTIFY_NODES = 20_000
 """Largest number of nodes of the search tree in a search with a certificate."""
 QUICK_NODES = 24
-"""Largest number of nodes in a search without a certificate. It is sufficient for starting points: fits without a
-certificate are equally good (tests/estimation/test_fit_laws.py)."""
+"""Largest number of nodes without a certificate; the fits are equally good (tests/estimation/test_fit_laws.py)."""
 WIDTHS = (1e-2, 1e-3)
-"""Widths, in the search coordinate, of the cells that approximate the exact curve in the refinement. The last cells are
-exact to rounding."""
+"""Widths, in the search coordinate, of the cells of the refinement; the last cells are exact to rounding."""
 TABLE_ERROR = 1e-5
-"""Optima on the tabulated curve whose objective exceeds the best one by at most this relative amount are refined on the
-exact curve."""
+"""Relative excess of the objective up to which optima on the tabulated curve are refined on the exact curve."""
 SETTLED = 1e-12
 """Relative decrease of the objective below which a refinement ends."""
 POLISHES = 8
@@ -42,11 +38,9 @@ NEWTON_STEPS = 5
 FOLLOWED = 0.05
 """Longest Newton step in the search coordinate after the weights have changed."""
 FLAT = 1e-10
-"""If moving a process from the optimum to an end of its domain increases the objective by less than this relative
-amount, the end is used. Pinned by tests/estimation/test_last_places.py, as is the next constant."""
+"""Relative increase of the objective below which the end of a domain replaces the optimum (test_last_places.py)."""
 ACTS_AS = 1e-6
-"""If moving a process from the optimum to an end of its domain increases the objective by less than this relative
-amount, the process is reported to act as the process at that end."""
+"""Relative increase below which a process acts as the process at the end of its domain (test_last_places.py)."""
 
 
 @dataclass(frozen=True)

@@ -30,11 +30,9 @@ Method = Literal["asymptotic", "bootstrap"]
 Interval = tuple[float, float]
 
 ROUNDING = 1e-8
-"""Tolerance of the correlations in a covariance that a user passes. It allows for a matrix that was written with 8
-digits."""
+"""Tolerance of the correlations in a covariance of the user, which may have been written with 8 digits."""
 UNDETERMINED = 14.0
-"""Half width of a confidence interval for the logarithm of a parameter above which the parameter is not determined. It
-is a factor of a million."""
+"""Half width of an interval for a logarithm, a factor of a million, above which a parameter is not determined."""
 
 
 def confidence_intervals(

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
 
 COLLINEAR = 1e-9
-"""Relative singular value of the Jacobian below which the data do not determine a direction of the parameters.
-Parameters with the same effect on the curve then have infinite standard errors (tests/inference/test_plan.py)."""
+"""Relative singular value of the Jacobian below which a direction is not determined (tests/inference/test_plan.py)."""
 
 
 def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matrix:

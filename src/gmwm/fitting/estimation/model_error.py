@@ -27,8 +27,7 @@ from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.model import Model
 
 LARGEST = 1.0
-"""Largest error that is considered, because a model that is wrong by a factor of two is useless
-(tests/inference/test_model_error.py)."""
+"""Largest error; a model that is wrong by a factor of two is useless (tests/inference/test_model_error.py)."""
 IMPLAUSIBLE = 0.01
 """Significance level of the test of the coarse levels of one fit. It is 1 % because a unit has several axes."""
 

@@ -18,11 +18,7 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
 
 ROUNDING = 8 * float(np.finfo(np.float64).eps)
-"""Relative error of each product L_jk ν_k² in the residual, which is four times the error of 2 ε measured on exact
-curves.
-
-Pinned by tests/estimation/test_last_places.py.
-"""
+"""Relative error of each product L_jk ν_k², four times the measured one (tests/estimation/test_last_places.py)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,14 +30,11 @@ if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
 
 SURE = 0.002
-"""p-value below which recordings differ in a way that the parameters do not describe. It is the same as for the error
-of a model in `selection.search`."""
+"""p-value of a difference that the parameters do not describe; the same as for the error in `selection.search`."""
 LONGEST = 5.0
-"""Largest step of the logarithm of a shape parameter. A recording that needs a larger step does not determine the
-parameter."""
+"""Largest step of the logarithm of a shape; recordings that need a larger one do not determine the parameter."""
 LEVEL = 0.95
-"""Confidence level at which an interval from the covariance is as wide as the interval for the mean of recordings with
-a spread."""
+"""Confidence level at which both kinds of intervals for the mean of recordings have the same width."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

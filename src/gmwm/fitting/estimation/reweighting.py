@@ -34,11 +34,9 @@ from gmwm.theory.processes.model import Model
 REWEIGHTED = ("diagonal", "optimal")
 """Weightings that depend on the estimate."""
 FIXED = 1e-11
-"""Relative change of the fitted curve below which the iteration ends. It is 100 times smaller than the tolerance of
-1e-9 with which tests/estimation/test_fit_laws.py compares fits of scaled data."""
+"""Relative change of the curve that ends the iteration; tests/estimation/test_fit_laws.py compares fits to 1e-9."""
 ROUNDS = 60
-"""Largest number of iterations. Each iteration reduces the change to about a tenth, or to a half if a drift is weak, so
-that 60 iterations reach `FIXED`."""
+"""Largest number of iterations, enough for `FIXED` although a weak drift only halves the change each time."""
 PRIOR = 1000.0
 """Degrees of freedom of the fitted curve when it is averaged with the data to scale the covariance.
 
@@ -48,8 +46,7 @@ the degrees of freedom of the level. docs/validation/weighting.md has the result
 coverage of their intervals.
 """
 HOPE = 12
-"""Number of iterations in which the change must fall to a half. If it does not, two estimates probably alternate. A
-convergence by a factor of 0.94 per iteration is still fast enough."""
+"""Iterations in which the change must fall to a half; otherwise two estimates probably alternate."""
 MIXED = 5
 """Largest number of previous iterations that are combined into the next one."""
 CUTOFF = 1e-6

@@ -36,8 +36,7 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
 
 RETURNS = 3
-"""Largest number of repeated searches, for the curved processes and for single free processes. Pinned by
-tests/estimation/test_arma_fits.py (two lines are both found)."""
+"""Largest number of repeated searches (tests/estimation/test_arma_fits.py: two lines are both found)."""
 
 KEPT = 10
 """Number of points of a scan from which descents start."""

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from gmwm.fitting.likelihood.result import LikelihoodFit
 
 PROVEN = 1e-3
-"""Largest gap at which a summary calls a fit the global optimum. It is 10 times `CERTIFIED_GAP`, the gap at which the
-search stops unless it reaches its limit of nodes first."""
+"""Largest gap of a global optimum in words, 10 times `CERTIFIED_GAP`, which the limit of nodes may exceed."""
 
 
 @dataclass(frozen=True)

@@ -28,8 +28,7 @@ LONGEST = 2.0
 NOISE = 1e-12
 """Relative difference below which two objectives are equal up to rounding."""
 FAR = 12.0
-"""Distance by which a coordinate may leave the scanned range. It is a factor of 160 000, or extends a bounded domain up
-to 1 − 1e-12."""
+"""Distance beyond the scanned range: a factor of 160 000, or a bounded domain up to 1 − 1e-12."""
 _COMPLEX = 1e-30
 
 

@@ -29,14 +29,11 @@ from gmwm.recording.signals import Signal
 from gmwm.theory.processes.model import ModelLike
 
 LEAST_FREEDOM = 30.0
-"""Smallest number of degrees of freedom of the levels that are used. The joint test at the 5 % level then rejects 3 %
-of recordings whose noise does not change (docs/validation/regression.md)."""
+"""Least degrees of freedom of a level: the joint test then rejects 3 % at 5 % (docs/validation/regression.md)."""
 LEAST_RANGE = 0.5
-"""Smallest ratio of the variance of the means of the condition over a scale to the variance of the condition itself. If
-the ratio is smaller, the condition changes too much within one coefficient."""
+"""Least ratio of the variance of means over a scale to the variance of the condition, which must change slowly."""
 SUPPORTED = 4.0
-"""Smallest ratio of a scale parameter to its standard error for which the slope of the term is estimated. The slope of
-a weaker term would be too uncertain."""
+"""Least ratio of a scale parameter to its standard error; the slope of a weaker term is too uncertain."""
 
 
 @dataclass(frozen=True)

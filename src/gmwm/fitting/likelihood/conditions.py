@@ -23,8 +23,7 @@ from gmwm.measuring.regression.result import Regression
 from gmwm.recording.signals import Signal
 
 _STEP = 0.05
-"""Step of a coordinate for the numerical derivative of the covariance of the coefficients. The derivative is used only
-for the degrees of freedom of the standard errors."""
+"""Step of a coordinate for the derivative that gives the degrees of freedom of standard errors."""
 
 
 @dataclass(frozen=True, eq=False)

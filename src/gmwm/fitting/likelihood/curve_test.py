@@ -12,9 +12,7 @@ from gmwm.measuring.covariance import Design
 from gmwm.measuring.covariance.api import variances
 
 LEVEL = 1e-3
-"""Significance level of the test. The fit does not minimise the distance to the wavelet variance, so the level is small
-(tests/likelihood/test_misfit.py measures the rate of false alarms).
-"""
+"""Significance level, small because the fit does not minimise this distance (tests/likelihood/test_misfit.py)."""
 
 
 def misfit(fit: LikelihoodFit) -> Remark | None:

@@ -243,8 +243,7 @@ def residuals(
 
 
 _ENOUGH = 65_536
-"""Largest number of samples from which `spent` is computed. The result hardly depends on the length of the
-recording."""
+"""Largest number of samples from which `spent` is computed; it hardly depends on the length."""
 
 
 def spent(problem: LikelihoodProblem) -> Vector:

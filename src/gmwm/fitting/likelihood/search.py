@@ -18,8 +18,7 @@ LONGEST = 2.0
 _PLACES = 12
 """Number of values of the shape parameter at which a term that is zero is tried."""
 _GONE = 1e-7
-"""A term is set to zero if the derivative of the log-likelihood with respect to the logarithm of its scale, and the
-information about it, are below this value."""
+"""Derivative and information of the logarithm of a scale below which its term is set to zero."""
 
 
 @dataclass(frozen=True, eq=False)

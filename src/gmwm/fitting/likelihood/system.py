@@ -20,11 +20,9 @@ from gmwm.theory.processes.model import Model
 from gmwm.theory.statespace import StateSpace, powers
 
 LEVEL = "level"
-"""Label of the constant level of the recording. A model with a random walk does not have this label, because the random
-walk includes the level."""
+"""Label of the constant level of the recording, which a random walk of the model includes."""
 STEP = 0.02
-"""Step of a coordinate for numerical derivatives of the matrices by sixth-order differences. Their error is about STEP⁶
-= 6e-11; tests/likelihood/test_score.py checks them against other derivatives."""
+"""Step of sixth-order differences, with an error of about STEP⁶ = 6e-11 (tests/likelihood/test_score.py)."""
 
 
 @dataclass(frozen=True, eq=False)

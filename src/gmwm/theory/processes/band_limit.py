@@ -12,16 +12,14 @@ from gmwm.base.arrays import Vector
 from gmwm.theory.processes.physical import Physical
 
 SHORT = 1.0
-"""Correlation time (s) below which noise is white at τ = 1 s, where IEEE Std 952 defines N. N is then the square root
-of the density at low frequencies."""
+"""Correlation time (s) below which noise is white at τ = 1 s, where IEEE Std 952 defines N."""
 HALF = 0.5
 """Share of the power that defines the bandwidth and the width of a peak."""
 PEAK = 2.0
 """Smallest ratio of a maximum of the density to the density at low frequencies for which it is a resonance."""
 _POINTS = 2048
 STEP = 1e-5
-"""Relative step of one-sided differences. Their relative error is of the same size
-(tests/processes/test_band_limit.py)."""
+"""Relative step and relative error of one-sided differences (tests/processes/test_band_limit.py)."""
 
 Density = Callable[[NDArray[np.float64]], Vector]
 """A power spectral density, as a function of frequencies (Hz)."""

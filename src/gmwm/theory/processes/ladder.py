@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     from gmwm.theory.processes.model import Model
 
 STEP = math.log(8.0)
-"""Step of ln b. A factor of 8 leaves a ripple of 0.6 % in the Allan deviation of flicker noise
-(tests/processes/test_ladder.py)."""
+"""Step of ln b; a factor of 8 leaves a ripple of 0.6 % in flicker noise (tests/processes/test_ladder.py)."""
 FASTEST = 4.0
 """Largest b in 1/sample: faster processes are treated as white noise."""
 BAND = 22

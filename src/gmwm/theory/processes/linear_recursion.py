@@ -39,8 +39,7 @@ SEASONAL_THETA = Polynomial("stheta", "Θ", "Q", "seasonal moving average coeffi
 
 _PLACES = (PHI.name, THETA.name, SEASONAL_PHI.name, SEASONAL_THETA.name)
 CANCELLING = 0.05
-"""Distance between a root of φ and a root of θ below which a remark says that the two nearly cancel. Pinned by
-tests/processes/test_arma.py and tests/estimation/test_arma_fits.py."""
+"""Distance of a root of φ from a root of θ that nearly cancel (tests/processes/test_arma.py)."""
 _FARTHEST, _FARTHEST_AVERAGE = 2.5, 2.0
 """Largest coordinates of starting values, which are artanh of partial autocorrelations: tanh 2.5 = 0.987 for φ and Φ,
 and tanh 2 = 0.964 for θ and Θ. The estimates are not limited. Pinned by tests/processes/test_arma.py."""

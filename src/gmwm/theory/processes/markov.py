@@ -28,8 +28,7 @@ from gmwm.theory.statespace import StateSpace
 _PROCESS = "first-order Markov"
 
 FEW_TIMES = 30
-"""Number of correlation times in a recording below which confidence intervals have less than their nominal coverage;
-see docs/validation, study `short`."""
+"""Correlation times in a recording below which intervals cover too little; docs/validation, study `short`."""
 SEARCH_BEND = 0.01
 """The search coordinate is linear in λ below `SEARCH_BEND`/N and logarithmic above. At λ = `SEARCH_BEND`/N a recording
 of N samples cannot distinguish the process from a random walk; see test_search_branches_run_along_the_parameter."""

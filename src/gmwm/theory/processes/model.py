@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     from gmwm.fitting.likelihood.tracks import Modelled
 
 MOST_TERMS = 100
-"""Largest number of terms of a model. A wavelet variance has at most 62 levels, so more terms can never be
-estimated."""
+"""Largest number of terms; a wavelet variance has at most 62 levels, so more can never be estimated."""
 
 
 class KalmanMethods:

@@ -17,11 +17,9 @@ from gmwm.theory.processes import haar_covariance
 from gmwm.theory.processes.haar_covariance import LagGrid
 
 LONGEST = 2048
-"""Largest number of lags L. With 19 levels, the covariance matrix of the wavelet variances is then a sum over 3 million
-terms, which takes 0.1 s and 150 MB; see benchmarks."""
+"""Largest number of lags L: with 19 levels, 3 million terms, 0.1 s and 150 MB; see benchmarks."""
 NEGLIGIBLE = 1e-11
-"""Size of ρ(m), relative to the largest |ρ| or to r(0), below which longer lags are left out. The relative error of the
-covariance matrix of the wavelet variances is then below 1e-10."""
+"""Relative size of ρ(m) that is left out; the error of the covariance is then below 1e-10."""
 
 
 @dataclass(frozen=True, eq=False)

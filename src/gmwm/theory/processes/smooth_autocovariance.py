@@ -22,11 +22,9 @@ from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.theory.filters import WaveletFilter
 
 NODES = 20
-"""Chebyshev points per octave [a, 2a] of lags. The singularity at lag 0 is 1.5 a away from the centre of the octave, so
-the interpolation error is about 5.8^−20."""
+"""Chebyshev points per octave [a, 2a] of lags; the interpolation error is about 5.8^−20."""
 _SPILL = 8
-"""Octave from which the filter is so short compared with the octave that the polynomial of the next octave is
-extrapolated to lags slightly outside it."""
+"""Octave from which the polynomial of the next octave is extrapolated to lags slightly outside it."""
 _SHORT = 64
 """Number of lags that are summed individually."""
 _TOGETHER = 2**14
