@@ -265,7 +265,7 @@ class AR1(_Markov):
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """Draw σ² and φ (draws, 2) as described at `_drawn`."""
+        """Draw σ² and φ (draws, 2) as described at `_draw`."""
         drawn = _draw(occasion, rng, draws=draws, before=before[-1][:, 0] if before else None, number=len(before))
         return np.column_stack([drawn[:, 0] * (1.0 - drawn[:, 1] ** 2), drawn[:, 1]])
 
@@ -361,7 +361,7 @@ class GM(_Markov):
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """Draw σ² and φ = e^(−βΔt) as described at `_drawn`, and return σ² and β (draws, 2)."""
+        """Draw σ² and φ = e^(−βΔt) as described at `_draw`, and return σ² and β (draws, 2)."""
         phi = np.exp(-before[-1][:, 0] / occasion.rate) if before else None
         drawn = _draw(occasion, rng, draws=draws, before=phi, number=len(before))
         # φ = 0 is white noise, for which β would be infinite.
