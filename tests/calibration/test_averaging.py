@@ -10,9 +10,9 @@ import pytest
 from scipy.signal import lfilter
 
 import gmwm
+from gmwm.calibration import averaging
 from gmwm.calibration.averaging import (
     ABSENT,
-    ALIKE,
     EQUIVALENT,
     LIKELY,
     MOST,
@@ -24,7 +24,7 @@ from gmwm.calibration.averaging import (
     averaged_intervals,
     weighted_candidates,
 )
-from gmwm.choosing.datasheets import datasheet
+from gmwm.choosing.datasheets import Datasheet, Entry, datasheet
 from gmwm.fitting.estimation.intervals import with_quick_intervals
 
 LEVEL = 0.95
@@ -202,7 +202,44 @@ def test_a_slow_gauss_markov_process_counts_as_a_random_walk():
     entry = averaged_datasheet(sheets["WN + RW"], both, LEVEL)["K"]
     assert not entry.upper_only
     assert entry.low > 0
-    assert ALIKE > 1
+
+
+def sheet_of(model, *numbers):
+    """A datasheet with rows of symbol, value, low, high."""
+    entries = tuple(
+        Entry(symbol=symbol, title="", value=value, low=low, high=high, unit="rad/s", upper_only=False)
+        for symbol, value, low, high in numbers
+    )
+    return Datasheet(
+        entries=entries, axis="gyro_x", unit="rad/s", model=model, samples=100_000, rate=100.0, level=LEVEL,
+        averaging_time=np.array([0.01]), allan_deviation=np.ones(1),
+    )  # fmt: skip
+
+
+def averaged_over(monkeypatch, sheet, other):
+    """The datasheet of the recommended model, averaged with one equivalent model whose datasheet is `other`."""
+    ranking = ranking_of((0.0, True, True), (0.0, True, False))
+    for candidate in ranking.distinct:
+        candidate.fit = None
+    monkeypatch.setattr(averaging, "with_quick_intervals", lambda fit, level: fit)
+    monkeypatch.setattr(averaging, "datasheet", lambda fit, level: other)
+    return averaged_datasheet(sheet, ranking, LEVEL)
+
+
+@pytest.mark.parametrize(("ratio", "counts"), [(5e3, True), (2e4, False)])
+def test_a_model_with_an_undetermined_gauss_markov_term_does_not_count(monkeypatch, ratio, counts):
+    sheet = sheet_of("WN", ("N", 1.0, 0.9, 1.1))
+    term = ("T_c", 1.0, 0.1, 10.0), ("q_c", 1.0, 1 / math.sqrt(ratio), math.sqrt(ratio))
+    entry = averaged_over(monkeypatch, sheet, sheet_of("GM + WN", ("N", 2.0, 1.9, 2.1), *term))["N"]
+    assert (entry.high > 2) is counts
+
+
+@pytest.mark.parametrize(("time", "alike"), [(4.0, True), (6.0, False), (0.25, True), (1 / 6, False)])
+def test_gauss_markov_terms_of_similar_correlation_times_are_the_same(monkeypatch, time, alike):
+    sheet = sheet_of("GM", ("T_c", 1.0, 0.9, 1.1), ("q_c", 1.0, 0.9, 1.1))
+    other = sheet_of("GM + WN", ("T_c", time, 0.9 * time, 1.1 * time), ("q_c", 3.0, 2.9, 3.1))
+    entry = averaged_over(monkeypatch, sheet, other)["q_c"]
+    assert (entry.high > 2.5) is alike
 
 
 @pytest.mark.slow

@@ -201,3 +201,15 @@ def test_held_lines_are_only_counted():
 
 def test_without_held_lines_they_are_not_mentioned(calibration):
     assert HELD not in calibration.summary()
+
+
+def test_the_summary_says_why_each_model_was_chosen(calibration):
+    text = calibration.summary(details=True)
+    for axis in calibration:
+        assert f"Why this model of {axis}?" in text
+        (step,) = calibration.axes[axis].search
+        assert (step.entered, step.used, step.recommended) == ("within", True, calibration[axis].model.structure)
+    assert max(map(len, text.splitlines())) <= 80
+    assert "Why this model" not in calibration.summary()
+    restored = gmwm.Calibration.from_dict(calibration.to_dict())
+    assert restored.axes["gyro_x"].search == calibration.axes["gyro_x"].search

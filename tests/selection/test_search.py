@@ -1,5 +1,8 @@
 """The search for a model: simple noise, the filters of sensors, resonances and lines, made with NumPy and SciPy."""
 
+import json
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy import signal
@@ -8,9 +11,20 @@ import gmwm
 from gmwm import Model, wavelet_variance
 from gmwm.choosing.datasheets import datasheet
 from gmwm.choosing.selection.api import select_within
-from gmwm.choosing.selection.options import RankingOptions
-from gmwm.choosing.selection.search import FELT, MOST_FREE, REJECTED, SLOW, _largest, _lines, search, within_family
+from gmwm.choosing.selection.options import SLOW, RankingOptions
+from gmwm.choosing.selection.search import (
+    FELT,
+    MOST_FREE,
+    REJECTED,
+    _is_accepted,
+    _largest,
+    _lines,
+    search,
+    within_family,
+)
+from gmwm.choosing.selection.search_steps import SearchStep
 from gmwm.choosing.selection.structure import freedom
+from gmwm.theory.processes.parameter import Fixed
 from gmwm.theory.processes.sinusoid import SIN
 
 RATE = 100.0
@@ -157,6 +171,67 @@ def test_weak_lines_are_left_out_and_only_the_strongest_has_a_free_power():
     assert all(line.is_fixed("frequency") for line in lines)
     curve = [line.wavelet_variance(wv.levels, RATE) for line in lines[MOST_FREE:]]
     assert all((one / wv.variance).max() >= FELT for one in curve)
+
+
+@pytest.mark.parametrize(("share", "count"), [(0.0035, 1), (0.0025, 0)])
+def test_a_line_is_felt_from_a_share_of_the_curve_on(share, count):
+    wv = wavelet_variance(np.random.default_rng(1).normal(size=20_000), rate=RATE)
+    unit = SIN(frequency=Fixed(7.3), power=Fixed(1.0)).wavelet_variance(wv.levels, RATE)
+    power = share / float(np.max(unit / wv.variance))
+    line = SimpleNamespace(frequency=7.3, amplitude=np.sqrt(2 * power), width=0.0)
+    assert len(_lines(SimpleNamespace(lines=(line,), bumps=(), rate=RATE), wv)) == count
+
+
+# --- the steps ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("pvalue", "accepted"), [(0.0022, True), (0.0018, False), (None, True)])
+def test_the_level_at_which_the_search_goes_on(pvalue, accepted):
+    assert _is_accepted(SimpleNamespace(recommended=SimpleNamespace(pvalue=pvalue))) is accepted
+
+
+def test_a_true_model_with_a_small_p_value_ends_the_search():
+    """p = 0.018 occurs in 2 % of recordings of the model."""
+    rng, n = np.random.default_rng(16), 4000
+    found = search(wavelet_variance(rng.normal(size=n) + walk(rng, n, 0.02), rate=RATE), None, OPTIONS)
+    (step,) = found.steps
+    assert (step.entered, step.left, step.used, step.model_error) == ("slow", "accepted", True, 0.0)
+    assert 0.01 < step.pvalue < 0.03
+    assert step.bound > step.pvalue
+    assert step.recommended == found.ranking.recommended.structure
+
+
+@pytest.mark.slow
+def test_the_steps_say_why_each_family_was_entered_and_left():
+    rng, n = np.random.default_rng(3), 100_000
+    line = 0.6 * np.sin(2 * np.pi * 17.3 * np.arange(n) / RATE)
+    with_line = searched(rng.normal(size=n) + line + walk(rng, n))
+    assert [(s.entered, s.left, s.used) for s in with_line.steps] == [
+        ("slow", "all-rejected", False), ("lines", "accepted", True),
+    ]  # fmt: skip
+    assert with_line.steps[0].bound < REJECTED <= with_line.steps[1].bound
+    assert with_line.steps[0].recommended is None
+    resonant = searched(filtered(*FILTERS["Butterworth 2"], rng, n) + line)
+    assert [(s.entered, s.used) for s in resonant.steps] == [("slow", False), ("lines", False), ("shape", True)]
+    plain = searched(filtered(*FILTERS["Butterworth 2"], rng, n), spectrum=False)
+    assert [s.entered for s in plain.steps] == ["slow", "shape"]
+    given = within_family("WN + RW", plain.wavelet_variance, OPTIONS).steps
+    assert [(s.entered, s.left, s.family) for s in given] == [("within", "model-error", "WN + RW")]
+    assert given[0].model_error > 0.1
+    for step in (*with_line.steps, *resonant.steps, *given):
+        assert SearchStep.from_dict(json.loads(json.dumps(step.to_dict()))) == step
+        assert step.text().startswith(f"{step.family}: ")
+        assert ("Result." in step.text()) is step.used
+
+
+@pytest.mark.slow
+def test_a_possible_filter_is_a_step():
+    rng = np.random.default_rng(8)
+    wide = filtered(*signal.butter(1, 2 * 0.25 / 4), rng, 120_000)[::4]
+    found = searched(wide + walk(rng, wide.size))
+    assert [(s.entered, s.left, s.used) for s in found.steps] == [
+        ("slow", "filter-possible", False), ("filter", "accepted", True),
+    ]  # fmt: skip
 
 
 # --- parts --------------------------------------------------------------------------------------------

@@ -2,46 +2,20 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
-
-from gmwm.base.errors import GmwmError, OptionError
-from gmwm.base.helpers import Helpers
-from gmwm.base.remarks import Remark
-from gmwm.base.threads import in_threads
-from gmwm.calibration.additions import recording_additions
-from gmwm.calibration.calibrate_axis import STAGES, calibrate_axis
-from gmwm.calibration.data import AxisInput, Recordings
-from gmwm.calibration.findings import SIZE
-from gmwm.calibration.measure import MeasuredAxis, measure
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
-from gmwm.calibration.passes import Run
-from gmwm.calibration.recording_findings import recording_remarks
-from gmwm.calibration.recording_info import Recording
-from gmwm.calibration.result import AxisCalibration, Calibration
-from gmwm.files.readers.streams import Stream
-from gmwm.measuring.inspection import Inspection
-from gmwm.measuring.outliers import Verdict
 from gmwm.measuring.regression.against import AUTO, Against
-from gmwm.recording.options import as_whole_number
-from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import ModelLike
 from gmwm.theory.processes.validation import as_seed
 
 if TYPE_CHECKING:
+    import numpy as np
     from distributed import Client
 
-Data = Imu | Signal | Stream | Mapping[str, AxisInput]
-"""Data of one recording."""
-Several = Sequence[Imu] | Sequence[Signal] | Sequence[Stream] | Mapping[str, Imu | Stream]
-"""Data of several recordings of one unit."""
-Progress = Callable[[int, int, str], None]
-"""Progress callback. Its arguments are the number of finished steps, the total number of steps, and a description of
-the last step."""
+    from gmwm.calibration.calibrate_recordings import Data, Progress, Several
+    from gmwm.calibration.result import Calibration
 
 
 def calibrate(
@@ -163,125 +137,6 @@ def calibrate(
         axes=axes,
         models={} if models is None else models,
     )
+    from gmwm.calibration.calibrate_recordings import calibrate_recording
+
     return calibrate_recording(data, options, threads=threads, scheduler=scheduler, workers=workers, progress=progress)
-
-
-def calibrate_recording(
-    data: Data | Several,
-    options: CalibrationOptions,
-    *,
-    threads: int | None = None,
-    scheduler: str | Client | None = None,
-    workers: int | None = None,
-    progress: Progress | None = None,
-    helpers: Helpers | None = None,
-) -> Calibration:
-    """Calibrate one or several recordings like `calibrate`, with options that are already validated.
-
-    The axes are also calibrated in helper processes, if there are any.
-    """
-    if threads is not None:
-        as_whole_number(threads, "threads", 1)
-    recordings = Recordings.of(data, options)
-    steps = _Progress(len(recordings.axes) * len(STAGES), progress)
-    run = Run(threads=threads, scheduler=scheduler, workers=workers, progress=steps.read)
-    measured, inspections, findings = measure(recordings, options, run)
-
-    def work(axis: str, item: MeasuredAxis | GmwmError) -> AxisCalibration | GmwmError:
-        try:
-            if isinstance(item, GmwmError):
-                raise item
-            advance = partial(steps.step, axis)
-            if helpers is None:
-                return calibrate_axis(item, options, advance=advance, check=steps.check)
-            advance(STAGES[0])
-            calibration = helpers.run(calibrate_axis, item, options)
-            for stage in STAGES[1:]:
-                advance(stage)
-            return calibration
-        except OptionError:
-            raise
-        except GmwmError as error:
-            return error
-
-    try:
-        results = in_threads(work, measured, threads=threads)
-    except BaseException:
-        steps.stop()
-        raise
-    axes = {axis: item for axis, item in results.items() if isinstance(item, AxisCalibration)}
-    failed = {axis: item for axis, item in results.items() if isinstance(item, GmwmError)}
-    if not axes:
-        axis, error = next(iter(failed.items()))
-        raise error.at(f"no axis can be calibrated; {axis}") from error
-    verdicts = {axis: item.verdicts for axis, item in measured.items() if isinstance(item, MeasuredAxis)}
-    descriptions = {name: Recording.of(inspection) for name, inspection in inspections.items()}
-    single = recordings.by_name.get("")
-    source = single.source if isinstance(single, Imu | Stream) else ""
-    return Calibration(
-        axes=axes,
-        failed=dict(recordings.missing) | {axis: error.reason for axis, error in failed.items()},
-        settings=options,
-        source=source if single is not None else ", ".join(recordings.by_name),
-        recording_remarks=tuple(dict.fromkeys(_recording_remarks(inspections, axes, verdicts, findings))),
-        recording=descriptions.get(""),
-        recordings={name: item for name, item in descriptions.items() if name},
-    )
-
-
-def _recording_remarks(
-    inspections: Mapping[str, Inspection],
-    axes: Mapping[str, AxisCalibration],
-    verdicts: Mapping[str, Mapping[str, Verdict]],
-    findings: Mapping[str, Sequence[object]],
-) -> Iterator[Remark]:
-    """Yield the remarks on the recordings from their inspections, outlier tests and additions.
-
-    If a remark does not apply to all recordings, its subject names the recording.
-    """
-    found = {}
-    for name, inspection in inspections.items():
-        own = [of[name] for of in verdicts.values() if name in of]
-        found[name] = list(recording_remarks(inspection, axes, own))
-        still = [axis for axis in axes if not (name in verdicts[axis] and verdicts[axis][name].contaminated)]
-        for addition, finding in zip(recording_additions(), findings[name], strict=False):
-            if finding is not None:
-                found[name] += addition.remarks(finding, still, SIZE / len(inspections))
-    for name, remarks in found.items():
-        for remark in remarks:
-            if all(remark in others for others in found.values()):
-                yield remark
-            else:
-                yield remark.about(f"{remark.subject} in {name}" if remark.subject else name)
-
-
-class _Progress:
-    """Progress of the threads of a calibration. It reports one step at a time, and it can stop all threads."""
-
-    def __init__(self, steps: int, progress: Progress | None) -> None:
-        self.steps, self.progress = steps, progress
-        self.done = 0
-        self.lock = threading.Lock()
-        self.stopped = threading.Event()
-
-    def stop(self) -> None:
-        """Make every thread stop before its next step."""
-        self.stopped.set()
-
-    def check(self) -> None:
-        """Raise KeyboardInterrupt in this thread if `stop` was called."""
-        if self.stopped.is_set():
-            raise KeyboardInterrupt
-
-    def read(self, text: str) -> None:
-        """Report the progress of reading, which is not a step of its own."""
-        if self.progress is not None:
-            self.progress(self.done, self.steps, text)
-
-    def step(self, axis: str, stage: str) -> None:
-        """Report a finished step of an axis."""
-        self.check()
-        with self.lock:
-            self.done += 1
-            if self.progress is not None:
-                self.progress(self.done, self.steps, f"{axis}: {stage}")

@@ -14,8 +14,8 @@ from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.units import SI_UNIT, find_unit
 from gmwm.calibration.options import CalibrationOptions
-from gmwm.files.readers.streams import Stream
 from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.batches import Streamed
 from gmwm.recording.signals import Imu, Signal
 
 _MAKE_A_SIGNAL = "Make a signal from an array: `gmwm.Signal(x, rate, 'rad/s')`."
@@ -86,13 +86,13 @@ def named(data: Any) -> dict[str, Any]:
     OptionError
         If a list is empty, or one of its items is not a recording.
     """
-    if isinstance(data, Mapping) and len(data) > 1 and all(isinstance(item, Imu | Stream) for item in data.values()):
+    if isinstance(data, Mapping) and len(data) > 1 and all(isinstance(item, Imu | Streamed) for item in data.values()):
         return dict(data)
     if not isinstance(data, list | tuple):
         return {"": data}
     items = [Imu({item.axis or "signal": item}) if isinstance(item, Signal) else item for item in data]
     for item in items:
-        if not isinstance(item, Imu | Stream):
+        if not isinstance(item, Imu | Streamed):
             raise OptionError(
                 argument="data", expected="recordings in the list, each an Imu, a Signal or a Stream", got=item,
                 advice="Read each file: `calibrate([gmwm.read(path) for path in paths])`."
@@ -118,10 +118,10 @@ def chosen_axes(data: object, wanted: tuple[str, ...] | None) -> dict[str, AxisI
     items: dict[str, AxisInput | None]
     if isinstance(data, Signal):
         items = {data.axis or "signal": data}
-    elif isinstance(data, Stream):
-        items = dict.fromkeys(data.axes)
     elif isinstance(data, Imu):
         items = dict(data.signals)
+    elif isinstance(data, Streamed):
+        items = dict.fromkeys(data.axes)
     elif isinstance(data, Mapping) and data:
         items = dict(data)
     else:

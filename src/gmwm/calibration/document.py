@@ -67,6 +67,10 @@ def document(found: Calibration) -> dict[str, Any]:
         "failed": dict(found.failed),
         "recording_remarks": [remark.to_dict() for remark in found.recording_remarks],
         "verdict": found.verdict.to_dict(),
+        "use": {
+            axis: {symbol: verdict.to_dict() for symbol, verdict in of_axis.items()}
+            for axis, of_axis in found.number_verdicts.items()
+        },
         "remarks": [remark.to_dict() for remark in found.remarks],
         "recording": None if found.recording is None else found.recording.to_dict(),
         "recordings": {name: one.to_dict() for name, one in found.recordings.items()},

@@ -23,7 +23,6 @@ from gmwm.calibration.passes import (
     read_signal,
 )
 from gmwm.calibration.rest import AxisMean, means_of
-from gmwm.files.readers.streams import Stream
 from gmwm.measuring.covariance.tails import with_common_tails
 from gmwm.measuring.inspection import Inspection
 from gmwm.measuring.outliers import (
@@ -40,9 +39,9 @@ from gmwm.measuring.regression.conditions import NOTHING, Conditions
 from gmwm.measuring.regression.result import Regression
 from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.measuring.variance.api import signal_wavelet_variance
-from gmwm.measuring.variance.pooling import pooled
+from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.recording.batches import Batch, batches, cut, joined
+from gmwm.recording.batches import Batch, Streamed, batches, cut, joined
 from gmwm.recording.signals import Imu, Signal
 
 
@@ -117,7 +116,7 @@ class MeasuredAxis:
         """
         removed = {name: item for name, item in self.regressions.items() if item.applied}
         curves = self._curves(options)
-        return pooled({name: removed[name].corrected(wv) if name in removed else wv for name, wv in curves.items()})
+        return pool({name: removed[name].corrected(wv) if name in removed else wv for name, wv in curves.items()})
 
     def raw_curve(self, options: CalibrationOptions) -> WaveletVariance | None:
         """Return the wavelet variance without the removal of the effect of the conditions.
@@ -132,7 +131,7 @@ class MeasuredAxis:
                 if name not in self.raw:
                     return None
                 curves[name] = self.raw[name]
-        return pooled(curves) if len({wv.robust for wv in curves.values()}) == 1 else None
+        return pool(curves) if len({wv.robust for wv in curves.values()}) == 1 else None
 
     def _curves(self, options: CalibrationOptions) -> dict[str, WaveletVariance]:
         """Return the curve of each recording. Classical and robust curves cannot be pooled, so all are of one kind."""
@@ -243,6 +242,8 @@ def _require_one_stream(recordings: Recordings, argument: str) -> None:
             f"{argument} can be given for one recording only, and there are several", argument=argument,
             advice="Leave {--" + argument + "} out.",
         )  # fmt: skip
+    from gmwm.files.readers.streams import Stream
+
     if not isinstance(recordings.by_name[""], Stream):
         raise OptionError(
             f"{argument} can be given for a stream only", argument=argument,
@@ -257,9 +258,11 @@ def _read(
 ]:  # fmt: skip
     """Read the samples of one recording, and regress its axes on the conditions."""
     data, inputs = recordings.by_name[name], recordings.inputs[name]
-    if isinstance(data, Imu | Stream):
+    if isinstance(data, Imu | Streamed):
         conditions = Conditions.of_recording(data, options.conditions, threads=run.threads, curves=True)
-        axes, inspection, findings = read_recording(data, recordings.axes, options.efficiency, conditions, run)
+        axes, inspection, findings = read_recording(
+            data, recordings.axes, options.efficiency, conditions=conditions, run=run
+        )
         return dict(axes), dict.fromkeys(recordings.axes, conditions), inspection, findings
     curves = {axis: item for axis, item in inputs.items() if item is not None}
     each = {axis: _conditions_of(axis, item, options) for axis, item in curves.items()}
@@ -311,7 +314,7 @@ def _curves_of(
 def _raw(axis: str, inputs: Mapping[str, AxisInput | None], conditions: Conditions) -> WaveletVariance | None:
     """Return the wavelet variance from which an effect of the conditions is not removed; None if none is removed, or if
     this curve is not known."""
-    if conditions.applied(axis) is None:
+    if conditions.applied_regression(axis) is None:
         return None
     signal, raw = inputs.get(axis), conditions.raw.get(axis)
     return signal_wavelet_variance(signal) if raw is None and isinstance(signal, Signal) else raw
@@ -331,8 +334,10 @@ def _beginnings(
         for axis, item in items.items()
         if isinstance(item, AxisAccumulator) and item.beginning is not None
     }
-    if isinstance(data, Imu | Stream):
-        beginnings = {axis: signal for axis, signal in beginnings.items() if conditions[axis].applied(axis) is None}
+    if isinstance(data, Imu | Streamed):
+        beginnings = {
+            axis: signal for axis, signal in beginnings.items() if conditions[axis].applied_regression(axis) is None
+        }
         again = [axis for axis in items if axis not in beginnings]
         signals = _first_samples(data) if again else {}
     else:
@@ -345,7 +350,7 @@ def _beginnings(
     return beginnings
 
 
-def _first_samples(recording: Imu | Stream) -> Mapping[str, Signal]:
+def _first_samples(recording: Imu | Streamed) -> Mapping[str, Signal]:
     """Return the signals of a recording by axis, at least up to the last sample that an addition needs."""
     parts: list[Batch] = []
     for batch in batches(recording):

@@ -15,7 +15,6 @@ from gmwm.base.errors import GmwmError
 from gmwm.base.text import duration_text
 from gmwm.base.threads import in_threads
 from gmwm.calibration.additions import axis_additions, recording_additions
-from gmwm.files.readers.streams import Stream
 from gmwm.measuring.inspection import Inspection
 from gmwm.measuring.inspection.api import FirstPass
 from gmwm.measuring.outliers import Replaced, Screen, Screening, cleaned
@@ -28,6 +27,8 @@ from gmwm.recording.signals import Imu, Signal
 
 if TYPE_CHECKING:
     from distributed import Client
+
+    from gmwm.files.readers.streams import Stream
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,7 +176,7 @@ def _continued(before: Signal, after: Signal) -> Signal:
 
 
 def read_recording(
-    recording: Imu | Stream, axes: Sequence[str], efficiency: float, conditions: Conditions = NOTHING,
+    recording: Imu | Streamed, axes: Sequence[str], efficiency: float, conditions: Conditions = NOTHING,
     run: Run = IN_THIS_PROCESS,
 ) -> Passes:  # fmt: skip
     """Accumulate some axes of a recording and inspect all of its axes, in the same passes over the samples.
@@ -192,11 +193,16 @@ def read_recording(
         removal, except in its test for trends.
     run : Run
     """
-    if isinstance(recording, Stream) and run.remote:
+    if run.remote:
+        from gmwm.files.readers.streams import Stream
+
+        assert isinstance(recording, Stream)
         return _read_remotely(recording, axes, efficiency, conditions=conditions, run=run)
     batches = _reported(recording, run.progress)
     inspector = FirstPass(batches)
-    accumulators = _first_pass(batches, axes, efficiency, conditions, inspector=inspector, threads=run.threads)
+    accumulators = _first_pass(
+        batches, axes, efficiency, conditions=conditions, inspector=inspector, threads=run.threads
+    )
     curves = {axis: item.curves for axis, item in accumulators.items() if item.curves is not None}
     inspection = _inspected(batches, inspector, curves, run.threads, conditions=conditions)
     return Passes(accumulators, inspection, _findings(recording, accumulators, run.threads))
@@ -231,7 +237,9 @@ def curves_and_inspection(
         As in `wavelet_variance`.
     """
     if run.remote:
-        curves, (inspection, _) = _spread(stream, axes, (), robust, efficiency, conditions=conditions, run=run)
+        curves, (inspection, _) = _spread(
+            stream, axes, robust=robust, efficiency=efficiency, conditions=conditions, run=run
+        )
     else:
         curves = curves_of(stream, axes, robust=robust, efficiency=efficiency)
         batches = _reported(stream, run.progress)
@@ -240,7 +248,7 @@ def curves_and_inspection(
         inspection = _inspected(batches, inspector, curves, conditions=conditions)
 
     def curve(axis: str, item: AxisCurves) -> WaveletVariance:
-        regression, wv = conditions.applied(axis), item.robust() if robust else item.classical()
+        regression, wv = conditions.applied_regression(axis), item.robust() if robust else item.classical()
         return wv if regression is None else regression.corrected(wv)
 
     return in_threads(curve, curves), inspection
@@ -323,7 +331,7 @@ def _read_remotely(
 ) -> Passes:
     """Read a stream like `read_recording`, with the workers of a cluster or with local processes."""
     curves, (inspection, accumulators) = _spread(
-        stream, axes, tuple(axes), True, efficiency, conditions=conditions, run=run, change=clean
+        stream, axes, inspected=tuple(axes), efficiency=efficiency, conditions=conditions, run=run, change=clean
     )  # fmt: skip
     for axis, item in accumulators.items():
         item.curves = curves[axis]
@@ -334,8 +342,8 @@ Remote = tuple[Inspection, dict[str, "AxisAccumulator"]]
 
 
 def _spread(
-    stream: Stream, axes: Sequence[str], inspected: tuple[str, ...], robust: bool, efficiency: float, *,
-    conditions: Conditions, run: Run, change: Callable[[Signal], Signal] | None = None,
+    stream: Stream, axes: Sequence[str], *, efficiency: float, conditions: Conditions, run: Run, robust: bool = True,
+    inspected: tuple[str, ...] = (), change: Callable[[Signal], Signal] | None = None,
 ) -> tuple[dict[str, AxisCurves], Remote]:  # fmt: skip
     """Measure the curves of a stream with workers, one of which inspects the stream and accumulates the other
     statistics of the axes `inspected`."""
@@ -357,7 +365,7 @@ def _spread(
     return curves, result
 
 
-def _inspect_remotely(stream: Stream, axes: tuple[str, ...], conditions: Conditions) -> Remote | GmwmError:
+def _inspect_remotely(stream: Streamed, axes: tuple[str, ...], conditions: Conditions) -> Remote | GmwmError:
     """Inspect a stream in a worker process, and accumulate what does not belong to the wavelet variances.
 
     A GmwmError is returned instead of raised, because Dask would repeat a task that raises.

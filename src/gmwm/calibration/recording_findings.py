@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import rounded
 from gmwm.calibration.averaging import WALK
-from gmwm.measuring.inspection.findings import in_datasheet_units, removed
+from gmwm.measuring.inspection.findings import in_datasheet_units, removal_remark
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration
@@ -44,7 +44,7 @@ def recording_remarks(
             continue
         found = axes.get(remark.subject)
         if remark.code == "conditions-removed" and found is not None and found.regression is not None:
-            yield removed(remark.subject, found.regression, _left_in(found))
+            yield removal_remark(remark.subject, found.regression, _left_in(found))
             continue
         affected = remark.facts.get("numbers")
         if found is None or not isinstance(affected, tuple):

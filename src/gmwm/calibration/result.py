@@ -12,14 +12,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from gmwm.base.atomic_files import write_text
 from gmwm.base.errors import DataError, ReadError
 from gmwm.base.plotting import Plotted
-from gmwm.base.remarks import Remark, Severity
+from gmwm.base.remarks import Dialect, Remark, Severity
 from gmwm.base.text import Summarised
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.rest import BiasAtRest
-from gmwm.calibration.summary_text import summary
 from gmwm.choosing.datasheets import Datasheet
-from gmwm.choosing.replicates import Replicates
 from gmwm.choosing.selection import Ranking
 from gmwm.choosing.selection.search_steps import SearchStep
 from gmwm.fitting.estimation.goodness import GoodnessOfFit
@@ -35,7 +33,9 @@ if TYPE_CHECKING:
 
     from gmwm.applications.monitor import Baseline
     from gmwm.applications.navigation import Budget
+    from gmwm.calibration.number_verdicts import NumberVerdict
     from gmwm.calibration.reference_check import ReferenceCheck, ReferenceLike
+    from gmwm.choosing.replicates import Replicates
     from gmwm.showing.exporters.reduction import Rule
 
 T = TypeVar("T")
@@ -236,6 +236,13 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
 
         return verdict_of(self)
 
+    @cached_property
+    def number_verdicts(self) -> dict[str, dict[str, NumberVerdict]]:
+        """By axis and symbol: whether the number can be used, used as a bound, or not used, with the reason."""
+        from gmwm.calibration.number_verdicts import number_verdicts
+
+        return number_verdicts(self)
+
     def of_file(self, *paths: str | os.PathLike[str]) -> Calibration:
         """Return the calibration with the name, size and SHA-256 of the files from which the recordings were read.
 
@@ -292,15 +299,21 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
 
         return combined((self, *others))
 
-    def summary(self, *, every: bool = False) -> str:
-        """Return the calibration as text: verdict, a table for each sensor, and the most severe remarks.
+    def summary(self, dialect: Dialect = Dialect.PYTHON, *, every: bool = False, details: bool = False) -> str:
+        """Return the calibration as text: verdict, one line for each axis, and the most severe remarks.
 
         Parameters
         ----------
+        dialect : Dialect
+            Whether options are written as in Python or as in the shell.
         every : bool
             Whether to show all remarks instead of the five most severe.
+        details : bool
+            Whether to show all numbers of each axis, and why its model was chosen, instead of one line for each axis.
         """
-        return summary(self, every=every)
+        from gmwm.calibration.summary_text import summary
+
+        return summary(self, dialect, every=every, details=details)
 
     def to_frame(self, units: str = "datasheet") -> DataFrame:
         """Return the datasheet numbers of all axes as a Polars data frame, with one row for each axis and number.
@@ -513,9 +526,9 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         MissingTheoryError
             If a term has no state-space form.
         """
-        from gmwm.applications.navigation.api import budget_of_fits
+        from gmwm.applications.navigation.api import budget
 
-        found = budget_of_fits(self, duration, rest=rest, latitude=latitude, level=level)
+        found = budget(self, duration, rest=rest, latitude=latitude, level=level)
         causes = tuple(dict.fromkeys(remark.code for remark in self.remarks if remark.severity <= Severity.WRONG))
         return (
             replace(found, remarks=(Remark.of("budget-of-wrong", causes=causes), *found.remarks)) if causes else found

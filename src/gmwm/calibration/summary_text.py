@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm.base.axis_names import by_sensor
-from gmwm.base.remarks import Dialect, brief, texts
+from gmwm.base.remarks import Dialect, Severity, brief, texts
 from gmwm.base.tables import headed
 from gmwm.base.text import counted, duration_text, p_text
 from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.findings import equality_remarks
+from gmwm.calibration.first_screen import LEGEND, axis_lines
 from gmwm.calibration.misfit import is_line
 from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, in_order, key, number, with_error, wrapped
 from gmwm.choosing.replicates.result import RecordingNumber, short_spread
+from gmwm.choosing.selection.search_steps import search_lines
 from gmwm.theory.processes.ordered import Ordered
 
 if TYPE_CHECKING:
@@ -39,29 +41,34 @@ _BIAS, _MEAN = "b", "mean"
 _REST = {_BIAS: "bias", "b_on": "turn-on", "b_rms": "bias rms"}
 
 
-def summary(calibration: Calibration, dialect: Dialect = Dialect.PYTHON, *, every: bool = False) -> str:
-    """Return a calibration as text of at most 80 columns.
-
-    Parameters
-    ----------
-    calibration : Calibration
-    dialect : Dialect
-        Whether options are written as in Python or as in the shell.
-    every : bool
-        Whether to show all remarks instead of the five most severe.
-    """
+def summary(
+    calibration: Calibration, dialect: Dialect = Dialect.PYTHON, *, every: bool = False, details: bool = False
+) -> str:
+    """Return a calibration as text of at most 80 columns; `Calibration.summary` describes the parameters."""
     equality = equality_remarks(calibration)
     parts = [wrapped(calibration.verdict.text(dialect)), _head(calibration)]
     parts += [wrapped(text) for text in texts(equality, dialect, codes=True)]
-    for sensor, axes in by_sensor(calibration.axes).items():
-        parts.append([SENSORS.get(sensor, sensor or "Axes"), *_table(axes)])
-    parts.append(_legend(calibration))
-    for addition in axis_additions():
-        parts.append(wrapped(addition.summary(calibration.addition(addition.name))))
+    parts += _details(calibration) if details else [axis_lines(calibration), wrapped(LEGEND)]
     found = [remark for remark in calibration.remarks if remark not in equality]
+    if not (every or details):
+        found = [remark for remark in found if remark.severity is not Severity.INFO]
     remarks = texts(found, dialect, codes=True) if every else brief(found, dialect, rest=REST[dialect])
-    parts.append(["What to know before using the numbers:", *(line for text in remarks for line in bulleted(text))])
+    if remarks:
+        parts.append(["What to know before using the numbers:", *(line for text in remarks for line in bulleted(text))])
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
+
+
+def _details(calibration: Calibration) -> list[list[str]]:
+    """Return the tables with all numbers of each axis, the reasons for the models, and the results of additions."""
+    parts = [
+        [SENSORS.get(sensor, sensor or "Axes"), *_table(axes)] for sensor, axes in by_sensor(calibration.axes).items()
+    ]
+    parts.append(_legend(calibration))
+    parts += [
+        [f"Why this model of {axis}?", *search_lines(result.search, WIDTH)]
+        for axis, result in calibration.axes.items() if result.search
+    ]  # fmt: skip
+    return [*parts, *(wrapped(a.summary(calibration.addition(a.name))) for a in axis_additions())]
 
 
 # --- the head and the tables ------------------------------------------------------------------------

@@ -128,6 +128,13 @@ def calibrate(
     ] = None,
     view: View = "wavelet",
     datasheet: Datasheet = False,
+    details: Annotated[
+        bool,
+        typer.Option(
+            help="Print all numbers of each axis, and why its model was chosen, not one line for each axis.",
+            rich_help_panel=RESULT,
+        ),
+    ] = False,
     all_topics: Annotated[
         bool,
         typer.Option(
@@ -181,7 +188,7 @@ def calibrate(
             require_axes(models, axes)
             chosen = replace(options, axes=axes, models=models)
             calibration = _unite(groups, files, chosen, scheduler=scheduler, workers=workers, helpers=processes)
-        return _outcome(calibration, files, output, view=view, datasheet=datasheet, helpers=processes)
+        return _outcome(calibration, files, output, view=view, datasheet=datasheet, details=details, helpers=processes)
 
     apart = separate_topics(files, reading)
     if apart:
@@ -226,11 +233,12 @@ def _outcome(
     *,
     view: Literal["wavelet", "allan"],
     datasheet: bool,
+    details: bool,
     helpers: Helpers,
 ) -> Outcome:
     """Return the outcome of the command, with the files to write."""
     plots = None if output is None else helpers.begin(pictures, found, view, datasheet)
-    document, text = found.to_dict(), summary(found, Dialect.SHELL, every=True)
+    document, text = found.to_dict(), summary(found, Dialect.SHELL, details=True, every=True)
     files_of_calibration: tuple[NewFile, ...] = ()
     if output is not None and plots is not None:
         files_of_calibration = calibration_files(found, output, document=document, text=text, plots=plots)
@@ -239,7 +247,7 @@ def _outcome(
     return Outcome(
         command="calibrate",
         document={**document, **document_of(files), "written": written},
-        text=summary(found, Dialect.SHELL),
+        text=summary(found, Dialect.SHELL, details=details),
         all_text=text,
         files=(*files_of_calibration, *kalibr.files),
         together=True,
@@ -257,8 +265,8 @@ def calibrated(
     workers: int | None = None,
 ) -> Calibration:
     """Calibrate a recording, or several recordings of one unit by name, with a progress bar."""
-    from gmwm.calibration.api import calibrate_recording
     from gmwm.calibration.calibrate_axis import STAGES
+    from gmwm.calibration.calibrate_recordings import calibrate_recording
 
     before = 0
     axes = options.wanted or (next(iter(recording.values())) if isinstance(recording, Mapping) else recording).axes
@@ -275,7 +283,7 @@ def calibrated(
 
 
 def calibration_helpers(
-    *, plots: bool = False, before: str = "gmwm.calibration.api", count: int | None = None
+    *, plots: bool = False, before: str = "gmwm.calibration.calibrate_recordings", count: int | None = None
 ) -> Helpers:
     """Fork helpers that calibrate.
 
@@ -295,11 +303,11 @@ def calibration_helpers(
 
 def pictures(found: Calibration, view: Literal["wavelet", "allan"], datasheet: bool) -> dict[str, bytes]:
     """Draw the plots of a calibration: the content of each file."""
-    from gmwm.showing.plots.matplotlib import rendered
+    from gmwm.showing.plots.matplotlib import render
 
     system: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
     return {
-        name: rendered(found.plot(split=split, view=view, units=system), ".png")
+        name: render(found.plot(split=split, view=view, units=system), ".png")
         for name, split in (("calibration.png", True), ("by_sensor.png", False))
     }
 

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gmwm.base.errors import OptionError
-from gmwm.choosing.selection.options import RankingOptions
-from gmwm.choosing.selection.search import SLOW
+from gmwm.choosing.selection.options import SLOW, RankingOptions
 from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, axes_together, measured_together, memory_for, opened_together
 from gmwm.cli.options import (

@@ -11,7 +11,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -30,6 +30,7 @@ BATCH = 1 << 21
 is the default number of exact levels for six axes (`exact_levels`)."""
 
 
+@runtime_checkable
 class Streamed(Protocol):
     """A recording whose samples are read from a file when they are needed: `gmwm.readers.Stream`."""
 

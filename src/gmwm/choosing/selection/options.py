@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from gmwm.fitting.estimation.intervals import Method
 from gmwm.recording.options import as_confidence, as_whole_number, one_of
 
+if TYPE_CHECKING:
+    from gmwm.fitting.estimation.intervals import Method
+
 Weights = Literal["optimal", "diagonal"]
+SLOW = "4*GM + WN + QN + FN + RW + DR"
+"""General model whose submodels a search ranks first (docs/validation/selection.md)."""
 DRAWS = 500
 """Default number of simulated recordings."""
 FEWEST_DRAWS = 100

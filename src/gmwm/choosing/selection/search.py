@@ -20,9 +20,9 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import GmwmError
 from gmwm.choosing.selection.api import rank_models, select_within
-from gmwm.choosing.selection.options import RankingOptions
+from gmwm.choosing.selection.options import SLOW, RankingOptions
 from gmwm.choosing.selection.ranking import Ranking
-from gmwm.choosing.selection.search_steps import Entry, SearchStep
+from gmwm.choosing.selection.search_steps import Entry, Exit, SearchStep
 from gmwm.choosing.selection.shape_error import (
     acts_as_filter,
     band_errors,
@@ -42,8 +42,6 @@ from gmwm.theory.processes.noise import WN
 from gmwm.theory.processes.parameter import Fixed
 from gmwm.theory.processes.sinusoid import SIN
 
-SLOW = "4*GM + WN + QN + FN + RW + DR"
-"""General model whose submodels are ranked first (docs/validation/selection.md)."""
 BESIDE = "4*GM + FN + RW + DR"
 """General model that is combined with a shape at high frequencies. The shape includes white and quantization noise."""
 REJECTED = 0.002
@@ -142,7 +140,14 @@ def search(
         ranking = select_within(SLOW, wv, options, progress=lambda *_: check())
         slow = _with_result(replace(slow, left="rejected"), ranking)
         if _is_accepted(ranking):
-            return _accepted_choice(general, ranking, slow, wv, spectrum, options=options, check=check)
+            slow = replace(slow, left="accepted", used=True)
+            choice = _as_sampled(
+                ModelChoice(ranking=ranking, wavelet_variance=wv, error=0.0, tried=(SLOW,), steps=(slow,))
+            )
+            if spectrum is None or not _has_filter(ranking.recommended.fit):
+                return choice
+            shown = _required(general, wv, spectrum, (), options=options, check=check)
+            return _with_filter(choice, shown.choice(BESIDE, options, check, "filter")) if shown.terms else choice
     check()
     lines = () if spectrum is None else _lines(spectrum, wv)
     steps = [slow]
@@ -161,29 +166,13 @@ def search(
     return shown.choice(SLOW if spectrum is None else BESIDE, options, check, "shape").after(*steps)
 
 
-def _accepted_choice(
-    general: Fit,
-    ranking: Ranking,
-    slow: SearchStep,
-    wv: WaveletVariance,
-    spectrum: PowerSpectrum | None,
-    *,
-    options: RankingOptions,
-    check: Callable[[], None],
-) -> ModelChoice:
-    """Return the accepted model of the slow family, or the model with a filter if the test accepts this one too."""
-    accepted = replace(slow, left="accepted", used=True)
-    choice = _as_sampled(ModelChoice(ranking=ranking, wavelet_variance=wv, error=0.0, tried=(SLOW,), steps=(accepted,)))
-    if spectrum is None or not _has_filter(ranking.recommended.fit):
-        return choice
-    shown = _required(general, wv, spectrum, (), options=options, check=check)
-    if not shown.terms:
-        return choice
-    shaped = shown.choice(BESIDE, options, check, "filter")
+def _with_filter(choice: ModelChoice, shaped: ModelChoice) -> ModelChoice:
+    """Return the choice with the shape of a filter if the test accepts it, otherwise the choice of slow processes."""
+    (slow,) = choice.steps
+    slow = replace(slow, left="filter-possible", used=not _is_accepted(shaped.ranking))
     if _is_accepted(shaped.ranking):
-        return shaped.after(replace(slow, left="filter-possible"))
-    unused = (replace(step, left="rejected", used=False) for step in shaped.steps)
-    return replace(choice, steps=(replace(accepted, left="filter-possible"), *unused))
+        return shaped.after(slow)
+    return replace(choice, steps=(slow, *(replace(step, left="rejected", used=False) for step in shaped.steps)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -279,7 +268,8 @@ def given_model(model: Model, wv: WaveletVariance, options: RankingOptions) -> M
 
 def _only_choice(ranking: Ranking, wv: WaveletVariance, step: SearchStep, *, tried: tuple[str, ...]) -> ModelChoice:
     """Return the choice from the last family."""
-    step = replace(step, left="accepted" if _is_accepted(ranking) else "last", used=True)
+    left: Exit = "model-error" if step.model_error else "accepted" if _is_accepted(ranking) else "last"
+    step = replace(step, left=left, used=True)
     return _as_sampled(
         ModelChoice(ranking=ranking, wavelet_variance=wv, error=step.model_error, tried=tried, steps=(step,))
     )

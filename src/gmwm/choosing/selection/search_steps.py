@@ -7,10 +7,10 @@ from dataclasses import asdict, dataclass
 from textwrap import wrap
 from typing import Any, Literal
 
-from gmwm.base.text import p_text
+from gmwm.base.text import p_relation
 
 Entry = Literal["within", "model", "slow", "lines", "shape", "filter", "nothing-shown", "without-absent-lines"]
-Exit = Literal["accepted", "all-rejected", "rejected", "filter-possible", "lines-absent", "last"]
+Exit = Literal["accepted", "all-rejected", "rejected", "filter-possible", "lines-absent", "model-error", "last"]
 ENTRY_TEXTS: Mapping[Entry, str] = {
     "within": "largest model of the user",
     "model": "model of the user",
@@ -22,12 +22,13 @@ ENTRY_TEXTS: Mapping[Entry, str] = {
     "without-absent-lines": "without the lines whose power is estimated as zero",
 }
 EXIT_TEXTS: Mapping[Exit, str] = {
-    "accepted": "The test accepts it.",
-    "all-rejected": "The test rejects every model of this family, so they were not compared.",
-    "rejected": "The test rejects it.",
-    "filter-possible": "The test accepts it, but a Gauss-Markov term is as fast as a filter of the sensor.",
-    "lines-absent": "The power of a line is estimated as zero.",
-    "last": "The test rejects it, but there is no further family.",
+    "accepted": "The test accepts {model}{p}.",
+    "all-rejected": "The test rejects all of its models{p}, so they were not compared.",
+    "rejected": "The test rejects {model}{p}.",
+    "filter-possible": "The test accepts {model}{p}, but one of its Gauss-Markov terms may be a filter of the sensor.",
+    "lines-absent": "In {model}, the power of a line is estimated as zero.",
+    "model-error": "The test rejects all its models{bound}, but {model} with a model error of {error:.2g} % fits{p}.",
+    "last": "The test rejects {model}{p}, but there is no further family.",
 }
 
 
@@ -52,7 +53,8 @@ class SearchStep:
         Relative model error that is included in the comparison.
     left : str
         Why the search went on or ended: "accepted", "all-rejected", "rejected", "filter-possible", "lines-absent", or
-        "last" (rejected, and there is no further family).
+        "model-error" (all rejected, so the result includes a model error), or "last" (rejected, but there is no further
+        family).
     used : bool
         Whether the result of the search is from this family.
     """
@@ -67,15 +69,12 @@ class SearchStep:
     used: bool = False
 
     def text(self) -> str:
-        """Return the step as one or two sentences."""
-        head = f"{self.family}: {ENTRY_TEXTS[self.entered]}."
-        if self.recommended is not None:
-            tested = "no test" if self.pvalue is None else p_text(self.pvalue)
-            head += f" Recommended: {self.recommended} ({tested})."
-        elif self.bound is not None:
-            head += f" p of any model: at most {self.bound:.2g}."
-        error = f" Model error: {100 * self.model_error:.2g} %." if self.model_error else ""
-        return f"{head} {EXIT_TEXTS[self.left]}{error}{' This result is used.' if self.used else ''}"
+        """Return the step as two or three sentences."""
+        pvalue = self.bound if self.recommended is None else self.pvalue
+        reason = EXIT_TEXTS[self.left].format(
+            model=self.recommended, p=_in_brackets(pvalue), bound=_in_brackets(self.bound), error=100 * self.model_error
+        )
+        return f"{self.family}: {ENTRY_TEXTS[self.entered]}. {reason}{' Result.' if self.used else ''}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain values for JSON."""
@@ -85,6 +84,10 @@ class SearchStep:
     def from_dict(cls, content: Mapping[str, Any]) -> SearchStep:
         """Restore a step from the result of `to_dict`."""
         return cls(**content)
+
+
+def _in_brackets(pvalue: float | None) -> str:
+    return " (too few scales for a test)" if pvalue is None else f" (p {p_relation(pvalue)})"
 
 
 def search_lines(steps: Iterable[SearchStep], width: int) -> Iterator[str]:

@@ -10,7 +10,6 @@ from gmwm.base.axis_names import axis_quantity
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.threads import in_threads
 from gmwm.base.units import SI_UNIT
-from gmwm.files.readers.streams import Stream
 from gmwm.measuring.spectrum import PowerSpectra, SpectrumAccumulator
 from gmwm.measuring.spectrum.welch import Detrend
 from gmwm.measuring.variance.accumulate import WaveletAccumulator
@@ -27,6 +26,8 @@ from gmwm.recording.signals import Imu, Signal
 
 if TYPE_CHECKING:
     from distributed import Client
+
+    from gmwm.files.readers.streams import Stream
 
 Change = Callable[[Signal], Signal]
 """Function that changes the samples of an axis before their gaps are filled."""
@@ -225,10 +226,11 @@ def accumulators(
     robust: bool = False,
 ) -> dict[str, WaveletAccumulator]:  # fmt: skip
     """Make an empty accumulator for each axis."""
+    rate = recording.rate
     count, held = (exact_levels(len(axes)), held_samples(len(axes))) if exact is None else (exact, None)
     return {
         axis: WaveletAccumulator(
-            recording.rate,
+            rate,
             levels=levels,
             held=held,
             exact=count,
@@ -242,7 +244,7 @@ def accumulators(
 
 def unit_of(recording: Imu | Streamed, axis: str) -> str:
     """Return the unit of an axis; chunks are in SI units."""
-    return recording[axis].unit if isinstance(recording, Imu) else SI_UNIT[axis_quantity(axis)]
+    return recording.signals[axis].unit if isinstance(recording, Imu) else SI_UNIT[axis_quantity(axis)]
 
 
 def feed_chunks(chunks: Iterable[Chunk], measured: Mapping[str, WaveletAccumulator]) -> None:

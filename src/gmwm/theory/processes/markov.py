@@ -16,6 +16,7 @@ from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes import exponential, filtered, haar_covariance
 from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.noise import WN
 from gmwm.theory.processes.parameter import Branch, Exponential, Parameter, Value
@@ -116,11 +117,14 @@ class _Markov(Process, abstract=True):
         s2, sign, lam = self._pole(as_rate(rate))
         return s2 * (haar_covariance.exponential(at, lam) if sign > 0 else haar_covariance.alternating(at, lam))
 
-    def exponential_part(self, rate: float) -> tuple[float, float] | None:
-        """Return s² and λ if `coefficient_covariance` is s² times `haar_covariance.exponential`; None for negative φ.
-        The kernel can then compute the covariances while it sums them."""
+    def exponential_sum(self, rate: float) -> ExponentialSum:
+        """Return the exponential s²φ^|k|."""
         s2, sign, lam = self._pole(as_rate(rate))
-        return (s2, lam) if sign > 0 else None
+        if lam > haar_covariance.WHITE:
+            return ExponentialSum(white=s2)
+        if lam < haar_covariance.WANDERING:
+            return ExponentialSum(walk=2 * lam * s2)
+        return ExponentialSum.of_exponential(s2, lam if sign > 0 else complex(lam, math.pi))
 
     def decays(self, rate: float) -> tuple[float, ...]:
         """Return the decay rate λ per sample, negative for negative φ."""

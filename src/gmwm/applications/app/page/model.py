@@ -245,9 +245,9 @@ def _regression_note(fit: Fit, session: Session, workspace: Workspace) -> str:
     """Return a sentence that states which wavelet variance is fitted, and which effects were removed from it."""
     data = workspace.data(session).value[fit.wavelet_variance.axis]
     curve = "robust" if fit.wavelet_variance.robust else "classical"
-    fitted = data.regression
-    applied = fitted is not None and fitted.applied
-    removed = f" without the effect of {covariates_text(fitted)}, {effect_text(fitted)}" if applied else ""
+    regression, removed = data.regression, ""
+    if regression is not None and regression.applied:
+        removed = f" without the effect of {covariates_text(regression)}, {effect_text(regression)}"
     return f"As gmwm calibrate does, this page fits the {curve} curve{removed}."
 
 
@@ -297,8 +297,8 @@ def _tests(fit: Fit) -> Any:
 def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
     axis = axis_of(session, workspace)
 
-    def show(found: ModelChoice) -> list[Any]:
-        ranking, listed = found.ranking, []
+    def show(choice: ModelChoice) -> list[Any]:
+        ranking, listed = choice.ranking, []
         for candidate in ranking.distinct[:LISTED]:
             mark = "recommended" if candidate.recommended else "as good" if candidate.equivalent else ""
             pvalue = (
