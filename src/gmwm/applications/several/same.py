@@ -16,8 +16,8 @@ from gmwm.base.arrays import as_rate, as_vector
 from gmwm.base.errors import DataError, OptionError
 from gmwm.choosing.replicates.comparison import decide, level_ratios, numerators
 from gmwm.fitting.estimation.estimator import fit
+from gmwm.fitting.estimation.intervals import parameters_by_name
 from gmwm.fitting.estimation.recordings import LONGEST, Deviations, deviations
-from gmwm.fitting.inference.intervals import parameters_by_name
 from gmwm.measuring.covariance.tails import excess_covariance, with_common_tails
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.pooling import SLOWER, pool
