@@ -34,7 +34,7 @@ from gmwm.theory.processes.walk import RW
 STAGES = ("measured", "model chosen", "fitted", "judged")
 """Names of the steps of the calibration of one axis, as the progress callback gets them."""
 LONGER = 10
-"""Number of times that `needed` doubles the recording length at most, which is a factor of 1024
+"""Number of times that `needed_lengths` doubles the recording length at most, which is a factor of 1024
 (tests/calibration/test_calibrate.py)."""
 
 
@@ -82,7 +82,7 @@ def calibrate_axis(
         datasheet=sheet,
         ranking=ranking,
         verdict=measured.verdict(robust=curve.robust),
-        needed=needed(_as_one_recording(fit), options.weighting),
+        needed=needed_lengths(_as_one_recording(fit), options.weighting),
         spectrum=measured.spectrum,
         misfit=relative_misfit(fit),
         model_error=choice.error,
@@ -145,8 +145,8 @@ def _left_in(fit: Fit, raw: WaveletVariance, options: CalibrationOptions) -> flo
     walks = any(is_walk(process, fit.wavelet_variance.rate) for process in fit.model.processes)
     model = fit.model if walks else Model((*fit.model.processes, RW()))
     try:
-        left = nearly_fitted(model, raw, options.weighting)
-        entry = datasheet(left, options.confidence).get(WALK)
+        raw_fit = nearly_fitted(model, raw, options.weighting)
+        entry = datasheet(raw_fit, options.confidence).get(WALK)
     except GmwmError:
         return None
     return None if entry is None else entry.value
@@ -178,7 +178,7 @@ def _test(fit: Fit) -> GoodnessOfFit | None:
         return None
 
 
-def needed(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[str, float | None]:
+def needed_lengths(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[str, float | None]:
     """Return the recording length (s) that each poorly known parameter needs for a relative standard error of 20 %.
 
     These are the parameters whose relative standard error exceeds 50 %. The length of the recording is doubled up to
@@ -189,18 +189,18 @@ def needed(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[str, flo
     poor = [name for name, share in shares if share > SEEN]
     if not poor or fit.diagnostics.acts_as:
         return dict.fromkeys(poor)
-    kept = [(term, p) for term, p in zip(fit.model.terms, fit.model.processes, strict=True) if p.scale > 0]
-    model = Model(tuple(process for _, process in kept))
-    label = {new: old for new, (old, _) in zip(model.terms, kept, strict=True)}
-    found: dict[str, float | None] = dict.fromkeys(poor, math.inf)
+    terms = [(term, p) for term, p in zip(fit.model.terms, fit.model.processes, strict=True) if p.scale > 0]
+    model = Model(tuple(process for _, process in terms))
+    label = {new: old for new, (old, _) in zip(model.terms, terms, strict=True)}
+    lengths: dict[str, float | None] = dict.fromkeys(poor, math.inf)
     for doubling in range(1, LONGER + 1):
         samples = fit.wavelet_variance.samples << doubling
         names, errors = relative_errors(model, samples, fit.wavelet_variance.rate, weighting)
         for name, error in zip(names, errors.tolist(), strict=True):
             term, _, parameter = name.partition(".")
-            own = f"{label[term]}.{parameter}"
-            if found.get(own) == math.inf and error <= WANTED:
-                found[own] = samples / fit.wavelet_variance.rate
-        if math.inf not in found.values():
+            name_in_fit = f"{label[term]}.{parameter}"
+            if lengths.get(name_in_fit) == math.inf and error <= WANTED:
+                lengths[name_in_fit] = samples / fit.wavelet_variance.rate
+        if math.inf not in lengths.values():
             break
-    return found
+    return lengths

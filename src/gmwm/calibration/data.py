@@ -60,7 +60,7 @@ class Recordings:
         DataError
             If the recordings have no axis in common.
         """
-        by_name = named(data)
+        by_name = recordings_by_name(data)
         if len(by_name) > 1 and options.conditions.arrays:
             raise OptionError(
                 "against has arrays, which belong to one recording, and there are several", argument="against",
@@ -70,12 +70,12 @@ class Recordings:
         inputs = {name: chosen_axes(recording, options.wanted) for name, recording in by_name.items()}
         axes, missing = common_axes(inputs)
         require_axes(options.models, axes)
-        inputs = {name: {axis: own[axis] for axis in axes} for name, own in inputs.items()}
+        inputs = {name: {axis: recording_inputs[axis] for axis in axes} for name, recording_inputs in inputs.items()}
         comparisons = len(axes) * len(by_name)
         return cls(by_name=by_name, axes=tuple(axes), missing=missing, inputs=inputs, comparisons=comparisons)
 
 
-def named(data: Any) -> dict[str, Any]:
+def recordings_by_name(data: Any) -> dict[str, Any]:
     """Return the recordings by name. A single recording has the name "".
 
     The keys of a mapping of recordings are their names. Recordings in a list are named after their files without
@@ -156,11 +156,11 @@ def _is_pair(item: object) -> bool:
 
 def _check_unit(axis: str, unit: str) -> None:
     """Raise an OptionError if the name and the unit of an axis belong to different sensors."""
-    known = find_unit(unit)
-    named = next((quantity for quantity in SI_UNIT if sensor_of(axis) == quantity), None)
-    if known is not None and named is not None and known.quantity != named:
+    parsed = find_unit(unit)
+    quantity = next((quantity for quantity in SI_UNIT if sensor_of(axis) == quantity), None)
+    if parsed is not None and quantity is not None and parsed.quantity != quantity:
         raise OptionError(
-            f"{axis} must be in a unit of its sensor, such as {SI_UNIT[named]}; got {unit}",
+            f"{axis} must be in a unit of its sensor, such as {SI_UNIT[quantity]}; got {unit}",
             argument="data",
             advice="Correct the unit, or give the axis another name.",
         )

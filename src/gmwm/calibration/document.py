@@ -55,46 +55,46 @@ _NUMBERS = {"Infinity": math.inf, "-Infinity": -math.inf, "NaN": math.nan}
 """Strings that replace the numbers that JSON cannot represent."""
 
 
-def document(found: Calibration) -> dict[str, Any]:
+def document(calibration: Calibration) -> dict[str, Any]:
     """Return a calibration as the dicts, lists, numbers and strings that are written to calibration.json."""
     content = {
         "format": FORMAT,
         "version": VERSION,
         "gmwm": metadata.version("gmwm"),
-        "source": found.source,
-        "settings": found.settings.to_dict(),
-        "axes": {axis: _of_axis(one) for axis, one in found.axes.items()},
-        "failed": dict(found.failed),
-        "recording_remarks": [remark.to_dict() for remark in found.recording_remarks],
-        "verdict": found.verdict.to_dict(),
-        "remarks": [remark.to_dict() for remark in found.remarks],
-        "recording": None if found.recording is None else found.recording.to_dict(),
-        "recordings": {name: one.to_dict() for name, one in found.recordings.items()},
+        "source": calibration.source,
+        "settings": calibration.settings.to_dict(),
+        "axes": {axis: _of_axis(entry) for axis, entry in calibration.axes.items()},
+        "failed": dict(calibration.failed),
+        "recording_remarks": [remark.to_dict() for remark in calibration.recording_remarks],
+        "verdict": calibration.verdict.to_dict(),
+        "remarks": [remark.to_dict() for remark in calibration.remarks],
+        "recording": None if calibration.recording is None else calibration.recording.to_dict(),
+        "recordings": {name: entry.to_dict() for name, entry in calibration.recordings.items()},
     }
     plain: dict[str, Any] = _plain(content)
     return plain
 
 
-def _of_axis(found: AxisCalibration) -> dict[str, Any]:
+def _of_axis(axis: AxisCalibration) -> dict[str, Any]:
     return {
-        "fit": found.fit.to_dict(),
-        "confidence_intervals": {name: list(interval) for name, interval in found.intervals.items()},
-        "goodness_of_fit": None if found.test is None else found.test.to_dict(),
-        "datasheet": found.datasheet.to_dict(),
-        "contamination": None if found.verdict is None else found.verdict.to_dict(),
-        "needed": dict(found.needed),
-        "ranking": ranking_document(found.ranking),
-        "spectrum": None if found.spectrum is None else found.spectrum.to_dict(),
-        "misfit": None if found.misfit is None else found.misfit.to_dict(),
-        "model_error": found.model_error,
-        "tried": list(found.tried),
-        "search": [step.to_dict() for step in found.search],
-        "regression": None if found.regression is None else found.regression.to_dict(),
-        "left_in": found.left_in,
-        "rest": None if found.rest is None else found.rest.to_dict(),
-        "replicates": None if found.replicates is None else found.replicates.to_dict(),
+        "fit": axis.fit.to_dict(),
+        "confidence_intervals": {name: list(interval) for name, interval in axis.intervals.items()},
+        "goodness_of_fit": None if axis.test is None else axis.test.to_dict(),
+        "datasheet": axis.datasheet.to_dict(),
+        "contamination": None if axis.verdict is None else axis.verdict.to_dict(),
+        "needed": dict(axis.needed),
+        "ranking": ranking_document(axis.ranking),
+        "spectrum": None if axis.spectrum is None else axis.spectrum.to_dict(),
+        "misfit": None if axis.misfit is None else axis.misfit.to_dict(),
+        "model_error": axis.model_error,
+        "tried": list(axis.tried),
+        "search": [step.to_dict() for step in axis.search],
+        "regression": None if axis.regression is None else axis.regression.to_dict(),
+        "left_in": axis.left_in,
+        "rest": None if axis.rest is None else axis.rest.to_dict(),
+        "replicates": None if axis.replicates is None else axis.replicates.to_dict(),
         **{
-            addition.name: None if (value := found.additions.get(addition.name)) is None else addition.to_dict(value)
+            addition.name: None if (value := axis.additions.get(addition.name)) is None else addition.to_dict(value)
             for addition in axis_additions()
         },
     }
@@ -125,7 +125,7 @@ def calibration(content: Any) -> Calibration:
     if not parsed["axes"]:
         raise ReadError("the calibration is incomplete: 'axes' of the document is empty", advice=AGAIN)
     recording = parsed.get("recording")
-    found = Calibration(
+    result = Calibration(
         axes={axis: _axis(axis, parsed["axes"]) for axis in parsed["axes"]},
         failed=parsed["failed"],
         settings=CalibrationOptions.from_dict(parsed["settings"]),
@@ -134,11 +134,13 @@ def calibration(content: Any) -> Calibration:
         recording=None if recording is None else _read("recording", lambda: Recording.from_dict(recording)),
         recordings=_read(
             "recordings",
-            lambda: {name: Recording.from_dict(one) for name, one in parsed.get("recordings", {}).items()},
+            lambda: {
+                name: Recording.from_dict(description) for name, description in parsed.get("recordings", {}).items()
+            },
         ),
     )
-    require_kinds(found, "", Document("calibration", AGAIN))
-    return found
+    require_kinds(result, "", Document("calibration", AGAIN))
+    return result
 
 
 def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
@@ -146,7 +148,7 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
     content = axes[axis]
     _require_parts(content, _AXIS_PARTS, axis)
     test, verdict = content["goodness_of_fit"], content["contamination"]
-    removed, rest = content["regression"], content.get("rest")
+    removed, bias = content["regression"], content.get("rest")
     spectrum, misfit = content["spectrum"], content["misfit"]
     fit = _read(f"{axis}.fit", lambda: Fit.from_dict(content["fit"]))
     return AxisCalibration(
@@ -164,7 +166,7 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
         search=_read(f"{axis}.search", lambda: tuple(map(SearchStep.from_dict, content.get("search", ())))),
         regression=None if removed is None else _read(f"{axis}.regression", lambda: Regression.from_dict(removed)),
         left_in=content["left_in"],
-        rest=None if rest is None else _read(f"{axis}.rest", lambda: BiasAtRest.from_dict(rest)),
+        rest=None if bias is None else _read(f"{axis}.rest", lambda: BiasAtRest.from_dict(bias)),
         additions={
             addition.name: _read(f"{axis}.{addition.name}", partial(addition.from_dict, content[addition.name]))
             for addition in axis_additions()
@@ -174,11 +176,11 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
 
 
 def _intervals(content: Mapping[str, Any]) -> dict[str, Interval]:
-    found = {name: (float(low), float(high)) for name, (low, high) in content.items()}
-    for name, (low, high) in found.items():
+    intervals = {name: (float(low), float(high)) for name, (low, high) in content.items()}
+    for name, (low, high) in intervals.items():
         if low > high:
             raise ReadError(f"the interval of {name} begins at {low!r} and ends at {high!r}", advice=AGAIN)
-    return found
+    return intervals
 
 
 def _require_parts(content: Mapping[str, Any], parts: Mapping[str, type | UnionType], where: str) -> None:

@@ -16,7 +16,7 @@ from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.passes import (
     IN_THIS_PROCESS,
     AxisAccumulator,
-    Run,
+    Execution,
     clean,
     needed_beginning,
     read_recording,
@@ -168,7 +168,7 @@ class Measurements(NamedTuple):
     findings: dict[str, tuple[object, ...]]
 
 
-def measure(recordings: Recordings, options: CalibrationOptions, run: Run = IN_THIS_PROCESS) -> Measurements:
+def measure(recordings: Recordings, options: CalibrationOptions, run: Execution = IN_THIS_PROCESS) -> Measurements:
     """Measure the axes of one or several recordings.
 
     Parameters
@@ -177,7 +177,7 @@ def measure(recordings: Recordings, options: CalibrationOptions, run: Run = IN_T
         Recordings in memory or streams, or signals and curves by axis.
     options : CalibrationOptions
         `against`, `efficiency`, `gravity` and `tilt` are used here.
-    run : Run
+    run : Execution
         Threads and processes that read.
 
     Raises
@@ -193,7 +193,7 @@ def measure(recordings: Recordings, options: CalibrationOptions, run: Run = IN_T
     inspections: dict[str, Inspection] = {}
     findings: dict[str, tuple[object, ...]] = {}
     for name in recordings.by_name:
-        measured, items, inspection, findings[name] = _measure_recording(name, recordings, options, run.named(name))
+        measured, items, inspection, findings[name] = _measure_recording(name, recordings, options, run.with_name(name))
         if inspection is not None:
             inspections[name] = inspection
         for axis in recordings.axes:
@@ -206,7 +206,7 @@ def measure(recordings: Recordings, options: CalibrationOptions, run: Run = IN_T
 
 
 def _measure_recording(
-    name: str, recordings: Recordings, options: CalibrationOptions, run: Run
+    name: str, recordings: Recordings, options: CalibrationOptions, run: Execution
 ) -> tuple[
     dict[str, MeasuredAxis | GmwmError], dict[str, AxisAccumulator], Inspection | None, tuple[object, ...]
 ]:  # fmt: skip
@@ -252,7 +252,7 @@ def _require_one_stream(recordings: Recordings, argument: str) -> None:
 
 
 def _read(
-    name: str, recordings: Recordings, options: CalibrationOptions, run: Run
+    name: str, recordings: Recordings, options: CalibrationOptions, run: Execution
 ) -> tuple[
     dict[str, AxisInput | AxisAccumulator], dict[str, Conditions], Inspection | None, tuple[object, ...]
 ]:  # fmt: skip

@@ -34,7 +34,7 @@ def is_line(kind: type[Process]) -> bool:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Misfit:
+class LargestMisfit:
     """The scale at which a model is farthest from the data.
 
     Attributes
@@ -57,7 +57,7 @@ class Misfit:
         return max(self.ratio, 1 / self.ratio)
 
 
-def misfit_of(found: AxisCalibration) -> Misfit | None:
+def misfit_of(found: AxisCalibration) -> LargestMisfit | None:
     """Return the largest misfit among the levels at which the model is outside the confidence limits of the data.
 
     Levels that the goodness-of-fit test excludes are ignored, because they have few coefficients and thus a large
@@ -75,7 +75,7 @@ def misfit_of(found: AxisCalibration) -> Misfit | None:
     apart[outside] = np.abs(np.log(found.fit.implied[outside]) - np.log(wv.variance[outside]))
     worst = int(np.argmax(apart))
     tau, ratio = float(wv.tau[worst]), float(found.fit.implied[worst] / wv.variance[worst])
-    return Misfit(tau=tau, ratio=ratio, numbers=_read_at(found.datasheet, long=tau > _middle(found)))
+    return LargestMisfit(tau=tau, ratio=ratio, numbers=_read_at(found.datasheet, long=tau > _middle(found)))
 
 
 def _read_at(sheet: Datasheet, *, long: bool) -> tuple[str, ...]:

@@ -42,8 +42,8 @@ def ranking_document(ranking: Ranking) -> dict[str, Any]:
 
 
 def _short(fit: Fit) -> dict[str, Any]:
-    whole = fit.to_dict()
-    return {name: whole[name] for name in _KEPT}
+    content = fit.to_dict()
+    return {name: content[name] for name in _KEPT}
 
 
 def ranking_from(content: Mapping[str, Any], wv: WaveletVariance) -> Ranking:

@@ -57,21 +57,21 @@ class Recording:
     sha256: str | None = None
 
     @classmethod
-    def of(cls, found: Inspection) -> Recording:
+    def of(cls, inspection: Inspection) -> Recording:
         """Return the description of a recording, from its inspection."""
-        base = found.time_base
-        missing = sum(duration - 1 / found.rate for _, duration in base.gaps)
+        base = inspection.time_base
+        missing = sum(duration - 1 / inspection.rate for _, duration in base.gaps)
         return cls(
-            samples=found.samples,
-            rate=found.rate,
-            duration=found.duration,
-            segments=found.segments,
+            samples=inspection.samples,
+            rate=inspection.rate,
+            duration=inspection.duration,
+            segments=inspection.segments,
             missing=float(missing),
             jitter=float(base.jitter) if base.stamped else None,
-            static=bool(found.static),
-            knocks=len(found.knocks),
-            gravity=found.gravity,
-            temperature=found.temperature,
+            static=bool(inspection.static),
+            knocks=len(inspection.knocks),
+            gravity=inspection.gravity,
+            temperature=inspection.temperature,
         )
 
     def of_file(self, path: str | os.PathLike[str]) -> Recording:
@@ -90,7 +90,7 @@ class Recording:
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Recording:
         """Restore a description from the result of `to_dict`."""
-        given = dict(values)
-        temperature = given["temperature"]
-        given["temperature"] = None if temperature is None else (float(temperature[0]), float(temperature[1]))
-        return cls(**given)
+        fields = dict(values)
+        temperature = fields["temperature"]
+        fields["temperature"] = None if temperature is None else (float(temperature[0]), float(temperature[1]))
+        return cls(**fields)

@@ -198,14 +198,14 @@ def check_reference(calibration: Calibration, reference: ReferenceLike, *, horiz
         rows, unmatched = _of_numbers(calibration, reference)
         name, form = "reference", "datasheet"
     else:
-        given = reference if isinstance(reference, Given) else _given(reference, rate)
-        name, form = (PurePath(given.source).name if given.written else "datasheet"), given.format
-        unmatched = tuple(axis for axis in given.values if axis not in calibration)
+        stated = reference if isinstance(reference, Given) else _parse_reference(reference, rate)
+        name, form = (PurePath(stated.source).name if stated.written else "datasheet"), stated.format
+        unmatched = tuple(axis for axis in stated.values if axis not in calibration)
         rows = [
             row
-            for axis, values in given.values.items()
+            for axis, values in stated.values.items()
             if axis in calibration
-            for row in _of_axis(calibration, axis, values, given, horizon=horizon)
+            for row in _of_axis(calibration, axis, values, stated, horizon=horizon)
         ]
     if not rows:
         raise OptionError(
@@ -216,7 +216,7 @@ def check_reference(calibration: Calibration, reference: ReferenceLike, *, horiz
     )  # fmt: skip
 
 
-def _given(source: str | os.PathLike[str], rate: float) -> Given:
+def _parse_reference(source: str | os.PathLike[str], rate: float) -> Given:
     """Return the noise in a file or datasheet. If it states no sampling rate, `rate` (Hz) is used."""
     text = os.fspath(source)
     try:
@@ -235,7 +235,7 @@ def _of_numbers(
 
     A reference for an axis replaces the reference for its sensor.
     """
-    found: dict[tuple[str, str], ReferenceNumber] = {}
+    numbers: dict[tuple[str, str], ReferenceNumber] = {}
     unmatched: list[str] = []
     for key in sorted(reference, key=lambda key: key.rpartition(".")[0] in calibration):
         place, _, symbol = key.rpartition(".")
@@ -245,10 +245,10 @@ def _of_numbers(
         for axis in axes:
             row = _row(axis, symbol, 0.0, calibration.datasheets[axis].get(symbol))
             value = as_reference(key, reference[key], row.unit).si
-            found[axis, symbol] = replace(row, reference=value, verdict=_verdict(value, row.measured))
+            numbers[axis, symbol] = replace(row, reference=value, verdict=_verdict(value, row.measured))
         if not axes:
             unmatched.append(key)
-    return [found[key] for key in sorted(found, key=lambda key: (list(calibration).index(key[0]), key[1]))], tuple(
+    return [numbers[key] for key in sorted(numbers, key=lambda key: (list(calibration).index(key[0]), key[1]))], tuple(
         unmatched
     )
 
@@ -263,8 +263,8 @@ def _of_axis(
     measured: Mapping[str, Entry] = calibration.datasheets[axis]
     written = given.written.get(axis, {})
     if written:
-        found = effective_noise(calibration[axis], horizon, calibration.settings.confidence)
-        measured = {**measured, "N": found["N_eff"], "K": found["K_eff"]}
+        noise = effective_noise(calibration[axis], horizon, calibration.settings.confidence)
+        measured = {**measured, "N": noise["N_eff"], "K": noise["K_eff"]}
     numbers = {symbol: getattr(values, symbol) for symbol in POWERS}
     keys = dict(written)
     if values.sigma and values.time:

@@ -20,7 +20,7 @@ SENSORS = {"gyro": "Gyroscopes", "accel": "Accelerometers"}
 """Headings of the tables, by sensor."""
 
 
-def merged(lists: Sequence[Sequence[str]]) -> list[str]:
+def merge_names(lists: Sequence[Sequence[str]]) -> list[str]:
     """Merge lists of names into one list without duplicates that keeps the order of each list where possible.
 
     If two lists contradict each other, the longer list determines the order.
@@ -38,7 +38,7 @@ def merged(lists: Sequence[Sequence[str]]) -> list[str]:
 def in_order(lists: Sequence[Sequence[str]]) -> list[str]:
     """Merge the symbols of several datasheets. The symbols of IEEE Std 952 come first, in its order."""
     order = [str(symbol) for symbol in LAWS]
-    return sorted(merged(lists), key=lambda symbol: order.index(symbol) if symbol in order else len(order))
+    return sorted(merge_names(lists), key=lambda symbol: order.index(symbol) if symbol in order else len(order))
 
 
 def key(entries: Iterable[Entry]) -> str:
@@ -80,12 +80,12 @@ def with_error(entry: Entry) -> str:
     return f"{shown:.{digits}f} ± {half:.{digits}f}".replace("-", "−")
 
 
-def wrapped(text: str) -> list[str]:
+def wrap_text(text: str) -> list[str]:
     """Break a text into lines of at most 80 columns."""
     return textwrap.wrap(text, WIDTH, break_long_words=True, break_on_hyphens=False)
 
 
-def bulleted(text: str) -> list[str]:
+def bullet(text: str) -> list[str]:
     """Break the text of a list item into lines of at most 80 columns."""
     return textwrap.wrap(
         text, WIDTH, initial_indent="- ", subsequent_indent="  ", break_long_words=True, break_on_hyphens=False

@@ -11,7 +11,7 @@ from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.tables import headed
 from gmwm.base.text import counted
 from gmwm.base.units import datasheet_units
-from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, wrapped
+from gmwm.calibration.tables import SENSORS, WIDTH, bullet, wrap_text
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.measuring.variance.allan_regression import LAWS
 
@@ -61,7 +61,7 @@ class FleetLike(Protocol):
 
 def summary(fleet: FleetLike, dialect: Dialect = Dialect.PYTHON) -> str:
     """Write the number of units, failures, tables, outliers and remarks, with at most 80 characters per line."""
-    parts = [wrapped(_head(fleet))]
+    parts = [wrap_text(_head(fleet))]
     if fleet.failed:
         parts.append([f"Failed ({counted(len(fleet.failed), 'unit')}):", *_failures(fleet.failed)])
     parts += _parts(fleet.statistics, fleet.remarks, dialect)
@@ -70,7 +70,7 @@ def summary(fleet: FleetLike, dialect: Dialect = Dialect.PYTHON) -> str:
 
 def statistics_text(found: FleetStatistics, dialect: Dialect = Dialect.PYTHON) -> str:
     """Write the tables, outliers and remarks of statistics, with at most 80 characters per line."""
-    head = wrapped(f"Fleet of {counted(found.units, 'calibrated unit')}")
+    head = wrap_text(f"Fleet of {counted(found.units, 'calibrated unit')}")
     parts = [head, *_parts(found, found.remarks, dialect)]
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
@@ -84,7 +84,7 @@ def _head(fleet: FleetLike) -> str:
 
 def _failures(failed: Mapping[str, str]) -> Iterator[str]:
     for unit, reason in list(failed.items())[:LISTED]:
-        yield from bulleted(f"{unit}: {reason}")
+        yield from bullet(f"{unit}: {reason}")
     if len(failed) > LISTED:
         yield f"- and {len(failed) - LISTED} more"
 
@@ -92,17 +92,17 @@ def _failures(failed: Mapping[str, str]) -> Iterator[str]:
 def _parts(found: FleetStatistics, remarks: Sequence[Remark], dialect: Dialect) -> list[list[str]]:
     parts = [[SENSORS.get(sensor, sensor), *_table(rows)] for sensor, rows in _by_sensor(found.rows).items()]
     if found.rows:
-        parts.append(wrapped(_legend(found)))
+        parts.append(wrap_text(_legend(found)))
     else:
         parts.append(["No numbers to compare"])
     if found.outliers:
-        shown = [line for one in found.outliers[:LISTED] for line in bulleted(_outlier(one))]
+        shown = [line for one in found.outliers[:LISTED] for line in bullet(_outlier(one))]
         more = len(found.outliers) - LISTED
         parts.append(["Outliers:", *shown, *([f"- and {more} more numbers"] if more > 0 else [])])
     if differ := [one for one in found.differences if one.differs]:
-        parts.append(["Axes that differ:", *(line for one in differ for line in bulleted(_difference(one)))])
+        parts.append(["Axes that differ:", *(line for one in differ for line in bullet(_difference(one)))])
     if lines := texts(remarks, dialect):
-        parts.append(["What to know about the fleet:", *(line for text in lines for line in bulleted(text))])
+        parts.append(["What to know about the fleet:", *(line for text in lines for line in bullet(text))])
     return parts
 
 

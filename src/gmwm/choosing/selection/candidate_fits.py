@@ -107,13 +107,13 @@ def losses_left_out(explored: Explored, candidates: Sequence[Model], weighting: 
     if len(wv.recordings) < 2:
         return None
     losses = []
-    for name, one in wv.recordings.items():
+    for name, recording in wv.recordings.items():
         fits = _explored_again(explored, candidates, without(wv, name), weighting)
-        design = replace(Design.of(one), model_error=wv.model_error)
-        design = design.only(one.levels <= len(fits[0].wavelet_variance))
+        design = replace(Design.of(recording), model_error=wv.model_error)
+        design = design.only(recording.levels <= len(fits[0].wavelet_variance))
         scatter = covariance(explored.general.model, design)
         matrix, reach = _inverse(scatter, weighting), design.levels.size
-        miss = [one.variance[:reach] - fit.implied[:reach] for fit in fits]
+        miss = [recording.variance[:reach] - fit.implied[:reach] for fit in fits]
         losses.append([float(m @ matrix @ m) for m in miss])
     return np.asarray(np.mean(losses, axis=0))
 
@@ -138,7 +138,7 @@ def _inverse(scatter: Matrix, weighting: str) -> Matrix:
 
 
 @dataclass(frozen=True, eq=False)
-class _Solved:
+class _CandidateSolution:
     model: Model
     structure: Counter[str]
     shown: Counter[str]
@@ -151,27 +151,27 @@ class _Exploration:
 
     def __init__(self, wv: WaveletVariance, weights: Weights, weighting: str) -> None:
         self.wv, self.weights, self.weighting = wv, weights, weighting
-        self.solved: dict[frozenset[tuple[str, int]], _Solved] = {}
+        self.solved: dict[frozenset[tuple[str, int]], _CandidateSolution] = {}
         self.fits: dict[int, Fit] = {}
 
-    def take(self, model: Model, problem: Problem, solution: Solution) -> _Solved:
+    def take(self, model: Model, problem: Problem, solution: Solution) -> _CandidateSolution:
         """Store the solution of a model. If terms are zero, also store it for the smaller model without them."""
         structure = structure_of(model)
-        shown = _shown(model, problem, solution)
-        found = _Solved(model, structure, shown=shown, problem=problem, solution=solution)
-        self.solved[_key(structure)] = found
+        shown = _shown_structure(model, problem, solution)
+        solved = _CandidateSolution(model, structure, shown=shown, problem=problem, solution=solution)
+        self.solved[_key(structure)] = solved
         if shown != structure and shown and _key(shown) not in self.solved:
-            self.solved[_key(shown)] = self._part(found)
-        return found
+            self.solved[_key(shown)] = self._part(solved)
+        return solved
 
     def add(self, model: Model) -> None:
         """Fit a candidate, unless its solution is already known."""
         structure = structure_of(model)
         if _key(structure) in self.solved:
             return
-        for known in self.solved.values():
-            if known.shown and consists_of(structure, known.shown) and consists_of(known.structure, structure):
-                self.solved[_key(structure)] = replace(self.solved[_key(known.shown)], structure=structure)
+        for solved in self.solved.values():
+            if solved.shown and consists_of(structure, solved.shown) and consists_of(solved.structure, structure):
+                self.solved[_key(structure)] = replace(self.solved[_key(solved.shown)], structure=structure)
                 return
         problem = pose(without_values(model), self.wv, self.weights)
         self.take(model, problem, solve(problem, certify=False))
@@ -180,37 +180,37 @@ class _Exploration:
         """Replace each solution whose objective is larger than the objective of a model that it contains."""
         lowest = sorted(self.solved.items(), key=lambda item: item[1].solution.objective)
         # The first structure that a structure contains has the smallest objective of all that it contains.
-        first = np.argmax(containing([found.structure for _, found in lowest]), axis=1)
-        for (key, found), place in zip(lowest, first.tolist(), strict=True):
-            square, other = found.problem.unit**2, lowest[place][1]
-            if not found.problem.as_low(
-                found.solution.objective / square, other.solution.objective / square, NOT_LOWER
+        first = np.argmax(containing([solved.structure for _, solved in lowest]), axis=1)
+        for (key, solved), place in zip(lowest, first.tolist(), strict=True):
+            square, other = solved.problem.unit**2, lowest[place][1]
+            if not solved.problem.as_low(
+                solved.solution.objective / square, other.solution.objective / square, NOT_LOWER
             ):
-                self.solved[key] = replace(other, structure=found.structure)
+                self.solved[key] = replace(other, structure=solved.structure)
 
     def fit(self, model: Model) -> Fit:
         """Return the fit of a candidate. Models with the same optimum share one fit."""
-        found = self.solved[_key(structure_of(model))]
-        if id(found.solution) not in self.fits:
-            self.fits[id(found.solution)] = as_fit(Settled(found.problem, found.solution), self.wv, self.weighting)
-        return self.fits[id(found.solution)]
+        solved = self.solved[_key(structure_of(model))]
+        if id(solved.solution) not in self.fits:
+            self.fits[id(solved.solution)] = as_fit(Settled(solved.problem, solved.solution), self.wv, self.weighting)
+        return self.fits[id(solved.solution)]
 
-    def _part(self, found: _Solved) -> _Solved:
+    def _part(self, solved: _CandidateSolution) -> _CandidateSolution:
         """Return a solution in the form of the smaller model without the terms that are zero."""
-        old = found.problem
-        linear = [k for k, scale in zip(old.linear, found.solution.scales, strict=True) if scale > 0]
-        moving = [k for k, term in zip(old.shaped, found.solution.terms, strict=True) if term.scale > 0]
+        old = solved.problem
+        linear = [k for k, scale in zip(old.linear, solved.solution.scales, strict=True) if scale > 0]
+        moving = [k for k, term in zip(old.shaped, solved.solution.terms, strict=True) if term.scale > 0]
         free = {*old.linear, *old.shaped}
         places = sorted([*linear, *moving, *(k for k in range(len(old.model.processes)) if k not in free)])
         model = Model(tuple(old.model.processes[k] for k in places))
         problem = pose(without_values(model), self.wv, self.weights)
-        scales = np.array([s for s in found.solution.scales if s > 0], dtype=np.float64)
-        terms = tuple(t for t in found.solution.terms if t.scale > 0)
-        solution = replace(found.solution, scales=scales, terms=terms)
-        return _Solved(model, found.shown, shown=found.shown, problem=problem, solution=solution)
+        scales = np.array([s for s in solved.solution.scales if s > 0], dtype=np.float64)
+        terms = tuple(t for t in solved.solution.terms if t.scale > 0)
+        solution = replace(solved.solution, scales=scales, terms=terms)
+        return _CandidateSolution(model, solved.shown, shown=solved.shown, problem=problem, solution=solution)
 
 
-def _shown(model: Model, problem: Problem, solution: Solution) -> Counter[str]:
+def _shown_structure(model: Model, problem: Problem, solution: Solution) -> Counter[str]:
     """Return the structure of a solved model without the terms that are zero."""
     structure = structure_of(model)
     zero = [k for k, scale in zip(problem.linear, solution.scales, strict=True) if scale == 0]

@@ -11,7 +11,7 @@ from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.weighting import Weights
 
 
-def compared(ranking: Ranking, first: Candidate, second: Candidate) -> Comparison:
+def compare(ranking: Ranking, first: Candidate, second: Candidate) -> Comparison:
     """Return the difference of the criteria of two candidates of a ranking, with its standard error.
 
     Let Ω = LᵀL be the weighting matrix, and V the covariance of the measured wavelet variance ν̂². For small changes,

@@ -99,29 +99,29 @@ class Hypothesis:
 
         losses = []
         for fit in (self.fit, rival):
-            left = self.root @ (fit.wavelet_variance.variance - fit.implied)
+            residual = self.root @ (fit.wavelet_variance.variance - fit.implied)
             axes = self.axes if fit is self.fit else axes_of(fit, self.root)
-            losses.append(float(left @ left - np.sum((axes.T @ left) ** 2)))
+            losses.append(float(residual @ residual - np.sum((axes.T @ residual) ** 2)))
         size = self.root.shape[0] - self.axes.shape[1]
         return bool(gammaincc(size / 2, max(losses[0] - losses[1], 0.0) / 6) < NEVER)
 
     def excess(self, rival: Fit) -> float:
         """Return the criterion of the candidate minus the criterion of a rival, after fitting both with the candidate's
         Ω."""
-        own, other = self.again, self._fitted(rival)
-        criteria = [fit.objective + optimism(fit, self.wavelet, self.weights) for fit in (own, other)]
+        fit_again, other = self.again, self._fit(rival)
+        criteria = [fit.objective + optimism(fit, self.wavelet, self.weights) for fit in (fit_again, other)]
         return criteria[0] - criteria[1]
 
     @cached_property
     def again(self) -> Fit:
         """Fit of the candidate with its own Ω."""
-        return self._fitted(self.fit)
+        return self._fit(self.fit)
 
     def closer(self) -> Hypothesis | None:
         """Return the hypothesis with Ω and V from the fit `again`, or None if this fit has no noise at some level."""
         return Hypothesis.of(self.explored, self.again, self.draws, self.seed)
 
-    def _fitted(self, fit: Fit) -> Fit:
+    def _fit(self, fit: Fit) -> Fit:
         wv = fit.wavelet_variance
         problem = pose(without_values(fit.model), wv, self.weights)
         return as_fit(Settled(problem, solve(problem, certify=False)), wv, fit.weighting)

@@ -87,9 +87,9 @@ def with_shape_error(wv: WaveletVariance, fit: Fit, shape: SpectralShape, proces
     slopes[:, : shape.phi.size] -= 2 / (1 - shape.phi.sum())
     slopes[:, shape.phi.size :] -= 2 / (1 + shape.theta.sum())
     relative: Matrix = slopes @ shape.covariance @ slopes.T
-    own = _unit_curve(shape, wv)
+    curve = _unit_curve(shape, wv)
     for other in shape.alternatives:
-        apart = _unit_curve(other, wv) / own - 1
+        apart = _unit_curve(other, wv) / curve - 1
         relative = relative + other.weight * np.outer(apart, apart)
     # A fast Gauss-Markov term can take the place of the shape, or of a part of it.
     fast = [
@@ -119,7 +119,7 @@ def band_errors(shape: SpectralShape, rate: float) -> dict[str, float]:
         return {}
     names = [parameter.name for parameter in process_of(shape).nonlinear_parameters()]
     others = [(other.weight, _band(process_of(other), rate)) for other in shape.alternatives]
-    found = {}
+    errors = {}
     free: dict[str, Any] = {**dict(zip(names, values.tolist(), strict=True)), "sigma2": shape.innovation}
     for number in type(process_of(shape))(**free).physical(rate):
         if number.signal_power or number.symbol not in BAND:
@@ -127,8 +127,8 @@ def band_errors(shape: SpectralShape, rate: float) -> dict[str, float]:
         slopes = np.array([number.slopes.get(name, 0.0) for name in names]) / values
         square = float(slopes @ shape.covariance @ slopes)
         square += sum(w * math.log(b[number.symbol] / number.value) ** 2 for w, b in others if number.symbol in b)
-        found[number.symbol] = math.sqrt(max(square, 0.0))
-    return found
+        errors[number.symbol] = math.sqrt(max(square, 0.0))
+    return errors
 
 
 def _band(process: Process, rate: float) -> dict[str, float]:

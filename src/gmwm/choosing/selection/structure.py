@@ -64,16 +64,16 @@ def _is_felt(rise: float, wv: WaveletVariance) -> bool:
     return bool(felt[0] >= FELT * wv.variance[-1])
 
 
-def nested(general: Model) -> list[Model]:
+def nested_models(general: Model) -> list[Model]:
     """Return all models that contain some of the terms of a general model, the largest first.
 
     Processes whose values are all fixed are in every model. A process with an order, such as AR(2), also occurs with
     every lower order.
 
     >>> from gmwm import Model
-    >>> [model.structure for model in nested(Model.parse("2*GM + WN"))]
+    >>> [model.structure for model in nested_models(Model.parse("2*GM + WN"))]
     ['2*GM + WN', '2*GM', 'GM + WN', 'GM', 'WN']
-    >>> [model.structure for model in nested(Model.parse("AR(2) + RW"))]
+    >>> [model.structure for model in nested_models(Model.parse("AR(2) + RW"))]
     ['AR(2) + RW', 'AR(2)', 'AR(1) + RW', 'AR(1)', 'RW']
 
     Raises
@@ -121,8 +121,8 @@ def structure_of(model: Model) -> Counter[str]:
     """
     if "_structure" not in model.__dict__:
         model.__dict__["_structure"] = names_of(model.processes)
-    found: Counter[str] = model.__dict__["_structure"]
-    return found
+    structure: Counter[str] = model.__dict__["_structure"]
+    return structure
 
 
 def names_of(processes: Iterable[Process]) -> Counter[str]:
@@ -166,13 +166,13 @@ def containing(structures: Sequence[Counter[str]]) -> NDArray[np.bool_]:
     """
     names = list(dict.fromkeys(name for structure in structures for name in structure))
     counts = np.array([[structure[name] for name in names] for structure in structures]).reshape(-1, len(names))
-    found = np.asarray(np.all(counts[:, None, :] >= counts, axis=2))
+    contains = np.asarray(np.all(counts[:, None, :] >= counts, axis=2))
     # Only a process with an order can contain another process.
     ordered = np.array([bool(_cases(name, limits=False)) for name in names], dtype=np.bool_)
     for k in np.flatnonzero(np.any(counts[:, ordered] > 0, axis=1)).tolist():
-        for i in np.flatnonzero(~found[k]).tolist():
-            found[k, i] = of_lower_order(structures[i], structures[k])
-    return found
+        for i in np.flatnonzero(~contains[k]).tolist():
+            contains[k, i] = of_lower_order(structures[i], structures[k])
+    return contains
 
 
 def within(part: Counter[str], whole: Counter[str]) -> bool:
@@ -181,13 +181,13 @@ def within(part: Counter[str], whole: Counter[str]) -> bool:
     >>> within(Counter({"WN": 1, "RW": 1}), Counter({"GM": 1, "WN": 1}))  # a slow GM is a random walk
     True
     """
-    return _matched(_surplus(part, whole), _surplus(whole, part))
+    return _is_matched(_surplus(part, whole), _surplus(whole, part))
 
 
 def of_lower_order(part: Counter[str], whole: Counter[str]) -> bool:
     """Return whether each term of one structure is a term of the other structure with the same or a lower order."""
     missing = _surplus(part, whole)
-    return not missing or _matched(missing, _surplus(whole, part), limits=False)
+    return not missing or _is_matched(missing, _surplus(whole, part), limits=False)
 
 
 def _surplus(one: Counter[str], other: Counter[str]) -> list[str]:
@@ -198,13 +198,13 @@ def _surplus(one: Counter[str], other: Counter[str]) -> list[str]:
     return [name for name, count in one.items() for _ in range(count - other.get(name, 0))]
 
 
-def _matched(missing: list[str], spare: list[str], *, limits: bool = True) -> bool:
+def _is_matched(missing: list[str], spare: list[str], *, limits: bool = True) -> bool:
     """Return whether each missing term is a special case of a spare term, with a different spare term for each."""
     if not missing:
         return True
-    first, *rest = missing
+    first, *others = missing
     return any(
-        first in _cases(name, limits) and _matched(rest, [*spare[:k], *spare[k + 1 :]], limits=limits)
+        first in _cases(name, limits) and _is_matched(others, [*spare[:k], *spare[k + 1 :]], limits=limits)
         for k, name in enumerate(spare)
     )
 

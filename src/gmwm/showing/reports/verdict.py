@@ -11,7 +11,7 @@ import numpy as np
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.remarks import Dialect, Remark, Severity, with_groups
 from gmwm.base.text import duration_text
-from gmwm.calibration.findings import equality_remarks, rejected, unusable
+from gmwm.calibration.findings import equality_remarks, rejected_axes, unusable
 from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.choosing.datasheets.entry import Entry, significant
 
@@ -81,7 +81,7 @@ def _results(calibration: Calibration) -> Iterator[Remark]:
         if numbers := _numbers({axis: one for axis, one in members.items() if axis not in lost}):
             yield Remark.of("numbers-found", SENSORS.get(sensor, sensor or "Axes"), numbers=numbers)
     passed = [
-        axis for axis, one in calibration.axes.items() if one.test is not None and axis not in rejected(calibration)
+        axis for axis, one in calibration.axes.items() if one.test is not None and axis not in rejected_axes(calibration)
     ]
     for axis in passed:
         yield Remark.of("test-passed", axis)
