@@ -122,13 +122,7 @@ def agree(
 
 
 def _sheets(calibrations: Sequence[Recording]) -> list[Mapping[str, Datasheet]]:
-    """Return the datasheets of each recording by axis.
-
-    Raises
-    ------
-    OptionError
-        If there are fewer than two recordings, or one of them has a wrong type.
-    """
+    """Return the datasheets of each recording by axis, or raise an OptionError for a wrong argument."""
     if not isinstance(calibrations, list | tuple) or len(calibrations) < 2:
         got = len(calibrations) if isinstance(calibrations, list | tuple) else type(calibrations).__name__
         raise OptionError(argument="calibrations", expected="a list of at least two, one for each recording", got=got)
@@ -209,12 +203,9 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
 
 
 def _alike(symbol: str, models: Sequence[str]) -> bool:
-    """Return whether a datasheet number has the same meaning in all models.
-
-    N, Q and B are read from the Allan deviation, so they do not depend on the terms of the model. K and R depend on its
-    slow terms, because a slow Gauss-Markov term can describe a part of a random walk. All other numbers are parameters
-    of one term.
-    """
+    """Return whether a number has the same meaning in all models. N, Q and B are read from the Allan deviation. K and R
+    depend on the slow terms, because a slow Gauss-Markov term can describe a part of a random walk; others are
+    parameters of one term."""
     if symbol not in LAWS:
         return len(set(models)) == 1
     return symbol not in _SLOW or len({_slow_terms(model) for model in models}) == 1
@@ -241,15 +232,8 @@ def _reach(level: float) -> float:
 
 
 def _pvalue(known: Sequence[tuple[Entry, float]], signed: bool) -> float:
-    """Return the p-value of the test that all entries have the same value.
-
-    Parameters
-    ----------
-    known : sequence of (Entry, float)
-        The entries, each with half the width of its confidence interval in standard errors.
-    signed : bool
-        Whether the number may be negative, so that its logarithm cannot be used.
-    """
+    """Return the p-value of the test that all entries have the same value. Each entry comes with half the width of its
+    interval in standard errors. The logarithm is used unless the number is `signed`."""
     from scipy.special import gammaincc
 
     points = [_point(entry, z, signed) for entry, z in known if not entry.upper_only]
@@ -276,10 +260,9 @@ def _point(entry: Entry, z: float, signed: bool) -> tuple[float, float]:
 def _below(limit: Entry, z: float, x: float, s: float, signed: bool) -> float:
     """Return the p-value for the difference between an upper limit and a larger value x with the standard error s.
 
-    Both intervals are widened by the same number of standard errors until they meet. The p-value for this number is an
-    upper bound, because the sum of two independent errors is larger than the root of their sum of squares. If the
-    number is the amplitude of a term, its upper limit is widened on the scale of its square, the variance. If the
-    number is read from the Allan deviation, the limit is widened on a logarithmic scale.
+    Both intervals are widened by the same number of standard errors until they meet. This is an upper bound, because
+    the sum of two independent errors is larger than the root of their sum of squares. The limit of an amplitude is
+    widened on the scale of the variance, a number from the Allan deviation on a logarithmic scale.
     """
 
     def apart(width: float) -> bool:

@@ -49,15 +49,8 @@ def _heads(found: Agreement) -> tuple[list[str], list[str]]:
 
 
 def _fitting(heads: Sequence[str], rows: Callable[[Sequence[str], range], list[list[str]]]) -> list[str]:
-    """Return the lines of a table with a column for each recording, split into several tables if it is too wide.
-
-    Parameters
-    ----------
-    heads : sequence of str
-        Headings of the recordings.
-    rows : callable
-        Returns the rows of the table for the headings and the range of some recordings.
-    """
+    """Return a table with a column for each recording, split into several tables if too wide. `rows` returns the rows
+    for the headings and the range of some recordings."""
     lines: list[str] = []
     for count in range(len(heads), 0, -1):
         lines = []

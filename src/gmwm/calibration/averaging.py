@@ -38,16 +38,8 @@ treated as a random walk with K = q_c (docs/validation/sensors.md)."""
 
 @dataclass(frozen=True, kw_only=True)
 class WeightedEstimate:
-    """The estimate of a number from one model, with the weight of the model in the average.
-
-    Attributes
-    ----------
-    weight : float
-    value, low, high : float
-        WeightedEstimate and the ends of its confidence interval, all positive.
-    upper_only : bool
-        Whether the number may be zero, so that only the upper limit `high` is valid.
-    """
+    """Estimate of a number from one model with its positive interval; with `upper_only`, only `high` is valid. `weight`
+    is relative."""
 
     weight: float
     value: float
@@ -132,9 +124,8 @@ def weighted_candidates(ranking: Ranking) -> list[tuple[float, Candidate]]:
 def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Datasheet:
     """Return the datasheet of the recommended model, with intervals that include the uncertainty of the model choice.
 
-    Each interval is the union of the interval in the recommended model and the interval averaged over all models, so it
-    can only become wider. If the models without a number have more than (1 − level) / 2 of the total weight, the number
-    becomes an upper limit.
+    Each interval is the union of the one in the recommended model and the average over all models. The number becomes
+    an upper limit if the models without it have more than (1 − level) / 2 of the total weight.
     """
     others = []
     for weight, candidate in weighted_candidates(ranking):
@@ -153,15 +144,8 @@ def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Data
 
 
 def with_band(sheet: Datasheet, errors: Mapping[str, float], level: float) -> Datasheet:
-    """Return the datasheet with intervals for the numbers that were estimated from the spectrum, such as f_b.
-
-    Parameters
-    ----------
-    sheet : Datasheet
-    errors : mapping of symbol to float
-        Relative standard errors of these numbers. In the fit they were fixed, so that they have no interval yet.
-    level : float
-    """
+    """Return the datasheet with intervals for numbers from the spectrum, such as f_b. `errors` has their relative
+    standard errors by symbol. The fit holds these numbers, so they have no interval yet."""
     reach = NormalDist().inv_cdf((1 + level) / 2)
 
     def with_interval(entry: Entry) -> Entry:
@@ -206,11 +190,8 @@ def _base(symbol: str) -> str:
 
 
 def _counterpart(entry: Entry, sheet: Datasheet, other: Mapping[str, Entry]) -> Entry | None:
-    """Return the entry for the same number in the datasheet of another model; None if there is none.
-
-    Gauss-Markov terms are matched by their correlation times. A random walk is matched with a slow Gauss-Markov term if
-    the other model has no random walk.
-    """
+    """Return the entry for the same number in the datasheet of another model; None if there is none. Gauss-Markov terms
+    are matched by correlation time, a random walk with a slow Gauss-Markov term if there is no walk."""
     base = _base(entry.symbol)
     if base == WALK and (entry.symbol not in other or other[entry.symbol].upper_only):
         return _slowest(other, sheet.samples / sheet.rate) or other.get(entry.symbol)
@@ -244,12 +225,8 @@ def is_walk(process: Process, rate: float) -> bool:
 
 
 def markov_instead_of_walk(sheet: Datasheet, ranking: Ranking) -> float | None:
-    """Return the correlation time (s) of a Gauss-Markov process that could replace the random walk of the model.
-
-    The process belongs to another model that fits the data as well, and its correlation time is between 1 % and 100 %
-    of the length of the recording. The result is None if there is no such process, or if the datasheet has no value for
-    K.
-    """
+    """Return the correlation time (s) of a Gauss-Markov process that could replace the random walk, or None. It belongs
+    to another model that fits as well, and is 1 % to 100 % of the recording."""
     walk, duration = sheet.get(WALK), sheet.samples / sheet.rate
     if walk is None or walk.upper_only or walk.held:
         return None
@@ -269,11 +246,8 @@ def markov_instead_of_walk(sheet: Datasheet, ranking: Ranking) -> float | None:
 def averaged_intervals(
     fit: Fit, intervals: Mapping[str, tuple[float, float]], sheet: Datasheet
 ) -> dict[str, tuple[float, float]]:
-    """Return the intervals of the parameters, widened so that they include the uncertainty of the model choice.
-
-    If a datasheet number is computed from a single parameter, the interval of the parameter is widened until it
-    corresponds to at least the interval of the number.
-    """
+    """Return the intervals of the parameters, widened by the uncertainty of the model choice. The interval of a
+    parameter from which alone a number follows corresponds to at least the interval of the number."""
     rate, widened = fit.wavelet_variance.rate, dict(intervals)
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
         for number in process.physical(rate) if process.scale > 0 else ():

@@ -102,19 +102,8 @@ def calibrate_axis(
 def choose_model(
     wv: WaveletVariance, spectrum: PowerSpectrum | None, options: CalibrationOptions, *, check: Callable[[], None]
 ) -> ModelChoice:
-    """Choose the model of one axis as the options say.
-
-    gmwm searches for the model, compares all models that are part of a largest model, or uses the model of the user.
-
-    Parameters
-    ----------
-    wv : WaveletVariance
-    spectrum : PowerSpectrum or None
-    options : CalibrationOptions
-        Options of this axis.
-    check : function
-        Function that is called between steps. It can raise an exception to stop the search.
-    """
+    """Search for the model of one axis, compare the models within a largest one, or use the model of the user, as the
+    options of the axis say. `check` is called often and may raise to stop."""
     if options.models:
         return given_model(options.general, wv, options.ranking)
     if options.searched:
@@ -124,10 +113,8 @@ def choose_model(
 
 
 def final_fit(model: Model, wv: WaveletVariance, weighting: str) -> Fit:
-    """Fit a model, repeating the fit until its weights have converged, and certify the optimum.
-
-    The function issues no Python warnings, because threads share the warning filters. The fit contains the remarks.
-    """
+    """Fit a model until its weights have converged, and certify the optimum. Remarks replace Python warnings, whose
+    filters threads would share."""
     return as_fit(settle(model, wv, weighting, certify=True), wv, weighting)
 
 
@@ -137,11 +124,8 @@ def given_fit(model: Model, wv: WaveletVariance, options: CalibrationOptions) ->
 
 
 def _left_in(fit: Fit, raw: WaveletVariance, options: CalibrationOptions) -> float | None:
-    """Return K (SI) that the axis would have if the effect of the conditions were not removed; None if unknown.
-
-    The model is fitted to the curve `raw`, from which the effect is not removed. If it has no random walk, one is
-    added.
-    """
+    """Return K (SI) from the curve without the removal of the conditions; None if unknown. A random walk is added to a
+    model that has none."""
     walks = any(is_walk(process, fit.wavelet_variance.rate) for process in fit.model.processes)
     model = fit.model if walks else Model((*fit.model.processes, RW()))
     try:
@@ -179,11 +163,10 @@ def _test(fit: Fit) -> GoodnessOfFit | None:
 
 
 def needed_lengths(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[str, float | None]:
-    """Return the recording length (s) that each poorly known parameter needs for a relative standard error of 20 %.
+    """Return the recording length (s) that gives each poorly known parameter a relative standard error of 20 %.
 
-    These are the parameters whose relative standard error exceeds 50 %. The length of the recording is doubled up to
-    ten times. The result is infinite if even 1024 times the length is not enough. It is None if the data cannot
-    distinguish a term from a simpler process, because theory then cannot predict the standard error.
+    These parameters have one above 50 %. The length is doubled up to ten times, then it is infinite. It is None if the
+    data cannot distinguish a term from a simpler process, because theory cannot predict the error.
     """
     shares = zip(fit.sandwich.names, np.sqrt(np.diag(fit.sandwich.relative)).tolist(), strict=True)
     poor = [name for name, share in shares if share > SEEN]

@@ -49,10 +49,7 @@ def calibrate_recording(
     progress: Progress | None = None,
     helpers: Helpers | None = None,
 ) -> Calibration:
-    """Calibrate one or several recordings like `calibrate`, with options that are already validated.
-
-    The axes are also calibrated in helper processes, if there are any.
-    """
+    """Calibrate like `calibrate`, with options that are already validated, and in helper processes if there are any."""
     if threads is not None:
         as_whole_number(threads, "threads", 1)
     recordings = Recordings.of(data, options)
@@ -108,10 +105,8 @@ def _recording_remarks(
     verdicts: Mapping[str, Mapping[str, Verdict]],
     findings: Mapping[str, Sequence[object]],
 ) -> Iterator[Remark]:
-    """Yield the remarks on the recordings from their inspections, outlier tests and additions.
-
-    If a remark does not apply to all recordings, its subject names the recording.
-    """
+    """Yield the remarks on the recordings from inspections, outlier tests and additions. Remarks that do not apply to
+    all recordings name theirs."""
     by_recording = {}
     for name, inspection in inspections.items():
         recording_verdicts = [of[name] for of in verdicts.values() if name in of]

@@ -101,13 +101,7 @@ def _of_axis(axis: AxisCalibration) -> dict[str, Any]:
 
 
 def calibration(content: Any) -> Calibration:
-    """Return the calibration that a document contains.
-
-    Raises
-    ------
-    ReadError
-        If the document has another format or version, or if a part of it is missing or wrong.
-    """
+    """Return the calibration that a document contains, or raise a ReadError that says what is missing or wrong."""
     if not isinstance(content, Mapping) or content.get("format") != FORMAT:
         raise ReadError(f'not a calibration: it has no "format": "{FORMAT}"', advice=AGAIN)
     version = content.get("version")
@@ -222,13 +216,7 @@ def as_text(content: Mapping[str, Any]) -> str:
 
 
 def read_text(path: str | os.PathLike[str]) -> Any:
-    """Read the document in a calibration.json.
-
-    Raises
-    ------
-    ReadError
-        If the file is not JSON, is truncated, or is not a calibration.
-    """
+    """Read the document in a calibration.json, or raise a ReadError if it is truncated or something else."""
     try:
         content = read_json(path)
     except ValueError as error:

@@ -86,10 +86,8 @@ class MeasuredAxis:
         return self.regressions.get("")
 
     def verdict(self, *, robust: bool) -> Verdict | None:
-        """Return the most severe outlier test, with the wrong samples and knocks of all recordings.
-
-        The test of the robust curve for its efficiency is a part of it only if this curve is fitted.
-        """
+        """Return the most severe outlier test with the wrong samples of all recordings; the test of the efficiency
+        belongs to a `robust` curve."""
         verdicts = list(self.verdicts.values())
         if not verdicts:
             return None
@@ -119,10 +117,7 @@ class MeasuredAxis:
         return pooled({name: removed[name].corrected(wv) if name in removed else wv for name, wv in curves.items()})
 
     def raw_curve(self, options: CalibrationOptions) -> WaveletVariance | None:
-        """Return the wavelet variance without the removal of the effect of the conditions.
-
-        The result is None if nothing is removed, or if the curve of a recording is not known.
-        """
+        """Return the curve without the removal of the conditions; None if nothing is removed or a curve is not known."""
         if not any(regression.applied for regression in self.regressions.values()):
             return None
         curves = self._curves(options)
@@ -158,10 +153,7 @@ class MeasuredAxis:
 
 
 class Measurements(NamedTuple):
-    """The measured axes, or the error of each axis that cannot be measured, with what concerns whole recordings.
-
-    The findings of the additions are in the order of `recording_additions`.
-    """
+    """The measured axes, or the error of each; inspections; findings of `recording_additions` in their order."""
 
     axes: dict[str, MeasuredAxis | GmwmError]
     inspections: dict[str, Inspection]

@@ -35,17 +35,8 @@ def is_line(kind: type[Process]) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class LargestMisfit:
-    """The scale at which a model is farthest from the data.
-
-    Attributes
-    ----------
-    tau : float
-        Scale (s).
-    ratio : float
-        Wavelet variance of the model divided by the measured wavelet variance at this scale.
-    numbers : tuple of str
-        Symbols of the datasheet numbers that depend on the data at short scales, or at long scales if `tau` is long.
-    """
+    """Scale `tau` (s) at which a model is farthest from the data, `ratio` of model to data, and symbols of the
+    `numbers` that depend on short or on long scales, whichever this is."""
 
     tau: float
     ratio: float
@@ -58,11 +49,8 @@ class LargestMisfit:
 
 
 def misfit_of(found: AxisCalibration) -> LargestMisfit | None:
-    """Return the largest misfit among the levels at which the model is outside the confidence limits of the data.
-
-    Levels that the goodness-of-fit test excludes are ignored, because they have few coefficients and thus a large
-    variance. The result is None if the model is inside the limits at all other levels.
-    """
+    """Return the largest misfit among the tested levels at which the model is outside the limits of the data; None if
+    it is inside everywhere. Other levels have few coefficients and a large variance."""
     wv = found.fit.wavelet_variance
     outside = (found.fit.implied < wv.lower) | (found.fit.implied > wv.upper)
     if found.test is not None:
@@ -85,10 +73,8 @@ def _read_at(sheet: Datasheet, *, long: bool) -> tuple[str, ...]:
 
 
 def _middle(found: AxisCalibration) -> float:
-    """Return the scale (s) that separates short from long scales.
-
-    It is the scale at the minimum of the Allan deviation, or the geometric mean of the shortest and longest scales.
-    """
+    """Return the scale (s) between short and long scales: the minimum of the Allan deviation, or the geometric mean of
+    all scales."""
     bottom = found.datasheet.get(SYMBOL)
     wv = found.fit.wavelet_variance
     if bottom is not None and bottom.tau is not None and not bottom.upper_only:

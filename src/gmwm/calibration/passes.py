@@ -33,17 +33,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Execution:
-    """How a recording is read. It changes no number.
-
-    Attributes
-    ----------
-    threads : int or None
-        Number of axes that are processed at the same time.
-    scheduler, workers : optional
-        Processes that read a stream, as in `calibrate`.
-    progress : callable
-        Function that is called with a description after each chunk.
-    """
+    """How a recording is read, which changes no number: threads, processes of a stream as in `calibrate`, and a
+    function that is called with the progress as text."""
 
     threads: int | None = None
     scheduler: str | Client | None = None
@@ -227,15 +218,7 @@ def curves_and_inspection(
     conditions: Conditions = NOTHING,
     run: Execution = IN_THIS_PROCESS,
 ) -> tuple[dict[str, WaveletVariance], Inspection]:
-    """Compute the wavelet variance of some axes of a stream and inspect all axes, in the same passes over the samples.
-
-    Parameters
-    ----------
-    stream, axes, conditions, run
-        As in `read_recording`.
-    robust, efficiency
-        As in `wavelet_variance`.
-    """
+    """Compute the wavelet variance of some axes of a stream and inspect all axes, in the same passes over the samples."""
     if run.remote:
         curves, (inspection, _) = _measure_remotely(
             stream, axes, robust=robust, efficiency=efficiency, conditions=conditions, run=run
@@ -342,8 +325,8 @@ Remote = tuple[Inspection, dict[str, "AxisAccumulator"]]
 
 
 def _measure_remotely(
-    stream: Stream, axes: Sequence[str], *, efficiency: float, conditions: Conditions, run: Execution, robust: bool = True,
-    inspected: tuple[str, ...] = (), change: Callable[[Signal], Signal] | None = None,
+    stream: Stream, axes: Sequence[str], *, efficiency: float, conditions: Conditions, run: Execution,
+    robust: bool = True, inspected: tuple[str, ...] = (), change: Callable[[Signal], Signal] | None = None,
 ) -> tuple[dict[str, AxisCurves], Remote]:  # fmt: skip
     """Measure the curves of a stream with workers, one of which inspects the stream and accumulates the other
     statistics of the axes `inspected`."""
@@ -366,10 +349,7 @@ def _measure_remotely(
 
 
 def _inspect_remotely(stream: Streamed, axes: tuple[str, ...], conditions: Conditions) -> Remote | GmwmError:
-    """Inspect a stream in a worker process, and accumulate what does not belong to the wavelet variances.
-
-    A GmwmError is returned instead of raised, because Dask would repeat a task that raises.
-    """
+    """Inspect a stream in a worker process. A GmwmError is returned, because Dask would repeat a task that raises."""
     try:
         batches = Batches(stream)
         inspector = FirstPass(batches)

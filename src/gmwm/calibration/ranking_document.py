@@ -47,19 +47,8 @@ def _short(fit: Fit) -> dict[str, Any]:
 
 
 def ranking_from(content: Mapping[str, Any], wv: WaveletVariance) -> Ranking:
-    """Restore a ranking from the result of `ranking_document`.
-
-    Parameters
-    ----------
-    content : mapping
-    wv : WaveletVariance
-        The wavelet variance to which the models of the ranking were fitted.
-
-    Raises
-    ------
-    ReadError
-        If not exactly one candidate is recommended, or a matrix has a wrong shape.
-    """
+    """Restore a ranking from the result of `ranking_document` and the wavelet variance of its fits, or raise a
+    ReadError."""
     size = len(wv)
     matrix, wavelet = (_square(content[name], size) for name in ("weighting_matrix", "wavelet_covariance"))
     weighting = str(content["weighting"])

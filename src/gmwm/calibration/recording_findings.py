@@ -27,17 +27,8 @@ def recording_remarks(
 ) -> Iterator[Remark]:
     """Yield the remarks of an inspection that matter for the calibration.
 
-    Remarks on trends and coarse quantization also name the datasheet numbers that are affected. A remark on a linear
-    trend is left out if the model of the axis has a drift, which describes the trend. Remarks on knocks are left out,
-    and so is a remark on motion if the motion was replaced like a knock.
-
-    Parameters
-    ----------
-    inspection : Inspection
-    axes : mapping of axis to AxisCalibration
-        The calibrated axes.
-    verdicts : sequence of Verdict
-        The outlier tests of the axes in this recording.
+    Remarks on trends and quantization name the affected numbers. A linear trend that the model describes as a drift is
+    left out, and so are knocks, and motion that was replaced like a knock.
     """
     for remark in inspection.remarks:
         if remark.code == "knocks" or (remark.code == "recording-moved" and _is_replaced(remark, verdicts)):

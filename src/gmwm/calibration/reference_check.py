@@ -231,10 +231,8 @@ def _parse_reference(source: str | os.PathLike[str], rate: float) -> Given:
 def _of_numbers(
     calibration: Calibration, reference: Mapping[str, tuple[float, str]]
 ) -> tuple[list[ReferenceNumber], tuple[str, ...]]:
-    """Return the compared numbers for references such as "gyro.N", and the keys that match no axis.
-
-    A reference for an axis replaces the reference for its sensor.
-    """
+    """Return the compared numbers for references such as "gyro.N", and the keys that match no axis. An axis has
+    priority over its sensor."""
     numbers: dict[tuple[str, str], ReferenceNumber] = {}
     unmatched: list[str] = []
     for key in sorted(reference, key=lambda key: key.rpartition(".")[0] in calibration):
@@ -256,10 +254,7 @@ def _of_numbers(
 def _of_axis(
     calibration: Calibration, axis: str, values: Values, given: Given, *, horizon: float
 ) -> Iterator[ReferenceNumber]:
-    """Yield the compared numbers of one axis of a file or datasheet.
-
-    If the reference is a file, its N and K are compared with those of the calibration for the time horizon.
-    """
+    """Yield the compared numbers of one axis. N and K of a file are compared with those for the time horizon."""
     measured: Mapping[str, Entry] = calibration.datasheets[axis]
     written = given.written.get(axis, {})
     if written:

@@ -44,10 +44,8 @@ LONGEST = 3600.0
 
 
 class AxisMean(NamedTuple):
-    """Mean of the samples of one axis in one recording, their number, and their number including those lost in gaps.
-
-    `gravity` is the gravity along the axis with its standard error; None if it is not known.
-    """
+    """Mean of an axis in one recording, its samples without and with those lost in gaps, and the gravity in it with its
+    standard error or None."""
 
     mean: float
     samples: int
@@ -191,19 +189,8 @@ def means_of(data: Any, inspection: Inspection | None, options: CalibrationOptio
 
 
 def bias_at_rest(fit: Fit, ranking: Ranking, means: Sequence[AxisMean], *, level: float) -> BiasAtRest:
-    """Compute the bias of one axis at rest.
-
-    Parameters
-    ----------
-    fit : Fit
-        The fit of the recommended model.
-    ranking : Ranking
-        The models over which the noise of the mean is averaged.
-    means : sequence of AxisMean
-        Mean of each recording.
-    level : float
-        Confidence level of the intervals.
-    """
+    """Compute the bias of one axis at rest from its mean in each recording. The noise of the mean is averaged over the
+    models of the ranking."""
     parts = [mean_of_recording.gravity for mean_of_recording in means if mean_of_recording.gravity is not None]
     removed = len(parts) == len(means)
     values = np.array([mean_of_recording.mean for mean_of_recording in means])
@@ -239,18 +226,10 @@ def bias_at_rest(fit: Fit, ranking: Ranking, means: Sequence[AxisMean], *, level
 
 
 def reach_of(models: Sequence[tuple[float, Variance]], level: float) -> float:
-    """Return half the width of the confidence interval of a mean, averaged over several models.
+    """Return half the width of the confidence interval of a mean, averaged over models with weights.
 
-    In each model, the mean has Student's distribution. If the variance of the mean has the relative error r, the
-    distribution has 2/r² degrees of freedom, but at least 1. The tail areas of the models are averaged with their
-    weights (docs/validation/rest.md).
-
-    Parameters
-    ----------
-    models : sequence of (weight, Variance)
-        Weight of each model, and variance of the mean in this model.
-    level : float
-        Confidence level.
+    In each model, the mean has Student's distribution. If its variance has the relative error r, there are 2/r² degrees
+    of freedom, at least 1. The tail areas are averaged (docs/validation/rest.md).
     """
     from scipy.special import stdtr
 
@@ -272,10 +251,8 @@ def reach_of(models: Sequence[tuple[float, Variance]], level: float) -> float:
 def gravity_of(means: Mapping[str, float], options: CalibrationOptions) -> dict[str, tuple[float, float] | None]:
     """Return the gravity along each axis with its standard error; None if it is not known.
 
-    The gravity along a nearly vertical axis is √(g² − h²), where g is the local gravity and h the norm of the mean of
-    the level axes. The attitude need not be known for this, because the biases of the level axes have only a
-    second-order effect. The gravity along a level axis is g times its tilt, so it is known only if the option `tilt` is
-    given.
+    It is √(g² − h²) along a nearly vertical axis, where h is the norm of the mean of the level axes, whose biases have
+    only a second-order effect. Along a level axis it is g times its tilt, which only the option `tilt` tells.
     """
     gravity: dict[str, tuple[float, float] | None] = dict.fromkeys(means, (0.0, 0.0))
     accel = {axis: mean for axis, mean in means.items() if sensor_of(axis) == "accel"}
@@ -329,11 +306,8 @@ def _average(models: Sequence[tuple[float, Variance]]) -> Variance:
 
 
 def _limits(variance: Variance, level: float) -> tuple[float, float]:
-    """Return the confidence interval of a standard deviation from its estimated variance.
-
-    The interval is symmetric on a logarithmic scale. If the variance does not differ significantly from zero, the
-    interval starts at 0.
-    """
+    """Return the interval of a standard deviation from its estimated variance, symmetric on a logarithmic scale. It
+    starts at 0 if the variance does not differ significantly from zero."""
     reach = _quantile(math.inf, level) * variance.relative
     size = math.sqrt(variance.value)
     if reach >= 1:

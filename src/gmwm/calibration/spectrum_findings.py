@@ -57,11 +57,8 @@ def _lines(axis: str, found: AxisCalibration, lines: tuple[Line, ...]) -> Remark
 
 
 def line_share(wv: WaveletVariance, lines: tuple[Line, ...]) -> tuple[float, float]:
-    """Return the largest share that lines have in the wavelet variance of a level, and the scale (s) of this level.
-
-    A sinusoid of amplitude A and frequency f adds A² |H_j(f)|² / 2 to the wavelet variance of level j, where |H_j|² is
-    the squared gain of the wavelet filter.
-    """
+    """Return the largest share A² |H_j(f)|² / 2 that lines have in the wavelet variance of a level j, and its scale
+    (s). |H_j|² is the squared gain of the filter."""
     wavelet = find_filter(wv.filter)
     cycles = np.array([line.frequency for line in lines]) / wv.rate
     powers = np.array([line.amplitude for line in lines]) ** 2 / 2

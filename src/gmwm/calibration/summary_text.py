@@ -98,10 +98,8 @@ def _range(ascending: Sequence[str]) -> str:
 
 
 def _table(axes: Mapping[str, AxisCalibration]) -> list[str]:
-    """Return the lines of a table with a column for each axis and a row for each number.
-
-    Up to three axes are side by side, as many as fit the width; the others follow in tables below.
-    """
+    """Return tables with a column for each axis and a row for each number. Up to three axes that fit the width are side
+    by side."""
     lines: list[str] = []
     for count in (3, 2, 1):
         lines = _blocks(axes, count)
@@ -121,10 +119,8 @@ def _blocks(axes: Mapping[str, AxisCalibration], count: int) -> list[str]:
 
 
 def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
-    """Return the rows of the table of some axes.
-
-    The first rows have model, goodness of fit and outliers; the others have one number each in datasheet units.
-    """
+    """Return the rows of the table of some axes: model, goodness of fit, outliers, then one number each in datasheet
+    units."""
     calibrations = list(axes.values())
     rows = [
         ["", *axes],
@@ -169,10 +165,7 @@ def _at_rest(calibrations: Sequence[AxisCalibration]) -> list[list[str]]:
 
 
 def _spreads(calibrations: Sequence[AxisCalibration]) -> list[list[str]]:
-    """Return the rows with the spread of N, B and K between recordings, and the p-value of the test of equality.
-
-    There are no rows for a single recording.
-    """
+    """Return the spread of N, B and K between recordings, and the p-value of equality; no rows for one recording."""
     if all(item.replicates is None for item in calibrations):
         return []
     rows = []
@@ -198,11 +191,8 @@ def held_lines(model: Model) -> list[str]:
 
 
 def _entries_of(calibration: AxisCalibration) -> dict[str, Entry]:
-    """Return the datasheet entries to show, by symbol.
-
-    Sinusoids whose parameters are all held fixed are left out. If there is only one other sinusoid, its symbols have no
-    index.
-    """
+    """Return the entries to show by symbol, without sinusoids that are held. The only free sinusoid has symbols without
+    an index."""
     model = calibration.fit.model
     lines = {term for term, process in zip(model.terms, model.processes, strict=True) if is_line(type(process))}
     free = lines.difference(held_lines(model))

@@ -21,10 +21,7 @@ SENSORS = {"gyro": "Gyroscopes", "accel": "Accelerometers"}
 
 
 def merge_names(lists: Sequence[Sequence[str]]) -> list[str]:
-    """Merge lists of names into one list without duplicates that keeps the order of each list where possible.
-
-    If two lists contradict each other, the longer list determines the order.
-    """
+    """Merge lists of names without duplicates, in the order of each list where possible; the longer list decides."""
     order: list[str] = []
     for names in sorted(lists, key=len, reverse=True):
         at = 0
@@ -50,10 +47,7 @@ def key(entries: Iterable[Entry]) -> str:
 
 
 def number(entry: Entry) -> str:
-    """Format a number with half the width of its confidence interval in per cent.
-
-    A wide interval is given by its ends instead, and a number that may be zero by its upper limit.
-    """
+    """Format a number with half its interval in per cent, with both ends if wide, or as an upper limit."""
     value, low, high, _ = entry.in_units("datasheet")
     if entry.held:
         return f"{value:.3g} fixed"

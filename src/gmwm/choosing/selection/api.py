@@ -250,10 +250,7 @@ def rank_models(
 
 
 def _union(models: Sequence[Model]) -> Model:
-    """Return the smallest model that contains all models.
-
-    A term that is fixed in some models and free in others is free in the result.
-    """
+    """Return the smallest model that contains all models. A term that is fixed in some and free in others is free."""
     most = Counter[Process]()
     for model in models:
         most |= Counter(model.processes)
@@ -273,10 +270,8 @@ def _union(models: Sequence[Model]) -> Model:
 
 
 def _join(one: Process, other: Process) -> type[Process] | None:
-    """Return the class of a process that includes two processes of different order, such as ARMA processes.
-
-    The result is None if there is no such class, or if one of the processes has fixed values.
-    """
+    """Return the class that includes two processes of different order, such as ARMA processes; None if there is none or
+    values are fixed."""
     if type(one) is type(other) or any(
         process.is_fixed(p.name) for process in (one, other) for p in process.parameters
     ):
@@ -317,11 +312,8 @@ def _rank(
 
 
 def _levels(candidates: Sequence[Candidate]) -> dict[str, float]:
-    """Return the criterion of each structure. Criteria that differ only by numerical errors get the same value.
-
-    For example, ARMA(1,1) and GM + WN have the same wavelet variance. The last digits of their criteria must not decide
-    between them.
-    """
+    """Return the criterion of each structure, equal if criteria differ only by numerical errors. ARMA(1,1) and GM + WN
+    have the same curve, for example, and their last digits must not decide."""
     level: dict[str, float] = {}
     least = -np.inf
     for c in sorted(candidates, key=_score):
@@ -401,11 +393,11 @@ def _end(name: str, target: Mapping[str, str | None]) -> str:
 
 
 def _complexity(candidate: Candidate) -> int:
-    """Return the number of parameters, plus 2 for each term like flicker noise.
+    """Return the number of parameters, plus 2 for each term like flicker noise: no sinusoid, no correlation time, no
+    shape.
 
-    The additional count is for terms that are not sinusoids and have neither a correlation time nor shape parameters.
-    Flicker noise has one parameter, but its wavelet variance is similar to a sum of several Gauss-Markov processes.
-    Without the additional count, it would often replace a single Gauss-Markov process in short recordings.
+    Flicker noise has one parameter, but a curve like several Gauss-Markov processes. It would often replace a single
+    one in short recordings.
     """
     return candidate.parameters + 2 * sum(
         p.correlation_time(1.0) is None and p.line(1.0) is None and not p.nonlinear_parameters()
@@ -414,11 +406,8 @@ def _complexity(candidate: Candidate) -> int:
 
 
 def _is_rejected(candidate: Candidate, best: Candidate) -> bool:
-    """Return whether the goodness-of-fit test rejects a candidate, and the best candidate fits much better.
-
-    The test of equivalence alone is not sufficient. It uses the weights of the candidate. If the candidate is far below
-    the data at long scales, other models can appear equally far from the data with these weights.
-    """
+    """Return whether the goodness-of-fit test rejects a candidate, and the best one fits much better. With the weights
+    of a candidate far below the data at long scales, other models can appear equally far from the data."""
     pvalue = candidate.pvalue
     if pvalue is None or pvalue >= REJECTED:
         return False
@@ -429,10 +418,7 @@ def _is_rejected(candidate: Candidate, best: Candidate) -> bool:
 def _equivalent(
     candidates: Sequence[Candidate], explored: Explored, confidence: float, draws: int, seed: int
 ) -> list[Candidate]:
-    """Return the candidates that are as good as the best one, the simplest first.
-
-    Candidates that contain a smaller such candidate are left out.
-    """
+    """Return the candidates that are as good as the best one and contain no smaller such candidate, the simplest first."""
     best, level = candidates[0], _levels(candidates)
     equivalent: list[Candidate] = []
     distinct = (c for c in candidates if c.same_as is None)

@@ -77,9 +77,8 @@ def explore(
 ) -> Explored:
     """Fit every candidate with the weighting matrix Ω of the general model.
 
-    If the optimum of a model has terms that are zero, it is also the optimum of every smaller model that contains the
-    other terms. These models are not fitted separately, which saves most of the work. The objective of a model is never
-    larger than the objective of a model that it contains; `mend` ensures this.
+    An optimum with terms that are zero is also the optimum of the smaller models with the other terms, which saves most
+    of the work. `mend` ensures that no objective is larger than the one of a contained model.
     """
     largest = general if freedom(general) <= len(wv) else max(candidates, key=freedom)
     settled, wavelet = nearly_settled(largest, wv, weighting)
@@ -97,11 +96,10 @@ def explore(
 
 
 def losses_left_out(explored: Explored, candidates: Sequence[Model], weighting: str) -> Vector | None:
-    """Return the mean loss of each candidate for recordings that its fit did not use, or None for a single recording.
+    """Return the mean loss of each candidate for recordings that its fit did not use; None for a single recording.
 
-    Each recording r is left out once. The candidates are fitted to the other recordings with the Ω of the general
-    model. The loss is (ν̂²_r − ν²)ᵀ Ω_r (ν̂²_r − ν²). ν̂²_r is the wavelet variance of the left-out recording, and ν²
-    is the one of the fit. Ω_r is the weighting matrix for a recording of this length.
+    The candidates are fitted without recording r, with the Ω of the general model. The loss is (ν̂²_r − ν²)ᵀ Ω_r (ν̂²_r
+    − ν²), where Ω_r is the weighting matrix for a recording of this length.
     """
     wv = explored.general.wavelet_variance
     if len(wv.recordings) < 2:
@@ -223,13 +221,11 @@ def _key(structure: Counter[str]) -> frozenset[tuple[str, int]]:
 
 
 def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
-    """Return the wavelet variances (n, J) of processes that the general model can add to a candidate.
+    """Return the curves (n, J) of processes that the general model can add, and the number of those without shape,
+    which come first.
 
-    The second value is the number of rows for processes without shape parameters.
-
-    These rows come first. A Gauss-Markov process is evaluated on a grid over the domain of its correlation time. For
-    processes with several shape parameters, mixtures of grid points would describe more curves than one such process
-    can. The rows of these processes are the estimated shape and its derivatives.
+    Gauss-Markov processes are on a grid of correlation times. Of processes with several shape parameters, the estimated
+    shape and its derivatives are used, because mixtures of grid points describe more curves than one process.
     """
     wv = explored.general.wavelet_variance
     problem = pose(without_values(explored.general.model), wv, explored.weights)

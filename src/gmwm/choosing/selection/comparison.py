@@ -12,13 +12,7 @@ from gmwm.fitting.estimation.weighting import Weights
 
 
 def compare(ranking: Ranking, first: Candidate, second: Candidate) -> Comparison:
-    """Return the difference of the criteria of two candidates of a ranking, with its standard error.
-
-    Let Ω = LᵀL be the weighting matrix, and V the covariance of the measured wavelet variance ν̂². For small changes,
-    the loss of model i is |P_i L (ν̂² − ν²)|². The matrix P_i projects onto the complement of the directions in which
-    the wavelet variance ν² of the model can change with its parameters. The variance of the difference of two losses is
-    then 2 tr[(AW)²] + 4 aᵀWa, with A = P₁ − P₂ and W = LVLᵀ. a = r₁ − r₂ is the difference of the weighted residuals.
-    """
+    """Compute the difference between the criteria of two candidates of a ranking, and its standard error."""
     error = difference_error(first.fit, second.fit, Weights(ranking.weighting_matrix), ranking.wavelet)
     difference = first.wic.value - second.wic.value
     return Comparison(first=first, second=second, difference=difference, error=error)

@@ -91,10 +91,7 @@ class Hypothesis:
         return cls(explored=explored, fit=fit, weights=Weights(matrix), wavelet=wavelet, draws=draws, seed=seed)
 
     def absurd(self, rival: Fit) -> bool:
-        """Return whether the loss of the candidate exceeds the loss of a rival by far more than chance explains.
-
-        This check needs no other fit.
-        """
+        """Return whether the loss exceeds the loss of a rival by far more than chance explains, without another fit."""
         from scipy.special import gammaincc
 
         losses = []
@@ -143,10 +140,8 @@ class Hypothesis:
 
     @cached_property
     def _columns(self) -> tuple[Matrix, int]:
-        """Unit vectors (n, J) of the weighted wavelet variances of all processes that can be added.
-
-        The second value is the number of processes without shape parameters, which come first.
-        """
+        """Unit vectors (n, J) of the weighted curves of all processes that can be added, and the number of those
+        without shape, which come first."""
         shapes, linear = self.explored.columns
         columns = shapes @ self.root.T
         return columns / np.linalg.norm(columns, axis=1, keepdims=True), linear
@@ -230,10 +225,7 @@ def by_chance(hypothesis: Hypothesis, rival: Fit, size: float) -> bool:
 
 
 def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matrix:
-    """Draw deviations of ν̂² (B, J) from a curve, with chi-square distributions and the covariance V.
-
-    `wavelet` is V (J, J).
-    """
+    """Draw deviations of ν̂² (B, J) from a curve, with chi-square distributions and the covariance V (J, J) `wavelet`."""
     deviation = np.sqrt(np.diag(wavelet))
     normal = np.random.default_rng(seed).standard_normal((draws, curve.size))
     scores = normal @ factor_of(wavelet).T / deviation
@@ -242,11 +234,7 @@ def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matri
 
 def _mean_squares(scores: Matrix, freedom: Vector) -> Matrix:
     """Return the chi-square quantiles (B, J) at the probabilities of normal scores, divided by the degrees of freedom
-    (J,).
-
-    For each level, they are an analytic function of the score, so Chebyshev polynomials of degree `DEGREE` replace
-    most of the slow quantiles.
-    """
+    (J,). They are analytic in the score, so Chebyshev polynomials of degree `DEGREE` replace most of them."""
     from scipy.special import chdtri, ndtr
 
     reach = float(np.abs(scores).max(initial=0.0))

@@ -120,19 +120,8 @@ def search(
     *,
     check: Callable[[], None] = lambda: None,
 ) -> ModelChoice:
-    """Search for the noise model of one axis. The module docstring describes the steps.
-
-    Parameters
-    ----------
-    wv : WaveletVariance
-        The wavelet variance of the axis.
-    spectrum : PowerSpectrum or None
-        The spectrum of the same recording, if there is one.
-    options : RankingOptions
-        Options of the rankings.
-    check : function, optional
-        Function that is called between steps. It may raise an exception to end the search.
-    """
+    """Search for the noise model of one axis, as the module describes. `check` is called between steps and may raise to
+    stop."""
     general = nearly_fitted(_largest(SLOW, wv), wv, options.weighting)
     bound = Distance.of(general).surely
     slow = SearchStep(family=general.model.structure, entered="slow", bound=bound, left="all-rejected")
@@ -177,17 +166,8 @@ def _with_filter(choice: ModelChoice, shaped: ModelChoice) -> ModelChoice:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Shown:
-    """Terms that the spectrum shows.
-
-    Attributes
-    ----------
-    wavelet_variance : WaveletVariance
-        The data. The covariance includes the uncertainty of the shape at high frequencies.
-    terms : tuple of Process
-        The terms.
-    band : mapping of str to float
-        Relative standard errors of the bandwidth and the resonance; see `ModelChoice`.
-    """
+    """Terms that the spectrum shows, the data with the uncertainty of the shape, and the errors of its band
+    (`ModelChoice`)."""
 
     wavelet_variance: WaveletVariance
     terms: tuple[Process, ...]
@@ -239,10 +219,8 @@ def within_family(
     check: Callable[[], None] = lambda: None,
     entered: Entry = "within",
 ) -> ModelChoice:
-    """Rank all models within a general one (`family`), with the model error of its largest model.
-
-    The `required` terms are in every model. Lines among them whose power is estimated as zero are dropped.
-    """
+    """Rank all models within a largest one plus `required` terms, with its model error. Lines whose power is zero are
+    dropped."""
     largest = _largest(family, wv, required)
     bound, error = _bound_and_error(largest, wv, options.weighting)
     check()
@@ -338,10 +316,8 @@ def _required_terms(
 
 
 def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | None:
-    """Fit an AR(2) process and slow noise to the wavelet variance, and return the AR(2) with fixed coefficients.
-
-    The result is None if the fit fails or the AR(2) process is not a shape at high frequencies.
-    """
+    """Fit an AR(2) process with slow noise, and return it with fixed coefficients; None if it fails or is not a shape
+    at high frequencies."""
     try:
         general = Model.parse("AR(2) + 2*GM + QN + RW")
         fit = nearly_fitted(general, wv, options.weighting)
@@ -357,10 +333,7 @@ def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | Non
 
 
 def _peaks(spectrum: PowerSpectrum) -> list[tuple[float, float, float]]:
-    """Return frequency (Hz), power (squared unit of the signal) and width (Hz) of lines and narrow peaks.
-
-    Narrow peaks are those that an ARMA process cannot describe.
-    """
+    """Return frequency (Hz), power and width (Hz) of lines and of peaks too narrow for an ARMA process."""
     peaks = [(line.frequency, line.amplitude**2 / 2, line.width) for line in spectrum.lines]
     for bump in spectrum.bumps:
         if bump.width < NARROW * spectrum.rate:
@@ -383,10 +356,7 @@ def _lines(spectrum: PowerSpectrum, wv: WaveletVariance) -> tuple[Process, ...]:
 
 
 def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | None) -> SpectralShape | None:
-    """Fit a shape to the noise at high frequencies that the slow terms of a fit do not explain.
-
-    The result is None if too few frequencies can be used.
-    """
+    """Fit a shape to the high frequencies that slow terms do not explain; None if too few frequencies can be used."""
     smooth = spectrum.smoothed() if spectrum.frequencies[0] == 0 else spectrum
     frequencies, density = smooth.frequencies, smooth.density * rate / 2
     slow = _slow_density([p for p in known.model.processes if type(p) is not type(before)], frequencies, rate)
