@@ -25,7 +25,7 @@ from gmwm.calibration.averaging import (
     weighted_candidates,
 )
 from gmwm.choosing.datasheets import Datasheet, Entry, datasheet
-from gmwm.fitting.inference.intervals import with_quick_intervals
+from gmwm.fitting.estimation.intervals import with_quick_intervals
 
 LEVEL = 0.95
 ONE = WeightedEstimate(weight=1.0, value=2.0, low=1.0, high=5.0)

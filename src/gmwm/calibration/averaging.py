@@ -10,8 +10,8 @@ from statistics import NormalDist
 from gmwm.base.errors import GmwmError
 from gmwm.choosing.datasheets import Datasheet, Entry, datasheet
 from gmwm.choosing.selection.ranking import Candidate, Ranking
+from gmwm.fitting.estimation.intervals import with_quick_intervals
 from gmwm.fitting.estimation.result import Fit
-from gmwm.fitting.inference.intervals import with_quick_intervals
 from gmwm.theory.processes.base import Process
 
 LIKELY = 0.02

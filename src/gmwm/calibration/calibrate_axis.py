@@ -20,11 +20,10 @@ from gmwm.calibration.rest import bias_at_rest
 from gmwm.calibration.result import AxisCalibration
 from gmwm.choosing.datasheets import datasheet
 from gmwm.choosing.selection.search import ModelChoice, given_curve, given_model, search, within_family
-from gmwm.fitting.estimation.estimator import as_fit
+from gmwm.fitting.estimation.goodness import GoodnessOfFit, usable_levels
+from gmwm.fitting.estimation.model_error import nearly_fitted, relative_misfit
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.reweighting import settle
-from gmwm.fitting.inference.goodness import GoodnessOfFit, usable_levels
-from gmwm.fitting.inference.model_error import nearly_fitted, relative_misfit
 from gmwm.fitting.inference.planning import SEEN, relative_errors
 from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.measuring.variance.result import WaveletVariance
@@ -115,7 +114,7 @@ def choose_model(
 def final_fit(model: Model, wv: WaveletVariance, weighting: str) -> Fit:
     """Fit a model until its weights have converged, and certify the optimum. Remarks replace Python warnings, whose
     filters threads would share."""
-    return as_fit(settle(model, wv, weighting, certify=True), wv, weighting)
+    return Fit.of(settle(model, wv, weighting, certify=True), wv, weighting)
 
 
 def given_fit(model: Model, wv: WaveletVariance, options: CalibrationOptions) -> Fit:

@@ -26,10 +26,10 @@ from gmwm.calibration.rest import BiasAtRest
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.choosing.datasheets import Datasheet
 from gmwm.choosing.selection.search_steps import SearchStep
+from gmwm.fitting.estimation.goodness import GoodnessOfFit
+from gmwm.fitting.estimation.intervals import Interval
+from gmwm.fitting.estimation.model_error import RelativeMisfit
 from gmwm.fitting.estimation.result import Fit
-from gmwm.fitting.inference.goodness import GoodnessOfFit
-from gmwm.fitting.inference.intervals import Interval
-from gmwm.fitting.inference.model_error import RelativeMisfit
 from gmwm.measuring.outliers import Verdict
 from gmwm.measuring.regression.result import Regression
 from gmwm.measuring.spectrum import PowerSpectrum

@@ -14,8 +14,9 @@ from gmwm.base.text import duration_text
 from gmwm.calibration.averaging import markov_instead_of_walk
 from gmwm.calibration.misfit import line_in, line_process, misfit_of
 from gmwm.calibration.spectrum_findings import spectrum_remarks
-from gmwm.fitting.inference.goodness import usable_in, usable_levels
-from gmwm.fitting.inference.model_error import implausible_levels
+from gmwm.fitting.estimation.goodness import usable_levels
+from gmwm.fitting.estimation.linearised import usable_in
+from gmwm.fitting.estimation.model_error import implausible_levels
 from gmwm.fitting.inference.planning import SEEN
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.outliers import excess_text

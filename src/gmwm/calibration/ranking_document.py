@@ -12,8 +12,8 @@ from gmwm.base.errors import ReadError
 from gmwm.calibration.options import AGAIN
 from gmwm.choosing.selection import Ranking
 from gmwm.choosing.selection.ranking import Candidate
+from gmwm.fitting.estimation.criterion import Criterion
 from gmwm.fitting.estimation.result import Diagnostics, Fit
-from gmwm.fitting.inference.criterion import Criterion
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.model import Model
 

@@ -17,7 +17,7 @@ from gmwm.choosing.datasheets.curve import Curve
 from gmwm.choosing.datasheets.equivalent_terms import translated
 from gmwm.fitting.estimation.result import Fit
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.ladder import approximated
+from gmwm.theory.processes.ladder import approximation_remarks
 from gmwm.theory.processes.model import Model, as_model
 
 _STEP = 1e-3
@@ -71,7 +71,7 @@ class AxisNoise:
     def remarks(self, duration: float) -> tuple[Remark, ...]:
         """Return remarks if the duration (s) exceeds the recording, or if the state space of a term is approximate."""
         model = Model(tuple(self.terms.values())) if self.terms else None
-        found = () if model is None else approximated(model, self.rate, self.axis)
+        found = () if model is None else approximation_remarks(model, self.rate, self.axis)
         if duration <= self.longest:
             return found
         facts = {"duration": Quantity(duration, "s"), "longest": Quantity(self.longest, "s")}

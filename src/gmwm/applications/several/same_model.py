@@ -10,9 +10,9 @@ from statistics import NormalDist
 import numpy as np
 
 from gmwm.fitting.estimation.estimator import fit
+from gmwm.fitting.estimation.intervals import parameters_by_name
 from gmwm.fitting.estimation.recordings import LONGEST, deviations
 from gmwm.fitting.estimation.result import Fit
-from gmwm.fitting.inference.intervals import parameters_by_name
 from gmwm.measuring.variance.pooling import pooled
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.model import ModelLike

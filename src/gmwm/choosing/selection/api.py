@@ -24,12 +24,12 @@ from gmwm.choosing.selection.structure import (
     without_drift,
     without_values,
 )
-from gmwm.fitting.estimation.estimator import measured
+from gmwm.fitting.estimation.criterion import Criterion, covariance_trace, implied_by_refits, optimism, problem_of
+from gmwm.fitting.estimation.estimator import measure
+from gmwm.fitting.estimation.intervals import Method
 from gmwm.fitting.estimation.linearised import columns_of
 from gmwm.fitting.estimation.result import Fit
-from gmwm.fitting.inference.criterion import Criterion, covariance_trace, implied_by_refits, optimism, problem_of
-from gmwm.fitting.inference.intervals import Method
-from gmwm.fitting.inference.simulated_curves import simulated_variances
+from gmwm.fitting.estimation.simulated_curves import simulated_variances
 from gmwm.measuring.covariance import Design
 from gmwm.measuring.regression.against import Against
 from gmwm.measuring.variance.result import WaveletVariance
@@ -159,7 +159,7 @@ def select_within(
 ) -> Ranking:
     """Rank every model within a general one, with the `required` terms added to each. The options are already
     checked."""
-    wv = measured(data, rate, robust, efficiency, against=against)
+    wv = measure(data, rate, robust, efficiency, against=against)
     optional = without_drift(without_values(as_model(general)), [wv])
     models = nested_models(optional)
     if required:
@@ -228,9 +228,7 @@ def rank(
             advice="To rank all models within one, use `gmwm.select`.",
         )  # fmt: skip
     candidates = [as_model(model) for model in models]
-    return rank_models(
-        candidates, measured(data, rate, robust, efficiency, against=against), options, progress=progress
-    )
+    return rank_models(candidates, measure(data, rate, robust, efficiency, against=against), options, progress=progress)
 
 
 def rank_models(

@@ -12,10 +12,9 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.choosing.selection.structure import consists_of, containing, freedom, names_of, structure_of, without_values
 from gmwm.fitting.estimation.atoms import grid
-from gmwm.fitting.estimation.estimator import as_fit
 from gmwm.fitting.estimation.problem import Problem, pose, to_find
 from gmwm.fitting.estimation.result import Fit
-from gmwm.fitting.estimation.reweighting import Settled, nearly_settled
+from gmwm.fitting.estimation.reweighting import WeightedSolution, nearly_settled
 from gmwm.fitting.estimation.solver import Solution, solve
 from gmwm.fitting.estimation.weighting import Weights, precision
 from gmwm.measuring.covariance import Design, covariance
@@ -92,7 +91,7 @@ def explore(
             progress(done + 1, len(candidates))
     search.mend()
     fits = tuple(search.fit(model) for model in candidates)
-    return Explored(as_fit(settled, wv, weighting), weights, wavelet, fits)
+    return Explored(Fit.of(settled, wv, weighting), weights, wavelet, fits)
 
 
 def losses_left_out(explored: Explored, candidates: Sequence[Model], weighting: str) -> Vector | None:
@@ -190,7 +189,9 @@ class _Exploration:
         """Return the fit of a candidate. Models with the same optimum share one fit."""
         solved = self.solved[_key(structure_of(model))]
         if id(solved.solution) not in self.fits:
-            self.fits[id(solved.solution)] = as_fit(Settled(solved.problem, solved.solution), self.wv, self.weighting)
+            self.fits[id(solved.solution)] = Fit.of(
+                WeightedSolution(solved.problem, solved.solution), self.wv, self.weighting
+            )
         return self.fits[id(solved.solution)]
 
     def _part(self, solved: _CandidateSolution) -> _CandidateSolution:

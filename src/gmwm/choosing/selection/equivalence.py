@@ -25,14 +25,13 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import GmwmError
 from gmwm.choosing.selection.candidate_fits import Explored
 from gmwm.choosing.selection.structure import without_values
-from gmwm.fitting.estimation.estimator import as_fit
+from gmwm.fitting.estimation.criterion import optimism
 from gmwm.fitting.estimation.linearised import COLLINEAR, slopes_of
 from gmwm.fitting.estimation.problem import pose
 from gmwm.fitting.estimation.result import Fit
-from gmwm.fitting.estimation.reweighting import Settled, drawn_covariance
+from gmwm.fitting.estimation.reweighting import WeightedSolution, drawn_covariance
 from gmwm.fitting.estimation.solver import solve
 from gmwm.fitting.estimation.weighting import Weights, precision
-from gmwm.fitting.inference.criterion import optimism
 from gmwm.measuring.covariance import Design
 
 SPARE = 1e-8
@@ -121,7 +120,7 @@ class Hypothesis:
     def _fit(self, fit: Fit) -> Fit:
         wv = fit.wavelet_variance
         problem = pose(without_values(fit.model), wv, self.weights)
-        return as_fit(Settled(problem, solve(problem, certify=False)), wv, fit.weighting)
+        return Fit.of(WeightedSolution(problem, solve(problem, certify=False)), wv, fit.weighting)
 
     @property
     def root(self) -> Matrix:

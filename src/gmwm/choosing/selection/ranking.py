@@ -19,8 +19,8 @@ from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.tables import aligned
 from gmwm.base.text import Summarised, counted
 from gmwm.choosing.selection.structure import structure_of
+from gmwm.fitting.estimation.criterion import Criterion
 from gmwm.fitting.estimation.result import Fit
-from gmwm.fitting.inference.criterion import Criterion
 from gmwm.theory.processes.model import Model, as_model
 
 if TYPE_CHECKING:

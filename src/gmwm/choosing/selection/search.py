@@ -31,8 +31,8 @@ from gmwm.choosing.selection.shape_error import (
     with_shape_error,
 )
 from gmwm.choosing.selection.structure import freedom, nested_models, without_drift, without_values
+from gmwm.fitting.estimation.model_error import Distance, having_error, model_error, nearly_fitted
 from gmwm.fitting.estimation.result import Fit
-from gmwm.fitting.inference.model_error import Distance, having_error, model_error, nearly_fitted
 from gmwm.measuring.spectrum.result import PowerSpectrum
 from gmwm.measuring.spectrum.short_memory import SpectralShape, short_memory
 from gmwm.measuring.variance.result import WaveletVariance

@@ -39,31 +39,19 @@ registry: dict[str, type[Process]] = {}
 """All processes by name, in the order in which they are listed."""
 
 Theory = Literal[
-    "wavelet_variance",
-    "running_sum_covariance",
-    "autocovariance",
-    "psd",
-    "state_space",
-    "simulate",
-    "coefficient_covariance",
-    "memory",
-    "generalised_covariance",
-    "allan_variance",
-]
+    "wavelet_variance", "running_sum_covariance", "autocovariance", "psd", "state_space", "simulate",
+    "coefficient_covariance", "memory", "generalised_covariance", "allan_variance",
+]  # fmt: skip
 
 # The sources from which each piece of theory can be derived. The first source that the process defines is used.
 _SOURCES: dict[str, tuple[str, ...]] = {
     "wavelet_variance": ("running_sum_covariance", "state_space", "autocovariance"),
-    "running_sum_covariance": ("state_space", "autocovariance"),
-    "autocovariance": ("state_space",),
-    "psd": ("state_space",),
-    "simulate": ("state_space", "autocovariance"),
-    "state_space": (),
-    "coefficient_covariance": ("memory",),
-    "memory": (),
+    "running_sum_covariance": ("state_space", "autocovariance"), "autocovariance": ("state_space",),
+    "psd": ("state_space",), "simulate": ("state_space", "autocovariance"), "state_space": (),
+    "coefficient_covariance": ("memory",), "memory": (),
     "generalised_covariance": ("autocovariance", "running_sum_covariance"),
     "allan_variance": ("running_sum_covariance",),
-}
+}  # fmt: skip
 _NEEDS_STATIONARITY = frozenset({"running_sum_covariance", "autocovariance", "psd"})
 # The longest sum over lags: 2^24 doubles take 128 MB. Pinned by test_a_sum_that_would_take_too_long_is_refused.
 _LONGEST_SUM = 2**24
@@ -72,8 +60,8 @@ _LONGEST_SUM = 2**24
 class Process(ABC):
     """Base class of noise processes. Each process is a frozen dataclass whose fields are its parameters.
 
-    All theory is per sample and in SI units; u is the unit of the signal. The module docstring of `noise.py` explains
-    how to add a process. The methods share these arguments:
+    All theory is per sample and in SI units; u is the unit of the signal. The page docs/howto/add-a-process.md
+    explains how to add a process. The methods share these arguments:
 
     - `rate`: sampling rate (Hz)
     - `levels`: number J of levels, or an ascending list of levels
@@ -177,9 +165,9 @@ class Process(ABC):
 
     def with_values(self, **values: Value) -> Self:
         """Return a copy with other values. A fixed parameter stays fixed if its new value is a number."""
-        known = [p.name for p in self.parameters]
+        names = [p.name for p in self.parameters]
         for name, value in values.items():
-            if name not in known:
+            if name not in names:
                 raise self.no_parameter(name)
             if value is not None and not isinstance(value, Fixed) and self.is_fixed(name):
                 values[name] = Fixed(value)
@@ -188,8 +176,8 @@ class Process(ABC):
     @classmethod
     def no_parameter(cls, name: str) -> ModelError:
         """Return the error for a parameter `name` that the process does not have."""
-        known = ", ".join(p.name for p in cls.parameters)
-        return ModelError(f"{cls.name} has no parameter {name!r}; its parameters are {known}", argument=name, got=name)
+        names = ", ".join(p.name for p in cls.parameters)
+        return ModelError(f"{cls.name} has no parameter {name!r}; its parameters are {names}", argument=name, got=name)
 
     @classmethod
     @cache
@@ -220,8 +208,8 @@ class Process(ABC):
     @classmethod
     def standard(cls, nonlinear: Iterable[float] = ()) -> Self:
         """Return the process with scale coefficient 1 and these nonlinear parameters."""
-        given = dict(zip((p.name for p in cls.nonlinear_parameters()), map(float, nonlinear), strict=True))
-        return cls(**given, **{cls.scale_parameter().name: cls.value_from(1.0)})
+        shape = dict(zip((p.name for p in cls.nonlinear_parameters()), map(float, nonlinear), strict=True))
+        return cls(**shape, **{cls.scale_parameter().name: cls.value_from(1.0)})
 
     @classmethod
     def instead_of_repeats(cls, count: int) -> str:
@@ -245,28 +233,15 @@ class Process(ABC):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Compute the wavelet variance for scale coefficient 1.
+        """Compute the wavelet variance (n, J) of n processes for scale coefficient 1; q may be 0.
 
-        Parameters
-        ----------
-        nonlinear : (n, q) array
-            n sets of nonlinear parameters; q may be 0.
-        levels : int or (J,) array
-            Wavelet levels; a number J means 1 … J.
-        rate : float
-            Sampling rate (Hz).
-        filter : WaveletFilter
-            Wavelet filter. A subclass that has closed forms for some filters calls `super().shape` for the others.
-
-        Returns
-        -------
-        (n, J) array
+        A subclass that has closed forms for some filters calls `super().shape` for the others.
         """
-        wanted, made = as_levels(levels), [cls.standard(row) for row in np.asarray(nonlinear)]
-        if filter is HAAR and made and cls._derives("state_space"):
-            return haar_variances([process.state_space(rate) for process in made], wanted)
-        rows = [process._variance_under(filter, wanted, rate) for process in made]
-        return np.array(rows, dtype=np.float64).reshape(len(rows), wanted.size)
+        numbers, processes = as_levels(levels), [cls.standard(row) for row in np.asarray(nonlinear)]
+        if filter is HAAR and processes and cls._derives("state_space"):
+            return haar_variances([process.state_space(rate) for process in processes], numbers)
+        rows = [process._variance_under(filter, numbers, rate) for process in processes]
+        return np.array(rows, dtype=np.float64).reshape(len(rows), numbers.size)
 
     @classmethod
     def shape_jacobian(
@@ -274,15 +249,15 @@ class Process(ABC):
     ) -> Matrix:
         """Compute the derivatives (n, J, q) of `shape` with respect to the parameters; by central differences of order
         6."""
-        wanted, theta = as_levels(levels), np.asarray(nonlinear, dtype=np.float64)
-        result = np.zeros((len(theta), wanted.size, theta.shape[1]))
+        numbers, theta = as_levels(levels), np.asarray(nonlinear, dtype=np.float64)
+        result = np.zeros((len(theta), numbers.size, theta.shape[1]))
         room = cls.room(theta)
         for k, step in enumerate(0.01 * room.T):
             for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
                 for sign in (1, -1):
                     moved = theta.copy()
                     moved[:, k] += sign * distance * step
-                    result[:, :, k] += sign * weight * cls.shape(moved, wanted, rate, filter)
+                    result[:, :, k] += sign * weight * cls.shape(moved, numbers, rate, filter)
             result[:, :, k] /= 60.0 * step[:, None]
         return result
 
@@ -321,20 +296,11 @@ class Process(ABC):
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """Draw starting values (draws, 1 + q), with the scale coefficient first.
+        """Draw starting values (draws, 1 + q), with the scale coefficient first, by Algorithm 3 of Balamuta et al.
 
-        The draws follow Algorithm 3 of Balamuta et al. (see `Sampled`). For other processes, the coordinates are
-        uniform over the range of `scan`, and the share of the process in the sum of the wavelet variances is uniform.
-
-        Parameters
-        ----------
-        occasion : Occasion
-            The data and the other terms.
-        rng : numpy.random.Generator
-        draws : int
-            Number of draws.
-        before : tuple of (draws, q) array
-            The nonlinear parameters drawn for earlier terms of the same class.
+        `occasion` has the data and the other terms, `draws` is the number of draws, and `before` has the nonlinear
+        parameters (draws, q) of earlier terms of the same class. By default, the coordinates are uniform over the range
+        of `scan`, and the share of the process in the sum of the wavelet variances is uniform.
         """
         ends = cls.scan(occasion.samples, occasion.rate)
         nonlinear = cls.at_coordinates(ends[:, 0] + rng.random((draws, len(ends))) * (ends[:, 1] - ends[:, 0]))
@@ -483,16 +449,8 @@ class Process(ABC):
         return None
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
-        """Return remarks on parameter values that were estimated from a recording.
-
-        Parameters
-        ----------
-        term : str
-            Label of the process in its model, such as "GM[1]".
-        samples : int
-        rate : float
-            Sampling rate (Hz).
-        """
+        """Return remarks on parameter values that were estimated from a recording; `term` is a label such as
+        "GM[1]"."""
         return ()
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
@@ -530,12 +488,9 @@ class Process(ABC):
         what = theory.replace("_", " ").replace("running sum", "running-sum").replace("psd", "power spectral density")
         what = "cannot be simulated" if theory == "simulate" else f"has no {what}"
         return MissingTheoryError(
-            f"{self.name} {what}{'' if self.stationary else ' (it is not stationary)'}",
-            advice="It defines {defined}.",
-            theory=theory,
-            process=self.name,
-            defined=", ".join(defined),
-        )
+            f"{self.name} {what}{'' if self.stationary else ' (it is not stationary)'}", advice="It defines {defined}.",
+            theory=theory, process=self.name, defined=", ".join(defined),
+        )  # fmt: skip
 
     def _variance_under(
         self, filter: WaveletFilter, levels: np.ndarray[Any, np.dtype[np.int64]], rate: float
@@ -594,8 +549,8 @@ class Process(ABC):
 
     def __str__(self) -> str:
         fields = ((p.name, getattr(self, p.name)) for p in self.parameters)
-        given = [f"{name}={value!r}" for name, value in fields if value is not None]
-        return f"{self.name}({', '.join(given)})" if given else self.name
+        values = [f"{name}={value!r}" for name, value in fields if value is not None]
+        return f"{self.name}({', '.join(values)})" if values else self.name
 
     def __repr__(self) -> str:
         return str(self) if str(self).endswith(")") else f"{self}()"
