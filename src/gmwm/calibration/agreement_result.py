@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from gmwm.base.documents import Documented, plain
 from gmwm.base.remarks import Remark
 from gmwm.base.text import Summarised
 from gmwm.calibration.agreement_findings import remarks_of, verdict_of
@@ -15,7 +16,7 @@ from gmwm.files.importers.quantities import Reference
 
 
 @dataclass(frozen=True, kw_only=True)
-class SharedNumber:
+class SharedNumber(Documented):
     """One datasheet number of one axis, as estimated from several recordings.
 
     Attributes
@@ -47,6 +48,10 @@ class SharedNumber:
     agrees: bool | None = None
     reason: str = ""
     reference: Reference | None = None
+    document_keys = (
+        "axis", "symbol", "title", "unit", "entries", "apart", "pvalue", "adjusted", "agrees", "reason", "reference",
+        "ratios",
+    )  # fmt: skip
 
     @property
     def apart(self) -> float | None:
@@ -61,16 +66,6 @@ class SharedNumber:
             return (None,) * len(self.entries)
         shown = [None if entry is None else entry.high if entry.upper_only else entry.value for entry in self.entries]
         return tuple(None if value is None else abs(value) / self.reference.si for value in shown)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain values for JSON."""
-        return {
-            "axis": self.axis, "symbol": self.symbol, "title": self.title, "unit": self.unit,
-            "entries": [None if entry is None else entry.to_dict() for entry in self.entries],
-            "apart": self.apart, "pvalue": self.pvalue, "adjusted": self.adjusted, "agrees": self.agrees,
-            "reason": self.reason, "reference": None if self.reference is None else self.reference.to_dict(),
-            "ratios": list(self.ratios),
-        }  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -144,19 +139,10 @@ class Agreement(Summarised, Sequence[SharedNumber]):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison as plain values for JSON."""
-        return {
-            "labels": list(self.labels),
-            "size": self.size,
-            "compared": len(self.compared),
-            "disagreeing": [f"{row.axis}.{row.symbol}" for row in self.disagreeing],
-            "models": {axis: list(models) for axis, models in self.models.items()},
-            "rejected": {axis: list(labels) for axis, labels in self.rejected.items()},
-            "unmatched": list(self.unmatched),
-            "failed": {axis: list(labels) for axis, labels in self.failed.items()},
-            "rows": [row.to_dict() for row in self.rows],
-            "verdict": self.verdict.to_dict(),
-            "remarks": [remark.to_dict() for remark in self.remarks],
-        }
+        names = ("labels", "size", "models", "rejected", "unmatched", "failed", "rows", "verdict", "remarks")
+        content = {name: plain(getattr(self, name)) for name in names}
+        differing = [f"{row.axis}.{row.symbol}" for row in self.disagreeing]
+        return content | {"compared": len(self.compared), "disagreeing": differing}
 
     def __repr__(self) -> str:
         return f"Agreement({len(self.compared)} numbers compared, {len(self.disagreeing)} differ)"

@@ -9,11 +9,10 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from importlib import metadata
 from types import NoneType, UnionType
-from typing import Any, TypeVar
-
-import numpy as np
+from typing import Any, NamedTuple, TypeVar
 
 from gmwm.base.atomic_files import read_json
+from gmwm.base.documents import plain
 from gmwm.base.errors import ReadError
 from gmwm.base.kinds import Document, require_kinds
 from gmwm.base.remarks import Remark
@@ -43,13 +42,7 @@ T = TypeVar("T")
 _PARTS: Mapping[str, type | UnionType] = {
     "axes": Mapping, "failed": Mapping, "settings": Mapping, "source": str, "recording_remarks": list,
 }  # fmt: skip
-_AXIS_PARTS: Mapping[str, type | UnionType] = {
-    "fit": Mapping, "confidence_intervals": Mapping, "goodness_of_fit": Mapping | NoneType, "datasheet": Mapping,
-    "contamination": Mapping | NoneType, "needed": Mapping, "ranking": Mapping,
-    "regression": Mapping | NoneType, "left_in": float | NoneType,
-    "spectrum": Mapping | NoneType, "misfit": Mapping | NoneType, "model_error": float, "tried": list,
-}  # fmt: skip
-"""Required keys of the document and of the entry of an axis, with the type of each value."""
+"""Required keys of the document, with the type of each value."""
 
 _NUMBERS = {"Infinity": math.inf, "-Infinity": -math.inf, "NaN": math.nan}
 """Strings that replace the numbers that JSON cannot represent."""
@@ -65,39 +58,24 @@ def document(calibration: Calibration) -> dict[str, Any]:
         "settings": calibration.settings.to_dict(),
         "axes": {axis: _of_axis(entry) for axis, entry in calibration.axes.items()},
         "failed": dict(calibration.failed),
-        "recording_remarks": [remark.to_dict() for remark in calibration.recording_remarks],
-        "verdict": calibration.verdict.to_dict(),
-        "remarks": [remark.to_dict() for remark in calibration.remarks],
-        "recording": None if calibration.recording is None else calibration.recording.to_dict(),
-        "recordings": {name: entry.to_dict() for name, entry in calibration.recordings.items()},
+        "recording_remarks": plain(calibration.recording_remarks),
+        "verdict": plain(calibration.verdict),
+        "remarks": plain(calibration.remarks),
+        "recording": plain(calibration.recording),
+        "recordings": plain(calibration.recordings),
     }
-    plain: dict[str, Any] = _plain(content)
-    return plain
+    finite: dict[str, Any] = _plain(content)
+    return finite
 
 
 def _of_axis(axis: AxisCalibration) -> dict[str, Any]:
-    return {
-        "fit": axis.fit.to_dict(),
-        "confidence_intervals": {name: list(interval) for name, interval in axis.intervals.items()},
-        "goodness_of_fit": None if axis.test is None else axis.test.to_dict(),
-        "datasheet": axis.datasheet.to_dict(),
-        "contamination": None if axis.verdict is None else axis.verdict.to_dict(),
-        "needed": dict(axis.needed),
-        "ranking": ranking_document(axis.ranking),
-        "spectrum": None if axis.spectrum is None else axis.spectrum.to_dict(),
-        "misfit": None if axis.misfit is None else axis.misfit.to_dict(),
-        "model_error": axis.model_error,
-        "tried": list(axis.tried),
-        "search": [step.to_dict() for step in axis.search],
-        "regression": None if axis.regression is None else axis.regression.to_dict(),
-        "left_in": axis.left_in,
-        "rest": None if axis.rest is None else axis.rest.to_dict(),
-        "replicates": None if axis.replicates is None else axis.replicates.to_dict(),
-        **{
-            addition.name: None if (value := axis.additions.get(addition.name)) is None else addition.to_dict(value)
-            for addition in axis_additions()
-        },
-    }
+    content = {part.key: plain(getattr(axis, part.name)) for part in _AXIS_PARTS}
+    content["ranking"] = ranking_document(axis.ranking)
+    content["replicates"] = plain(axis.replicates)
+    for addition in axis_additions():
+        value = axis.additions.get(addition.name)
+        content[addition.name] = None if value is None else addition.to_dict(value)
+    return content
 
 
 def calibration(content: Any) -> Calibration:
@@ -139,34 +117,20 @@ def calibration(content: Any) -> Calibration:
 
 def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
     _require_parts(axes, {axis: Mapping}, "axes")
-    content = axes[axis]
-    _require_parts(content, _AXIS_PARTS, axis)
-    test, verdict = content["goodness_of_fit"], content["contamination"]
-    removed, bias = content["regression"], content.get("rest")
-    spectrum, misfit = content["spectrum"], content["misfit"]
-    fit = _read(f"{axis}.fit", lambda: Fit.from_dict(content["fit"]))
-    return AxisCalibration(
-        fit=fit,
-        intervals=_read(f"{axis}.confidence_intervals", lambda: _intervals(content["confidence_intervals"])),
-        test=None if test is None else _read(f"{axis}.goodness_of_fit", lambda: _test(test)),
-        datasheet=_read(f"{axis}.datasheet", lambda: Datasheet.from_dict(content["datasheet"])),
-        ranking=_read(f"{axis}.ranking", lambda: ranking_from(content["ranking"], fit.wavelet_variance)),
-        verdict=None if verdict is None else _read(f"{axis}.contamination", lambda: Verdict.from_dict(verdict)),
-        needed=content["needed"],
-        spectrum=None if spectrum is None else _read(f"{axis}.spectrum", lambda: PowerSpectrum.from_dict(spectrum)),
-        misfit=None if misfit is None else _read(f"{axis}.misfit", lambda: RelativeMisfit.from_dict(misfit)),
-        model_error=content["model_error"],
-        tried=tuple(content["tried"]),
-        search=_read(f"{axis}.search", lambda: tuple(map(SearchStep.from_dict, content.get("search", ())))),
-        regression=None if removed is None else _read(f"{axis}.regression", lambda: Regression.from_dict(removed)),
-        left_in=content["left_in"],
-        rest=None if bias is None else _read(f"{axis}.rest", lambda: BiasAtRest.from_dict(bias)),
-        additions={
-            addition.name: _read(f"{axis}.{addition.name}", partial(addition.from_dict, content[addition.name]))
-            for addition in axis_additions()
-            if content.get(addition.name) is not None
-        },
-    )
+    content, fields = axes[axis], dict[str, Any]()
+    _require_parts(content, {part.key: part.kind for part in _AXIS_PARTS if not part.later}, axis)
+    for part in _AXIS_PARTS:
+        if (value := content.get(part.key)) is not None:
+            fields[part.name] = _read(f"{axis}.{part.key}", partial(part.read, value))
+        elif not part.later:
+            fields[part.name] = None
+    curve = fields["fit"].wavelet_variance
+    fields["ranking"] = _read(f"{axis}.ranking", lambda: ranking_from(content["ranking"], curve))
+    fields["additions"] = {
+        addition.name: _read(f"{axis}.{addition.name}", partial(addition.from_dict, content[addition.name]))
+        for addition in axis_additions() if content.get(addition.name) is not None
+    }  # fmt: skip
+    return AxisCalibration(**fields)
 
 
 def _intervals(content: Mapping[str, Any]) -> dict[str, Interval]:
@@ -175,6 +139,36 @@ def _intervals(content: Mapping[str, Any]) -> dict[str, Interval]:
         if low > high:
             raise ReadError(f"the interval of {name} begins at {low!r} and ends at {high!r}", advice=AGAIN)
     return intervals
+
+
+class _Part(NamedTuple):
+    """Part of the entry of an axis: key, attribute, type in JSON, reader, and whether older documents lack it."""
+
+    key: str
+    name: str
+    kind: type | UnionType
+    read: Callable[[Any], Any]
+    later: bool = False
+
+
+_OPTIONAL: Any = Mapping | NoneType
+_AXIS_PARTS = (
+    _Part("fit", "fit", Mapping, Fit.from_dict),
+    _Part("confidence_intervals", "intervals", Mapping, _intervals),
+    _Part("goodness_of_fit", "test", _OPTIONAL, GoodnessOfFit.from_dict),
+    _Part("datasheet", "datasheet", Mapping, Datasheet.from_dict),
+    _Part("contamination", "verdict", _OPTIONAL, Verdict.from_dict),
+    _Part("needed", "needed", Mapping, dict),
+    _Part("ranking", "ranking", Mapping, lambda content: content),
+    _Part("spectrum", "spectrum", _OPTIONAL, PowerSpectrum.from_dict),
+    _Part("misfit", "misfit", _OPTIONAL, RelativeMisfit.from_dict),
+    _Part("model_error", "model_error", float, lambda error: error),
+    _Part("tried", "tried", list, tuple),
+    _Part("search", "search", list, lambda steps: tuple(map(SearchStep.from_dict, steps)), later=True),
+    _Part("regression", "regression", _OPTIONAL, Regression.from_dict),
+    _Part("left_in", "left_in", float | NoneType, lambda value: value),
+    _Part("rest", "rest", _OPTIONAL, BiasAtRest.from_dict, later=True),
+)
 
 
 def _require_parts(content: Mapping[str, Any], parts: Mapping[str, type | UnionType], where: str) -> None:
@@ -186,17 +180,6 @@ def _require_parts(content: Mapping[str, Any], parts: Mapping[str, type | UnionT
             expected = "a string" if kind is str else "a list" if kind is list else "an object"
             got = "null" if content[key] is None else with_article(type(content[key]).__name__)
             raise ReadError(f"not a calibration: {key!r} of {where} must be {expected}; got {got}", advice=AGAIN)
-
-
-def _test(content: Mapping[str, Any]) -> GoodnessOfFit:
-    return GoodnessOfFit(
-        statistic=content["statistic"],
-        df=content["df"],
-        pvalue=content["pvalue"],
-        levels=np.array(content["levels"], dtype=np.int64),
-        left_out=tuple(content["left_out"]),
-        method=content["method"],
-    )
 
 
 def _read(what: str, read: Callable[[], T]) -> T:

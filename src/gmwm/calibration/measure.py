@@ -117,7 +117,7 @@ class MeasuredAxis:
         return pooled({name: removed[name].corrected(wv) if name in removed else wv for name, wv in curves.items()})
 
     def raw_curve(self, options: CalibrationOptions) -> WaveletVariance | None:
-        """Return the curve without the removal of the conditions; None if nothing is removed or a curve is not known."""
+        """Return the curve without the removal of conditions; None if nothing is removed or a curve is not known."""
         if not any(regression.applied for regression in self.regressions.values()):
             return None
         curves = self._curves(options)

@@ -218,7 +218,7 @@ def curves_and_inspection(
     conditions: Conditions = NOTHING,
     run: Execution = IN_THIS_PROCESS,
 ) -> tuple[dict[str, WaveletVariance], Inspection]:
-    """Compute the wavelet variance of some axes of a stream and inspect all axes, in the same passes over the samples."""
+    """Compute the wavelet variance of some axes of a stream and inspect all axes, in the same passes."""
     if run.remote:
         curves, (inspection, _) = _measure_remotely(
             stream, axes, robust=robust, efficiency=efficiency, conditions=conditions, run=run

@@ -5,15 +5,16 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from gmwm.base.documents import Documented
 from gmwm.measuring.inspection import Inspection
 
 
 @dataclass(frozen=True, kw_only=True)
-class Recording:
+class Recording(Documented):
     """Length, time base and file of a recording.
 
     Attributes
@@ -83,14 +84,9 @@ class Recording:
             digest = hashlib.file_digest(content, "sha256").hexdigest()
         return replace(self, file=file.name, size=file.stat().st_size, sha256=digest)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain values for JSON."""
-        return asdict(self)
-
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Recording:
-        """Restore a description from the result of `to_dict`."""
-        fields = dict(values)
-        temperature = fields["temperature"]
-        fields["temperature"] = None if temperature is None else (float(temperature[0]), float(temperature[1]))
-        return cls(**fields)
+        """Restore a description from the result of `to_dict`; the calibration checks the types of the fields."""
+        temperature = values["temperature"]
+        pair = None if temperature is None else (float(temperature[0]), float(temperature[1]))
+        return cls(**{**values, "temperature": pair})

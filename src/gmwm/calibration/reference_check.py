@@ -7,9 +7,10 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from gmwm.base.axis_names import sensor_of
+from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.text import Summarised
@@ -36,7 +37,7 @@ LEAST = 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReferenceNumber:
+class ReferenceNumber(Documented):
     """A datasheet number of one axis, as calibrated and as in the reference.
 
     Attributes
@@ -64,6 +65,9 @@ class ReferenceNumber:
     key: str = ""
     written: float | None = None
     verdict: Verdict = "unknown"
+    document_keys = (
+        "axis", "symbol", "reference", "key", "measured", "written", "as_written", "factor", "verdict",
+    )  # fmt: skip
 
     @property
     def factor(self) -> float | None:
@@ -99,17 +103,9 @@ class ReferenceNumber:
         """Exponent of the standard deviation in the file: 2 if the file contains variances, otherwise 1."""
         return 2.0 if self.key.endswith("_cov") else 1.0
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields and the ratio as plain values for JSON."""
-        return {
-            "axis": self.axis, "symbol": self.symbol, "reference": self.reference, "key": self.key,
-            "measured": None if self.measured is None else self.measured.to_dict(), "written": self.written,
-            "as_written": self.as_written, "factor": self.factor, "verdict": self.verdict,
-        }  # fmt: skip
-
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class ReferenceCheck(Summarised):
+class ReferenceCheck(Documented, Summarised):
     """Comparison of the datasheet numbers of a calibration with a reference.
 
     Attributes
@@ -137,6 +133,7 @@ class ReferenceCheck(Summarised):
     rate: float
     level: float
     unmatched: tuple[str, ...] = ()
+    document_keys = ("reference=name", "format", "horizon", "level", "rows", "unmatched", "remarks")
 
     def __iter__(self) -> Iterator[ReferenceNumber]:
         return iter(self.rows)
@@ -180,14 +177,6 @@ class ReferenceCheck(Summarised):
     def summary(self) -> str:
         """Return the comparison as text, with the ratio and the verdict of each number."""
         return summary(self)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the comparison as plain values for JSON."""
-        return {
-            "reference": self.name, "format": self.format, "horizon": self.horizon, "level": self.level,
-            "rows": [row.to_dict() for row in self.rows], "unmatched": list(self.unmatched),
-            "remarks": [remark.to_dict() for remark in self.remarks],
-        }  # fmt: skip
 
 
 def check_reference(calibration: Calibration, reference: ReferenceLike, *, horizon: float = 1.0) -> ReferenceCheck:

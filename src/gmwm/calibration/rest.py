@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from gmwm.base.axis_names import sensor_of
+from gmwm.base.documents import Documented
 from gmwm.base.errors import GmwmError
 from gmwm.base.random_effects import confidence_of_mean, effects, spread_limits
 from gmwm.base.text import duration_text
@@ -58,7 +59,7 @@ class AxisMean(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BiasAtRest:
+class BiasAtRest(Documented):
     """The bias of one axis at rest. All numbers are in the SI unit of the axis.
 
     Attributes
@@ -115,6 +116,10 @@ class BiasAtRest:
     duration: float
     level: float
     unit: str
+    document_keys = (
+        "mean", "error", "low", "high", "gravity", "gravity_error", "recordings", "turn_on", "turn_on_low",
+        "turn_on_high", "rms", "rms_low", "rms_high", "duration", "level", "unit", "bias", "bias_error",
+    )  # fmt: skip
 
     @property
     def bias(self) -> float | None:
@@ -163,15 +168,6 @@ class BiasAtRest:
                 )
             )  # fmt: skip
         return tuple(entries)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields, `bias` and `bias_error` as plain values for JSON."""
-        return asdict(self) | {"bias": self.bias, "bias_error": self.bias_error}
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> BiasAtRest:
-        """Restore the bias from the result of `to_dict`."""
-        return cls(**{name: value for name, value in values.items() if name not in ("bias", "bias_error")})
 
 
 def means_of(data: Any, inspection: Inspection | None, options: CalibrationOptions) -> dict[str, AxisMean]:

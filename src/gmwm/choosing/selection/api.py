@@ -416,7 +416,7 @@ def _is_rejected(candidate: Candidate, best: Candidate) -> bool:
 def _equivalent(
     candidates: Sequence[Candidate], explored: Explored, confidence: float, draws: int, seed: int
 ) -> list[Candidate]:
-    """Return the candidates that are as good as the best one and contain no smaller such candidate, the simplest first."""
+    """Return the candidates that are as good as the best one and contain no smaller such one, the simplest first."""
     best, level = candidates[0], _levels(candidates)
     equivalent: list[Candidate] = []
     distinct = (c for c in candidates if c.same_as is None)

@@ -224,7 +224,7 @@ def by_chance(hypothesis: Hypothesis, rival: Fit, size: float) -> bool:
 
 
 def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matrix:
-    """Draw deviations of ν̂² (B, J) from a curve, with chi-square distributions and the covariance V (J, J) `wavelet`."""
+    """Draw deviations of ν̂² (B, J) from a curve, chi-square distributed with the covariance V (J, J) `wavelet`."""
     deviation = np.sqrt(np.diag(wavelet))
     normal = np.random.default_rng(seed).standard_normal((draws, curve.size))
     scores = normal @ factor_of(wavelet).T / deviation
