@@ -141,7 +141,7 @@ def _intervals(content: Mapping[str, Any]) -> dict[str, Interval]:
     return intervals
 
 
-class _Part(NamedTuple):
+class _AxisEntry(NamedTuple):
     """Part of the entry of an axis: key, attribute, type in JSON, reader, and whether older documents lack it."""
 
     key: str
@@ -153,21 +153,21 @@ class _Part(NamedTuple):
 
 _OPTIONAL: Any = Mapping | NoneType
 _AXIS_PARTS = (
-    _Part("fit", "fit", Mapping, Fit.from_dict),
-    _Part("confidence_intervals", "intervals", Mapping, _intervals),
-    _Part("goodness_of_fit", "test", _OPTIONAL, GoodnessOfFit.from_dict),
-    _Part("datasheet", "datasheet", Mapping, Datasheet.from_dict),
-    _Part("contamination", "verdict", _OPTIONAL, Verdict.from_dict),
-    _Part("needed", "needed", Mapping, dict),
-    _Part("ranking", "ranking", Mapping, lambda content: content),
-    _Part("spectrum", "spectrum", _OPTIONAL, PowerSpectrum.from_dict),
-    _Part("misfit", "misfit", _OPTIONAL, RelativeMisfit.from_dict),
-    _Part("model_error", "model_error", float, lambda error: error),
-    _Part("tried", "tried", list, tuple),
-    _Part("search", "search", list, lambda steps: tuple(map(SearchStep.from_dict, steps)), later=True),
-    _Part("regression", "regression", _OPTIONAL, Regression.from_dict),
-    _Part("left_in", "left_in", float | NoneType, lambda value: value),
-    _Part("rest", "rest", _OPTIONAL, BiasAtRest.from_dict, later=True),
+    _AxisEntry("fit", "fit", Mapping, Fit.from_dict),
+    _AxisEntry("confidence_intervals", "intervals", Mapping, _intervals),
+    _AxisEntry("goodness_of_fit", "test", _OPTIONAL, GoodnessOfFit.from_dict),
+    _AxisEntry("datasheet", "datasheet", Mapping, Datasheet.from_dict),
+    _AxisEntry("contamination", "verdict", _OPTIONAL, Verdict.from_dict),
+    _AxisEntry("needed", "needed", Mapping, dict),
+    _AxisEntry("ranking", "ranking", Mapping, lambda content: content),
+    _AxisEntry("spectrum", "spectrum", _OPTIONAL, PowerSpectrum.from_dict),
+    _AxisEntry("misfit", "misfit", _OPTIONAL, RelativeMisfit.from_dict),
+    _AxisEntry("model_error", "model_error", float, lambda error: error),
+    _AxisEntry("tried", "tried", list, tuple),
+    _AxisEntry("search", "search", list, lambda steps: tuple(map(SearchStep.from_dict, steps)), later=True),
+    _AxisEntry("regression", "regression", _OPTIONAL, Regression.from_dict),
+    _AxisEntry("left_in", "left_in", float | NoneType, lambda value: value),
+    _AxisEntry("rest", "rest", _OPTIONAL, BiasAtRest.from_dict, later=True),
 )
 
 

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Literal
 from gmwm.base.axis_names import sensor_of
 from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
-from gmwm.base.remarks import Remark
+from gmwm.base.remarks import Remark, texts
+from gmwm.base.tables import headed
 from gmwm.base.text import Summarised
 from gmwm.base.units import SI_UNIT, datasheet_units, noise_unit
-from gmwm.calibration.reference_text import POWERS, summary
 from gmwm.choosing.datasheets import Entry, effective_noise
+from gmwm.choosing.datasheets.entry import significant
 from gmwm.files.importers import Given, Values, given_noise
 from gmwm.files.importers.quantities import as_reference
 
@@ -34,6 +35,11 @@ NEAR = 0.15
 a choice that is larger than most confidence intervals."""
 LEAST = 3.0
 """Smallest ratio (or inverse ratio) of reference and measured value for which a wrong unit is suspected."""
+POWERS = {"Q": 1.0, "N": 0.5, "B": 0.0, "K": -0.5, "R": -1.0}
+_WORDS = {
+    "agrees": "agrees", "close": "within 10 %", "larger": "larger than measured", "smaller": "smaller than measured",
+    "unknown": "not measured",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,7 +182,7 @@ class ReferenceCheck(Documented, Summarised):
 
     def summary(self) -> str:
         """Return the comparison as text, with the ratio and the verdict of each number."""
-        return summary(self)
+        return _summary(self)
 
 
 def check_reference(calibration: Calibration, reference: ReferenceLike, *, horizon: float = 1.0) -> ReferenceCheck:
@@ -297,3 +303,41 @@ def _cause(row: ReferenceNumber, rate: float) -> str | None:
         if abs(distance - math.log(size)) < math.log1p(NEAR) and size > LEAST:
             return cause
     return None
+
+
+# --- text ----------------------------------------------------------------------------------------------
+
+
+def _summary(found: ReferenceCheck) -> str:
+    """Return the text of `ReferenceCheck.summary`."""
+    verdict, *others = found.remarks
+    in_file = any(row.key for row in found)
+    head = ["", *(["in the file"] if in_file else []), "reference", f"measured ({100 * found.level:g} % interval)"]
+    head += [*(["measured, as in the file"] if in_file else []), "factor", ""]
+    rows = [head, *(_row_text(row, in_file) for row in found)]
+    about = f"Reference: {found.name} ({found.format})." if in_file else "Reference: numbers of a datasheet."
+    if in_file:
+        about += f" Measured N and K are for a filter with a horizon of {found.horizon:g} s, as in exported files."
+    about += " factor: reference / measured, or its upper limit."
+    parts = [texts([verdict])[0], "\n".join(headed(rows)), about, *texts(others)]
+    if found.unmatched:
+        parts.append(f"The calibration does not have {', '.join(found.unmatched)}.")
+    return "\n\n".join(parts)
+
+
+def _row_text(row: ReferenceNumber, in_file: bool) -> list[str]:
+    cells = [f"{row.axis} {row.symbol}"]
+    if in_file:
+        cells.append(row.key if row.written is None else f"{row.key} {row.written:.4g}")
+    value, unit = row.shown
+    cells += [f"{significant(value, 3)} {unit}", _measured_text(row.measured)]
+    if in_file:
+        shown = row.as_written
+        limit = "≤ " if row.measured is not None and row.measured.upper_only else ""
+        cells.append("" if shown is None else f"{limit}{shown:.4g}")
+    factor = row.factor
+    return [*cells, "" if factor is None else f"{factor:.3g}", _WORDS[row.verdict]]
+
+
+def _measured_text(entry: Entry | None) -> str:
+    return "–" if entry is None else entry.text()

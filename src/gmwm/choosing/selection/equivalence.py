@@ -24,6 +24,7 @@ from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import GmwmError
 from gmwm.choosing.selection.candidate_fits import Explored
+from gmwm.choosing.selection.ranking import Candidate, Comparison, Ranking
 from gmwm.choosing.selection.structure import without_values
 from gmwm.fitting.estimation.criterion import optimism
 from gmwm.fitting.estimation.linearised import COLLINEAR, slopes_of
@@ -262,3 +263,26 @@ def axes_of(fit: Fit, root: Matrix) -> Matrix:
         return np.empty((root.shape[0], 0))
     axes, strength, _ = np.linalg.svd(slopes[:, length > 0] / length[length > 0], full_matrices=False)
     return np.asarray(axes[:, strength > COLLINEAR * strength[0]])
+
+
+def compare(ranking: Ranking, first: Candidate, second: Candidate) -> Comparison:
+    """Compute the difference between the criteria of two candidates of a ranking, and its standard error."""
+    error = difference_error(first.fit, second.fit, Weights(ranking.weighting_matrix), ranking.wavelet)
+    difference = first.wic.value - second.wic.value
+    return Comparison(first=first, second=second, difference=difference, error=error)
+
+
+def difference_error(first: Fit, second: Fit, weights: Weights, wavelet: Matrix) -> float:
+    """Compute the standard error of the difference between the losses of two fits.
+
+    `weights` has Ω (J, J) and `wavelet` is V (J, J) of the ranking; see `compare`.
+    """
+    root = weights.root
+    scatter = root @ wavelet @ root.T
+    axes = [axes_of(fit, root) for fit in (first, second)]
+    shape = axes[1] @ axes[1].T - axes[0] @ axes[0].T
+    residuals = [root @ (fit.wavelet_variance.variance - fit.implied) for fit in (first, second)]
+    pull = residuals[0] - residuals[1]
+    spread = shape @ scatter
+    variance = 2 * float(np.trace(spread @ spread)) + 4 * float(pull @ scatter @ pull)
+    return float(np.sqrt(max(variance, 0.0)))

@@ -199,7 +199,7 @@ class Ranking(Plotted):
         Comparison
             The criterion of `first` minus the criterion of `second`, and its standard error.
         """
-        from gmwm.choosing.selection.comparison import compare
+        from gmwm.choosing.selection.equivalence import compare
 
         return compare(self, self[first], self[second])
 
