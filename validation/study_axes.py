@@ -10,8 +10,7 @@ import numpy as np
 
 import gmwm
 from gmwm.applications.several import CrossCovariance, JointFit, cross, fit_joint, same
-from gmwm.applications.several.cross_plot import cross_figure
-from gmwm.applications.several.joint_plot import joint_figure
+from gmwm.applications.several.plots import cross_figure, joint_figure
 from gmwm.base.template import joined
 from gmwm.showing.plots.matplotlib import draw as render
 

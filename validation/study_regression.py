@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 
 import gmwm
 from gmwm.fitting.inference import noise_against
-from gmwm.measuring.regression.against import Term
+from gmwm.measuring.regression.against import CovariateTerm
 from gmwm.measuring.regression.api import regress
 from gmwm.measuring.regression.covariates import Covariates
 from validation.legend import legend
@@ -253,7 +253,7 @@ def _read(reading: str, course: str, count: int, rng: np.random.Generator) -> di
         slopes = []
         for values in (own, seen):
             try:
-                covariates = Covariates.of([Term("temperature")], {"temperature": values}, signal)
+                covariates = Covariates.of([CovariateTerm("temperature")], {"temperature": values}, signal)
             except gmwm.errors.DataError:
                 continue
             slopes.append(regress(signal, covariates)["temperature"].value)

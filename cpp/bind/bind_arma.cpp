@@ -65,13 +65,17 @@ void autocovariance(const Orders& given, const Vector& parameters, const Lags& l
   gmwm::arma_autocovariance(orders, view(parameters), ascending(lags, out), from_zero, view(out));
 }
 
-void without(const Orders& given, const Vector& parameters, const Vector& roots, const OutVector& amplitudes,
-             const OutVector& decays, const OutVector& out) {
+void without(const Orders& given, const Vector& parameters, const Matrix& roots, const OutMatrix& exponentials,
+             const OutVector& out) {
   const gmwm::ArmaOrders orders = orders_of(given, parameters.size());
-  require(amplitudes.size() == roots.size() && decays.size() == roots.size(),
-          "amplitudes and decays must be as long as the roots");
-  require(roots.size() <= orders.full_ar(), "there are no more roots than the order");
-  gmwm::arma_without(orders, view(parameters), view(roots), view(amplitudes), view(decays), view(out));
+  const std::size_t count = roots.shape(1);
+  require(roots.shape(0) == 2 && exponentials.shape(0) == 4 && exponentials.shape(1) == count,
+          "roots must have two rows, and exponentials four rows of the same length");
+  require(count <= orders.full_ar(), "there are no more roots than the order");
+  const auto row = [count](auto* data, std::size_t k) { return std::span{data + k * count, count}; };
+  double* found = exponentials.data();
+  gmwm::arma_without(orders, view(parameters), {row(roots.data(), 0), row(roots.data(), 1)},
+                     {row(found, 0), row(found, 1), row(found, 2), row(found, 3)}, view(out));
 }
 
 void block_variance(const Orders& given, const Vector& parameters, const Lags& sizes, const OutVector& out) {
@@ -101,8 +105,9 @@ void bind_arma(nb::module_& m) {
   m.def("arma_autocovariance", &autocovariance, "orders"_a, "parameters"_a.noconvert(), "lags"_a.noconvert(),
         "from_zero"_a, "out"_a.noconvert(), "Write the autocovariance at ascending lags, less that at 0 if wanted.");
   m.def("arma_without", &without, "orders"_a, "parameters"_a.noconvert(), "roots"_a.noconvert(),
-        "amplitudes"_a.noconvert(), "decays"_a.noconvert(), "out"_a.noconvert(),
-        "Write the autocovariance at lags 0, 1, … without that of some real roots, and their amplitudes and decays.");
+        "exponentials"_a.noconvert(), "out"_a.noconvert(),
+        "Write the autocovariance at lags 0, 1, … without the exponentials of some roots (real parts, imaginary parts),\n"
+        "and the real and imaginary parts of their amplitudes and decays.");
   m.def("arma_block_variance", &block_variance, "orders"_a, "parameters"_a.noconvert(), "sizes"_a.noconvert(),
         "out"_a.noconvert(), "Write the variances of sums of ascending numbers of samples to out.");
   m.def("arma_recursion", &recursion, "orders"_a, "parameters"_a.noconvert(), "phi"_a.noconvert(),

@@ -12,6 +12,7 @@ void bind_robust(nb::module_& m);
 void bind_sketch(nb::module_& m);
 void bind_pyramid(nb::module_& m);
 void bind_lags(nb::module_& m);
+void bind_lag_sums(nb::module_& m);
 void bind_paths(nb::module_& m);
 void bind_polynomial(nb::module_& m);
 void bind_whitening(nb::module_& m);
@@ -32,6 +33,7 @@ NB_MODULE(_core, m) {
   bind_sketch(m);
   bind_pyramid(m);
   bind_lags(m);
+  bind_lag_sums(m);
   bind_paths(m);
   bind_polynomial(m);
   bind_whitening(m);

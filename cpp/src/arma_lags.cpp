@@ -25,6 +25,21 @@ ArmaRing<T> ring_of(const ArmaOrders& orders, std::span<const double> parameters
 
 std::size_t bits(std::int64_t n) { return static_cast<std::size_t>(std::bit_width(static_cast<std::uint64_t>(n))); }
 
+// A complex number of twice the digits.
+struct Twin {
+  T re = T::of(0.0), im = T::of(0.0);
+
+  friend Twin operator+(const Twin& a, const Twin& b) { return {a.re + b.re, a.im + b.im}; }
+  friend Twin operator-(const Twin& a, const Twin& b) { return {a.re - b.re, a.im - b.im}; }
+  friend Twin operator*(const Twin& a, const Twin& b) {
+    return {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
+  }
+  Twin inverse() const {
+    const T over = (re * re + im * im).inverse();
+    return {re * over, T::of(0.0) - im * over};
+  }
+};
+
 // Σ z^k over k < h, z^h and the variance of a sum of h samples, updated for increasing h.
 struct Sum {
   ArmaRing<T>& ring;
@@ -112,44 +127,50 @@ void arma_autocovariance(const ArmaOrders& orders, std::span<const double> param
   }
 }
 
-void arma_without(const ArmaOrders& orders, std::span<const double> parameters, std::span<const double> roots,
-                  std::span<double> amplitudes, std::span<double> decays, std::span<double> out) {
-  constexpr int newton_steps = 5;
+void arma_without(const ArmaOrders& orders, std::span<const double> parameters, const ArmaRoots& roots,
+                  const ArmaExponentials& exponentials, std::span<double> out) {
+  constexpr int newton_steps = 6;
   ArmaRing<T> ring = ring_of(orders, parameters);
   const std::size_t p = ring.p, m = ring.m;
   const T one = T::of(1.0);
-  std::vector<T> lambdas, terms;
-  for (std::size_t at = 0; at < roots.size(); ++at) {
-    T x = T::of(roots[at]), slope = one;
+  std::vector<Twin> lambdas, terms;
+  for (std::size_t at = 0; at < roots.re.size(); ++at) {
+    const bool real = roots.im[at] == 0;
+    Twin x{T::of(roots.re[at]), T::of(roots.im[at])}, slope{};
     for (int step = 0; step < newton_steps; ++step) {
-      T value = one;
-      slope = T::of(0.0);
-      for (std::size_t i = 1; i <= p; ++i) slope = slope * x + value, value = value * x - ring.ar[i];
+      Twin value{one};
+      slope = {};
+      for (std::size_t i = 1; i <= p; ++i) slope = slope * x + value, value = value * x - Twin{ring.ar[i]};
       if (step + 1 < newton_steps) x = x - value * slope.inverse();
     }
     // θ(λ) θ(1/λ) λ^(p - 1) / (P'(λ) φ(λ)), P(x) = x^p φ(1/x).
-    const T inverse = x.inverse();
-    T phi = T::of(0.0), theta = phi, theta_inverse = phi, power = one;
-    for (std::size_t i = p; i >= 1; --i) phi = (phi + ring.ar[i]) * x;
-    phi = one - phi;
+    const Twin inverse = x.inverse();
+    Twin phi, theta, theta_inverse, power{one};
+    for (std::size_t i = p; i >= 1; --i) phi = (phi + Twin{ring.ar[i]}) * x;
+    phi = Twin{one} - phi;
     for (std::size_t i = ring.q + 1; i-- > 0;) {
-      theta = theta * x + ring.ma[i];
-      theta_inverse = theta_inverse * inverse + ring.ma[i];
+      theta = theta * x + Twin{ring.ma[i]};
+      theta_inverse = theta_inverse * inverse + Twin{ring.ma[i]};
     }
     for (std::size_t i = 1; i < p; ++i) power = power * x;
-    terms.push_back(theta * theta_inverse * power * (slope * phi).inverse());
+    Twin term = theta * theta_inverse * power * (slope * phi).inverse();
+    // Of a pair of complex roots, the real part is twice that of one root.
+    if (!real) term = {2.0 * term.re, 2.0 * term.im};
+    terms.push_back(term);
     lambdas.push_back(x);
-    const bool negative = x.high[0] < 0;
-    const double decay = -std::log1p(-(one - (negative ? T::of(0.0) - x : x)).high[0]);
-    amplitudes[at] = terms.back().high[0];
-    decays[at] = negative ? -decay : decay;
+    const double lost = (one - (x.re * x.re + x.im * x.im)).high[0];
+    exponentials.decay_re[at] = -0.5 * std::log1p(-lost);
+    exponentials.decay_im[at] = std::atan2(x.im.high[0], x.re.high[0]);
+    exponentials.amplitude_re[at] = term.re.high[0];
+    // The exponential of the conjugate root is exp(-λ) for λ with a positive imaginary part.
+    exponentials.amplitude_im[at] = -term.im.high[0];
   }
   // r(k) … r(k + m − 1), the oldest at `start`.
   std::vector<T> window(ring.r, ring.r + m);
   for (std::size_t k = 0, start = 0; k < out.size(); ++k) {
     T rest = window[start], next = T::of(0.0);
-    for (std::size_t at = 0; at < roots.size(); ++at) {
-      rest = rest - terms[at];
+    for (std::size_t at = 0; at < terms.size(); ++at) {
+      rest = rest - terms[at].re;
       terms[at] = terms[at] * lambdas[at];
     }
     out[k] = rest.high[0];

@@ -14,7 +14,7 @@ from gmwm import Calibration, GmwmError, calibrate, fleet, read, simulate
 from gmwm.applications.fleets import Fleet, unit_job
 from gmwm.applications.fleets.discovery import find_units
 from gmwm.applications.fleets.table import RUN_AGAIN
-from gmwm.applications.fleets.unit_job import Job, UnitOptions
+from gmwm.applications.fleets.unit_job import UnitJob, UnitOptions
 from gmwm.applications.fleets.workers import allowing_lost_workers, on_cluster
 from gmwm.base.errors import DataError, GmwmWarning, OptionError, ReadError
 from gmwm.calibration.options import CalibrationOptions
@@ -192,8 +192,8 @@ def test_a_unit_that_kills_its_workers_fails_and_takes_nobody_along(client, few)
             os._exit(9)  # when calibrate looks at its number of threads, in a worker
 
     asked = asked_for(WITHIN)
-    jobs = [Job(path.name, str(path), asked, 1) for path in sorted(few.iterdir())]
-    jobs.insert(2, Job("deadly", jobs[0].path, asked, Deadly(1)))
+    jobs = [UnitJob(path.name, str(path), asked, 1) for path in sorted(few.iterdir())]
+    jobs.insert(2, UnitJob("deadly", jobs[0].path, asked, Deadly(1)))
     outcomes = list(on_cluster(jobs, client, retries=1))
     assert sorted(one.unit for one in outcomes) == sorted(job.unit for job in jobs)
     assert [one.unit for one in outcomes if one.document is None] == ["deadly"]

@@ -10,7 +10,7 @@ import pytest
 
 from gmwm import fleet, simulate
 from gmwm.applications.fleets.processes import Processes
-from gmwm.applications.fleets.unit_job import Job, UnitOptions
+from gmwm.applications.fleets.unit_job import UnitJob, UnitOptions
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.recording.options import ReadOptions
 
@@ -68,9 +68,9 @@ def _deadly(value, first, file):
 
 def test_a_unit_that_kills_its_process_fails_and_one_that_does_so_once_does_not(few, tmp_path):
     asked = UnitOptions(CalibrationOptions(within=WITHIN), ReadOptions())
-    jobs = [Job(path.name, str(path), asked, 1) for path in sorted(few.iterdir())]
-    jobs.insert(2, Job("deadly", jobs[0].path, asked, Deadly(1)))
-    jobs.insert(4, Job("once", jobs[0].path, asked, Deadly(1, tmp_path / "died")))
+    jobs = [UnitJob(path.name, str(path), asked, 1) for path in sorted(few.iterdir())]
+    jobs.insert(2, UnitJob("deadly", jobs[0].path, asked, Deadly(1)))
+    jobs.insert(4, UnitJob("once", jobs[0].path, asked, Deadly(1, tmp_path / "died")))
     with Processes(2) as processes:
         outcomes = list(processes.outcomes(jobs, retries=1))
     assert sorted(one.unit for one in outcomes) == sorted(job.unit for job in jobs)

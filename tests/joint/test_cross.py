@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.applications.several.cross import _freedom, _Noise, cross
-from gmwm.applications.several.pairs import Pairs
+from gmwm.applications.several import plots
+from gmwm.applications.several.cross import _freedom, _UnitNoise, cross
+from gmwm.applications.several.matrices import AxisPairs
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.multiple_tests import holm
 from gmwm.measuring.covariance.design import Design
@@ -68,7 +69,7 @@ def test_the_variance_of_independent_signals_is_exact(text):
     n, levels = 200, 6
     models = [Model.parse(one) for one in text]
     design = Design(np.arange(1, levels + 1), n, RATE)
-    found = _freedom(*(_Noise.of(model, design) for model in models), design)
+    found = _freedom(*(_UnitNoise.of(model, design) for model in models), design)
     lags = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     for level in range(1, levels + 1):
         half = 1 << (level - 1)
@@ -137,7 +138,7 @@ def test_what_a_user_sees(tmp_path):
     assert pickle.loads(pickle.dumps(found)).summary() == found.summary()
     found.plot(path=tmp_path / "cross.png")
     assert (tmp_path / "cross.png").stat().st_size > 10_000
-    panels = gmwm.plots.cross.cross_figure(found).panels
+    panels = plots.cross_figure(found).panels
     assert [panel.title for panel in panels][:2] == ["gyro_x, gyro_y", "gyro_x, gyro_z"]
     assert repr(found).startswith("CrossCovariance(gyro_x, ")
 
@@ -166,7 +167,7 @@ def test_options_are_checked():
 
 
 def test_pairs_do_not_depend_on_the_order():
-    pairs = Pairs({("a", "b"): 1, ("a", "c"): 2})
+    pairs = AxisPairs({("a", "b"): 1, ("a", "c"): 2})
     assert pairs["b", "a"] == pairs["a", "b"] == 1
     assert ("c", "a") in pairs
     assert pairs.get(("b", "c")) is None

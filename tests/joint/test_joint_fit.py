@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 import gmwm
 from gmwm.applications.several import fit_joint
-from gmwm.applications.several.joint_plot import joint_figure
+from gmwm.applications.several.plots import joint_figure
 from gmwm.applications.several.search import _derivatives
 from gmwm.applications.several.terms import joint_terms
 from gmwm.base.errors import DataError, ModelError, OptionError

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.applications.several.moments import _by_polarisation, lag_products, moment_covariance, stacked, symmetric
+from gmwm.applications.several.moments import _by_polarisation, lag_products, moment_covariance, stack, symmetric
 from gmwm.measuring.covariance.design import Design
 
 PROCESSES = (gmwm.WN(sigma2=1.0), gmwm.RW(gamma2=1.0), gmwm.GM(beta=0.05, sigma2=1.0), gmwm.QN(q2=1.0))
@@ -47,7 +47,7 @@ def test_the_covariance_is_that_of_quadratic_forms(segments):
     size = np.sqrt(np.diag(expected))
     assert np.abs((found - expected) / np.outer(size, size)).max() < 1e-8
     shapes = np.array([p.wavelet_variance(design.levels, 1.0) for p in PROCESSES])
-    means = stacked(np.einsum("pj,pab->jab", shapes, sigmas(d)))
+    means = stack(np.einsum("pj,pab->jab", shapes, sigmas(d)))
     assert np.allclose(means, [np.trace(form) for form in forms], rtol=1e-9, atol=1e-12)
 
 

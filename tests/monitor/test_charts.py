@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 
 from gmwm.applications.monitor.charts import BLOCKS, NOISE, Charts, ChartSettings, differences, white_shape, window
-from gmwm.applications.monitor.setup import as_lists
 from gmwm.applications.monitor.thresholds import (
     level_threshold,
     noise_run_length,
@@ -19,6 +18,7 @@ from gmwm.applications.monitor.thresholds import (
     shape_factor,
     spike_limit,
 )
+from gmwm.base.plain import plain
 
 Array = NDArray[np.float64]
 SETTINGS = ChartSettings.of_model(rate=1.5)
@@ -127,10 +127,10 @@ def test_alarms_do_not_depend_on_cuts_and_json() -> None:
         charts, found = Charts(SETTINGS, 1e6, 100, 6000), []
         for part in np.split(e, cuts):
             found += charts.update(part)
-            state = json.loads(json.dumps(as_lists(charts.save())))
+            state = json.loads(json.dumps(plain(charts.save())))
             charts = Charts(SETTINGS, 1e6, 100, 6000)
             charts.load(state)
-        return sorted(found), as_lists(charts.save())
+        return sorted(found), plain(charts.save())
 
     whole, end = passed(np.array([], dtype=np.int64))
     assert {alarm.family for alarm in whole} == {"noise up", "level", "spike"}

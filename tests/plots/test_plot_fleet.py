@@ -7,7 +7,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gmwm.applications.fleets.plot import fleet_figure, plot_fleet
+from gmwm.applications.fleets import Fleet
+from gmwm.applications.fleets.plot import fleet_figure
 from gmwm.applications.fleets.statistics import fleet_statistics
 from gmwm.base.errors import OptionError
 from gmwm.base.units import datasheet_units
@@ -109,7 +110,7 @@ def test_small_numbers_are_written_with_a_power_of_ten():
 @pytest.mark.slow
 def test_it_is_drawn_and_written_for_one_sensor_and_one_unit_too(tmp_path):
     for told in (fleet(9, sensors=("gyro",)), fleet(1)):
-        plot_fleet(told, path=tmp_path / "fleet.svg")
+        Fleet.plot(told, path=tmp_path / "fleet.svg")
         assert (tmp_path / "fleet.svg").read_bytes().startswith(b"<?xml")
     empty = told.table.with_columns(status=pl.lit("failed"))
     with raises(OptionError, argument="fleet", advises=["reason"]):

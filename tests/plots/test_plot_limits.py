@@ -11,7 +11,7 @@ import gmwm
 from gmwm.applications.fleets.plot import HALF, _height_axis, fleet_figure
 from gmwm.applications.fleets.statistics import fleet_statistics
 from gmwm.recording.signals import Imu, Signal
-from gmwm.showing.plots.allan import _stretched, allan_panel, avlr_panel
+from gmwm.showing.plots.allan import _axis_with, allan_panel, avlr_panel
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.plots.plan import plan_panel
 from gmwm.showing.plots.series import recording_figure, signal_panel
@@ -24,10 +24,10 @@ NOISE = np.random.default_rng(4).normal(size=4000)
 def test_an_axis_is_extended_to_a_reading_point_by_a_factor_of_20_at_most():
     panel = allan_panel({"curve": gmwm.allan_variance(NOISE, 100.0)})
     low, high = panel.y.limits
-    assert _stretched(panel, [np.array(19 * high)]).limits[1] > 19 * high
-    assert _stretched(panel, [np.array(low / 19)]).limits[0] < low / 19
+    assert _axis_with(panel, [np.array(19 * high)]).limits[1] > 19 * high
+    assert _axis_with(panel, [np.array(low / 19)]).limits[0] < low / 19
     for height in (21 * high, low / 21):
-        assert _stretched(panel, [np.array(height)]).limits == (low, high)
+        assert _axis_with(panel, [np.array(height)]).limits == (low, high)
 
 
 def test_a_fitted_line_is_drawn_a_factor_of_5_beyond_its_range():

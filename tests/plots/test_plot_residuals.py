@@ -8,8 +8,8 @@ import pytest
 import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.fitting.likelihood.innovations import Residuals
-from gmwm.showing.plots.autocorrelation import LEVEL
 from gmwm.showing.plots.residuals import (
+    LEVEL,
     correlation_panel,
     order_limits,
     plot_residuals,

@@ -12,7 +12,7 @@ import gmwm
 from gmwm.base.errors import DataError, OptionError
 from gmwm.recording.signals import Signal
 from gmwm.showing.plots.figure import Band, Line
-from gmwm.showing.plots.trace import envelope, even_trace, extremes_there, isolated
+from gmwm.showing.plots.trace import envelope, even_trace, extremes_there, lone_values
 from gmwm.showing.plots.tracks import COLUMNS, plot_tracks, tracks_figure
 from tests.helpers import raises
 
@@ -152,7 +152,7 @@ def test_a_lone_sample_is_a_dot():
     record = tracks_figure(MODEL.smooth(x, RATE)).panels[0]
     dots = [line for line in record.lines if line.stroke.symbol]
     assert [(dot.x.tolist(), dot.stroke.width) for dot in dots] == [([0.51], 0.0)]
-    assert isolated(np.array([math.nan, 1.0])).tolist() == [False, True]
+    assert lone_values(np.array([math.nan, 1.0])).tolist() == [False, True]
 
 
 # --- scales and units ---------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import OptionError, ReadError
-from gmwm.files.contract import Mark, find_reader
+from gmwm.files.contract import Mark, Reader, find_reader
 from gmwm.files.formats import arrays, parquet, text, waypoint
 from gmwm.files.readers import interpretation, parts, stream
 from gmwm.files.readers.parts import PartReader
@@ -103,7 +103,7 @@ def test_without_stamps_and_more_parts_than_rows_allow(tmp_path):
     path = written(tmp_path / "a.npy", columns())
     divided = same(stream(path, 125.0, units=UNITS), 1000)
     assert 2 <= len(divided) <= 4
-    assert all(part.stop - part.first >= parts.SHORTEST for part in divided)
+    assert all(part.stop - part.first >= parts.SHORTEST_PART for part in divided)
     (only,) = same(stream(path, 125.0, units=UNITS), 1)
     assert only.whole
     assert "all rows" in repr(only)
@@ -172,10 +172,10 @@ def test_a_format_of_another_hand_is_skipped_through(tmp_path):
     path = written(tmp_path / "a.npy", columns())
     reader = find_reader(path)
     layout = reader.layouts(path)[0]
-    skipped = super(type(reader), reader).chunks_from(path, layout, [0], Mark(6000))
+    skipped = Reader.chunks_from(reader, path, layout, [0], Mark(6000))
     own = reader.chunks_from(path, layout, [0], Mark(6000))
     assert np.array_equal(np.concatenate([c[0] for c in skipped]), np.concatenate([c[0] for c in own]))
-    assert super(type(reader), reader).marks(path, layout) == ()
+    assert Reader.marks(reader, path, layout) == ()
 
 
 def test_counted_packets_are_one_part(tmp_path):

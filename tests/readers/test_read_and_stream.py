@@ -111,7 +111,7 @@ def test_lost_samples_and_gaps_have_the_temperature_of_the_others(tmp_path):
 
 @pytest.mark.slow
 def test_readings_that_are_far_apart_are_held(tmp_path, monkeypatch):
-    monkeypatch.setattr(temperature, "LONGEST", 2000)
+    monkeypatch.setattr(temperature, "MOST_ROWS_APART", 2000)
     values = readings("few")
     imu = both(written(tmp_path, table(temperature=values)))
     assert np.all(imu.temperature[:3000] == values[3000])

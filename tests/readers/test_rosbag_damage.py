@@ -15,7 +15,7 @@ from gmwm.base.errors import GmwmError, GmwmWarning, ReadError
 from gmwm.files.formats import bagfiles
 from gmwm.files.formats.bag_mcap import McapStorage
 from gmwm.files.formats.bag_types import definition
-from gmwm.files.formats.bagfiles import Topic, unpacked
+from gmwm.files.formats.bagfiles import Topic, decompress
 from gmwm.files.readers import read
 from tests.helpers import raises
 from tests.readers.rosbag_files import CONTAINERS, START, STEP, flat, imu, numbers, recorded, store_of, written
@@ -169,15 +169,15 @@ def test_bombs(tmp_path):
     zstd = bagfiles._decompressor("zstd").__class__.__module__
     assert "zstd" in zstd
     for kind, data in (("bz2", bz2.compress(zeros)), ("lz4", lz4.frame.compress(zeros))):
-        assert len(unpacked(data, kind, len(zeros), tmp_path)) == len(zeros)
+        assert len(decompress(data, kind, len(zeros), tmp_path)) == len(zeros)
         with raises(ReadError, "1001 bytes", "expected 1000"):
-            unpacked(data, kind, 1000, tmp_path)
+            decompress(data, kind, 1000, tmp_path)
         with raises(ReadError, code="chunk-damaged"):
-            unpacked(data[: len(data) // 2], kind, len(zeros), tmp_path)
+            decompress(data[: len(data) // 2], kind, len(zeros), tmp_path)
     with raises(ReadError, "256 MB"):
-        unpacked(b"", "lz4", 1 << 40, tmp_path)
+        decompress(b"", "lz4", 1 << 40, tmp_path)
     with raises(ReadError, "'rar'"):
-        unpacked(b"", "rar", 10, tmp_path)
+        decompress(b"", "rar", 10, tmp_path)
 
 
 def test_metadata_that_is_none(tmp_path):

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import gmwm
 from gmwm.base.errors import OptionError, ReadError, UnitError
-from gmwm.files.clock.text_stamps import Midnights, described, is_stamp, times_of
+from gmwm.files.clock.text_stamps import Midnights, form_remark, is_stamp, times_of
 from gmwm.files.formats import text
 from gmwm.files.readers import interpretation, read, stream
 from gmwm.files.readers.growing_files import Lines, growing_stream
@@ -190,7 +190,7 @@ def test_what_a_stamp_is(cell, yes):
     ],
 )
 def test_the_remarks_say_how_it_was_understood(tmp_path, cell, facts):
-    assert described(cell).facts == facts
+    assert form_remark(cell).facts == facts
     cells = [cell.replace("12:00:00", f"12:00:{k // 10:02d}.{k % 10}") for k in range(60)]
     remark = only(read(saved(tmp_path, cells)).remarks, "time-read")
     assert remark.facts == facts
@@ -212,17 +212,17 @@ def test_times_of_day_go_on_after_midnight(tmp_path):
 def test_times_of_day_over_days_and_blocks():
     ns = BEGIN % (86_400 * 10**9) + np.arange(0, 6 * 86_400, 3600) * 10**9
     followed, parts = Midnights(), np.array_split(ns % (86_400 * 10**9), [5, 6, 30, 31, 77])
-    joined = np.concatenate([followed.continued(part) for part in parts])
+    joined = np.concatenate([followed.continue_days(part) for part in parts])
     assert joined.tolist() == ns.tolist()
 
 
 def test_times_of_day_that_are_out_of_order_or_set_back(tmp_path):
     ms = np.array([86_399_990, 0, 86_399_995, 10, 20])
-    assert Midnights().continued(ms * 10**6).tolist() == ((ms + 86_400_000 * (ms < 1000)) * 10**6).tolist()
+    assert Midnights().continue_days(ms * 10**6).tolist() == ((ms + 86_400_000 * (ms < 1000)) * 10**6).tolist()
     back = np.array([7200, 7201, 3602, 3603]) * 10**9
-    assert Midnights().continued(back).tolist() == back.tolist()
+    assert Midnights().continue_days(back).tolist() == back.tolist()
     elapsed = np.array([86_399, 86_400, 86_401, 200_000]) * 10**9
-    assert Midnights().continued(elapsed).tolist() == elapsed.tolist()
+    assert Midnights().continue_days(elapsed).tolist() == elapsed.tolist()
 
 
 FIRST = "2024-05-01T12:00:00.000Z"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gmwm.measuring.regression.blocks import Clock
+from gmwm.measuring.regression.blocks import BlockClock
 
 RATE = 10.0
 SEGMENTS = ((0, 37), (37, 100), (100, 131))
@@ -19,7 +19,7 @@ def places():
 
 
 def clock(length):
-    return Clock.of(RATE, SEGMENTS, STARTS, length=length)
+    return BlockClock.of(RATE, SEGMENTS, STARTS, length=length)
 
 
 @pytest.mark.parametrize("length", [1, 4, 16, 64])
@@ -41,14 +41,14 @@ def test_a_line_in_time_is_interpolated_exactly():
     for length in (1, 4, 16):
         own = clock(length)
         means = 3.0 + 0.25 * ((np.arange(own.blocks) + 0.5) * length - 0.5)
-        assert np.allclose(own.interpolated(means, 0, 131), line)
-        assert np.allclose(own.interpolated(means, 30, 50), line[30:50])
+        assert np.allclose(own.interpolate(means, 0, 131), line)
+        assert np.allclose(own.interpolate(means, 30, 50), line[30:50])
 
 
 def test_knocks_hardly_change_clipped_means():
     rng = np.random.default_rng(2)
     x = rng.normal(size=65536)
-    own = Clock.of(RATE, ((0, x.size),), (0.0,), length=64)
+    own = BlockClock.of(RATE, ((0, x.size),), (0.0,), length=64)
     assert np.array_equal(own.means(x, clipped=True), own.means(x))
     knocked = x.copy()
     knocked[1000:1005] += 1e4
@@ -57,15 +57,15 @@ def test_knocks_hardly_change_clipped_means():
 
 
 def test_a_long_recording_has_at_least_4096_blocks_and_long_gaps_cost_no_memory():
-    assert Clock.of(100.0, ((0, 10_000_000),), (0.0,)).length == 2048
-    assert Clock.of(100.0, ((0, 5000),), (0.0,)).length == 1
-    far = Clock.of(100.0, ((0, 5000), (5000, 10_000)), (0.0, 1e7))
+    assert BlockClock.of(100.0, ((0, 10_000_000),), (0.0,)).length == 2048
+    assert BlockClock.of(100.0, ((0, 5000),), (0.0,)).length == 1
+    far = BlockClock.of(100.0, ((0, 5000), (5000, 10_000)), (0.0, 1e7))
     assert far.blocks < 1 << 18
 
 
 def test_blocks_within_blocks_keep_the_means_and_the_size_of_a_cycle():
     n = 1 << 12
-    fine, coarse = (Clock.of(RATE, ((0, n),), (0.0,), length=length) for length in (4, 256))
+    fine, coarse = (BlockClock.of(RATE, ((0, n),), (0.0,), length=length) for length in (4, 256))
     cycle = np.sin(2 * np.pi * np.arange(n) / (n / 2))
     found = coarse.onto(coarse.means(cycle), fine)
     assert np.allclose(found.reshape(16, -1).mean(axis=1), coarse.means(cycle))

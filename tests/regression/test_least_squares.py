@@ -81,12 +81,12 @@ def test_estimate_covariance_and_bias_are_those_of_dense_matrices(present, whole
     design = RegressionDesign(columns(), present, whole)
     under = design.under(design.weights(density, highest))
     beta, covariance, removed = dense(design, highest, y)
-    spread = under.spread(lags_of(N))
+    spread = under.covariance_rows(lags_of(N))
     assert np.allclose(under.estimate(y), beta, rtol=1e-10, atol=0)
     assert np.allclose(under.rows.T @ columns(), np.eye(3), atol=1e-10)
     assert np.allclose(under.covariances(lags_of(N)[None])[0], covariance, rtol=1e-10, atol=0)
     assert np.allclose(under.rows.T @ spread, covariance, rtol=1e-10, atol=0)
-    assert np.allclose(under.removed(spread), removed, rtol=1e-10, atol=1e-12)
+    assert np.allclose(under.removed_variance(spread), removed, rtol=1e-10, atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import DataError, OptionError
-from gmwm.measuring.regression.against import Asked, Term
+from gmwm.measuring.regression.against import Asked, CovariateTerm
 from gmwm.measuring.regression.conditions import Conditions
 from tests.helpers import codes, only, raises
 
@@ -237,4 +237,4 @@ def test_a_wavelet_variance_has_no_samples():
 
 @pytest.mark.parametrize("text", ["temperature:2,lag", "rate:exact", "time:knots=3", "warmup"])
 def test_a_term_is_written_as_it_is_read(text):
-    assert str(Term.parse(text)) == text
+    assert str(CovariateTerm.parse(text)) == text

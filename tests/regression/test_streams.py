@@ -77,7 +77,7 @@ def test_regressions_are_those_in_memory(path, against):
         assert found.found[axis].estimates == one.estimates
         assert found.found[axis].pvalue == one.pvalue
         assert found.found[axis].applied == one.applied
-    assert found.applied("gyro_x") is not None
+    assert found.applied_regression("gyro_x") is not None
     effects = [one.effect("gyro_x", [0, 9999, len(imu) - 1]) for one in (found, expected)]
     assert np.array_equal(*effects)
 

@@ -22,7 +22,7 @@ from gmwm.showing.reports import sections as report_sections
 from gmwm.showing.reports.citation import citation
 from gmwm.showing.reports.plotly import Scale, plotly_panel
 from gmwm.showing.reports.verdict import verdict
-from gmwm.showing.reports.write import _worded, page
+from gmwm.showing.reports.write import _code_as_html, page
 from tests.helpers import raises
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -317,7 +317,7 @@ def test_names_stay_names():
 
 
 def test_names_between_backticks_are_code_and_nothing_else_is():
-    assert str(_worded("see `gmwm info` <b>`a<b`</b>")) == (
+    assert str(_code_as_html("see `gmwm info` <b>`a<b`</b>")) == (
         "see <code>gmwm info</code> &lt;b&gt;<code>a&lt;b</code>&lt;/b&gt;"
     )
 

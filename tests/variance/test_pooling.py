@@ -11,7 +11,7 @@ import pytest
 import gmwm
 from gmwm.base.errors import DataError, OptionError
 from gmwm.measuring.covariance import Design, covariance
-from gmwm.measuring.variance.pooling import pooled, without
+from gmwm.measuring.variance.pooling import pool, without
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
 from gmwm.theory.processes.model import Model
@@ -36,7 +36,7 @@ def test_it_is_the_curve_of_one_recording_with_gaps(days):
     segments = tuple(zip([0, *ends[:-1]], ends, strict=True))
     starts = tuple((begin + 1000 * k) / RATE for k, (begin, _) in enumerate(segments))
     whole = gmwm.wavelet_variance(Signal(np.concatenate(parts), RATE, segments=segments, starts=starts))
-    found = pooled(days)
+    found = pool(days)
     np.testing.assert_array_equal(found.levels, whole.levels)
     for name in ("variance", "lower", "upper", "counts"):
         np.testing.assert_allclose(getattr(found, name), getattr(whole, name), rtol=1e-12, err_msg=name)
@@ -46,43 +46,43 @@ def test_it_is_the_curve_of_one_recording_with_gaps(days):
 
 def test_an_offset_of_a_recording_does_not_matter(days):
     moved = days | {"friday": gmwm.wavelet_variance(1e4 + MODEL.simulate(700, RATE, rng=3), RATE)}
-    np.testing.assert_allclose(pooled(moved).variance, pooled(days).variance, rtol=1e-9)
+    np.testing.assert_allclose(pool(moved).variance, pool(days).variance, rtol=1e-9)
 
 
 def test_order_scale_and_grouping_do_not_matter(days):
-    found, turned = pooled(days), pooled(dict(reversed(days.items())))
+    found, turned = pool(days), pool(dict(reversed(days.items())))
     np.testing.assert_allclose(turned.variance, found.variance, rtol=1e-12)
     np.testing.assert_allclose(covariance(MODEL, Design.of(turned)), covariance(MODEL, Design.of(found)), rtol=1e-12)
     for scale in (1e-12, 1e12):
         small = {name: replace(wv, variance=scale * wv.variance) for name, wv in days.items()}
-        np.testing.assert_allclose(pooled(small).variance, scale * found.variance, rtol=1e-12)
+        np.testing.assert_allclose(pool(small).variance, scale * found.variance, rtol=1e-12)
     rest = without(found, "monday")
     assert list(rest.recordings) == ["tuesday", "friday"]
     np.testing.assert_allclose(
         (rest.counts * rest.variance)[:11] + (days["monday"].counts * days["monday"].variance)[:11],
         (found.counts * found.variance)[:11], rtol=1e-12,
     )  # fmt: skip
-    assert without(pooled({name: days[name] for name in ("monday", "tuesday")}), "monday").recordings == {}
+    assert without(pool({name: days[name] for name in ("monday", "tuesday")}), "monday").recordings == {}
 
 
 def test_one_recording_is_itself(days):
-    assert pooled({"monday": days["monday"]}) is days["monday"]
+    assert pool({"monday": days["monday"]}) is days["monday"]
 
 
 def test_no_level_is_longer_than_a_recording_that_a_regression_shortened(days):
     cut = days | {"tuesday": days["tuesday"].first(9)}
-    assert len(pooled(cut)) == 9
-    assert len(pooled(days)) == 13
+    assert len(pool(cut)) == 9
+    assert len(pool(days)) == 13
 
 
 def test_common_tails_are_not_averaged_away(days):
     heavy = {name: replace(wv, excess=np.full((len(wv), len(wv)), 1.0 / wv.samples)) for name, wv in days.items()}
-    found = pooled(heavy)
+    found = pool(heavy)
     assert found.excess[0, 0] == pytest.approx(1.0 / found.samples, rel=0.01)
 
 
 def test_it_is_saved_with_its_recordings(days):
-    found = pooled(days)
+    found = pool(days)
     again = WaveletVariance.from_dict(json.loads(json.dumps(found.to_dict())))
     assert again.to_dict() == found.to_dict()
     assert list(again.recordings) == list(days)
@@ -98,11 +98,11 @@ def test_recordings_of_different_kinds_are_refused(days):
         (recorded(4000, 1, filter="d4"), "filter"),
     ):
         with raises(DataError, what, "monday", "later", argument="data"):
-            pooled({"monday": day, "later": other})
+            pool({"monday": day, "later": other})
 
 
 def test_a_curve_at_some_levels(days):
-    whole = pooled(days)
+    whole = pool(days)
     part = whole.only([7, 2, 3])
     assert part.levels.tolist() == [2, 3, 7]
     assert np.array_equal(part.variance, whole.variance[[1, 2, 6]])

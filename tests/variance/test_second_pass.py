@@ -288,7 +288,7 @@ def test_some_values_are_the_same_however_they_come(start):
         parts = [ThinnedValues.of(x[a:b], start + int(a)) for a, b in pairwise(cuts)]
         while len(parts) > 1:
             k = int(rng(seed + len(parts)).integers(len(parts) - 1))
-            parts[k : k + 2] = [parts[k].joined(parts[k + 1])]
+            parts[k : k + 2] = [parts[k].join(parts[k + 1])]
         assert (parts[0].every, parts[0].first) == (whole.every, whole.first)
         np.testing.assert_array_equal(parts[0].values, whole.values)
 

@@ -40,10 +40,19 @@ void arma_coordinates(std::span<const double> coefficients, std::size_t p, std::
 void arma_autocovariance(const ArmaOrders& orders, std::span<const double> parameters,
                          std::span<const std::int64_t> lags, bool from_zero, std::span<double> out);
 
-// Autocovariances at lags 0 … out.size() - 1 without those of some real simple roots λ of the autoregression, which are
-// the amplitudes times λ^k. `roots`: these roots to a few digits; a decay is -ln |λ|, negative for a negative λ.
-void arma_without(const ArmaOrders& orders, std::span<const double> parameters, std::span<const double> roots,
-                  std::span<double> amplitudes, std::span<double> decays, std::span<double> out);
+// Simple roots λ of the autoregression to a few digits: real ones, and of pairs of complex ones that with im > 0.
+struct ArmaRoots {
+  std::span<const double> re, im;
+};
+
+// Their part of the autocovariance, Re Σ amplitude exp(-decay k), where decay has an imaginary part from 0 to π.
+struct ArmaExponentials {
+  std::span<double> amplitude_re, amplitude_im, decay_re, decay_im;
+};
+
+// Autocovariances at lags 0 … out.size() - 1 without the part of some roots.
+void arma_without(const ArmaOrders& orders, std::span<const double> parameters, const ArmaRoots& roots,
+                  const ArmaExponentials& exponentials, std::span<double> out);
 
 // Variances of sums of n successive samples, for ascending n >= 0.
 void arma_block_variance(const ArmaOrders& orders, std::span<const double> parameters,

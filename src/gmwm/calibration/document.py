@@ -60,6 +60,7 @@ def document(calibration: Calibration) -> dict[str, Any]:
         "failed": dict(calibration.failed),
         "recording_remarks": plain(calibration.recording_remarks),
         "verdict": plain(calibration.verdict),
+        "use": plain(calibration.number_verdicts),
         "remarks": plain(calibration.remarks),
         "recording": plain(calibration.recording),
         "recordings": plain(calibration.recordings),

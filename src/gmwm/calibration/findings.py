@@ -13,6 +13,7 @@ from gmwm.base.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_
 from gmwm.base.text import duration_text
 from gmwm.calibration.averaging import markov_instead_of_walk
 from gmwm.calibration.misfit import line_in, line_process, misfit_of
+from gmwm.calibration.number_verdicts import MAIN, Usability, counts
 from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.linearised import usable_in
 from gmwm.fitting.estimation.model_error import implausible_levels
@@ -67,24 +68,33 @@ def remarks_of(calibration: Calibration) -> list[Remark]:
 
 
 def verdict_of(calibration: Calibration) -> Remark:
-    """Return the verdict whether the calibration can be used, with which the summary and the report begin."""
+    """Return the verdict of the calibration, which counts the axes whose N, K and B can be used."""
+    verdicts = calibration.number_verdicts
+    axes = len(verdicts)
     lost = unusable(calibration)
-    worst = gravest(remark for remark in calibration.remarks if remark.subject not in lost)
-    state = "wrong" if worst is not None and worst <= Severity.WRONG else "cautions"
-    if worst is None or worst is Severity.INFO:
-        state = "clean"
-    if not lost:
-        return Remark.of({"wrong": "verdict-wrong", "cautions": "verdict-usable", "clean": "verdict-clean"}[state])
-    count = len(calibration.axes) + len(calibration.failed)
-    if len(lost) == count:
-        return Remark.of("verdict-unusable", axes=count, one="yes" if count == 1 else "no")
-    return Remark.of("verdict-some-unusable", names=tuple(lost), unusable=len(lost), axes=count, others=state)
+    if len(lost) == axes:
+        return Remark.of("verdict-unusable", axes=axes, one="yes" if axes == 1 else "no")
+    facts: dict[str, Fact] = {"axes": axes}
+    for symbol in MAIN:
+        facts[f"{symbol}_use"], facts[f"{symbol}_bound"] = counts(verdicts, symbol)
+    main = [verdict for of_axis in verdicts.values() for symbol, verdict in of_axis.items() if symbol in MAIN]
+    reasons = dict.fromkeys(verdict.reason.code for verdict in main if verdict.reason is not None)
+    refused = any(verdict.usability is Usability.DO_NOT_USE for verdict in main)
+    facts |= {"why": "yes" if reasons else "no", "reasons": tuple(reasons)}
+    if lost:
+        return Remark.of("verdict-some-unusable", names=tuple(lost), unusable=len(lost), **facts)
+    worst = gravest(calibration.remarks)
+    clean = not refused and not reasons and (worst is None or worst is Severity.INFO)
+    return Remark.of("verdict-clean" if clean else "verdict-usable", **facts)
 
 
 def unusable(calibration: Calibration) -> list[str]:
-    """Return the axes whose numbers cannot be used."""
-    named = {remark.subject for remark in calibration.remarks if remark.severity is Severity.UNUSABLE}
-    return [axis for axis in (*calibration.axes, *calibration.failed) if axis in named]
+    """Return the axes none of whose main numbers can be used."""
+    return [
+        axis
+        for axis, of_axis in calibration.number_verdicts.items()
+        if all(of_axis[symbol].usability is Usability.DO_NOT_USE for symbol in MAIN if symbol in of_axis)
+    ]
 
 
 def rejected_axes(calibration: Calibration) -> list[str]:

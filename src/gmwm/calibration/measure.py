@@ -39,7 +39,7 @@ from gmwm.measuring.regression.conditions import NOTHING, Conditions
 from gmwm.measuring.regression.result import Regression
 from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.measuring.variance.api import signal_wavelet_variance
-from gmwm.measuring.variance.pooling import pooled
+from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.batches import Batch, Streamed, batches, cut, joined
 from gmwm.recording.signals import Imu, Signal
@@ -114,7 +114,7 @@ class MeasuredAxis:
         """
         removed = {name: item for name, item in self.regressions.items() if item.applied}
         curves = self._curves(options)
-        return pooled({name: removed[name].corrected(wv) if name in removed else wv for name, wv in curves.items()})
+        return pool({name: removed[name].corrected(wv) if name in removed else wv for name, wv in curves.items()})
 
     def raw_curve(self, options: CalibrationOptions) -> WaveletVariance | None:
         """Return the curve without the removal of conditions; None if nothing is removed or a curve is not known."""
@@ -126,7 +126,7 @@ class MeasuredAxis:
                 if name not in self.raw:
                     return None
                 curves[name] = self.raw[name]
-        return pooled(curves) if len({wv.robust for wv in curves.values()}) == 1 else None
+        return pool(curves) if len({wv.robust for wv in curves.values()}) == 1 else None
 
     def _curves(self, options: CalibrationOptions) -> dict[str, WaveletVariance]:
         """Return the curve of each recording. Classical and robust curves cannot be pooled, so all are of one kind."""
@@ -306,7 +306,7 @@ def _curves_of(
 def _raw(axis: str, inputs: Mapping[str, AxisInput | None], conditions: Conditions) -> WaveletVariance | None:
     """Return the wavelet variance from which an effect of the conditions is not removed; None if none is removed, or if
     this curve is not known."""
-    if conditions.applied(axis) is None:
+    if conditions.applied_regression(axis) is None:
         return None
     signal, raw = inputs.get(axis), conditions.raw.get(axis)
     return signal_wavelet_variance(signal) if raw is None and isinstance(signal, Signal) else raw
@@ -327,7 +327,9 @@ def _beginnings(
         if isinstance(item, AxisAccumulator) and item.beginning is not None
     }
     if isinstance(data, Imu | Streamed):
-        beginnings = {axis: signal for axis, signal in beginnings.items() if conditions[axis].applied(axis) is None}
+        beginnings = {
+            axis: signal for axis, signal in beginnings.items() if conditions[axis].applied_regression(axis) is None
+        }
         again = [axis for axis in items if axis not in beginnings]
         signals = _first_samples(data) if again else {}
     else:

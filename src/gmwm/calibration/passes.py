@@ -231,7 +231,7 @@ def curves_and_inspection(
         inspection = _inspect(batches, inspector, curves, conditions=conditions)
 
     def curve(axis: str, item: AxisCurves) -> WaveletVariance:
-        regression, wv = conditions.applied(axis), item.robust() if robust else item.classical()
+        regression, wv = conditions.applied_regression(axis), item.robust() if robust else item.classical()
         return wv if regression is None else regression.corrected(wv)
 
     return in_threads(curve, curves), inspection

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import rounded
 from gmwm.calibration.averaging import WALK
-from gmwm.measuring.inspection.findings import in_datasheet_units, removed
+from gmwm.measuring.inspection.findings import in_datasheet_units, removal_remark
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration
@@ -39,7 +39,7 @@ def recording_remarks(
             and axis_calibration is not None
             and axis_calibration.regression is not None
         ):
-            yield removed(remark.subject, axis_calibration.regression, _left_in(axis_calibration))
+            yield removal_remark(remark.subject, axis_calibration.regression, _left_in(axis_calibration))
             continue
         affected = remark.facts.get("numbers")
         if axis_calibration is None or not isinstance(affected, tuple):

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from gmwm.applications.monitor import Baseline
     from gmwm.applications.navigation import Budget
+    from gmwm.calibration.number_verdicts import NumberVerdict
     from gmwm.calibration.reference_check import ReferenceCheck, ReferenceLike
     from gmwm.choosing.replicates import Replicates
     from gmwm.showing.exporters.reduction import Rule
@@ -235,6 +236,13 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
 
         return verdict_of(self)
 
+    @cached_property
+    def number_verdicts(self) -> dict[str, dict[str, NumberVerdict]]:
+        """By axis and symbol: whether the number can be used, used as a bound, or not used, with the reason."""
+        from gmwm.calibration.number_verdicts import number_verdicts
+
+        return number_verdicts(self)
+
     def of_file(self, *paths: str | os.PathLike[str]) -> Calibration:
         """Return the calibration with the name, size and SHA-256 of the files from which the recordings were read.
 
@@ -295,7 +303,7 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         return combine((self, *others))
 
     def summary(self, dialect: Dialect = Dialect.PYTHON, *, every: bool = False, details: bool = False) -> str:
-        """Return the calibration as text: verdict, a table for each sensor, and the most severe remarks.
+        """Return the calibration as text: verdict, one line for each axis, and the most severe remarks.
 
         Parameters
         ----------
@@ -304,7 +312,7 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         every : bool
             Whether to show all remarks instead of the five most severe.
         details : bool
-            Whether to show the steps of the search for the model of each axis.
+            Whether to show all numbers of each axis, and why its model was chosen, instead of one line for each axis.
         """
         from gmwm.calibration.summary_text import summary
 
@@ -521,9 +529,9 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         MissingTheoryError
             If a term has no state-space form.
         """
-        from gmwm.applications.navigation.api import budget_of_fits
+        from gmwm.applications.navigation.api import budget
 
-        errors = budget_of_fits(self, duration, rest=rest, latitude=latitude, level=level)
+        errors = budget(self, duration, rest=rest, latitude=latitude, level=level)
         causes = tuple(dict.fromkeys(remark.code for remark in self.remarks if remark.severity <= Severity.WRONG))
         return (
             replace(errors, remarks=(Remark.of("budget-of-wrong", causes=causes), *errors.remarks))

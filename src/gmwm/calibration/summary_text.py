@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm.base.axis_names import by_sensor
-from gmwm.base.remarks import Dialect, brief, texts
+from gmwm.base.remarks import Dialect, Severity, brief, texts
 from gmwm.base.tables import headed
 from gmwm.base.text import counted, duration_text, p_text
 from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.findings import equality_remarks
+from gmwm.calibration.first_screen import LEGEND, axis_lines
 from gmwm.calibration.misfit import is_line
 from gmwm.calibration.tables import SENSORS, WIDTH, bullet, in_order, key, number, with_error, wrap_text
 from gmwm.choosing.replicates.result import RecordingNumber, short_spread
@@ -47,20 +48,27 @@ def summary(
     equality = equality_remarks(calibration)
     parts = [wrap_text(calibration.verdict.text(dialect)), _head(calibration)]
     parts += [wrap_text(text) for text in texts(equality, dialect, codes=True)]
-    for sensor, axes in by_sensor(calibration.axes).items():
-        parts.append([SENSORS.get(sensor, sensor or "Axes"), *_table(axes)])
-    parts.append(_legend(calibration))
-    if details:
-        parts += [
-            [f"Why this model of {axis}?", *search_lines(item.search, WIDTH)]
-            for axis, item in calibration.axes.items() if item.search
-        ]  # fmt: skip
-    for addition in axis_additions():
-        parts.append(wrap_text(addition.summary(calibration.addition(addition.name))))
-    item = [remark for remark in calibration.remarks if remark not in equality]
-    remarks = texts(item, dialect, codes=True) if every else brief(item, dialect, rest=REST[dialect])
-    parts.append(["What to know before using the numbers:", *(line for text in remarks for line in bullet(text))])
+    parts += _details(calibration) if details else [axis_lines(calibration), wrap_text(LEGEND)]
+    remarks_shown = [remark for remark in calibration.remarks if remark not in equality]
+    if not (every or details):
+        remarks_shown = [remark for remark in remarks_shown if remark.severity is not Severity.INFO]
+    remarks = texts(remarks_shown, dialect, codes=True) if every else brief(remarks_shown, dialect, rest=REST[dialect])
+    if remarks:
+        parts.append(["What to know before using the numbers:", *(line for text in remarks for line in bullet(text))])
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
+
+
+def _details(calibration: Calibration) -> list[list[str]]:
+    """Return the tables with all numbers of each axis, the reasons for the models, and the results of additions."""
+    parts = [
+        [SENSORS.get(sensor, sensor or "Axes"), *_table(axes)] for sensor, axes in by_sensor(calibration.axes).items()
+    ]
+    parts.append(_legend(calibration))
+    parts += [
+        [f"Why this model of {axis}?", *search_lines(result.search, WIDTH)]
+        for axis, result in calibration.axes.items() if result.search
+    ]  # fmt: skip
+    return [*parts, *(wrap_text(a.summary(calibration.addition(a.name))) for a in axis_additions())]
 
 
 # --- the head and the tables ------------------------------------------------------------------------

@@ -130,7 +130,10 @@ def calibrate(
     datasheet: Datasheet = False,
     details: Annotated[
         bool,
-        typer.Option(help="Also print why the model of each axis was chosen.", rich_help_panel=RESULT),
+        typer.Option(
+            help="Print all numbers of each axis, and why its model was chosen, not one line for each axis.",
+            rich_help_panel=RESULT,
+        ),
     ] = False,
     all_topics: Annotated[
         bool,
@@ -235,7 +238,7 @@ def _outcome(
 ) -> Outcome:
     """Return the outcome of the command, with the files to write."""
     plots = None if output is None else helpers.begin(pictures, found, view, datasheet)
-    document, text = found.to_dict(), summary(found, Dialect.SHELL, every=True)
+    document, text = found.to_dict(), summary(found, Dialect.SHELL, details=True, every=True)
     files_of_calibration: tuple[NewFile, ...] = ()
     if output is not None and plots is not None:
         files_of_calibration = calibration_files(found, output, document=document, text=text, plots=plots)
@@ -245,7 +248,7 @@ def _outcome(
         command="calibrate",
         document={**document, **document_of(files), "written": written},
         text=summary(found, Dialect.SHELL, details=details),
-        all_text=summary(found, Dialect.SHELL, every=True, details=True) if details else text,
+        all_text=text,
         files=(*files_of_calibration, *kalibr.files),
         together=True,
         obsolete=kalibr.obsolete,
@@ -300,11 +303,11 @@ def calibration_helpers(
 
 def pictures(found: Calibration, view: Literal["wavelet", "allan"], datasheet: bool) -> dict[str, bytes]:
     """Draw the plots of a calibration: the content of each file."""
-    from gmwm.showing.plots.matplotlib import rendered
+    from gmwm.showing.plots.matplotlib import render
 
     system: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
     return {
-        name: rendered(found.plot(split=split, view=view, units=system), ".png")
+        name: render(found.plot(split=split, view=view, units=system), ".png")
         for name, split in (("calibration.png", True), ("by_sensor.png", False))
     }
 

@@ -69,7 +69,7 @@ def demo(
     calibration = calibrated(imu, CalibrationOptions(), helpers).of_file(file)
     plots = helpers.begin(pictures, calibration, "wavelet", False)
     say(summary(calibration, Dialect.SHELL))
-    document, text = calibration.to_dict(), summary(calibration, Dialect.SHELL, every=True)
+    document, text = calibration.to_dict(), summary(calibration, Dialect.SHELL, details=True, every=True)
     rows, kalibr = _comparison(truth, calibration), kalibr_file(calibration, output)
     files = (
         *calibration_files(calibration, output, document=document, text=text, plots=plots),

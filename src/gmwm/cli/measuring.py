@@ -223,7 +223,7 @@ def measured_together(
         If several recordings cannot be pooled.
     """
     from gmwm.measuring.variance.api import wavelet_variance
-    from gmwm.measuring.variance.pooling import pooled
+    from gmwm.measuring.variance.pooling import pool
     from gmwm.measuring.variance.result import WaveletVariance
 
     axes = axes_together(recordings, wanted)
@@ -239,7 +239,7 @@ def measured_together(
             return data
         return wavelet_variance(data, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
 
-    return {axis: pooled({name: curve(data[axis]) for name, data in data_of.items()}) for axis in axes}
+    return {axis: pool({name: curve(data[axis]) for name, data in data_of.items()}) for axis in axes}
 
 
 def tell_inspection(imu: Imu | Stream, against: str = NONE) -> Conditions:
@@ -256,13 +256,13 @@ def tell_inspection(imu: Imu | Stream, against: str = NONE) -> Conditions:
     Conditions
         The covariates, with the regression of each axis on them.
     """
-    from gmwm.measuring.inspection.api import inspected
+    from gmwm.measuring.inspection.api import inspect_with
     from gmwm.measuring.regression.against import Asked
     from gmwm.measuring.regression.conditions import Conditions
 
     with progress("inspecting"):
         conditions = Conditions.of_recording(imu, Asked.of(against))
-        inspection = inspected(imu, conditions)
+        inspection = inspect_with(imu, conditions)
     for remark in inspection.remarks:
         tell(remark)
     return conditions

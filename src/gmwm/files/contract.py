@@ -269,11 +269,11 @@ def _admit(name: str, reader: Any) -> None:
 def existing_file(path: str | os.PathLike[str]) -> Path:
     """Return the path of a file that exists and is not empty; for a directory, the file that identifies the
     recording."""
-    given: object = path
-    if not isinstance(given, str | os.PathLike):
+    argument: object = path
+    if not isinstance(argument, str | os.PathLike):
         raise OptionError(
-            argument="path", expected="the path of a file, as text or pathlib.Path", got=given,
-            advice="For numbers in memory use `gmwm.Imu.from_arrays`." if hasattr(given, "__len__") else "",
+            argument="path", expected="the path of a file, as text or pathlib.Path", got=argument,
+            advice="For numbers in memory use `gmwm.Imu.from_arrays`." if hasattr(argument, "__len__") else "",
         )  # fmt: skip
     file = Path(os.fsdecode(path))
     if file.is_dir():

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Figure, Line, Panel, Stroke
 from gmwm.showing.plots.linear import even_axis
 from gmwm.showing.plots.style import BLUE
@@ -19,8 +20,7 @@ def spread_panel(spread: Spread) -> Panel:
     )
 
 
-def plot_spread(spread: Spread, *, path=None):
+@drawing
+def plot_spread(spread: Spread, *, path=None) -> Figure:
     """Draw the standard deviation of each axis."""
-    from gmwm.showing.plots.matplotlib import draw
-
-    return draw(Figure(((spread_panel(spread),),), width=110.0, height=75.0), path=path)
+    return Figure(((spread_panel(spread),),), width=110.0, height=75.0)

@@ -12,10 +12,6 @@ from gmwm.base.arrays import Matrix
 from gmwm.base.axis_names import sensor_of
 from gmwm.base.multiple_tests import holm
 
-LEAST = 6
-"""Smallest number of units with a value on all axes for the test. For three axes, 4 denominator degrees of freedom are
-then left."""
-
 
 def differences(
     numbers: Sequence[tuple[str, str, str, str | None]], x: Matrix, size: float
@@ -32,30 +28,24 @@ def differences(
     for k, (axis, symbol, _, _) in enumerate(numbers):
         if sensor := sensor_of(axis):
             groups.setdefault((sensor, symbol), []).append(k)
-    made = []
+    tests = []
     for (sensor, symbol), places in groups.items():
-        whole = x[places][:, np.all(np.isfinite(x[places]), axis=0)]
-        if len(places) < 2 or whole.shape[1] < LEAST or len({numbers[k][2:] for k in places}) > 1:
+        complete = x[places][:, np.all(np.isfinite(x[places]), axis=0)]
+        # Leaves 4 denominator degrees of freedom for three axes.
+        if len(places) < 2 or complete.shape[1] < 6 or len({numbers[k][2:] for k in places}) > 1:
             continue
-        pvalue = hotelling(np.diff(whole, axis=0))
+        pvalue = hotelling(np.diff(complete, axis=0))
         if pvalue is None:
             continue
-        off = np.mean(whole - whole.mean(axis=0), axis=1)
+        off = np.mean(complete - complete.mean(axis=0), axis=1)
         signed = symbol == SIGNED
         relative = {numbers[k][0]: float(d if signed else np.exp(d)) for k, d in zip(places, off, strict=True)}
-        made.append(
-            AxisDifference(
-                sensor=sensor,
-                symbol=symbol,
-                unit=numbers[places[0]][2],
-                units=whole.shape[1],
-                relative=relative,
-                pvalue=pvalue,
-                adjusted=1.0,
-                differs=False,
-            )
-        )
-    return _adjusted(made, size)
+        tests.append(AxisDifference(
+            sensor=sensor, symbol=symbol, unit=numbers[places[0]][2], units=complete.shape[1], relative=relative,
+            pvalue=pvalue, adjusted=1.0, differs=False,
+        ))  # fmt: skip
+    adjusted = holm([test.pvalue for test in tests]).tolist()
+    return tuple(replace(test, adjusted=p, differs=p <= size) for test, p in zip(tests, adjusted, strict=True))
 
 
 def hotelling(d: Matrix) -> float | None:
@@ -73,9 +63,3 @@ def hotelling(d: Matrix) -> float | None:
         return None
     t2 = n * float(mean / size @ np.linalg.solve(scatter, mean / size))
     return float(fdtrc(p, n - p, (n - p) * t2 / (p * (n - 1))))
-
-
-def _adjusted(found: Sequence[AxisDifference], size: float) -> tuple[AxisDifference, ...]:
-    """Return the tests with p-values adjusted by Holm's method, and with the decision at a significance level."""
-    adjusted = holm([one.pvalue for one in found]).tolist()
-    return tuple(replace(one, adjusted=p, differs=p <= size) for one, p in zip(found, adjusted, strict=True))

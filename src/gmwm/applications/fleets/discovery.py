@@ -18,8 +18,6 @@ from gmwm.recording.options import ReadOptions
 
 FILE = "fleet.json"
 """Name of the file that marks the output folder of a fleet."""
-_PLAUSIBLE = 0.5
-"""Confidence of a reader that may be able to read a file; see `Reader.sniff`."""
 Recordings = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Mapping[str, str | os.PathLike[str]]
 
 
@@ -66,7 +64,7 @@ def find_units(recordings: Recordings, output: Path, pattern: str | None) -> Fle
     if isinstance(recordings, Mapping):
         paths = {str(unit): Path(path).absolute() for unit, path in recordings.items()}
     elif isinstance(recordings, Sequence):
-        paths = _named([Path(path).absolute() for path in recordings])
+        paths = _name_by_path([Path(path).absolute() for path in recordings])
     else:
         raise OptionError(
             argument="recordings", expected="a folder, a sequence of paths or a mapping of unit to path", got=recordings
@@ -121,18 +119,16 @@ def _walk(folder: Path, output: Path) -> Iterator[Path]:
             folders.clear()
             yield here
         else:
-            folders[:] = [one for one in folders if not one.startswith(".")]
+            folders[:] = [folder_name for folder_name in folders if not folder_name.startswith(".")]
             yield from (here / file for file in files if not file.startswith("."))
 
 
 def _raise_unreadable(error: OSError) -> NoReturn:
     """Raise an error for an unreadable folder, because its units would be missing from the fleet."""
     raise OptionError(
-        f"{error.filename} cannot be read: {error.strerror}",
-        argument="recordings",
-        got=str(error.filename),
+        f"{error.filename} cannot be read: {error.strerror}", argument="recordings", got=str(error.filename),
         advice="Change the permissions, or pass the recordings one by one.",
-    ) from error
+    ) from error  # fmt: skip
 
 
 def _is_recording(path: Path) -> bool:
@@ -149,10 +145,11 @@ def _is_recording(path: Path) -> bool:
     except OSError:
         return True
     sure = max(reader.sniff(path, head) for reader in registered())
-    return sure > _PLAUSIBLE or (sure == _PLAUSIBLE and not path.suffix)
+    # The reader may be able to read the file, see `Reader.sniff`.
+    return sure > 0.5 or (sure == 0.5 and not path.suffix)
 
 
-def _named(paths: Sequence[Path]) -> dict[str, Path]:
+def _name_by_path(paths: Sequence[Path]) -> dict[str, Path]:
     """Name recordings by their paths relative to the deepest folder that contains all of them."""
     if not paths:
         return {}

@@ -26,7 +26,7 @@ from gmwm.applications.fleets.storage import (
     write_unit,
 )
 from gmwm.applications.fleets.table import RUN_AGAIN, as_table, write_table
-from gmwm.applications.fleets.unit_job import Job, Outcome, UnitOptions
+from gmwm.applications.fleets.unit_job import UnitJob, UnitOptions, UnitOutcome
 from gmwm.applications.fleets.workers import allowing_lost_workers, in_process, on_cluster
 from gmwm.base.axis_names import AXES
 from gmwm.base.errors import GmwmWarning, OptionError
@@ -169,36 +169,30 @@ def calibrate_fleet(
     unit_options = UnitOptions(options, reading)
     _check_places(scheduler, workers, retries)
     folder = Path(output).absolute()
-    found = find_units(recordings, folder, pattern).by_topic(reading)
+    units = find_units(recordings, folder, pattern).by_topic(reading)
     if folder.exists() and not folder.is_dir():
         raise OptionError(argument="output", expected="a folder", got=str(folder))
-    run = _Run(folder, found, progress)
+    run = _FleetRun(folder, units, progress)
     jobs = run.jobs(unit_options)
     # Nothing is written before the connection to the scheduler is established.
     with _outcomes(jobs, scheduler, workers, retries, helpers=helpers) as outcomes:
         folder.mkdir(parents=True, exist_ok=True)
-        if others := foreign_units(folder, found.paths):
+        if others := foreign_units(folder, units.paths):
             where = str(folder / UNITS)
             remark = Remark.of("foreign-results", folder=where, count=len(others), units=tuple(others))
             warnings.warn(GmwmWarning(remark), stacklevel=2)
-        write_facts(folder, found, unit_options)
+        write_facts(folder, units, unit_options)
         with run.telling():
             for outcome in outcomes:
                 run.take(outcome)
-    paths = {unit: str(path) for unit, path in found.paths.items()}
+    paths = {unit: str(path) for unit, path in units.paths.items()}
     return Fleet(
-        folder=folder,
-        paths=paths,
-        table=run.table(),
-        settings=options,
-        left_out=found.left_out,
-        kept=run.kept,
-        done=run.done,
-        reading=reading.to_dict(),
-    )
+        folder=folder, paths=paths, table=run.table(), settings=options, left_out=units.left_out, kept=run.kept,
+        done=run.done, reading=reading.to_dict(),
+    )  # fmt: skip
 
 
-class _Run:
+class _FleetRun:
     """One run of a fleet, which collects the table rows of units from earlier runs and of new calibrations."""
 
     def __init__(self, folder: Path, found: FleetUnits, progress: Progress | None) -> None:
@@ -206,21 +200,21 @@ class _Run:
         self.rows: dict[str, list[Row]] = {}
         self.kept = self.done = 0
 
-    def jobs(self, options: UnitOptions) -> list[Job]:
+    def jobs(self, options: UnitOptions) -> list[UnitJob]:
         """Return a job for each unit that is not finished, and keep the rows of finished units."""
         jobs = []
         for unit, path in self.paths.items():
-            own = options.with_topic(self.topics.get(unit))
-            rows = finished_rows(self.folder, unit, path, own)
+            unit_options = options.with_topic(self.topics.get(unit))
+            rows = finished_rows(self.folder, unit, path, unit_options)
             if rows is None:
-                jobs.append(Job(unit, str(path), own))
+                jobs.append(UnitJob(unit, str(path), unit_options))
             else:
                 self.rows[unit] = rows
                 self.kept += 1
                 self._tell(f"{unit}: kept")
         return jobs
 
-    def take(self, outcome: Outcome) -> None:
+    def take(self, outcome: UnitOutcome) -> None:
         """Store the outcome of a unit in the output folder and in the table."""
         unit = outcome.unit
         if outcome.document is None:
@@ -256,8 +250,13 @@ class _Run:
 
 @contextmanager
 def _outcomes(
-    jobs: Sequence[Job], scheduler: str | Client | None, workers: int | None, retries: int, *, helpers: Helpers | None
-) -> Iterator[Iterable[Outcome]]:
+    jobs: Sequence[UnitJob],
+    scheduler: str | Client | None,
+    workers: int | None,
+    retries: int,
+    *,
+    helpers: Helpers | None,
+) -> Iterator[Iterable[UnitOutcome]]:
     """Provide an iterator over the outcomes of the jobs, which run in this process, in others, or on a cluster."""
     count = min(processors() if workers is None else workers, len(jobs))
     here = count == 0 or (count == 1 and workers is None)
@@ -288,18 +287,18 @@ def _read_options(reading: Mapping[str, Any] | ReadOptions | None) -> ReadOption
         return reading
     if reading is not None and not isinstance(reading, Mapping):
         raise OptionError(argument="reading", expected="a mapping of arguments of gmwm.read to values", got=reading)
-    known = [field.name for field in fields(ReadOptions)]
-    if unknown := [name for name in reading or {} if name not in known]:
-        expected = f"a mapping with the keys {', '.join(known)}"
+    names = [field.name for field in fields(ReadOptions)]
+    if unknown := [name for name in reading or {} if name not in names]:
+        expected = f"a mapping with the keys {', '.join(names)}"
         raise OptionError(argument="reading", expected=expected, got=unknown[0])
     return ReadOptions(**{name: value for name, value in (reading or {}).items() if value is not None})
 
 
 def _check_axes(names: tuple[str, ...] | None) -> None:
     """Check that names are axes or sensors."""
-    known = (*AXES, *SI_UNIT)
-    if unknown := [name for name in names or () if name not in known]:
-        raise OptionError(argument="axes", expected=f"some of {', '.join(known)}", got=unknown[0])
+    allowed = (*AXES, *SI_UNIT)
+    if unknown := [name for name in names or () if name not in allowed]:
+        raise OptionError(argument="axes", expected=f"some of {', '.join(allowed)}", got=unknown[0])
 
 
 def _check_places(scheduler: str | Client | None, workers: int | None, retries: int) -> None:
@@ -307,6 +306,5 @@ def _check_places(scheduler: str | Client | None, workers: int | None, retries: 
         if number is not None and (isinstance(number, bool) or not isinstance(number, int) or number < 0):
             raise OptionError(argument=name, expected="zero or a positive integer", got=number)
     if scheduler is not None and workers is not None:
-        raise OptionError(
-            argument="workers", expected="left out if there is a scheduler, which has its own workers", got=workers
-        )
+        expected = "left out if there is a scheduler, which has its own workers"
+        raise OptionError(argument="workers", expected=expected, got=workers)

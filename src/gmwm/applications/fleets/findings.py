@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from gmwm.applications.fleets.outlier_units import FEWEST
@@ -14,13 +14,8 @@ if TYPE_CHECKING:
 
     from gmwm.applications.fleets.statistics_result import FleetNumber, FleetStatistics
 
-LEAST = 3
-"""Smallest number of units from which the spread between units and the range for a further unit are estimated. With two
-units, the 95 % confidence interval of the spread would be 0.45 to 32 times its estimate."""
-MUCH = 0.5
-"""A remark is made if estimation errors are more than this share of the variance of the estimates."""
-REJECTED = 0.05
-"""Significance level of the goodness-of-fit tests of all axes of a fleet together."""
+LEAST_UNITS = 3
+"""Least units for a spread and a prediction. With two, the 95 % interval of a spread is 0.45 to 32 times as large."""
 
 
 def remarks_of(found: FleetStatistics) -> list[Remark]:
@@ -34,7 +29,7 @@ def of_units(table: DataFrame, units: int, failed: int) -> Iterator[Remark]:
         yield Remark.of("units-failed", failed=failed, units=units)
     if "p_value" in table.columns:
         tested = table["p_value"].drop_nulls()
-        if rejected := int((tested < REJECTED / max(len(tested), 1)).sum()):
+        if rejected := int((tested < 0.05 / max(len(tested), 1)).sum()):  # significance level of all tests together
             yield Remark.of("fits-rejected", rejected=rejected, tested=len(tested))
     if "contaminated" in table.columns:
         tested = table["contaminated"].drop_nulls()
@@ -43,19 +38,21 @@ def of_units(table: DataFrame, units: int, failed: int) -> Iterator[Remark]:
 
 
 def _remarks(found: FleetStatistics) -> Iterator[Remark]:
-    single = [row for row in found.rows if _is_axis(row, found.rows)]
+    sensors = {sensor_of(row.axis) for row in found.rows}
+    single = [row for row in found.rows if row.axis not in sensors]
     yield from _of_outliers(found, single)
-    if 1 < found.units <= LEAST:
+    if 1 < found.units <= LEAST_UNITS:
         yield Remark.of("small-fleet", units=found.units)
-    for count in range(1, LEAST):
+    for count in range(1, LEAST_UNITS):
         few = [row for row in single if row.units == count]
-        yield from _each("few-units-compared", few, single, units=count, least=LEAST, fewest=FEWEST)
-    few = [row for row in single if not row.searched and row.units >= LEAST]
+        yield from _each("few-units-compared", few, single, units=count, least=LEAST_UNITS, fewest=FEWEST)
+    few = [row for row in single if not row.searched and row.units >= LEAST_UNITS]
     yield from _each("outliers-not-sought", few, single, fewest=FEWEST)
     yield from _of_limits(single)
-    yield from _each("errors-dominate", [row for row in single if (row.error_share or 0) > MUCH], single)
-    for model, rows in _by_model(row for row in single if row.model is not None and row.left_out).items():
-        yield from _each("one-model-compared", rows, single, model=model)
+    yield from _each("errors-dominate", [row for row in single if (row.error_share or 0) > 0.5], single)
+    partial = [row for row in single if row.model is not None and row.left_out]
+    for model in dict.fromkeys(row.model or "" for row in partial):
+        yield from _each("one-model-compared", [row for row in partial if row.model == model], single, model=model)
     unknown = [row for row in single if row.model is None and row.left_out]
     yield from _each("units-without-interval", unknown, single)
     for difference in found.differences:
@@ -66,7 +63,7 @@ def _remarks(found: FleetStatistics) -> Iterator[Remark]:
 
 
 def _of_outliers(found: FleetStatistics, single: Sequence[FleetNumber]) -> Iterator[Remark]:
-    units = list(dict.fromkeys(one.unit for one in found.outliers))
+    units = list(dict.fromkeys(outlier.unit for outlier in found.outliers))
     for unit in units:
         yield Remark.of("units-outlying", unit, count=len(units))
     if not units and any(row.searched for row in single):
@@ -93,28 +90,17 @@ def _each(code: str, rows: Iterable[FleetNumber], every: Iterable[FleetNumber], 
         yield Remark.of(code, subject, **facts)
 
 
-def _is_axis(row: FleetNumber, rows: Iterable[FleetNumber]) -> bool:
-    return not any(sensor_of(other.axis) == row.axis for other in rows)
-
-
 def _name(row: FleetNumber) -> str:
     return f"{row.symbol} of {row.axis}"
-
-
-def _by_model(rows: Iterable[FleetNumber]) -> Mapping[str, list[FleetNumber]]:
-    models: dict[str, list[FleetNumber]] = {}
-    for row in rows:
-        models.setdefault(row.model or "", []).append(row)
-    return models
 
 
 def _groups(rows: Iterable[FleetNumber], every: Iterable[FleetNumber]) -> list[str]:
     """Return names of groups of parameters, such as "Q, N of gyro" (all its axes) and "K of gyro_y"."""
     axes: dict[str, list[str]] = {}
     complete: dict[str, list[str]] = {}
-    for found, given in ((axes, rows), (complete, every)):
-        for row in given:
-            found.setdefault(row.symbol, []).append(row.axis)
+    for groups_of, numbers in ((axes, rows), (complete, every)):
+        for row in numbers:
+            groups_of.setdefault(row.symbol, []).append(row.axis)
     groups: dict[tuple[str, ...], list[str]] = {}
     for symbol, names in axes.items():
         missing = [axis for axis in complete[symbol] if axis not in names]

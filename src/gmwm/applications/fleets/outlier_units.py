@@ -11,11 +11,9 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.random_effects import effects
 
 FEWEST = 8
-"""Smallest number of units for the search for outliers. tests/fleets/test_statistics.py checks the rate of false alarms
-with this number."""
+"""Least units for a search for outliers; tests/fleets/test_statistics.py checks the false alarms."""
 SHARE, MOST = 0.1, 100
-"""Largest share and largest number of units that are tested as outliers. A larger group of deviating units would be
-another type of unit."""
+"""Largest share and number of units that are tested as outliers. More would be another type of unit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,15 +48,15 @@ def deviants(x: Matrix, s2: Matrix) -> Deviants:
     procedure (1983, Technometrics 25, 165-172) with ν_i = n − 2."""
     from scipy.special import stdtr
 
-    left = np.array(x, dtype=np.float64)
-    wanted = looked_for(np.isfinite(left).sum(axis=-1))
-    shape = (left.shape[0], int(wanted.max(initial=0)))
+    remaining = np.array(x, dtype=np.float64)
+    tested = looked_for(np.isfinite(remaining).sum(axis=-1))
+    shape = (remaining.shape[0], int(tested.max(initial=0)))
     places, distance, pvalue = np.full(shape, -1), np.full(shape, np.nan), np.ones(shape)
-    whole = effects(left, s2)
-    mean, spread2, error = whole.mean, whole.spread2, whole.error
+    everything = effects(remaining, s2)
+    mean, spread2, error = everything.mean, everything.spread2, everything.error
     for k in range(shape[1]):
-        rows = np.flatnonzero(wanted > k)
-        here, here2 = left[rows], s2[rows]
+        rows = np.flatnonzero(tested > k)
+        here, here2 = remaining[rows], s2[rows]
         # To find the farthest unit, the distance from the mean of all units (including this one) is sufficient.
         size2 = spread2[rows, None] + here2 - error[rows, None] ** 2
         scaled = np.abs(here - mean[rows, None]) / np.sqrt(np.maximum(size2, np.finfo(float).tiny))
@@ -66,7 +64,7 @@ def deviants(x: Matrix, s2: Matrix) -> Deviants:
         each = np.arange(rows.size)
         value, error2, count = here[each, far], here2[each, far], np.isfinite(here).sum(axis=-1)
         here[each, far] = np.nan
-        left[rows, far] = np.nan
+        remaining[rows, far] = np.nan
         others = effects(here, here2, start=spread2[rows])
         mean[rows], spread2[rows], error[rows] = others.mean, others.spread2, others.error
         size2 = others.spread2 + error2 + others.error**2

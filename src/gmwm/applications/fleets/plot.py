@@ -7,12 +7,12 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.applications.fleets.samples import Reading, Sample
+from gmwm.applications.fleets.samples import FleetSamples, ParameterSample
 from gmwm.applications.fleets.summary_text import shown_unit
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
@@ -20,86 +20,62 @@ from gmwm.base.text import counted
 from gmwm.showing.plots.axes import limits_of, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, Symbol, Text, Tick
-from gmwm.showing.plots.imu import PAGE
+from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Line, Mark, Panel, Stroke, Symbol, Text, Tick
 from gmwm.showing.plots.labels import sensor_and_letter, sensor_title
 from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit
 from gmwm.showing.plots.style import BLACK, DASHED, GREY, curve_stroke, letter_stroke
 
 if TYPE_CHECKING:
-    import polars
-
+    from gmwm.applications.fleets.result import Fleet
     from gmwm.applications.fleets.statistics_result import FleetNumber, FleetStatistics
 
 SINGLY = 40
-"""Largest number of units that are drawn as dots with intervals. More units are drawn as a curve. Pinned by
-tests/plots/test_plot_fleet.py."""
+"""Largest number of units drawn as dots with intervals, not as a curve. Pinned by tests/plots/test_plot_fleet.py."""
 UNIT_SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "cross", "plus")
 """Symbols of single units. They are used only if there are at most as many units as symbols."""
-POINTS = 400
-"""Largest number of points of the curve that shows many units. Pinned by tests/plots/test_plot_limits.py."""
 HALF = 0.4
 """Half of the width of the strip that shows one axis. The centres of neighbouring strips have the distance 1."""
 COLUMNS = 3
 EVEN = 4.0
-"""Largest ratio of the largest to the smallest value for which the axis is linear. For such a small ratio, a linear
-axis is as readable as a logarithmic axis and has more ticks. Pinned by tests/plots/test_plot_limits.py."""
+"""Ratio of the values below which the axis is linear and has more ticks. Pinned by tests/plots/test_plot_limits.py."""
 NAMED, LETTERS = 3, 14
-"""Largest number of outliers in a panel whose names are shown, and largest number of characters of such a name. Pinned
-by tests/plots/test_plot_fleet.py."""
+"""Largest number of named outliers in a panel, and letters of a name. Pinned by tests/plots/test_plot_fleet.py."""
 CLEAR, LETTER = 0.07, 0.036
 """Height of the name of an outlier, and width of each of its letters, as fractions of the panel."""
 SMALL = 0.005
-"""If no value of a panel reaches this number, its axis label has a power of ten. Pinned by
-tests/plots/test_plot_fleet.py."""
+"""Largest value for which the axis has a power of ten. Pinned by tests/plots/test_plot_fleet.py."""
 REACH = 3.0
-"""Largest factor by which a confidence interval may extend the axis beyond the values. Pinned by
-tests/plots/test_plot_limits.py."""
+"""Factor by which an interval may extend the axis. Pinned by tests/plots/test_plot_limits.py."""
 ROW, BELOW = 52.0, 22.0
 """Height (mm) of a row of panels, and of the legend."""
 
 
-class FleetLike(Protocol):
-    """Protocol for those data of a fleet that its plot uses."""
-
-    @property
-    def table(self) -> polars.DataFrame:
-        """Table of the fleet, with a row for each unit and axis."""
-        ...
-
-    @property
-    def statistics(self) -> FleetStatistics:
-        """Statistics over all units."""
-        ...
-
-
-def fleet_figure(fleet: FleetLike) -> Figure:
+def fleet_figure(fleet: Fleet) -> Figure:
     """Return the figure of `Fleet.plot`: a panel for each quantity of a sensor, with a strip for each axis."""
-    found = fleet.statistics
-    if not found.rows:
+    statistics = fleet.statistics
+    if not statistics.rows:
         raise OptionError(
-            "the fleet has no estimated parameter to draw",
-            argument="fleet",
+            "the fleet has no estimated parameter to draw", argument="fleet",
             advice="Read the reasons in the column `reason` of the table.",
-        )
-    reading = Reading(fleet.table, found.confidence)
-    groups: dict[str, dict[str, list[Sample]]] = {}
+        )  # fmt: skip
+    reading = FleetSamples(fleet.table, statistics.confidence)
+    groups: dict[str, dict[str, list[ParameterSample]]] = {}
     for sample in reading.samples():
         sensor = sensor_and_letter(sample.axis)[0] or sample.axis
         groups.setdefault(sensor, {}).setdefault(sample.symbol, []).append(sample)
     rows: list[tuple[Panel | None, ...]] = []
     for sensor, symbols in groups.items():
-        panels: list[Panel | None] = [_panel(sensor, of, found, reading.units) for of in symbols.values()]
+        panels: list[Panel | None] = [_panel(sensor, of, statistics, reading.units) for of in symbols.values()]
         panels += [None] * (-len(panels) % COLUMNS if len(panels) > COLUMNS or len(groups) > 1 else 0)
         width = min(COLUMNS, len(panels))
         rows += [tuple(panels[k : k + width]) for k in range(0, len(panels), width)]
-    odd = len({one.unit for one in found.outliers})
-    title = counted(found.units, "unit") + (f", {counted(odd, 'outlier')}" if odd else "")
+    odd = len({outlier.unit for outlier in statistics.outliers})
+    title = counted(statistics.units, "unit") + (f", {counted(odd, 'outlier')}" if odd else "")
     return Figure(tuple(rows), width=PAGE, height=ROW * len(rows) + BELOW, title=title, legend_columns=3)
 
 
 @drawing
-def plot_fleet(fleet: FleetLike, *, path: str | os.PathLike[str] | None = None) -> Figure:
+def plot_fleet(fleet: Fleet, *, path: str | os.PathLike[str] | None = None) -> Figure:
     """Draw the datasheet parameters of all units in ascending order, for each axis.
 
     Up to 40 units are drawn as dots with confidence intervals, more units as a curve. The line is the typical
@@ -114,18 +90,15 @@ def plot_fleet(fleet: FleetLike, *, path: str | os.PathLike[str] | None = None) 
     return fleet_figure(fleet)
 
 
-# --- one panel --------------------------------------------------------------------------------------
-
-
-def _panel(sensor: str, samples: Sequence[Sample], found: FleetStatistics, units: Sequence[str]) -> Panel:
+def _panel(sensor: str, samples: Sequence[ParameterSample], statistics: FleetStatistics, units: Sequence[str]) -> Panel:
     first = samples[0]
-    signed = found[f"{first.axis}.{first.symbol}"].signed
+    signed = statistics[f"{first.axis}.{first.symbol}"].signed
     unit, factor = shown_unit(first.unit)
-    power, strips = 0, _strips(samples, found, factor, units)
+    power, strips = 0, _strips(samples, statistics, factor, units)
     size = float(np.nanmax(np.abs(np.concatenate([strip.heights for strip in strips])), initial=0.0))
     if size < SMALL:
         power = power_of(size)
-        strips = _strips(samples, found, factor / 10.0**power, units)
+        strips = _strips(samples, statistics, factor / 10.0**power, units)
     x = Axis("", (0.5, len(samples) + 0.5), _ticks(samples), linear=math.inf)
     label = f"{first.symbol} ({scaled_unit(unit, power)})"
     y = _height_axis(np.concatenate([strip.heights for strip in strips]), label, signed=signed)
@@ -134,7 +107,7 @@ def _panel(sensor: str, samples: Sequence[Sample], found: FleetStatistics, units
     return Panel(x, y, marks=marks, title=f"{sensor_title(sensor)} {first.symbol}", texts=_names(stars, x, y))
 
 
-def _ticks(samples: Sequence[Sample]) -> tuple[Tick, ...]:
+def _ticks(samples: Sequence[ParameterSample]) -> tuple[Tick, ...]:
     return tuple(Tick(k, sensor_and_letter(sample.axis)[1].upper()) for k, sample in enumerate(samples, start=1))
 
 
@@ -147,22 +120,24 @@ class _Strip:
     stars: list[tuple[float, float, str]]  # positions and names of outliers
 
 
-def _strips(samples: Sequence[Sample], found: FleetStatistics, factor: float, units: Sequence[str]) -> list[_Strip]:
+def _strips(
+    samples: Sequence[ParameterSample], statistics: FleetStatistics, factor: float, units: Sequence[str]
+) -> list[_Strip]:
     return [
-        _strip(place, sample, found=found, factor=factor, units=units) for place, sample in enumerate(samples, start=1)
+        _strip(k, sample, found=statistics, factor=factor, units=units) for k, sample in enumerate(samples, start=1)
     ]
 
 
-def _strip(place: int, sample: Sample, found: FleetStatistics, factor: float, units: Sequence[str]) -> _Strip:
+def _strip(place: int, sample: ParameterSample, found: FleetStatistics, factor: float, units: Sequence[str]) -> _Strip:
     row = found[f"{sample.axis}.{sample.symbol}"]
-    there = np.isfinite(sample.x)
-    order = np.flatnonzero(there)[np.argsort(sample.x[there], kind="stable")]
+    finite = np.isfinite(sample.x)
+    order = np.flatnonzero(finite)[np.argsort(sample.x[finite], kind="stable")]
     across = place + HALF * np.linspace(-1, 1, order.size) if order.size > 1 else np.full(order.size, float(place))
     value, low, high = (factor * part[order] for part in (sample.value, sample.low, sample.high))
-    odd = {one.unit for one in found.outliers if (one.axis, one.symbol) == (sample.axis, sample.symbol)}
+    odd = {outlier.unit for outlier in found.outliers if (outlier.axis, outlier.symbol) == (sample.axis, sample.symbol)}
     alike = np.array([units[k] not in odd for k in order], dtype=bool)
     stroke = _stroke(place, sample.axis)
-    marks, limits = _limited(place, sample, row, factor)
+    marks, limits = _limit_marks(place, sample, row, factor)
     if order.size <= SINGLY:
         bars = np.repeat(across, 3), np.column_stack([low, high, np.full(order.size, np.nan)]).ravel()
         marks.append(Line(*bars, Stroke(stroke.colour, 0.8), "", BEHIND))
@@ -171,16 +146,9 @@ def _strip(place: int, sample: Sample, found: FleetStatistics, factor: float, un
         heights = np.concatenate([value, low, high]) if row.signed else heights
     else:
         shown = np.flatnonzero(alike)
-        some = shown[np.unique(np.linspace(0, shown.size - 1, POINTS).astype(int))]
-        marks.append(
-            Line(
-                across[some],
-                value[some],
-                stroke=Stroke(stroke.colour, 1.8),
-                label="Units, sorted by value",
-                layer=MIDDLE,
-            )
-        )
+        points = shown[np.unique(np.linspace(0, shown.size - 1, 400).astype(int))]
+        curve = Stroke(stroke.colour, 1.8)
+        marks.append(Line(across[points], value[points], curve, label="Units, sorted by value", layer=MIDDLE))
         heights = value
     further, edges = _further(place, row, factor=factor, colour=stroke.colour, confidence=found.confidence)
     marks = [*further[:1], *marks, *further[1:]]
@@ -188,15 +156,7 @@ def _strip(place: int, sample: Sample, found: FleetStatistics, factor: float, un
     stars = [(float(w), float(v), units[k]) for k, w, v in zip(order, across, value, strict=True) if units[k] in odd]
     if stars:
         spots = np.array([star[:2] for star in stars])
-        marks.append(
-            Line(
-                spots[:, 0],
-                spots[:, 1],
-                stroke=Stroke(BLACK, 0.0, symbol="star"),
-                label="Outlier",
-                layer=FRONT,
-            )
-        )
+        marks.append(Line(spots[:, 0], spots[:, 1], Stroke(BLACK, 0.0, symbol="star"), label="Outlier", layer=FRONT))
     return _Strip(marks, np.concatenate([heights, limits]), stars)
 
 
@@ -240,27 +200,16 @@ def _further(
     return [band, line], np.array([low, high])
 
 
-def _limited(place: int, sample: Sample, row: FleetNumber, factor: float) -> tuple[list[Mark], Vector]:
+def _limit_marks(place: int, sample: ParameterSample, row: FleetNumber, factor: float) -> tuple[list[Mark], Vector]:
     """Return the marks of upper limits and their heights: triangles, or a line over the quantiles of many limits."""
     if row.signed or not np.any(sample.limited):
         return [], np.array([])
     high = np.sort(factor * sample.high[sample.limited])
-    at = place + HALF + 0.05
-    label = "Upper limits"
-    if high.size <= SINGLY:
-        return [
-            Line(
-                np.full(high.size, at),
-                high,
-                stroke=Stroke(GREY, 0.0, symbol="down", filled=False),
-                label=label,
-                layer=BEHIND,
-            )
-        ], high
-    ends = np.quantile(high, (0.05, 0.5, 0.95))
-    return [
-        Line(np.full(3, at), ends, stroke=Stroke(GREY, 0.8, symbol="down", filled=False), label=label, layer=BEHIND)
-    ], ends
+    width = 0.0
+    if high.size > SINGLY:
+        high, width = np.quantile(high, (0.05, 0.5, 0.95)), 0.8
+    stroke = Stroke(GREY, width, symbol="down", filled=False)
+    return [Line(np.full(high.size, place + HALF + 0.05), high, stroke, label="Upper limits", layer=BEHIND)], high
 
 
 def _stroke(place: int, axis: str) -> Stroke:

@@ -87,13 +87,15 @@ class Fleet(Summarised, Plotted):
         """Remarks on the fleet, the most severe first."""
         from gmwm.applications.fleets.findings import of_units
 
-        found = of_units(self.table, len(self.units), len(self.failed))
-        return tuple(sorted_remarks([*found, *self.statistics.remarks]))
+        remarks = of_units(self.table, len(self.units), len(self.failed))
+        return tuple(sorted_remarks([*remarks, *self.statistics.remarks]))
 
     def __getitem__(self, unit: str) -> Calibration:
         if unit not in self.paths:
-            some = ", ".join(list(self.paths)[:3])
-            raise OptionError(argument="unit", expected=f"one of the {len(self.paths)} units, such as {some}", got=unit)
+            examples = ", ".join(list(self.paths)[:3])
+            raise OptionError(
+                argument="unit", expected=f"one of the {len(self.paths)} units, such as {examples}", got=unit
+            )
         if unit in self.failed:
             raise DataError(f"{unit} could not be calibrated: {self.failed[unit]}", argument="unit", got=unit)
         return Calibration.load(unit_file(self.folder, unit))
@@ -115,12 +117,9 @@ class Fleet(Summarised, Plotted):
 
     @classmethod
     def load(cls, folder: str | os.PathLike[str]) -> Fleet:
-        """Load a fleet from an output folder of `gmwm.fleet` or of the command `gmwm fleet`.
+        """Load a fleet from an output `folder` of `gmwm.fleet` or of the command `gmwm fleet`.
 
-        Raises
-        ------
-        ReadError
-            If the folder is not the output folder of a fleet, if it has another version, or if no run was completed.
+        Another folder, another version, or a folder without a completed run raises a ReadError.
         """
         where = Path(folder)
         facts = read_facts(where)
@@ -132,15 +131,11 @@ class Fleet(Summarised, Plotted):
         paths, listed = facts["units"], set(table["unit"])
         if any(unit not in listed for unit in paths):
             raise ReadError(f"{where}: the last run ended before it wrote the table", advice=RUN_AGAIN)
-        found = cls(
-            folder=where,
-            paths=paths,
-            table=table,
-            settings=settings,
-            left_out=tuple(facts["left_out"]),
+        loaded = cls(
+            folder=where, paths=paths, table=table, settings=settings, left_out=tuple(facts["left_out"]),
             reading=facts["reading"],
-        )
-        return replace(found, kept=len(found))
+        )  # fmt: skip
+        return replace(loaded, kept=len(loaded))
 
     def __repr__(self) -> str:
         failed = f", {len(self.failed)} failed" if self.failed else ""

@@ -11,9 +11,6 @@ from gmwm.base.text import printable
 from gmwm.calibration.result import AxisCalibration, Calibration
 
 Row = dict[str, Any]
-PROVEN = 1e-3
-"""A fit is certified if the relative gap between its objective and the proven lower bound is at most this
-(docs/validation/optimum.md)."""
 _INFINITE = "Infinity"
 
 
@@ -29,7 +26,10 @@ def rows_of(unit: str, path: str, found: Calibration) -> list[Row]:
     }
     if found.recording is not None:
         base |= {name: getattr(found.recording, name) for name in ("sha256", "samples", "rate", "duration")}
-    rows = [base | {"axis": axis, "status": "calibrated", **_of_axis(one)} for axis, one in found.axes.items()]
+    rows = [
+        base | {"axis": axis, "status": "calibrated", **_of_axis(axis_result)}
+        for axis, axis_result in found.axes.items()
+    ]
     return rows + [base | {"axis": axis, "status": "failed", "reason": why} for axis, why in found.failed.items()]
 
 
@@ -59,7 +59,7 @@ def _of_axis(found: AxisCalibration) -> Row:
         "p_value": None if found.test is None else float(found.test.pvalue),
         "robust": fit.wavelet_variance.robust,
         "contaminated": None if found.verdict is None else bool(found.verdict.contaminated),
-        "certified": fit.gap is not None and bool(fit.gap <= PROVEN),
+        "certified": fit.gap is not None and bool(fit.gap <= 1e-3),  # docs/validation/optimum.md
     }
     for symbol, entry in found.datasheet.items():
         bound = entry.upper_only

@@ -23,7 +23,7 @@ _NEEDED = ("unit", "axis", "status", "model")
 
 
 @dataclass(frozen=True, eq=False)
-class Sample:
+class ParameterSample:
     """One parameter of one axis over all n units."""
 
     axis: str
@@ -46,7 +46,7 @@ class Sample:
         return (x if self.symbol == SIGNED else float(np.exp(x))) if np.isfinite(x) else None
 
 
-class Reading:
+class FleetSamples:
     """The table of a fleet as arrays with a row for each axis and a column for each unit."""
 
     def __init__(self, table: polars.DataFrame, confidence: float) -> None:
@@ -74,44 +74,34 @@ class Reading:
         self.symbols = in_order([[stem for stem in stems if stem in done.columns]])
 
     def _numbers(self, name: str) -> Matrix:
-        found = np.full((len(self.axes), len(self.units)), np.nan)
-        column = self.done[name].cast(float, strict=False)
-        found[self._place] = column.fill_null(np.nan).to_numpy()
-        return found
+        rows = np.full((len(self.axes), len(self.units)), np.nan)
+        rows[self._place] = self.done[name].cast(float, strict=False).fill_null(np.nan).to_numpy()
+        return rows
 
     def _texts(self, name: str) -> NDArray[Any]:
-        found = np.full((len(self.axes), len(self.units)), None, dtype=object)
-        found[self._place] = self.done[name].to_list()
-        return found
+        rows = np.full((len(self.axes), len(self.units)), None, dtype=object)
+        rows[self._place] = self.done[name].to_list()
+        return rows
 
-    def samples(self) -> list[Sample]:
+    def samples(self) -> list[ParameterSample]:
         """Return a sample for each parameter of each axis that at least one unit has."""
-        by_axis: dict[str, list[Sample]] = {axis: [] for axis in self.axes}
+        by_axis: dict[str, list[ParameterSample]] = {axis: [] for axis in self.axes}
         for symbol in self.symbols:
             value, low, high = (self._numbers(symbol + end) for end in ("", "_low", "_high"))
             unit = self._texts(f"{symbol}_unit")
             for k, axis in enumerate(self.axes):
                 if any(name is not None for name in unit[k]):
-                    by_axis[axis].append(
-                        self._sample(
-                            axis, symbol, units=unit[k], models=self.models[k], value=value[k], low=low[k], high=high[k]
-                        )
-                    )
-        return [sample for found in by_axis.values() for sample in found]
+                    ends = (value[k], low[k], high[k])
+                    by_axis[axis].append(self._sample(axis, symbol, unit[k], models=self.models[k], ends=ends))
+        return [sample for samples in by_axis.values() for sample in samples]
 
     def _sample(
-        self,
-        axis: str,
-        symbol: str,
-        units: NDArray[Any],
-        models: NDArray[Any],
-        value: Vector,
-        low: Vector,
-        high: Vector,
-    ) -> Sample:
-        given = np.array([name is not None for name in units])
-        unit = _commonest(units[given])
-        alike = given & (units == unit)
+        self, axis: str, symbol: str, units: NDArray[Any], *, models: NDArray[Any], ends: tuple[Vector, Vector, Vector]
+    ) -> ParameterSample:
+        value, low, high = ends
+        present = np.array([name is not None for name in units])
+        unit = _commonest(units[present])
+        alike = present & (units == unit)
         model = None if symbol in LAWS else _commonest(models[alike])
         alike &= True if model is None else models == model
         limited = alike & np.isnan(value) & np.isfinite(high) & (high > 0)
@@ -125,20 +115,11 @@ class Reading:
             usable &= np.where(usable, low, 0.0) > 0
             x[usable] = np.log(value[usable])
             s[usable] = np.log(high[usable] / low[usable]) / (2 * self.z)
-        left_out = int(np.sum(given & ~usable & ~limited))
-        return Sample(
-            axis=axis,
-            symbol=symbol,
-            unit=unit,
-            model=model,
-            x=x,
-            s2=s * s,
-            value=value,
-            low=low,
-            high=high,
-            limited=limited,
-            left_out=left_out,
-        )
+        left_out = int(np.sum(present & ~usable & ~limited))
+        return ParameterSample(
+            axis=axis, symbol=symbol, unit=unit, model=model, x=x, s2=s * s, value=value, low=low, high=high,
+            limited=limited, left_out=left_out,
+        )  # fmt: skip
 
 
 def _commonest(names: NDArray[Any]) -> str:

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.applications.fleets.axes import differences
-from gmwm.applications.fleets.findings import LEAST
+from gmwm.applications.fleets.findings import LEAST_UNITS
 from gmwm.applications.fleets.outlier_units import FEWEST, deviants, looked_for
-from gmwm.applications.fleets.samples import Reading, Sample
+from gmwm.applications.fleets.samples import FleetSamples, ParameterSample
 from gmwm.applications.fleets.statistics_result import SIGNED, FleetNumber, FleetStatistics, OutlierUnit
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.axis_names import sensor_of
@@ -22,10 +22,6 @@ from gmwm.recording.options import as_confidence, as_size
 
 if TYPE_CHECKING:
     import polars
-
-_FEW = 3
-"""If the units with only an upper limit are at least this number of times as many as the units with a value, a remark
-names the units with a value. The number is a convention."""
 
 
 def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size: float = 0.05) -> FleetStatistics:
@@ -92,55 +88,46 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
     """
     confidence = as_confidence(confidence)
     size = as_size(size)
-    read = Reading(table, confidence)
+    read = FleetSamples(table, confidence)
     samples = read.samples()
     units = len(read.units)
     if not samples:
-        return FleetStatistics(
-            rows=(), outliers=(), differences=(), confidence=confidence, size=float(size), units=units
-        )
+        return FleetStatistics(rows=(), outliers=(), differences=(), confidence=confidence, size=size, units=units)
     x, s2 = np.array([sample.x for sample in samples]), np.array([sample.s2 for sample in samples])
-    kept = x.copy()
-    outliers, searched = _outliers(read, samples, x=x, s2=s2, kept=kept, size=size)
-    rows = _rows(read, samples, x=x, kept=kept, s2=s2, searched=searched)
-    together = _together(read, samples, x=x, kept=kept, s2=s2)
+    inliers = x.copy()
+    outliers, searched = _outliers(read, samples, x=x, s2=s2, kept=inliers, size=size)
+    rows = _rows(read, samples, x=x, kept=inliers, s2=s2, searched=searched)
+    together = _together(read, samples, x=x, kept=inliers, s2=s2)
     axes = [(sample.axis, sample.symbol, sample.unit, sample.model) for sample in samples]
-    found = differences(axes, kept, size)
+    tests = differences(axes, inliers, size)
     order = {row.symbol: k for k, row in enumerate(rows)}
     sensors = list(dict.fromkeys(sensor_of(sample.axis) or sample.axis for sample in samples))
     symbols = list(dict.fromkeys(in_order([list(order)])))
-    whole = sorted(
+    every = sorted(
         [*together, *rows],
         key=lambda row: (sensors.index(row.axis if row.axis in sensors else sensor_of(row.axis)),
                          symbols.index(row.symbol), row.axis not in sensors),
     )  # fmt: skip
     return FleetStatistics(
-        rows=tuple(whole),
-        outliers=outliers,
-        differences=found,
-        confidence=float(confidence),
-        size=float(size),
+        rows=tuple(every), outliers=outliers, differences=tests, confidence=float(confidence), size=float(size),
         units=units,
-    )
-
-
-# --- outliers ---------------------------------------------------------------------------------------
+    )  # fmt: skip
 
 
 def _outliers(
-    read: Reading, samples: Sequence[Sample], x: Matrix, s2: Matrix, kept: Matrix, size: float
+    read: FleetSamples, samples: Sequence[ParameterSample], x: Matrix, s2: Matrix, kept: Matrix, size: float
 ) -> tuple[tuple[OutlierUnit, ...], NDArray[np.bool_]]:
     """Return the outliers, set to NaN in `kept`, and the mask of the samples in which outliers were searched."""
     searched = looked_for(np.isfinite(x).sum(axis=1)) > 0
     if not np.any(searched):
         return (), searched
-    found = deviants(x, s2)
+    candidates = deviants(x, s2)
     rows, least = np.flatnonzero(searched), 0.0
     chosen: list[tuple[int, int, float, float]] = []
-    for rank, row in enumerate(rows[np.argsort(found.pvalue[rows, 0], kind="stable")]):
-        adjusted = np.maximum(least, np.minimum(1.0, (rows.size - rank) * found.pvalue[row]))
+    for rank, row in enumerate(rows[np.argsort(candidates.pvalue[rows, 0], kind="stable")]):
+        adjusted = np.maximum(least, np.minimum(1.0, (rows.size - rank) * candidates.pvalue[row]))
         least = float(adjusted[0])
-        for place, distance, p in zip(found.places[row], found.distance[row], adjusted, strict=True):
+        for place, distance, p in zip(candidates.places[row], candidates.distance[row], adjusted, strict=True):
             if place >= 0 and p <= size:
                 chosen.append((int(row), int(place), float(distance), float(p)))
                 kept[row, place] = np.nan
@@ -151,52 +138,45 @@ def _outliers(
         value, low, high = (float(of[place]) for of in (sample.value, sample.low, sample.high))
         typical = sample.back(float(centre[row])) or 0.0
         times = None if sample.symbol == SIGNED else value / typical
-        outliers.append(
-            OutlierUnit(
-                unit=read.units[place],
-                axis=sample.axis,
-                symbol=sample.symbol,
-                value=value,
-                low=low,
-                high=high,
-                typical=typical,
-                si=sample.unit,
-                times=times,
-                distance=distance,
-                pvalue=p,
-            )
-        )
-    return tuple(sorted(outliers, key=lambda one: (one.pvalue, -abs(one.distance)))), searched
-
-
-# --- rows -------------------------------------------------------------------------------------------
+        outliers.append(OutlierUnit(
+            unit=read.units[place], axis=sample.axis, symbol=sample.symbol, value=value, low=low, high=high,
+            typical=typical, si=sample.unit, times=times, distance=distance, pvalue=p,
+        ))  # fmt: skip
+    return tuple(sorted(outliers, key=lambda outlier: (outlier.pvalue, -abs(outlier.distance)))), searched
 
 
 def _rows(
-    read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix, searched: NDArray[np.bool_]
+    read: FleetSamples,
+    samples: Sequence[ParameterSample],
+    x: Matrix,
+    kept: Matrix,
+    s2: Matrix,
+    searched: NDArray[np.bool_],
 ) -> list[FleetNumber]:
     """Return the statistics of each parameter of each axis."""
-    rows = _described(read, samples, x=x, kept=kept, s2=s2)
-    made = []
+    rows = _describe(read, samples, x=x, kept=kept, s2=s2)
+    numbers = []
     for k, (sample, row) in enumerate(zip(samples, rows, strict=True)):
         below: tuple[str, ...] = ()
         if row.predicted_low is not None and sample.symbol != SIGNED:
             under = sample.limited & (np.where(sample.limited, sample.high, np.inf) < row.predicted_low)
             below = tuple(read.units[place] for place in np.flatnonzero(under))
-        few = 0 < row.units < FEWEST and row.limited >= _FEW * row.units and sample.symbol != SIGNED
+        few = 0 < row.units < FEWEST and row.limited >= 3 * row.units and sample.symbol != SIGNED  # a convention
         shown = tuple(read.units[place] for place in np.flatnonzero(np.isfinite(x[k]))) if few else ()
         gone = int(np.sum(np.isfinite(x[k]) & ~np.isfinite(kept[k])))
-        made.append(replace(row, searched=bool(searched[k]), outliers=gone, below=below, shown_by=shown))
-    return made
+        numbers.append(replace(row, searched=bool(searched[k]), outliers=gone, below=below, shown_by=shown))
+    return numbers
 
 
-def _together(read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix) -> list[FleetNumber]:
+def _together(
+    read: FleetSamples, samples: Sequence[ParameterSample], x: Matrix, kept: Matrix, s2: Matrix
+) -> list[FleetNumber]:
     """Return the statistics of each parameter over all axes of a sensor that have the same unit and noise model."""
     groups: dict[tuple[str, str], list[int]] = {}
     for k, sample in enumerate(samples):
         if sensor := sensor_of(sample.axis):
             groups.setdefault((sensor, sample.symbol), []).append(k)
-    made = []
+    numbers = []
     for (sensor, symbol), places in groups.items():
         of = [samples[k] for k in places]
         if len(of) < 2 or len({(sample.unit, sample.model) for sample in of}) > 1:
@@ -206,13 +186,13 @@ def _together(read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix,
             left_out=sum(sample.left_out for sample in of),
         )  # fmt: skip
         flat = (np.concatenate(part[places])[None] for part in (x, kept, s2))
-        (row,) = _described(read, [first], *flat, axes=len(places))
-        made.append(replace(row, outliers=int(np.sum(np.isfinite(x[places]) & ~np.isfinite(kept[places])))))
-    return made
+        (row,) = _describe(read, [first], *flat, axes=len(places))
+        numbers.append(replace(row, outliers=int(np.sum(np.isfinite(x[places]) & ~np.isfinite(kept[places])))))
+    return numbers
 
 
-def _described(
-    read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix, *, axes: int = 1
+def _describe(
+    read: FleetSamples, samples: Sequence[ParameterSample], x: Matrix, kept: Matrix, s2: Matrix, *, axes: int = 1
 ) -> list[FleetNumber]:
     """Compute typical value, spread and prediction for samples (m, n), each of one or more (dependent) axes."""
     from scipy.special import stdtrit
@@ -220,51 +200,37 @@ def _described(
     at = effects(kept, s2)
     freedom, error = at.count - 1, at.error
     if axes > 1:
-        there = np.isfinite(kept).reshape(len(samples), axes, -1)
-        freedom = there.any(axis=1).sum(axis=1, dtype=np.float64) - 1
-        error = np.maximum(error, _clustered(kept, s2, axes))
+        finite = np.isfinite(kept).reshape(len(samples), axes, -1)
+        freedom = finite.any(axis=1).sum(axis=1, dtype=np.float64) - 1
+        error = np.maximum(error, _clustered_error(kept, s2, axes))
     with np.errstate(invalid="ignore", divide="ignore"):
         widened = np.where(at.count > 0, (error / at.error) ** 2, 1.0)
     limits = spread_limits(kept, s2, read.confidence, freedom)
     ahead = predicted(kept, s2, confidence=read.confidence, freedom=freedom, widened=widened)
     reach = stdtrit(np.maximum(freedom, 1.0), (1 + read.confidence) / 2) * error
-    made = []
+    numbers = []
     for k, sample in enumerate(samples):
-        all_, enough = x[k][np.isfinite(x[k])], freedom[k] >= LEAST - 1
+        all_, enough = x[k][np.isfinite(x[k])], freedom[k] >= LEAST_UNITS - 1
         quantiles = np.quantile(all_, (0.05, 0.5, 0.95)) if all_.size else np.full(3, np.nan)
         back = [sample.back(float(q)) for q in quantiles]
         s = float(np.sqrt(np.median(s2[k][np.isfinite(x[k])]))) if all_.size else None
         tau = float(np.sqrt(at.spread2[k])) if enough else None
         ends = [float(at.mean[k] - reach[k]), float(at.mean[k] + reach[k]), float(ahead[0][k]), float(ahead[1][k])]
         low, high, soon, late = (sample.back(end) if enough else None for end in ends)
-        made.append(
-            FleetNumber(
-                axis=sample.axis,
-                symbol=sample.symbol,
-                unit=sample.unit,
-                units=int(all_.size),
-                limited=int(np.sum(sample.limited)),
-                left_out=sample.left_out,
-                model=sample.model,
-                median=back[1],
-                quantile_05=back[0],
-                quantile_95=back[2],
-                typical=sample.back(float(at.mean[k])),
-                typical_low=low,
-                typical_high=high,
-                spread=tau,
-                spread_low=float(np.sqrt(limits[0][k])) if enough else None,
-                spread_high=float(np.sqrt(limits[1][k])) if enough else None,
-                error=s,
-                error_share=None if tau is None or s is None else s * s / (tau * tau + s * s),
-                predicted_low=soon,
-                predicted_high=late,
-            )
-        )
-    return made
+        numbers.append(FleetNumber(
+            axis=sample.axis, symbol=sample.symbol, unit=sample.unit, units=int(all_.size),
+            limited=int(np.sum(sample.limited)), left_out=sample.left_out, model=sample.model,
+            median=back[1], quantile_05=back[0], quantile_95=back[2],
+            typical=sample.back(float(at.mean[k])), typical_low=low, typical_high=high, spread=tau,
+            spread_low=float(np.sqrt(limits[0][k])) if enough else None,
+            spread_high=float(np.sqrt(limits[1][k])) if enough else None,
+            error=s, error_share=None if tau is None or s is None else s * s / (tau * tau + s * s),
+            predicted_low=soon, predicted_high=late,
+        ))  # fmt: skip
+    return numbers
 
 
-def _clustered(x: Matrix, s2: Matrix, axes: int) -> Vector:
+def _clustered_error(x: Matrix, s2: Matrix, axes: int) -> Vector:
     """Compute the error of μ̂ of n units with dependent axes: √(n/(n − 1) Σ_units (Σ_axes w (x − μ̂))²) / Σ w."""
     at = effects(x, s2)
     w = np.where(np.isfinite(x), 1 / (at.spread2[:, None] + s2), 0.0)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from gmwm.applications.fleets.findings import remarks_of
 from gmwm.applications.fleets.summary_text import statistics_text
+from gmwm.base.plain import plain, plain_fields
 from gmwm.base.remarks import Remark
 from gmwm.base.text import Summarised
 
@@ -15,8 +16,7 @@ if TYPE_CHECKING:
     import polars
 
 SIGNED = "R"
-"""Symbol of the rate ramp. It has a sign, so its values are compared; of all other parameters, logarithms are
-compared."""
+"""Symbol of the rate ramp. It has a sign, so its values are compared, not their logarithms."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,14 +216,8 @@ class FleetStatistics(Summarised):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the statistics as numbers, lists and strings for JSON."""
-        named = ("rows", "outliers", "differences")
-        return {
-            "units": self.units,
-            "confidence": self.confidence,
-            "size": self.size,
-            **{name: [asdict(item) for item in getattr(self, name)] for name in named},
-            "remarks": [remark.to_dict() for remark in self.remarks],
-        }
+        parts = {name: [asdict(item) for item in getattr(self, name)] for name in ("rows", "outliers", "differences")}
+        return plain_fields(self, "units confidence size") | parts | {"remarks": plain(self.remarks)}
 
     def __repr__(self) -> str:
         return f"FleetStatistics({self.units} units, {len(self.rows)} numbers, {len(self.outliers)} outliers)"

@@ -20,7 +20,7 @@ from gmwm.calibration.recording_info import Recording
 
 FORMAT = "gmwm-fleet"
 VERSION = 1
-"""Version of the format of fleet.json. gmwm reads only this version. Adding a key does not change the version."""
+"""Version of fleet.json; gmwm reads no other. Adding a key does not change the version."""
 TABLE = "fleet.parquet"
 UNITS = "units"
 
@@ -45,8 +45,8 @@ def remove_unit(folder: Path, unit: str) -> None:
 def foreign_units(folder: Path, units: Mapping[str, Path]) -> list[str]:
     """Return the names of units that have a result in the folder but are not in this fleet."""
     inside = folder / UNITS
-    found = (str(file.relative_to(inside).as_posix()).removesuffix(".json") for file in inside.rglob("*.json"))
-    return sorted(unit for unit in found if unit not in units)
+    stored = (str(file.relative_to(inside).as_posix()).removesuffix(".json") for file in inside.rglob("*.json"))
+    return sorted(unit for unit in stored if unit not in units)
 
 
 def finished_rows(folder: Path, unit: str, path: Path, options: UnitOptions) -> list[Row] | None:
@@ -55,12 +55,12 @@ def finished_rows(folder: Path, unit: str, path: Path, options: UnitOptions) -> 
         content = read_json(unit_file(folder, unit))
         if content["format"] != CALIBRATION or content["version"] != CALIBRATION_VERSION:
             return None
-        made = content[PART]
-        if any(made[name] != value for name, value in options.to_dict().items()):
+        provenance = content[PART]
+        if any(provenance[name] != value for name, value in options.to_dict().items()):
             return None
-        if not _is_same(path, made, content["recording"]):
+        if not _is_same(path, provenance, content["recording"]):
             return None
-        return [from_plain(row) | {"unit": unit, "file": printable(str(path))} for row in made["rows"]]
+        return [from_plain(row) | {"unit": unit, "file": printable(str(path))} for row in provenance["rows"]]
     except (OSError, ValueError, KeyError, TypeError, AttributeError, ReadError):
         return None  # the file is missing, incomplete, or of another kind
 

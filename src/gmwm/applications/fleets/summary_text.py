@@ -3,67 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from gmwm.base.axis_names import letter_of, sensor_of
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.tables import headed
-from gmwm.base.text import counted
+from gmwm.base.text import counted, p_relation
 from gmwm.base.units import datasheet_units
 from gmwm.calibration.tables import SENSORS, WIDTH, bullet, wrap_text
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.measuring.variance.allan_regression import LAWS
 
 if TYPE_CHECKING:
+    from gmwm.applications.fleets.result import Fleet
     from gmwm.applications.fleets.statistics_result import AxisDifference, FleetNumber, FleetStatistics, OutlierUnit
 
 _NONE = "–"
-
-
 LISTED = 10
 """Largest number of failed units and of outliers that a summary lists."""
 
 
-class FleetLike(Protocol):
-    """Protocol of a fleet as the summary uses it."""
-
-    @property
-    def units(self) -> Sequence[str]:
-        """Names of all units."""
-        ...
-
-    @property
-    def failed(self) -> Mapping[str, str]:
-        """Units that could not be calibrated, with the reason."""
-        ...
-
-    @property
-    def kept(self) -> int:
-        """Number of units calibrated by earlier runs."""
-        ...
-
-    @property
-    def done(self) -> int:
-        """Number of units calibrated by this run."""
-        ...
-
-    @property
-    def statistics(self) -> FleetStatistics:
-        """The statistics of the units."""
-        ...
-
-    @property
-    def remarks(self) -> Sequence[Remark]:
-        """The remarks on the fleet."""
-        ...
-
-
-def summary(fleet: FleetLike, dialect: Dialect = Dialect.PYTHON) -> str:
+def summary(fleet: Fleet, dialect: Dialect = Dialect.PYTHON) -> str:
     """Write the number of units, failures, tables, outliers and remarks, with at most 80 characters per line."""
-    parts = [wrap_text(_head(fleet))]
+    good = len(fleet.units) - len(fleet.failed)
+    runs = f" ({fleet.done} now, {fleet.kept} before)" if fleet.kept and fleet.done else ""
+    failures = f", {len(fleet.failed)} failed" if fleet.failed else ""
+    parts = [wrap_text(f"Fleet of {counted(len(fleet.units), 'unit')}: {good} calibrated{runs}{failures}")]
     if fleet.failed:
-        parts.append([f"Failed ({counted(len(fleet.failed), 'unit')}):", *_failures(fleet.failed)])
+        listed = [line for unit, why in list(fleet.failed.items())[:LISTED] for line in bullet(f"{unit}: {why}")]
+        more = [f"- and {len(fleet.failed) - LISTED} more"] if len(fleet.failed) > LISTED else []
+        parts.append([f"Failed ({counted(len(fleet.failed), 'unit')}):", *listed, *more])
     parts += _parts(fleet.statistics, fleet.remarks, dialect)
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
@@ -75,32 +45,15 @@ def statistics_text(found: FleetStatistics, dialect: Dialect = Dialect.PYTHON) -
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
 
-def _head(fleet: FleetLike) -> str:
-    good = len(fleet.units) - len(fleet.failed)
-    how = f" ({fleet.done} now, {fleet.kept} before)" if fleet.kept and fleet.done else ""
-    failed = f", {len(fleet.failed)} failed" if fleet.failed else ""
-    return f"Fleet of {counted(len(fleet.units), 'unit')}: {good} calibrated{how}{failed}"
-
-
-def _failures(failed: Mapping[str, str]) -> Iterator[str]:
-    for unit, reason in list(failed.items())[:LISTED]:
-        yield from bullet(f"{unit}: {reason}")
-    if len(failed) > LISTED:
-        yield f"- and {len(failed) - LISTED} more"
-
-
 def _parts(found: FleetStatistics, remarks: Sequence[Remark], dialect: Dialect) -> list[list[str]]:
     parts = [[SENSORS.get(sensor, sensor), *_table(rows)] for sensor, rows in _by_sensor(found.rows).items()]
-    if found.rows:
-        parts.append(wrap_text(_legend(found)))
-    else:
-        parts.append(["No numbers to compare"])
+    parts.append(wrap_text(_legend(found)) if found.rows else ["No numbers to compare"])
     if found.outliers:
-        shown = [line for one in found.outliers[:LISTED] for line in bullet(_outlier(one))]
+        shown = [line for item in found.outliers[:LISTED] for line in bullet(_outlier(item))]
         more = len(found.outliers) - LISTED
         parts.append(["Outliers:", *shown, *([f"- and {more} more numbers"] if more > 0 else [])])
-    if differ := [one for one in found.differences if one.differs]:
-        parts.append(["Axes that differ:", *(line for one in differ for line in bullet(_difference(one)))])
+    if differ := [item for item in found.differences if item.differs]:
+        parts.append(["Axes that differ:", *(line for item in differ for line in bullet(_difference(item)))])
     if lines := texts(remarks, dialect):
         parts.append(["What to know about the fleet:", *(line for text in lines for line in bullet(text))])
     return parts
@@ -112,12 +65,9 @@ def _by_sensor(rows: Iterable[FleetNumber]) -> dict[str, list[FleetNumber]]:
     for row in rows:
         sensor = sensor_of(row.axis)
         # "gyro" stands for gyro_x, gyro_y and gyro_z, and is itself the name of a sensor.
-        whole = any(sensor_of(name) == row.axis for name in names)
-        sensors.setdefault(row.axis if whole or not sensor else sensor, []).append(row)
+        is_sensor = any(sensor_of(name) == row.axis for name in names)
+        sensors.setdefault(row.axis if is_sensor or not sensor else sensor, []).append(row)
     return sensors
-
-
-# --- the tables -------------------------------------------------------------------------------------
 
 
 def _table(rows: Sequence[FleetNumber]) -> list[str]:
@@ -128,10 +78,10 @@ def _table(rows: Sequence[FleetNumber]) -> list[str]:
         if row.symbol != last:
             cells.append([f"{row.symbol} ({unit})", *[""] * (len(heads) - 1)])
             last = row.symbol
-        whole = any(sensor_of(other.axis) == row.axis for other in rows)
-        letter = "all axes" if whole else letter_of(row.axis)
+        is_sensor = any(sensor_of(other.axis) == row.axis for other in rows)
+        letter = "all axes" if is_sensor else letter_of(row.axis)
         cells.append([
-            f"  {letter}", _units(row), _value(row.typical, factor), _spread(row, factor),
+            f"  {letter}", _units(row), _value(row.typical, factor), _spread_text(row, factor),
             _span(row.quantile_05, row.quantile_95, factor), _span(row.predicted_low, row.predicted_high, factor),
         ])  # fmt: skip
     lines = headed(cells)
@@ -148,7 +98,7 @@ def _value(value: float | None, factor: float) -> str:
     return _NONE if value is None else significant(factor * value, 3)
 
 
-def _spread(row: FleetNumber, factor: float) -> str:
+def _spread_text(row: FleetNumber, factor: float) -> str:
     """Format the spread between units, or its upper limit if it is not significantly different from zero."""
     if row.spread is None or row.spread_low is None or row.spread_high is None:
         return _NONE
@@ -194,27 +144,25 @@ def _legend(found: FleetStatistics) -> str:
     )
 
 
-# --- outliers and axes --------------------------------------------------------------------------------------
+def _outlier(outlier: OutlierUnit) -> str:
+    unit, factor = shown_unit(outlier.si)
+    relation = "; typical is"
+    if outlier.times is not None:
+        times = (
+            f"{100 * outlier.times:.0f} % of" if 0.5 < outlier.times < 2 else f"{significant(outlier.times, 2)} times"
+        )
+        relation = f", {times} the typical"
+    value, typical = significant(factor * outlier.value, 3), significant(factor * outlier.typical, 3)
+    name = f"{outlier.unit}, {outlier.axis} {outlier.symbol}"
+    return f"{name}: {value} {unit}{relation} {typical}; p {p_relation(outlier.pvalue)}"
 
 
-def _outlier(one: OutlierUnit) -> str:
-    unit, factor = shown_unit(one.si)
-    how = f", {_times(one.times)} the typical" if one.times is not None else "; typical is"
-    chance = "p < 0.001" if one.pvalue < 0.001 else f"p = {one.pvalue:.3f}"
-    value, typical = significant(factor * one.value, 3), significant(factor * one.typical, 3)
-    return f"{one.unit}, {one.axis} {one.symbol}: {value} {unit}{how} {typical}; {chance}"
-
-
-def _times(ratio: float) -> str:
-    return f"{significant(ratio, 2)} times" if not 0.5 < ratio < 2 else f"{100 * ratio:.0f} % of"
-
-
-def _difference(one: AxisDifference) -> str:
-    chance = "p < 0.001" if one.adjusted < 0.001 else f"p = {one.adjusted:.3f}"
-    unit, factor = shown_unit(one.unit)
+def _difference(difference: AxisDifference) -> str:
+    unit, factor = shown_unit(difference.unit)
     # For a parameter with a sign, the text states the difference from the mean instead of the ratio.
-    if any(value <= 0 for value in one.relative.values()):
-        apart = ", ".join(f"{axis} {significant(factor * off, 2)} {unit}" for axis, off in one.relative.items())
+    if any(value <= 0 for value in difference.relative.values()):
+        apart = ", ".join(f"{axis} {significant(factor * off, 2)} {unit}" for axis, off in difference.relative.items())
     else:
-        apart = ", ".join(f"{axis} {100 * (off - 1):+.2g} %" for axis, off in one.relative.items())
-    return f"{one.symbol}: {apart} from the mean of the axes in {one.units} units; {chance}"
+        apart = ", ".join(f"{axis} {100 * (off - 1):+.2g} %" for axis, off in difference.relative.items())
+    where = f"from the mean of the axes in {difference.units} units"
+    return f"{difference.symbol}: {apart} {where}; p {p_relation(difference.adjusted)}"

@@ -28,16 +28,16 @@ def as_table(rows: Iterable[Row]) -> DataFrame:
     """Make the table from rows, with fixed columns and four columns for each parameter that any row has."""
     import polars as pl
 
-    given = list(rows)
+    all_rows = list(rows)
     numbers: dict[str, Any] = {
         "samples": pl.Int64, "rate": pl.Float64, "duration": pl.Float64, "model": pl.String, "p_value": pl.Float64,
         "robust": pl.Boolean, "contaminated": pl.Boolean, "certified": pl.Boolean, "cautions": pl.Int64,
     }  # fmt: skip
     schema: dict[str, Any] = dict.fromkeys(TEXTS, pl.String) | numbers
-    for symbol in symbols_of(given):
+    for symbol in symbols_of(all_rows):
         schema |= {f"{symbol}{end}": pl.String if end == "_unit" else pl.Float64 for end in LIMITS}
     # A fleet without units has an empty table with all columns.
-    return pl.DataFrame({name: [row.get(name) for row in given] for name in schema}, schema=schema)
+    return pl.DataFrame({name: [row.get(name) for row in all_rows] for name in schema}, schema=schema)
 
 
 def symbols_of(rows: Iterable[Row]) -> list[str]:

@@ -24,8 +24,7 @@ from gmwm.recording.options import ReadOptions
 from gmwm.recording.signals import Imu
 
 PART = "fleet"
-"""Key in the JSON document of a unit under which the size and time of its recording, its options and its table rows are
-stored."""
+"""Key of the size and time of the recording, options and table rows in the document of a unit."""
 _FINAL = frozenset({errno.EACCES, errno.EPERM, errno.ENOENT, errno.EISDIR, errno.ENOTDIR, errno.ELOOP})
 """Error numbers of the operating system for which a retry is useless."""
 # All threads of a process share Python's warning filters, and a worker may have several threads.
@@ -50,7 +49,7 @@ class UnitOptions:
 
 
 @dataclass(frozen=True)
-class Job:
+class UnitJob:
     """One unit to calibrate, with its recording, its options and the number of threads for its axes."""
 
     unit: str
@@ -60,7 +59,7 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class UnitOutcome:
     """Document and table rows of a unit, or the reason of its failure, which may be `passing`: a retry may succeed."""
 
     unit: str
@@ -70,39 +69,36 @@ class Outcome:
     passing: bool = False
 
 
-def calibrate_unit(job: Job) -> Outcome:
+def calibrate_unit(job: UnitJob) -> UnitOutcome:
     """Calibrate a unit. Every error except Ctrl-C is returned as an outcome."""
     try:
-        found, made = _calibrated(job)
-        rows = rows_of(job.unit, job.path, found)
-        content = {**found.to_dict(), PART: {**made, "rows": [plain(row) for row in rows]}}
-        return Outcome(job.unit, as_text(content), tuple(rows))
+        calibration, provenance = _calibrate(job)
+        rows = rows_of(job.unit, job.path, calibration)
+        content = {**calibration.to_dict(), PART: {**provenance, "rows": [plain(row) for row in rows]}}
+        return UnitOutcome(job.unit, as_text(content), tuple(rows))
     except GmwmError as error:
-        return Outcome(job.unit, reason=error.reason, passing=_is_passing(error))
+        return UnitOutcome(job.unit, reason=error.reason, passing=_is_passing(error))
     except OSError as error:
-        return Outcome(job.unit, reason=error.strerror or str(error), passing=_is_passing(error))
+        return UnitOutcome(job.unit, reason=error.strerror or str(error), passing=_is_passing(error))
     except Exception as error:  # an unexpected error of one unit must not stop the others
-        return Outcome(job.unit, reason=f"{type(error).__name__}: {error}")
+        return UnitOutcome(job.unit, reason=f"{type(error).__name__}: {error}")
 
 
-def lost(job: Job, deaths: int) -> Outcome:
+def lost_outcome(job: UnitJob, deaths: int) -> UnitOutcome:
     """Return the outcome of a job whose process ended each time, although no other job was running."""
-    return Outcome(
-        job.unit,
-        reason=f"its worker process died {counted(deaths, 'time')} without another job; it may "
-        "need more memory, or the file may be damaged",
-    )
+    reason = f"its worker process died {counted(deaths, 'time')} without another job; it may need more memory"
+    return UnitOutcome(job.unit, reason=f"{reason}, or the file may be damaged")
 
 
-def _calibrated(job: Job) -> tuple[Calibration, dict[str, Any]]:
+def _calibrate(job: UnitJob) -> tuple[Calibration, dict[str, Any]]:
     """Return the calibration of a unit, and the options, size and time of the recording that it was made from."""
     path, options = Path(job.path), job.options
     stamp = stamp_of(path)  # taken before the file is read, so that the next run notices a later change
     recording, warned = _read(path, options.reading)
-    found = calibrate_recording(recording, options.calibration, threads=job.threads).of_file(path)
-    new = tuple(remark for remark in warned if remark not in found.recording_remarks)
-    found = replace(found, recording_remarks=(*found.recording_remarks, *new))
-    return found, {**stamp, **options.to_dict()}
+    calibration = calibrate_recording(recording, options.calibration, threads=job.threads).of_file(path)
+    new = tuple(remark for remark in warned if remark not in calibration.recording_remarks)
+    calibration = replace(calibration, recording_remarks=(*calibration.recording_remarks, *new))
+    return calibration, {**stamp, **options.to_dict()}
 
 
 def _read(path: Path, options: ReadOptions) -> tuple[Imu | Stream, list[Remark]]:
@@ -111,17 +107,17 @@ def _read(path: Path, options: ReadOptions) -> tuple[Imu | Stream, list[Remark]]
     with _WARNINGS, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", GmwmWarning)
         recording = stream_file(path, options) if chunked else read_file(path, options)
-    found = [one.message.remark for one in caught if isinstance(one.message, GmwmWarning)]
-    return recording, list(dict.fromkeys(found))
+    remarks = [warning.message.remark for warning in caught if isinstance(warning.message, GmwmWarning)]
+    return recording, list(dict.fromkeys(remarks))
 
 
 def stamp_of(path: Path) -> dict[str, int]:
     """Return the size and the modification time of a recording. For a folder, all its files are included."""
     files = [path] if not path.is_dir() else [file for file in path.rglob("*") if file.is_file()]
-    found = [file.stat() for file in files]
+    stats = [file.stat() for file in files]
     return {
-        "size": sum(one.st_size for one in found),
-        "modified_ns": max((one.st_mtime_ns for one in found), default=0),
+        "size": sum(stat.st_size for stat in stats),
+        "modified_ns": max((stat.st_mtime_ns for stat in stats), default=0),
     }
 
 

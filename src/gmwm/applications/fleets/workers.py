@@ -7,20 +7,17 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
-from gmwm.applications.fleets.unit_job import Job, Outcome, calibrate_unit, lost
+from gmwm.applications.fleets.unit_job import UnitJob, UnitOutcome, calibrate_unit, lost_outcome
 from gmwm.base.errors import GmwmError
 
 if TYPE_CHECKING:
     from distributed import Future
 
-WINDOW = 4
-"""Number of submitted jobs per thread of the cluster. No thread has to wait, and the scheduler does not need to store
-all jobs."""
 _GONE = "the scheduler no longer answers"
 _AGAIN = "Run the fleet again: finished units are kept."
 
 
-def in_process(jobs: Iterable[Job], retries: int) -> Iterator[Outcome]:
+def in_process(jobs: Iterable[UnitJob], retries: int) -> Iterator[UnitOutcome]:
     """Run the jobs in this process one after the other, and yield their outcomes. Retries come last."""
     waiting = deque(jobs)
     tries: Counter[str] = Counter()
@@ -34,40 +31,44 @@ def in_process(jobs: Iterable[Job], retries: int) -> Iterator[Outcome]:
             yield outcome
 
 
-def on_cluster(jobs: Iterable[Job], client: Any, retries: int) -> Generator[Outcome, None, None]:
+def on_cluster(jobs: Iterable[UnitJob], client: Any, retries: int) -> Generator[UnitOutcome, None, None]:
     """Run the jobs on the workers of a cluster, and yield their outcomes in the order of completion.
 
     Dask repeats the jobs of a lost worker elsewhere, and gives them up after several lost workers, without knowing
     which job caused the loss. The given-up jobs are therefore repeated at the end, one at a time."""
-    suspects: list[Job] = []
+    suspects: list[UnitJob] = []
 
-    def on_lost(job: Job, _: Exception) -> Outcome | None:
+    def on_lost(job: UnitJob, _: Exception) -> UnitOutcome | None:
         suspects.append(job)
         return None
 
     yield from _through(
-        client, jobs, retries=retries, on_lost=on_lost, window=lambda: WINDOW * sum(client.nthreads().values())
+        # No thread waits, and the scheduler does not store all jobs.
+        client,
+        jobs,
+        retries=retries,
+        on_lost=on_lost,
+        window=lambda: 4 * sum(client.nthreads().values()),
     )
-    yield from _through(client, suspects, retries=retries, on_lost=_lost, window=lambda: 1)
-
-
-def _lost(job: Job, error: Exception) -> Outcome:
-    return lost(job, getattr(error, "allowed_failures", 0) + 1)
+    yield from _through(
+        client, suspects, retries=retries, window=lambda: 1,
+        on_lost=lambda job, error: lost_outcome(job, getattr(error, "allowed_failures", 0) + 1),
+    )  # fmt: skip
 
 
 def _through(
     client: Any,
-    jobs: Iterable[Job],
+    jobs: Iterable[UnitJob],
     retries: int,
-    on_lost: Callable[[Job, Exception], Outcome | None],
+    on_lost: Callable[[UnitJob, Exception], UnitOutcome | None],
     window: Callable[[], int],
-) -> Iterator[Outcome]:
+) -> Iterator[UnitOutcome]:
     """Run jobs on the cluster, with a limited number at a time, and yield their outcomes."""
     import distributed
 
     waiting = deque(jobs)
     tries: Counter[str] = Counter()
-    running: dict[Future[Any], Job] = {}
+    running: dict[Future[Any], UnitJob] = {}
     ended: Any = distributed.as_completed([], loop=client.loop)  # type: ignore[no-untyped-call]
 
     def fill() -> None:
@@ -98,19 +99,21 @@ def _through(
             client.cancel(list(running))
 
 
-def _outcome(future: Future[Any], job: Job, on_lost: Callable[[Job, Exception], Outcome | None]) -> Outcome | None:
+def _outcome(
+    future: Future[Any], job: UnitJob, on_lost: Callable[[UnitJob, Exception], UnitOutcome | None]
+) -> UnitOutcome | None:
     """Return the outcome of a finished job. An error of the cluster itself is raised and stops the run."""
     from distributed import KilledWorker
 
     if future.status == "cancelled":
         raise GmwmError(_GONE, advice=_AGAIN)
     try:
-        found: Outcome = future.result()
+        outcome: UnitOutcome = future.result()
     except KilledWorker as error:
         return on_lost(job, error)
     except Exception as error:  # not from calibrate_unit: the job could not be started, or its result could not be sent
-        return Outcome(job.unit, reason=f"{type(error).__name__}: {error}")
-    return found
+        return UnitOutcome(job.unit, reason=f"{type(error).__name__}: {error}")
+    return outcome
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from gmwm.applications.monitor.api import Monitor
 from gmwm.applications.monitor.baseline import Baseline
 from gmwm.applications.monitor.events import Event
 from gmwm.applications.monitor.redundant import UnitEvent, redundant
-from gmwm.applications.monitor.reference import baselines
+from gmwm.applications.monitor.setup import baselines
 from gmwm.applications.monitor.trace import Trace
 
 __all__ = ["Baseline", "Event", "Monitor", "Trace", "UnitEvent", "baselines", "redundant"]

@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 from numpy.typing import ArrayLike
 
-from gmwm.applications.monitor.axis import Axis
+from gmwm.applications.monitor.axis import MonitoredAxis
 from gmwm.applications.monitor.baseline import Baseline
 from gmwm.applications.monitor.charts import LONGEST_REST, Alarm, ChartSettings
-from gmwm.applications.monitor.clock import Clock
+from gmwm.applications.monitor.clock import SampleClock
 from gmwm.applications.monitor.events import Event
 from gmwm.applications.monitor.finite_state import Finite
 from gmwm.applications.monitor.naming import NAMING, naming_time
 from gmwm.applications.monitor.setup import (
     as_every,
-    as_lists,
     baselines_of,
     check_rate,
     checked_samples,
@@ -31,6 +30,7 @@ from gmwm.applications.monitor.whitening import Gain
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import ReadError
 from gmwm.base.locks import OneAtATime, one_at_a_time
+from gmwm.base.plain import plain, plain_fields
 from gmwm.base.time_base import lost_samples
 from gmwm.recording.chunks import Chunk
 from gmwm.recording.options import as_whole_number
@@ -43,13 +43,6 @@ HOLD = 60.0
 """Further alarms of an axis are attributed to a reported fault for at least this time (s) after its last alarm."""
 REMEMBERED = 3600.0
 """A fault that recurs within this time (s) is not reported again, unless it is larger. A jump is always reported."""
-MOVED_AXES = 3
-"""If at least this number of axes change within `NAMING` seconds, the unit was moved."""
-TOGETHER = 0.7
-"""Mean number of events per alarm of a chart. It is below 1, because charts of neighbouring levels raise alarms
-together (docs/validation/monitor.md)."""
-PIECE = 1 << 16
-"""Number of samples that are processed in one step. The result does not depend on it."""
 FORMAT = "gmwm-monitor"
 
 
@@ -134,27 +127,26 @@ class Monitor(OneAtATime):
         self.models = models
         gains = {axis: Gain.of(Finite.of(model, self.rate)) for axis, model in models.items()}
         self.remarks = tuple(remarks_of(gains, self.baselines, wanted=baseline is not None))
-        known = self.baselines
-        settings = {
-            axis: known[axis].settings() if axis in known else ChartSettings.of_model(self.rate) for axis in models
-        }
-        charts = sum(one.charts for one in settings.values())
-        self.run_length = TOGETHER * self.every * self.rate * charts
+        usual = ChartSettings.of_model(self.rate)
+        settings = {axis: self.baselines[axis].settings() if axis in self.baselines else usual for axis in models}
+        charts = sum(charts_of.charts for charts_of in settings.values())
+        # Events per alarm of a chart: neighbouring levels raise alarms together (docs/validation/monitor.md).
+        self.run_length = 0.7 * self.every * self.rate * charts
         self._naming = max(round(NAMING * self.rate), 1)
         longest = max(round(LONGEST_REST * self.rate), self._naming)
         self._axes = {
-            axis: Axis(gains[axis], settings[axis], run_length=self.run_length, rest=self._naming, longest_rest=longest)
+            axis: MonitoredAxis(
+                gains[axis], settings[axis], run_length=self.run_length, rest=self._naming, longest_rest=longest
+            )
             for axis in models
         }
-        self._clock = Clock(self.rate, ((0, float(start)),))
+        self._clock = SampleClock(self.rate, ((0, float(start)),))
         self._count = 0
         self._pool: tuple[tuple[str, Alarm], ...] = ()
         self._deadline: int | None = None
         self._moved: Stillness | None = None
         self._lost_until = -1
         self._segment: int | None = None
-
-    # --- samples --------------------------------------------------------------------------------------
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -186,7 +178,7 @@ class Monitor(OneAtATime):
 
         The keys are the axes and, for each axis, the families of charts.
         """
-        return {axis: one.charts.heights() for axis, one in self._axes.items()}
+        return {axis: monitored.charts.heights() for axis, monitored in self._axes.items()}
 
     @one_at_a_time
     def update(self, values: Mapping[str, ArrayLike] | Chunk) -> list[Event]:
@@ -210,15 +202,15 @@ class Monitor(OneAtATime):
         """
         events: list[Event] = []
         if isinstance(values, Chunk):
-            events += self._joined(values)
+            events += self._join(values)
             values = values.values
         arrays = checked_samples(self.axes, values)
         n = next(iter(arrays.values())).size
-        for one in self._axes.values():
-            one.charts.forget_peaks()
+        for monitored in self._axes.values():
+            monitored.charts.forget_peaks()
         at = 0
         while at < n:
-            stop = min(n, at + PIECE)
+            stop = min(n, at + (1 << 16))  # the result does not depend on the number of samples in a step
             if self._moved is not None:
                 at += self._rest({axis: x[at:stop] for axis, x in arrays.items()}, events)
                 continue
@@ -281,7 +273,7 @@ class Monitor(OneAtATime):
         samples = as_whole_number(samples, "samples", 0)
         self._pool, self._deadline, self._moved = (), None, None
         for axis in self._axes.values():
-            axis.skip(samples)
+            axis.charts.skip(samples)
             axis.begin_again()
         self._count += samples
 
@@ -293,12 +285,12 @@ class Monitor(OneAtATime):
             self._decide(events)
         return events
 
-    def _joined(self, chunk: Chunk) -> list[Event]:
+    def _join(self, chunk: Chunk) -> list[Event]:
         """Return the events that a gap before a chunk of a stream causes."""
         segment, self._segment = self._segment, chunk.segment
         if segment is None:
             if self._count == 0:
-                self._clock = Clock(self.rate, ((0, chunk.start),))
+                self._clock = SampleClock(self.rate, ((0, chunk.start),))
             return []
         if segment == chunk.segment:
             return []
@@ -320,8 +312,8 @@ class Monitor(OneAtATime):
         self._clock = self._clock.after_gap(self._count, time)
         if told:
             return []
-        known, self._lost_until = self._lost_until, self._count + round(HOLD * self.rate)
-        if self._count <= known:
+        earlier, self._lost_until = self._lost_until, self._count + round(HOLD * self.rate)
+        if self._count <= earlier:
             return []
         size = None if samples is None else float(samples)
         return [Event(kind="lost", time=before, began=before, size=size, unit="samples")]
@@ -329,33 +321,33 @@ class Monitor(OneAtATime):
     def _advance(self, parts: Mapping[str, Vector], events: list[Event]) -> int:
         """Process samples up to the time at which pending alarms are evaluated, and return their number."""
         n = next(iter(parts.values())).size
-        before = {axis: one.save() for axis, one in self._axes.items()}
-        found = self._passed(parts)
-        if self._deadline is None and found:
-            deadline = found[0][1].sample + naming_time(found[0][1], self.rate)
+        before = {axis: monitored.save() for axis, monitored in self._axes.items()}
+        alarms = self._alarms(parts)
+        if self._deadline is None and alarms:
+            deadline = alarms[0][1].sample + naming_time(alarms[0][1], self.rate)
             if deadline < self._count + n:
                 # Later samples are processed after the evaluation, which may reset the charts.
-                for axis, one in self._axes.items():
-                    one.load(before[axis])
+                for axis, monitored in self._axes.items():
+                    monitored.load(before[axis])
                 n = deadline - self._count
-                found = self._passed({axis: x[:n] for axis, x in parts.items()})
+                alarms = self._alarms({axis: x[:n] for axis, x in parts.items()})
             self._deadline = deadline
-        self._pool = (*self._pool, *found)
+        self._pool = (*self._pool, *alarms)
         self._count += n
         if self._deadline is not None and self._count >= self._deadline:
             self._decide(events)
         return n
 
-    def _passed(self, parts: Mapping[str, Vector]) -> list[tuple[str, Alarm]]:
-        found = [(axis, alarm) for axis, one in self._axes.items() for alarm in one.update(parts[axis])]
-        return sorted(found, key=lambda item: item[1].sample)
+    def _alarms(self, parts: Mapping[str, Vector]) -> list[tuple[str, Alarm]]:
+        alarms = [(axis, alarm) for axis, monitored in self._axes.items() for alarm in monitored.update(parts[axis])]
+        return sorted(alarms, key=lambda item: item[1].sample)
 
     def _rest(self, parts: Mapping[str, Vector], events: list[Event]) -> int:
         """Process samples of a moving unit, and return their number. The charts restart when the unit is at rest."""
         assert self._moved is not None
         used, self._moved, still = self._moved.update(parts, self._axes, self._naming)
         for axis in self._axes.values():
-            axis.skip(used)
+            axis.charts.skip(used)
         self._count += used
         if still:
             self._moved = None
@@ -364,8 +356,6 @@ class Monitor(OneAtATime):
             time = self._now
             events.append(Event(kind="still", time=time, began=time))
         return used
-
-    # --- decisions ------------------------------------------------------------------------------------
 
     def _decide(self, events: list[Event]) -> None:
         """Determine the faults of all pending alarms, and append their events."""
@@ -377,13 +367,15 @@ class Monitor(OneAtATime):
         hold = round(HOLD * self.rate)
         moving = [axis for axis, fault in faults.items() if fault.is_motion or self._axes[axis].is_loud(self._naming)]
         # An axis with a reported fault raises no new alarm, but large innovations show that it moves too.
-        others = [axis for axis, one in self._axes.items() if axis not in faults and one.is_loud(self._naming)]
-        if moving and len(moving) + len(others) >= MOVED_AXES:
+        others = [
+            axis for axis, monitored in self._axes.items() if axis not in faults and monitored.is_loud(self._naming)
+        ]
+        if moving and len(moving) + len(others) >= 3:  # axes that change together: the unit was moved
             first = min(alarm.sample for axis in moving for alarm in by_axis[axis])
             onset = min(faults[axis].onset for axis in moving)
             events.append(Event(kind="moved", time=self._clock.time(first), began=self._clock.time(onset)))
-            for one in self._axes.values():
-                one.report("moved", (), hold=hold)
+            for monitored in self._axes.values():
+                monitored.report("moved", (), hold=hold)
             self._moved = Stillness()
             faults = {axis: fault for axis, fault in faults.items() if axis not in moving}
         for axis, fault in faults.items():
@@ -394,62 +386,44 @@ class Monitor(OneAtATime):
             if new:
                 events.append(self._clock.event(axis, fault, by_axis[axis][0]))
 
-    # --- state ----------------------------------------------------------------------------------------
-
     @one_at_a_time
     def to_dict(self) -> dict[str, Any]:
         """Return the settings and the state of the monitor as dicts, lists, numbers and strings for JSON."""
+        state = {
+            "axes": {axis: monitored.save() for axis, monitored in self._axes.items()}, "runs": self._clock.runs,
+            "count": self._count, "pool": self._pool, "deadline": self._deadline, "moved": self._moved,
+            "lost_until": self._lost_until, "segment": self._segment,
+        }  # fmt: skip
+        models = {axis: str(model) for axis, model in self.models.items()}
         return {
-            "format": FORMAT,
-            "version": 1,
-            "every": self.every,
-            "rate": self.rate,
-            "models": {axis: str(model) for axis, model in self.models.items()},
-            "baselines": {axis: one.to_dict() for axis, one in self.baselines.items()},
-            "state": {
-                "axes": {axis: as_lists(one.save()) for axis, one in self._axes.items()},
-                "runs": [list(run) for run in self._clock.runs],
-                "count": self._count,
-                "pool": [[axis, list(alarm)] for axis, alarm in self._pool],
-                "deadline": self._deadline,
-                "moved": None if self._moved is None else self._moved.to_dict(),
-                "lost_until": self._lost_until,
-                "segment": self._segment,
-            },
-        }
+            "format": FORMAT, "version": 1, **plain_fields(self, "every rate"), "models": models,
+            "baselines": plain(self.baselines), "state": plain(state),
+        }  # fmt: skip
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """Create a monitor that continues from a state that `to_dict` returned.
+        """Create a monitor that continues from the `content` that `to_dict` returned, also after a trip through JSON.
 
-        Parameters
-        ----------
-        content : mapping
-            The result of `to_dict`, also after a round trip through JSON.
-
-        Raises
-        ------
-        ReadError
-            If `content` is not the state of a monitor, or a part is missing.
+        Other content raises a ReadError.
         """
         if not isinstance(content, Mapping) or content.get("format") != FORMAT:
             raise ReadError(f'not a monitor: it has no "format": "{FORMAT}"')
         try:
-            known = {axis: Baseline.from_dict(one) for axis, one in content["baselines"].items()}
-            made = cls(content["models"], content["every"], rate=content["rate"], baseline=known)
-            made._restore(content["state"])
-            if made._deadline is not None and (made._deadline <= made._count or not made._pool):
+            baselines = {axis: Baseline.from_dict(item) for axis, item in content["baselines"].items()}
+            monitor = cls(content["models"], content["every"], rate=content["rate"], baseline=baselines)
+            monitor._restore(content["state"])
+            if monitor._deadline is not None and (monitor._deadline <= monitor._count or not monitor._pool):
                 raise ValueError("the deadline must come after the samples so far, and needs an alarm")
-            for axis, one in made._axes.items():
-                require_scale(axis, one.whitener.gain.S)
+            for axis, item in monitor._axes.items():
+                require_scale(axis, item.whitener.gain.S)
         except (KeyError, TypeError, ValueError, AttributeError, IndexError, ArithmeticError) as error:
             raise ReadError(f"not a monitor: {error}", advice="Make a new monitor from the calibration.") from error
-        return made
+        return monitor
 
     def _restore(self, state: Mapping[str, Any]) -> None:
-        for axis, one in self._axes.items():
-            one.load(state["axes"][axis])
-        self._clock = Clock(self.rate, tuple((whole(sample), number(time)) for sample, time in state["runs"]))
+        for axis, monitored in self._axes.items():
+            monitored.load(state["axes"][axis])
+        self._clock = SampleClock(self.rate, tuple((whole(sample), number(time)) for sample, time in state["runs"]))
         if not self._clock.runs:
             raise ValueError("runs must not be empty")
         self._count = whole(state["count"])

@@ -10,20 +10,13 @@ import numpy as np
 
 from gmwm.applications.monitor.charts import HISTORY_LEVEL, Alarm, Charts, ChartSettings
 from gmwm.applications.monitor.events import Kind
-from gmwm.applications.monitor.naming import History, Named, named
+from gmwm.applications.monitor.naming import Fault, History, name_fault
 from gmwm.applications.monitor.stored import number, numbers, whole
 from gmwm.applications.monitor.whitening import Gain, Whitener
 from gmwm.base.arrays import Vector
 
-LOUD = 3.0
-"""An innovation that exceeds the limit of a spike by this factor counts as motion, not as noise."""
-VERY_LOUD = 20.0
-"""An innovation that exceeds the limit of a spike by this factor is not attributed to a fault reported before."""
-LARGER = 1.5
-"""A recurring fault is reported again if it is larger than before by this factor."""
-KEPT = 4096
-"""Number of innovations, and of their sums over 2^HISTORY_LEVEL samples, that are kept to determine the kind of a
-fault."""
+HISTORY = 4096
+"""Number of innovations, and of their sums, that determine the kind of a fault."""
 
 _EVERYTHING = frozenset({"noise up", "noise down", "level", "spike", "constant"})
 _EXPLAINED: Mapping[str, frozenset[str]] = {
@@ -59,7 +52,7 @@ class Open:
     hold: int  # number of samples after the last alarm for which further alarms are attributed to it
 
 
-class Axis:
+class MonitoredAxis:
     """Filter, charts and faults of one axis of a monitor; see `Charts` for the run length and the pauses."""
 
     def __init__(self, gain: Gain, settings: ChartSettings, *, run_length: float, rest: int, longest_rest: int) -> None:
@@ -72,16 +65,14 @@ class Axis:
         self.open: Open | None = None
         self.known: dict[str, tuple[int, float]] = {}  # last alarm and magnitude of each reported kind
 
-    # --- samples --------------------------------------------------------------------------------------
-
     def update(self, x: Vector) -> list[Alarm]:
         """Add samples (n,), and return the alarms that no reported fault explains, in order of time."""
         alarms = self._constant(x)
         e = self.whitener.update(x)
         alarms += self.charts.update(e)
-        self.fast = np.concatenate([self.fast, e])[-KEPT:]
-        self.slow = np.concatenate([self.slow, self.charts.recent])[-KEPT:]
-        return [alarm for alarm in sorted(alarms) if not self._explained(alarm)]
+        self.fast = np.concatenate([self.fast, e])[-HISTORY:]
+        self.slow = np.concatenate([self.slow, self.charts.recent])[-HISTORY:]
+        return [alarm for alarm in sorted(alarms) if not self._is_explained(alarm)]
 
     def _constant(self, x: Vector) -> list[Alarm]:
         """Return an alarm for each run of equal samples whose length reaches the limit."""
@@ -104,40 +95,38 @@ class Axis:
                 alarms.append(Alarm(at, "constant", 0, 1, onset=first - 1, score=float(limit)))
         return alarms
 
-    def _explained(self, alarm: Alarm) -> bool:
-        known = self.open
-        if known is None or alarm.sample > known.until or alarm.family not in _EXPLAINED[known.kind]:
+    def _is_explained(self, alarm: Alarm) -> bool:
+        fault = self.open
+        if fault is None or alarm.sample > fault.until or alarm.family not in _EXPLAINED[fault.kind]:
             return False
-        if alarm.score > 0.5 * (VERY_LOUD * self.charts.spike) ** 2 and known.kind not in _SILENT:
+        if alarm.score > 0.5 * (20.0 * self.charts.spike) ** 2 and fault.kind not in _SILENT:
             return False  # this is motion, regardless of the reported fault
-        hold = max(known.hold, alarm.sample - alarm.onset)
-        self.open = Open(known.kind, max(known.until, alarm.sample + hold), known.hold)
-        if alarm.family in _OWN.get(known.kind, ()):
-            name = "noise-up" if known.kind == "hum" else known.kind
+        hold = max(fault.hold, alarm.sample - alarm.onset)
+        self.open = Open(fault.kind, max(fault.until, alarm.sample + hold), fault.hold)
+        if alarm.family in _OWN.get(fault.kind, ()):
+            name = "noise-up" if fault.kind == "hum" else fault.kind
             _, magnitude = self.known.get(name, (0, 0.0))
             self.known = {**self.known, name: (alarm.sample, magnitude)}
         return True
 
-    # --- faults ---------------------------------------------------------------------------------------
-
-    def name(self, alarms: Sequence[Alarm]) -> Named:
+    def name(self, alarms: Sequence[Alarm]) -> Fault:
         """Determine the fault that caused alarms."""
         stuck = next((alarm for alarm in alarms if alarm.family == "constant"), None)
         if stuck is not None:
-            return Named(kind="saturated" if self._is_outside() else "frozen", onset=stuck.onset + 1)
+            return Fault(kind="saturated" if self._is_outside() else "frozen", onset=stuck.onset + 1)
         done = self.charts.done[HISTORY_LEVEL] if self.charts.depth >= HISTORY_LEVEL else 0
         stop = self.charts.base + (done << HISTORY_LEVEL)
-        return named(alarms, History(self.charts.count, self.fast, self.slow, stop), self.gain, self.settings)
+        return name_fault(alarms, History(self.charts.count, self.fast, self.slow, stop), self.gain, self.settings)
 
     def _is_outside(self) -> bool:
         """Return whether the present sample differs from the first one by more than the limit of a spike."""
-        far = self.charts.spike * float(np.sqrt(self.gain.S))
-        origin = self.whitener.origin
+        far, origin = self.charts.spike * float(np.sqrt(self.gain.S)), self.whitener.origin
         return self.value is not None and origin is not None and abs(self.value - origin) > far
 
     def is_loud(self, samples: int) -> bool:
         """Return whether one of the last `samples` innovations is far beyond the limit of a spike."""
-        return bool(np.max(np.abs(self.fast[-samples:]), initial=0.0) > LOUD * self.charts.spike)
+        # This is motion, not noise.
+        return bool(np.max(np.abs(self.fast[-samples:]), initial=0.0) > 3.0 * self.charts.spike)
 
     def report(
         self, kind: Kind, alarms: Sequence[Alarm], *, hold: int, remembered: int = 0, magnitude: float = 0.0
@@ -153,7 +142,7 @@ class Axis:
             self.begin_again()
         name = "noise-up" if kind == "hum" else kind
         last, before = self.known.get(name, (-remembered, 0.0))
-        new = kind == "jump" or now - last >= remembered or magnitude > LARGER * before
+        new = kind == "jump" or now - last >= remembered or magnitude > 1.5 * before
         self.known = {**self.known, name: (now, max(magnitude, 0.0 if new else before))}
         return new
 
@@ -170,25 +159,11 @@ class Axis:
         self.fast = self.slow = np.zeros(0)
         self.value, self.run = None, 0
 
-    def skip(self, samples: int) -> None:
-        """Advance the sample number over samples that are not monitored."""
-        self.charts.skip(samples)
-
-    # --- state ----------------------------------------------------------------------------------------
-
     def save(self) -> dict[str, Any]:
         """Return the state. Its arrays are never modified in place."""
-        known = self.open
-        return {
-            "whitener": self.whitener.save(),
-            "charts": self.charts.save(),
-            "fast": self.fast,
-            "slow": self.slow,
-            "value": self.value,
-            "run": self.run,
-            "open": None if known is None else [known.kind, known.until, known.hold],
-            "known": self.known,
-        }
+        state = {name: getattr(self, name) for name in ("fast", "slow", "value", "run", "known")}
+        fault = None if self.open is None else [self.open.kind, self.open.until, self.open.hold]
+        return {"whitener": self.whitener.save(), "charts": self.charts.save(), **state, "open": fault}
 
     def load(self, state: Mapping[str, Any]) -> None:
         """Restore a state from `save`."""
@@ -197,8 +172,6 @@ class Axis:
         self.fast, self.slow = numbers(state["fast"]), numbers(state["slow"])
         self.value = None if state["value"] is None else number(state["value"])
         self.run = whole(state["run"])
-        self.open = None
-        if state["open"] is not None:
-            kind, until, hold = state["open"]
-            self.open = Open(kind, whole(until), whole(hold))
+        fault = state["open"]
+        self.open = None if fault is None else Open(fault[0], whole(fault[1]), whole(fault[2]))
         self.known = {kind: (whole(last), number(magnitude)) for kind, (last, magnitude) in state["known"].items()}

@@ -15,25 +15,15 @@ from gmwm.applications.monitor.thresholds import spike_limit
 from gmwm.applications.monitor.whitening import Gain, Whitener
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import DataError, ReadError
+from gmwm.base.plain import plain_fields
 from gmwm.theory.processes.model import Model
 
 LEAST_BLOCKS = 80
-"""Smallest number of blocks from which the expected mean square of a level is estimated. Its standard error is then
-below 7 % (for k ≥ 2.6), which is smaller than the dead band."""
-LEAST_MEANS = 30
-"""Smallest number of block means from which their scatter is estimated. Its standard error is then 13 %."""
-LONGEST_BURST = 256
-"""Largest number of blocks that are averaged to estimate the variance of the mean squares. Charts raise an alarm within
-this number of blocks."""
-MOST = 1e15
-"""Largest number in a baseline; ratios, shapes and scatter are at least 1 / `MOST`. Other numbers are damage."""
+"""Least blocks for the mean square of a level: standard error below 7 %, less than the dead band."""
+LARGEST = 1e15
+"""Largest number in a baseline; ratios, shapes and scatter are at least 1 / `LARGEST`. Other numbers are damage."""
 REACH = 5
 """A chart of block means uses the largest scatter of its level and of this number of coarser levels."""
-BAND = 1.1
-"""Dead band with a baseline (a factor of the variance). The variances of different parts of a recording in
-`docs/validation/monitor.md` differ by less than this."""
-LEAST_EQUAL = 8
-"""A run of fewer equal samples than this never counts as frozen."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,67 +91,38 @@ class Baseline:
             whitener.restart()
             errors.append(whitener.update(values))
         largest = max((float(np.max(np.abs(e))) for e in errors if e.size), default=0.0)
-        sums = _Sums(errors)
+        sums = _BlockSums(errors)
         ratios, shapes = _mean_squares(sums)
         scatter = _block_means(sums)
+        total = sum(e.size for e in errors)
         if not ratios.size or not scatter:
-            total = sum(e.size for e in errors)
             raise DataError(
                 f"the reference has {total} samples, and a baseline needs {LEAST_BLOCKS * 2 * BLOCKS} without a gap",
-                argument="reference",
-                got=total,
-                advice="Record for at least some minutes with a sensor that is good.",
-            )
+                argument="reference", got=total, advice="Record for at least some minutes with a sensor that is good.",
+            )  # fmt: skip
         return cls(
-            samples=sum(e.size for e in errors),
-            ratios=ratios,
-            shapes=shapes,
-            scatter=scatter,
-            largest=largest,
+            samples=total, ratios=ratios, shapes=shapes, scatter=scatter, largest=largest,
             equal=max(longest_run(values) for values in segments),
             lowest=min(float(values.min()) for values in segments),
             highest=max(float(values.max()) for values in segments),
-        )
+        )  # fmt: skip
 
     def settings(self) -> ChartSettings:
         """Return the settings of the charts for this baseline."""
-        usual = spike_limit(self.samples)
         return ChartSettings(
-            self.ratios,
-            self.shapes,
-            scatter=np.array(self.scatter),
-            band=BAND,
-            tail=max(1.0, self.largest / usual),
-            equal=max(2 * self.equal, LEAST_EQUAL),
-        )
+            # Dead band: parts of a recording in docs/validation/monitor.md differ by less.
+            self.ratios, self.shapes, scatter=np.array(self.scatter), band=1.1,
+            # Shorter runs never count as frozen.
+            tail=max(1.0, self.largest / spike_limit(self.samples)), equal=max(2 * self.equal, 8),
+        )  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
         """Return the baseline as numbers and lists for JSON."""
-        return {
-            "samples": self.samples,
-            "ratios": self.ratios.tolist(),
-            "shapes": self.shapes.tolist(),
-            "scatter": list(self.scatter),
-            "largest": self.largest,
-            "equal": self.equal,
-            "lowest": self.lowest,
-            "highest": self.highest,
-        }
+        return plain_fields(self, "samples ratios shapes scatter largest equal lowest highest")
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Baseline:
-        """Create a baseline from the result of `to_dict`.
-
-        Parameters
-        ----------
-        content : mapping
-            The result of `to_dict`.
-
-        Raises
-        ------
-        ReadError
-            If a value is missing or not valid.
-        """
+        """Create a baseline from the `content` that `to_dict` returned. Other content raises a ReadError."""
         arrays = {}
         try:
             for name in ("ratios", "shapes", "scatter"):
@@ -170,13 +131,11 @@ class Baseline:
             counts = {name: int(content[name]) for name in ("samples", "equal")}
         except (KeyError, TypeError, ValueError) as error:
             raise ReadError(f"not a baseline: {error}", advice="Measure the baseline again.") from error
-        good = all(a.ndim == 1 and a.size and bool(np.all((a > 1 / MOST) & (a < MOST))) for a in arrays.values())
-        good = good and all(abs(one) < MOST for one in numbers.values())
+        good = all(a.ndim == 1 and a.size and bool(np.all((a > 1 / LARGEST) & (a < LARGEST))) for a in arrays.values())
+        good = good and all(abs(value) < LARGEST for value in numbers.values())
         if not good or arrays["ratios"].size != arrays["shapes"].size or counts["samples"] < 1:
-            raise ReadError(
-                f"not a baseline: ratios, shapes and scatter must be lists of numbers from {1 / MOST:g} to {MOST:g}",
-                advice="Measure the baseline again.",
-            )
+            reason = f"ratios, shapes and scatter must be lists of numbers from {1 / LARGEST:g} to {LARGEST:g}"
+            raise ReadError(f"not a baseline: {reason}", advice="Measure the baseline again.")
         scatter = tuple(arrays.pop("scatter").tolist())
         return cls(**arrays, scatter=scatter, **numbers, **counts)  # type: ignore[arg-type]
 
@@ -189,7 +148,7 @@ def longest_run(values: Vector) -> int:
     return int(np.max(np.diff(np.concatenate([[-1], places, [values.size - 1]]))))
 
 
-class _Sums:
+class _BlockSums:
     """Sums of innovations over blocks of 2^level samples of each segment. Each level follows from the one before."""
 
     def __init__(self, errors: Sequence[Vector]) -> None:
@@ -198,18 +157,18 @@ class _Sums:
     def __getitem__(self, level: int) -> list[Vector]:
         while len(self._levels) <= level:
             fine = self._levels[-1]
-            self._levels.append([one[0 : one.size & ~1 : 2] + one[1::2] for one in fine])
+            self._levels.append([sums[0 : sums.size & ~1 : 2] + sums[1::2] for sums in fine])
         return self._levels[level]
 
 
-def _mean_squares(sums: _Sums) -> tuple[Vector, Vector]:
+def _mean_squares(sums: _BlockSums) -> tuple[Vector, Vector]:
     """Return the mean of the mean squares of blocks at each level, and the shapes of their Gamma distributions."""
     ratios: list[float] = []
     shapes: list[float] = []
     while True:
         level = len(ratios) + 1
         base, m = window(level)
-        blocks = np.concatenate([_blocks(one, m, level) for one in sums[base]])
+        blocks = np.concatenate([_blocks(part, m, level) for part in sums[base]])
         if blocks.size < LEAST_BLOCKS:
             return np.array(ratios), np.array(shapes)
         mean = float(np.mean(blocks))
@@ -222,7 +181,7 @@ def _shapes(blocks: Vector) -> Iterator[float]:
 
     Bursts of noise make the shape of larger groups smaller."""
     together = 1
-    while together <= LONGEST_BURST and blocks.size >= LEAST_BLOCKS:
+    while together <= 256 and blocks.size >= LEAST_BLOCKS:  # charts raise an alarm within this number of blocks
         yield 1.0 / max(together * float(np.var(blocks, ddof=1)), 1e-300)
         even = blocks.size & ~1
         blocks, together = 0.5 * (blocks[0:even:2] + blocks[1:even:2]), 2 * together
@@ -237,12 +196,12 @@ def _blocks(sums: Vector, m: int, level: int) -> Vector:
     return np.asarray(w[: count * BLOCKS * m].reshape(count, BLOCKS * m).mean(axis=1))
 
 
-def _block_means(sums: _Sums) -> tuple[float, ...]:
+def _block_means(sums: _BlockSums) -> tuple[float, ...]:
     scatter: list[float] = []
     while True:
         level = len(scatter)
         z = np.concatenate(sums[level]) / 2.0 ** (level / 2.0)
-        if z.size < LEAST_MEANS:
+        if z.size < 30:  # the standard error of the scatter is then 13 %
             # A chart adds up to about 2^REACH blocks before it raises an alarm, so the scatter of longer blocks matters
             # too.
             return tuple(max(scatter[k : k + REACH + 1]) for k in range(len(scatter)))

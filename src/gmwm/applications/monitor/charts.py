@@ -33,20 +33,14 @@ NOISE: tuple[tuple[Family, int, float], ...] = (
 of the variance by its R. The first chart detects large changes and slow noise early. The second one also detects an
 increase of the standard deviation by 10 % (docs/validation/monitor.md)."""
 BLOCKS = 4
-"""Length of a block of level j, in units of 2^j samples. With 16 in place of 4, slow noise is detected up to 40 s later
+"""Length of a block of level j, in 2^j samples. With 16, slow noise is found 40 s later
 (docs/validation/monitor.md)."""
 WINDOW = 8
-"""Largest number of block sums in a Haar coefficient. A coefficient of level j is then computed every 2^j/8 samples.
-This keeps 93 % of the degrees of freedom of the coefficients at all samples (tests/monitor/test_charts.py)."""
-LONGEST_SCALE = 164.0
-"""Longest scale (s) of the charts without a baseline."""
-STUCK = 0.5
-"""Without a baseline, equal samples for this time (s), and at least 20 of them, cause an alarm."""
+"""Largest number of block sums in a Haar coefficient. It keeps 93 % of their freedom (tests/monitor/test_charts.py)."""
 UNIT = 2.0**24
 """The chart statistics are integers in units of 1/UNIT."""
 FARTHEST = 6.0
-"""Innovations, block means and coefficients are limited to 6 standard deviations, so that a single wrong sample is not
-reported as a jump."""
+"""Limit of innovations, means and coefficients (standard deviations), so that a wrong sample is no jump."""
 LONGEST_REST = 60.0
 """Longest pause (s) of a chart between two alarms while a fault lasts."""
 
@@ -97,9 +91,9 @@ class ChartSettings:
     @classmethod
     def of_model(cls, rate: float) -> ChartSettings:
         """Return the settings for white normal innovations with variance 1, at a sampling rate (Hz)."""
-        levels = min(max(round(math.log2(LONGEST_SCALE * rate)), 4), 20)
+        levels = min(max(round(math.log2(164.0 * rate)), 4), 20)  # about 164 s
         shapes = np.array([white_shape(j) for j in range(1, levels + 1)])
-        equal = max(round(STUCK * rate), 20)
+        equal = max(round(0.5 * rate), 20)  # equal samples for 0.5 s
         return cls(np.ones(levels), shapes, np.ones(levels + 1), equal=equal)
 
     @property
@@ -175,14 +169,14 @@ class Charts:
         alarms = list(self._spikes(e))
         clipped = np.clip(e, -FARTHEST * self.settings.tail, FARTHEST * self.settings.tail)
         sums, self.recent = clipped, np.zeros(0)
-        left, done = list(self.left), list(self.done)
+        waiting, done = list(self.left), list(self.done)
         tails, squares = list(self.tails), list(self.squares)
         states = (list(self.sums), list(self.zeros), list(self.rests), list(self.pauses))
         for level in range(self.depth + 1):
             if level:
-                joined = np.concatenate([left[level - 1], sums]) if left[level - 1].size else sums
+                joined = np.concatenate([waiting[level - 1], sums]) if waiting[level - 1].size else sums
                 even = joined.size & ~1
-                left[level - 1], sums = joined[even:], joined[0:even:2] + joined[1:even:2]
+                waiting[level - 1], sums = joined[even:], joined[0:even:2] + joined[1:even:2]
                 if not sums.size:
                     break
             if level == HISTORY_LEVEL:
@@ -192,7 +186,7 @@ class Charts:
             for j, m in self._coefficients(level):
                 alarms += self._variances(j, m, sums, tails=tails, squares=squares, done=done[level], states=states)
             done[level] += sums.size
-        self.left, self.done, self.tails, self.squares = tuple(left), tuple(done), tuple(tails), tuple(squares)
+        self.left, self.done, self.tails, self.squares = tuple(waiting), tuple(done), tuple(tails), tuple(squares)
         self.sums, self.zeros, self.rests, self.pauses = (tuple(part) for part in states)
         self.count += e.size
         return alarms
@@ -296,10 +290,10 @@ class Charts:
 
     def heights(self) -> dict[str, float]:
         """Return the largest chart statistic of each family since `forget_peaks`, as a fraction of the threshold."""
-        found: dict[str, float] = {}
+        heights: dict[str, float] = {}
         for (family, _, _), height, limit in zip(self.names, self.peaks, self.limits, strict=True):
-            found[family] = max(found.get(family, 0.0), height / limit if limit else 0.0)
-        return found
+            heights[family] = max(heights.get(family, 0.0), height / limit if limit else 0.0)
+        return heights
 
     def save(self) -> dict[str, Any]:
         """Return the state. Its arrays are never modified in place."""

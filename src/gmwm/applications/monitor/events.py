@@ -4,26 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import Any, Literal, get_args
 
 from gmwm.base.errors import ReadError
 from gmwm.base.text import rounded
 
 Kind = Literal[
-    "noise-up",
-    "noise-down",
-    "jump",
-    "ramp",
-    "hum",
-    "spike",
-    "frozen",
-    "saturated",
-    "lost",
-    "clock",
-    "moved",
-    "still",
-]
+    "noise-up", "noise-down", "jump", "ramp", "hum", "spike", "frozen", "saturated", "lost", "clock", "moved", "still"
+]  # fmt: skip
 """Kinds of events; see `Event`."""
 KINDS: tuple[Kind, ...] = get_args(Kind)
 _SHOWN = {"rad/s": ("deg/s", 180.0 / math.pi), "rad/s²": ("deg/s²", 180.0 / math.pi)}
@@ -76,29 +65,18 @@ class Event:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the event as numbers and strings for JSON."""
-        return {one.name: getattr(self, one.name) for one in fields(self)}
+        return asdict(self)
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Event:
-        """Create an event from the result of `to_dict`.
-
-        Parameters
-        ----------
-        content : mapping
-            The result of `to_dict`.
-
-        Raises
-        ------
-        ReadError
-            If `content` is not the result of `to_dict`.
-        """
+        """Create an event from the `content` that `to_dict` returned. Other content raises a ReadError."""
         try:
-            found = cls(**content)
+            event = cls(**content)
         except TypeError as error:
             raise ReadError(f"not an event: {error}") from error
-        if found.kind not in KINDS:
-            raise ReadError(f"not an event: kind must be one of {', '.join(KINDS)}; got {found.kind!r}")
-        return found
+        if event.kind not in KINDS:
+            raise ReadError(f"not an event: kind must be one of {', '.join(KINDS)}; got {event.kind!r}")
+        return event
 
     @property
     def description(self) -> str:
@@ -107,33 +85,24 @@ class Event:
         >>> Event(kind="jump", time=3596.2, began=3596.1, axis="gyro_x", size=0.0019, unit="rad/s").description
         'level jumped by 0.11 deg/s'
         """
-        amount, unit = self._shown()
+        unit, factor = _SHOWN.get(self.unit, (self.unit, 1.0))
+        amount = "" if self.size is None else rounded(self.size * factor)
+        scale = "" if self.scale is None else f" at a scale of {rounded(self.scale)} s"
         texts: dict[Kind, str] = {
-            "noise-up": f"noise rose by a factor of {rounded(self.ratio or 1.0)}{self._at_scale()}",
-            "noise-down": f"noise fell to {rounded(100.0 * (self.ratio or 0.0))} %{self._at_scale()}",
+            "noise-up": f"noise rose by a factor of {rounded(self.ratio or 1.0)}{scale}",
+            "noise-down": f"noise fell to {rounded(100.0 * (self.ratio or 0.0))} %{scale}",
             "jump": f"level jumped by {amount} {unit}",
             "ramp": f"level drifts by {amount} {unit}",
             "hum": f"periodic disturbance of {amount} {unit} at {rounded(self.frequency or 0.0, 3)} Hz",
             "spike": f"spike of {amount} {unit}",
             "frozen": "value does not change any more",
             "saturated": "value stays at a limit outside the usual range",
-            "lost": f"{amount} samples lost" if self.size else "samples lost",
+            "lost": f"{int(self.size)} samples lost" if self.size else "samples lost",
             "clock": f"time stamps went back by {amount} {unit}",
             "moved": "the unit was moved: charts rest until it is still",
             "still": "the unit is still again",
         }
         return texts[self.kind]
-
-    def _at_scale(self) -> str:
-        return "" if self.scale is None else f" at a scale of {rounded(self.scale)} s"
-
-    def _shown(self) -> tuple[str, str]:
-        if self.size is None:
-            return "", ""
-        if self.unit == "samples":
-            return str(int(self.size)), ""
-        unit, factor = _SHOWN.get(self.unit, (self.unit, 1.0))
-        return rounded(self.size * factor), unit
 
     def __str__(self) -> str:
         subject = self.axis or "unit"

@@ -16,10 +16,6 @@ from gmwm.theory.processes.ladder import approximation_remarks
 from gmwm.theory.processes.model import Model
 from gmwm.theory.statespace import StateSpace
 
-COHERENCE = 300.0
-"""Correlation time (s) of the amplitude and the phase of a sinusoid. The value is a choice: disturbances from machines
-and from mains power drift slowly."""
-
 
 @dataclass(frozen=True, eq=False)
 class Finite:
@@ -67,5 +63,6 @@ class Finite:
 def _line(process: Process, rate: float) -> StateSpace:
     """Return the state space of a sinusoid of slowly changing amplitude and phase, with the power of the process."""
     space = process.state_space(rate)
-    decay = math.exp(-1.0 / (COHERENCE * rate))
+    # Correlation time (s), a choice: disturbances of machines and of mains drift slowly.
+    decay = math.exp(-1.0 / (300.0 * rate))
     return StateSpace(F=decay * space.F, Q=(1.0 - decay**2) * space.P0, H=space.H, R=space.R, P0=space.P0)

@@ -16,20 +16,11 @@ from gmwm.base.arrays import Vector
 NAMING = 1.0
 """Time (s) from the first alarm to the report. Alarms of all axes during this time are evaluated together."""
 SLOWNESS, LONGEST_NAMING = 8.0, 60.0
-"""The kind of a change of level is determined after SLOWNESS times the time from its onset to the alarm, but at most
-LONGEST_NAMING seconds. 9 of 10 excursions of slow noise are then not reported as jumps
-(validation/study_monitor.py)."""
-MOVED_RATIO = 2.0
-"""If several axes change at once, an increase of the standard deviation by this factor counts as motion."""
-LINE_CHANCE = 1e-4
-"""Probability that noise without a sinusoid has a spectral peak at any frequency that is reported as a hum."""
-LINE_SHARE = 1.0 / 3.0
-"""A hum must explain at least this share of the excess power (validation/study_monitor.py)."""
+"""A change of level is named after SLOWNESS times the time from onset to alarm, within LONGEST_NAMING seconds. 9 of
+10 excursions of slow noise are then not jumps (validation/study_monitor.py)."""
 SLOW_LEVEL, SLOW_PRIOR = 6, 4.0
-"""If the alarm is at level SLOW_LEVEL or coarser, a jump is reported only if its log-likelihood exceeds the one of slow
-noise by SLOW_PRIOR (validation/study_monitor.py)."""
-SHORTEST_LINE = 64
-"""Smallest number of samples in which a hum can be found."""
+"""From this level on, a jump must exceed the log-likelihood of slow noise by SLOW_PRIOR
+(validation/study_monitor.py)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +44,7 @@ class History:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Named:
+class Fault:
     """A fault whose kind was determined."""
 
     kind: Kind
@@ -66,7 +57,7 @@ class Named:
     @property
     def is_motion(self) -> bool:
         """Whether the change counts as motion if several axes have it at the same time."""
-        louder = self.kind == "noise-up" and (self.ratio or 0.0) >= MOVED_RATIO
+        louder = self.kind == "noise-up" and (self.ratio or 0.0) >= 2.0
         return louder or self.kind in ("jump", "ramp", "spike")
 
     @property
@@ -78,7 +69,7 @@ class Named:
 
 
 @dataclass(frozen=True)
-class _Shape:
+class _LevelChange:
     """A jump or a ramp fitted to innovations: kind, gain of log-likelihood, size, and index of its beginning."""
 
     kind: Kind
@@ -96,20 +87,20 @@ def naming_time(alarm: Alarm, rate: float) -> int:
     return max(usual, min(slow, round(LONGEST_NAMING * rate)))
 
 
-def named(alarms: Sequence[Alarm], history: History, gain: Gain, settings: ChartSettings) -> Named:
+def name_fault(alarms: Sequence[Alarm], history: History, gain: Gain, settings: ChartSettings) -> Fault:
     """Determine the fault that caused the alarms of one axis, in order of time and without the family "constant"."""
     families = {alarm.family for alarm in alarms}
     first = alarms[0]
     if families == {"spike"}:
         place = history.fast.size - (history.now - first.sample)
         error = float(history.fast[place]) if place >= 0 else math.sqrt(2.0 * first.score) * first.sign
-        return Named(kind="spike", onset=first.sample, size=error * math.sqrt(gain.S))
+        return Fault(kind="spike", onset=first.sample, size=error * math.sqrt(gain.S))
     noise = _strongest(alarms, "noise up")
     level = _strongest(alarms, "level")
     down = _strongest(alarms, "noise down")
     if down is not None and noise is None and (level is None or down.score > level.score):
-        ratio = _spread(history, down)
-        return Named(kind="noise-down", onset=down.onset + 1, level=down.level, ratio=ratio)
+        ratio = _noise_ratio(history, down)
+        return Fault(kind="noise-down", onset=down.onset + 1, level=down.level, ratio=ratio)
     earliest = next((alarm for alarm in alarms if alarm.family == "level"), first)
     shape = _course(history, earliest.onset + 1, gain)
     if noise is None:
@@ -120,25 +111,26 @@ def named(alarms: Sequence[Alarm], history: History, gain: Gain, settings: Chart
     # A jump that is detected only after seconds is small compared with slow noise, which is then the more likely cause.
     prior = SLOW_PRIOR if level is not None and earliest.level >= SLOW_LEVEL and shape.kind == "jump" else 0.0
     if slow + prior > max(shape.gain, white) and slow_level > 3:
-        ratio = _spread(history, earliest._replace(level=slow_level))
-        return Named(kind="noise-up", onset=earliest.onset + 1, level=slow_level, ratio=ratio)
+        ratio = _noise_ratio(history, earliest._replace(level=slow_level))
+        return Fault(kind="noise-up", onset=earliest.onset + 1, level=slow_level, ratio=ratio)
     if level is not None and shape.gain > white:
-        return Named(kind=shape.kind, onset=shape.begin, level=level.level, size=shape.size)
+        return Fault(kind=shape.kind, onset=shape.begin, level=level.level, size=shape.size)
     chosen = noise or first
     line = _line(history, chosen.onset + 1, gain)
     if line is not None:
         cycles, size = line
-        return Named(kind="hum", onset=chosen.onset + 1, level=chosen.level, size=size, cycles=cycles)
+        return Fault(kind="hum", onset=chosen.onset + 1, level=chosen.level, size=size, cycles=cycles)
     if noise is None and level is not None and "spike" not in families:
-        return Named(kind=shape.kind, onset=shape.begin, level=level.level, size=shape.size)
-    return Named(
-        kind="noise-up", onset=chosen.onset + 1, level=noise.level if noise else None, ratio=_spread(history, chosen)
-    )
+        return Fault(kind=shape.kind, onset=shape.begin, level=level.level, size=shape.size)
+    return Fault(
+        kind="noise-up", onset=chosen.onset + 1, level=noise.level if noise else None,
+        ratio=_noise_ratio(history, chosen),
+    )  # fmt: skip
 
 
 def _strongest(alarms: Sequence[Alarm], family: str) -> Alarm | None:
-    found = [alarm for alarm in alarms if alarm.family == family]
-    return max(found, key=lambda alarm: alarm.score) if found else None
+    candidates = [alarm for alarm in alarms if alarm.family == family]
+    return max(candidates, key=lambda alarm: alarm.score) if candidates else None
 
 
 def _excess(history: History, onset: int) -> float:
@@ -150,7 +142,7 @@ def _excess(history: History, onset: int) -> float:
     return 0.5 * values.size * (r - 1.0 - math.log(r)) if r > 1.0 else 0.0
 
 
-def _spread(history: History, alarm: Alarm) -> float:
+def _noise_ratio(history: History, alarm: Alarm) -> float:
     """Return the ratio of the measured to the expected standard deviation at the level of an alarm, since its onset."""
     values, width, _ = history.since(alarm.onset + 1)
     half = max((1 << alarm.level) // 2 // width, 1)
@@ -161,22 +153,22 @@ def _spread(history: History, alarm: Alarm) -> float:
     return math.sqrt(float(np.mean(np.square(w))) / (2.0 * half))
 
 
-def _course(history: History, onset: int, gain: Gain) -> _Shape:
+def _course(history: History, onset: int, gain: Gain) -> _LevelChange:
     """Return the jump or ramp of the level that explains the innovations best."""
     duration = max(history.now - onset, 1)
     values, width, first = history.since(onset - 3 * duration)
-    step = _thinned(gain.step_response(values.size * width), width)
-    slope = _thinned(np.cumsum(gain.step_response(values.size * width)), width)
+    step = _thin(gain.step_response(values.size * width), width)
+    slope = _thin(np.cumsum(gain.step_response(values.size * width)), width)
     place = max((onset - first) // width, 0)
     near = max(duration // width, 8)
     jumps = range(max(place - near // 2, 0), min(place + near, values.size - 1) + 1, max(near // 64, 1))
     ramps = {max(place - k * duration // width, 0) for k in (0, 1, 2, 3)}
-    candidates = [_fitted("jump", values, step, begin) for begin in jumps]
-    candidates += [_fitted("ramp", values, slope, begin) for begin in sorted(ramps)]
+    candidates = [_fit_change("jump", values, step, begin) for begin in jumps]
+    candidates += [_fit_change("ramp", values, slope, begin) for begin in sorted(ramps)]
     # The best of many possible beginnings fits well by chance, so the logarithm of their number is subtracted.
     price = {"jump": math.log(max(len(jumps), 1)), "ramp": math.log(len(ramps))}
-    best = max(candidates, key=lambda one: one.gain - price[one.kind])
-    return _Shape(best.kind, best.gain, best.size, first + best.begin * width)
+    best = max(candidates, key=lambda change: change.gain - price[change.kind])
+    return _LevelChange(best.kind, best.gain, best.size, first + best.begin * width)
 
 
 def _slow_excess(history: History, onset: int) -> tuple[float, int]:
@@ -194,36 +186,37 @@ def _slow_excess(history: History, onset: int) -> tuple[float, int]:
     return best
 
 
-def _thinned(values: Vector, width: int) -> Vector:
+def _thin(values: Vector, width: int) -> Vector:
     return values if width == 1 else np.asarray(values.reshape(-1, width).sum(axis=1) / math.sqrt(width))
 
 
-def _fitted(kind: Kind, values: Vector, response: Vector, begin: int) -> _Shape:
+def _fit_change(kind: Kind, values: Vector, response: Vector, begin: int) -> _LevelChange:
     here, g = values[begin:], response[: values.size - begin]
     power = float(g @ g)
     if power == 0:
-        return _Shape(kind, 0.0, 0.0, begin)
+        return _LevelChange(kind, 0.0, 0.0, begin)
     size = float(g @ here) / power
-    return _Shape(kind, 0.5 * size * size * power, size, begin)
+    return _LevelChange(kind, 0.5 * size * size * power, size, begin)
 
 
 def _line(history: History, onset: int, gain: Gain) -> tuple[float, float] | None:
     """Return frequency (cycles per sample) and amplitude of a significant sinusoid that explains much of the excess."""
     start = max(onset, history.now - history.fast.size)
     values = history.fast[history.fast.size - (history.now - start) :]
-    if values.size < SHORTEST_LINE:
+    if values.size < 64:
         return None
     size = 4 * values.size
     window = np.hanning(values.size + 2)[1:-1]
     power = np.square(np.abs(np.fft.rfft(values * window, size))) / float(np.sum(window**2))
     power[:8] = 0.0  # frequencies of slow noise, not of a hum
     peak = int(np.argmax(power[: size // 2]))
-    rest = float(np.median(power[8 : size // 2])) / math.log(2.0)
-    if power[peak] / max(rest, 1.0) < math.log(values.size / LINE_CHANCE):
+    background = float(np.median(power[8 : size // 2])) / math.log(2.0)
+    # Chance of such a peak at any frequency without a sinusoid.
+    if power[peak] / max(background, 1.0) < math.log(values.size / 1e-4):
         return None
     amplitude = 2.0 * math.sqrt(float(power[peak]) * float(np.sum(window**2))) / float(np.sum(window))
     excess = float(np.mean(np.square(values))) - 1.0
-    if 0.5 * amplitude**2 < LINE_SHARE * excess:
+    if 0.5 * amplitude**2 < 1.0 / 3.0 * excess:  # share of the excess power (validation/study_monitor.py)
         return None
     cycles = peak / size
     return cycles, amplitude / gain.magnitude(cycles)

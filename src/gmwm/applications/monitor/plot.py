@@ -4,36 +4,28 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gmwm.applications.monitor import Event, Trace
-from gmwm.base.arrays import Vector
 from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError
 from gmwm.base.units import SI_UNIT
 from gmwm.showing.plots.axes import quiet
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke
+from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.linear import even_axis, time_unit
-from gmwm.showing.plots.series import PAGE
 from gmwm.showing.plots.style import BLUE, DASHED, GREEN, ORANGE, PURPLE, VERMILLION
 from gmwm.showing.plots.view import view_of
-
-if TYPE_CHECKING:
-    pass
 
 _CHARTS = {"noise up": ("Noise up", ORANGE), "noise down": ("Noise down", GREEN), "level": ("Level", PURPLE)}
 TOP = 1.1
 """Largest value of a chart statistic that is drawn. Larger values are drawn at this value; the threshold is 1."""
-HEIGHT = 30.0
-"""Height of a row of panels (mm)."""
 
 
 def trace_figure(trace: Trace) -> Figure:
-    """Return the figure that `plot_trace` draws, with a row for each axis that shows its signal and its charts."""
+    """Return the figure of `Trace.plot`, with a row for each axis that shows its signal and its charts."""
     axes = trace.monitor.axes
     times = [trace.signal(axis)[0] for axis in axes]
     if not times[0].size:
@@ -47,10 +39,10 @@ def trace_figure(trace: Trace) -> Figure:
         below = axis == axes[-1]
         x = even_axis(0.0, max(last - first, 1e-9) / size, label, margin=0.01, at_most=6)
         x = x if below else quiet(x)
-        own = [event for event in trace.events if event.axis in (axis, "")]
+        events = [event for event in trace.events if event.axis in (axis, "")]
         scale = (first, size)
-        rows.append((_signal(trace, axis, own, x=x, scale=scale), _charts(trace, axis, x=x, scale=scale)))
-    return Figure(tuple(rows), width=PAGE, height=18.0 + HEIGHT * len(rows), legend_columns=3)
+        rows.append((_signal(trace, axis, events, x=x, scale=scale), _charts(trace, axis, x=x, scale=scale)))
+    return Figure(tuple(rows), width=PAGE, height=18.0 + 30.0 * len(rows), legend_columns=3)
 
 
 def _signal(trace: Trace, axis: str, events: Sequence[Event], *, x: Axis, scale: tuple[float, float]) -> Panel:
@@ -63,7 +55,9 @@ def _signal(trace: Trace, axis: str, events: Sequence[Event], *, x: Axis, scale:
     y = even_axis(float(low.min()), float(high.max()), shown.unit, margin=0.1, at_most=4)
     marks: list[Mark] = [Band((times - first) / size, low, high, BLUE, opacity=0.8, label="Signal less its median")]
     if events:
-        at, height = _uprights((np.array([event.time for event in events]) - first) / size, y.limits)
+        # One interrupted curve of vertical lines.
+        at = np.repeat((np.array([event.time for event in events]) - first) / size, 3)
+        height = np.tile(np.array([*y.limits, np.nan]), len(events))
         marks.append(Line(at, height, Stroke(VERMILLION, 1.0), label="Event", layer=2))
     return Panel(x, y, tuple(marks), axis_title(axis))
 
@@ -78,13 +72,6 @@ def _charts(trace: Trace, axis: str, *, x: Axis, scale: tuple[float, float]) -> 
     ends = np.array(x.limits)
     marks.append(Line(ends, np.ones(2), Stroke(VERMILLION, 0.9, DASHED), label="Threshold"))
     return Panel(x, even_axis(0.0, TOP, "", margin=0.0, at_most=4), tuple(marks), "Charts (threshold: 1)")
-
-
-def _uprights(places: Vector, limits: tuple[float, float]) -> tuple[Vector, Vector]:
-    """Return vertical lines at the positions `places`, as the coordinates of one interrupted curve."""
-    x = np.repeat(places, 3)
-    y = np.tile(np.array([limits[0], limits[1], np.nan]), places.size)
-    return x, y
 
 
 @drawing

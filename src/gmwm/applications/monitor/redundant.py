@@ -21,14 +21,8 @@ from gmwm.theory.processes.model import Model
 if TYPE_CHECKING:
     from gmwm.recording.signals import Imu
 
-LEAST = 3
+UNITS_TO_COMPARE = 3
 """Smallest number of units with which the changed unit can be identified."""
-REFERENCE = 0.1
-"""The baseline is measured from this share of the recordings, at their beginning."""
-BLOCK = 1 << 11
-"""Number of samples that are compared in one step."""
-CONSEQUENCES = 600.0
-"""Events of other units on the same axis count as consequences of a reported event for at least this time (s)."""
 LONGEST_MOTION = 60.0
 """Longest time (s) for which all units may move together."""
 
@@ -93,14 +87,13 @@ def redundant(
     >>> list(redundant(model, units, every="10d"))
     []
     """
-    if len(recordings) < LEAST:
+    if len(recordings) < UNITS_TO_COMPARE:
         raise OptionError(
-            f"at least {LEAST} units are needed to name the one that has changed; got {len(recordings)}",
-            argument="recordings",
-            got=len(recordings),
+            f"at least {UNITS_TO_COMPARE} units are needed to name the one that has changed; got {len(recordings)}",
+            argument="recordings", got=len(recordings),
             advice="Monitor each unit alone, with the baseline of its own calibration.",
-        )
-    shared = [axis for axis in calibration if all(axis in one.axes for one in recordings.values())]
+        )  # fmt: skip
+    shared = [axis for axis in calibration if all(axis in recording_of.axes for recording_of in recordings.values())]
     models = models_of(calibration, shared if axes is None else axes)
     rate = common_rate(calibration, next(iter(recordings.values())).rate)
     for recording in recordings.values():
@@ -115,25 +108,30 @@ def _events(
     apart = {axis: _times(model, 1.0 + 1.0 / (n - 1), rate) for axis, model in models.items()}
     mean_of = {axis: _times(model, 1.0 / n, rate) for axis, model in models.items()}
     common = Monitor(mean_of, every, rate=rate, baseline=None)
-    known = _baselines(apart, recordings, rate)
-    monitors = {name: Monitor(apart, every * n, rate=rate, baseline=known[name]) for name in recordings}
+    references = _baselines(apart, recordings, rate)
+    monitors = {name: Monitor(apart, every * n, rate=rate, baseline=references[name]) for name in recordings}
     culprits = _Culprits(n)
-    for block in _blocks(recordings, list(models), BLOCK):
+    for block in _blocks(recordings, list(models), 1 << 11):
         mean = {axis: np.asarray(sum(unit[axis] for unit in block.values()) / n) for axis in models}
         motion = [event for event in common.update(mean) if event.kind in ("moved", "still")]
         yield from (UnitEvent("", event) for event in motion)
         if motion or common.resting:
-            _require_rest(common)
-            for one in monitors.values():
-                one.skip(next(iter(mean.values())).size)
+            if common.resting and common.moving_for > LONGEST_MOTION:
+                raise DataError(
+                    f"the units have moved for more than {LONGEST_MOTION:g} s: they can be compared only at rest, "
+                    "because a difference of 0.1 % in scale is 180 deg/h at 50 deg/s",
+                    argument="recordings", advice="Leave the motion out with {--skip}, or record at rest.",
+                )  # fmt: skip
+            for monitor in monitors.values():
+                monitor.skip(next(iter(mean.values())).size)
             continue
-        found = [
+        events = [
             UnitEvent(name, event)
-            for name, one in monitors.items()
-            for event in one.update({a: n / (n - 1) * (x - mean[a]) for a, x in block[name].items()})
+            for name, monitor in monitors.items()
+            for event in monitor.update({a: n / (n - 1) * (x - mean[a]) for a, x in block[name].items()})
         ]
-        yield from culprits.of(found)
-    yield from culprits.of([UnitEvent(name, event) for name, one in monitors.items() for event in one.finish()])
+        yield from culprits.of(events)
+    yield from culprits.of([UnitEvent(name, event) for name, monitor in monitors.items() for event in monitor.finish()])
 
 
 class _Culprits:
@@ -143,27 +141,25 @@ class _Culprits:
         self._units = units
         self._until: dict[str, tuple[str, float]] = {}
 
-    def of(self, found: list[UnitEvent]) -> Iterator[UnitEvent]:
+    def of(self, batch: list[UnitEvent]) -> Iterator[UnitEvent]:
         """Yield the events that are not consequences of an event of another unit."""
         by_axis: dict[str, list[UnitEvent]] = {}
-        for one in found:
-            by_axis.setdefault(one.event.axis, []).append(one)
+        for item in batch:
+            by_axis.setdefault(item.event.axis, []).append(item)
         for axis, events in by_axis.items():
-            begin = min(one.event.time for one in events)
-            first = [one for one in events if one.event.time <= begin + NAMING]
-            for one in sorted(events, key=lambda one: (one not in first, -_magnitude(one.event), one.event.time)):
+            begin = min(item.event.time for item in events)
+            first = [item for item in events if item.event.time <= begin + NAMING]
+            size = {item: max(abs(item.event.size or 0.0), item.event.ratio or 0.0) for item in events}
+            for item in sorted(events, key=lambda item: (item not in first, -size[item], item.event.time)):
                 name, until = self._until.get(axis, ("", -np.inf))
-                if one.name != name and one.event.time <= until:
+                if item.name != name and item.event.time <= until:
                     continue
                 # The differences of the other units contain 1/(n − 1) of the fault. Detecting it takes (n − 1)² times
                 # as long.
-                slow = (self._units - 1) ** 2 * (one.event.time - one.event.began)
-                self._until[axis] = (one.name, one.event.time + max(CONSEQUENCES, 4.0 * slow))
-                yield one
-
-
-def _magnitude(event: Event) -> float:
-    return max(abs(event.size or 0.0), event.ratio or 0.0)
+                slow = (self._units - 1) ** 2 * (item.event.time - item.event.began)
+                # Consequences last at least 600 s.
+                self._until[axis] = (item.name, item.event.time + max(600.0, 4.0 * slow))
+                yield item
 
 
 def _times(model: Model, factor: float, rate: float) -> Model:
@@ -176,25 +172,14 @@ def _times(model: Model, factor: float, rate: float) -> Model:
     return Model(tuple(scaled))
 
 
-def _require_rest(common: Monitor) -> None:
-    """Raise an error if all units have moved for too long."""
-    if common.resting and common.moving_for > LONGEST_MOTION:
-        raise DataError(
-            f"the units have moved for more than {LONGEST_MOTION:g} s: they can be compared only at rest, because a "
-            "difference of 0.1 % in scale is 180 deg/h at 50 deg/s",
-            argument="recordings",
-            advice="Leave the motion out with {--skip}, or record at rest.",
-        )
-
-
 def _baselines(
     models: Mapping[str, Model], recordings: Mapping[str, Imu | Stream], rate: float
 ) -> dict[str, dict[str, Baseline]]:
     """Return the baselines of the differences for each unit and axis, from the first tenth of the recordings."""
     n = len(recordings)
     lengths = [recording.rows if isinstance(recording, Stream) else len(recording) for recording in recordings.values()]
-    wanted = max(int(REFERENCE * min(lengths)), 1)
-    block = next(_blocks(recordings, list(models), wanted))
+    count = max(int(0.1 * min(lengths)), 1)  # the first tenth of the recordings
+    block = next(_blocks(recordings, list(models), count))
     mean = {axis: sum(unit[axis] for unit in block.values()) / n for axis in models}
     return {
         name: {

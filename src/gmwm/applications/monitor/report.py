@@ -17,7 +17,7 @@ from gmwm.showing.reports.write import environment, part
 
 def monitor_data(trace: Trace) -> dict[str, Any]:
     """Return the content of the page, without the plot, as plain data."""
-    one = trace.monitor
+    monitor = trace.monitor
     rows = [["Time (s)", "Began (s)", "Axis", "Kind", "Event"]]
     rows += [
         [f"{event.time:.2f}", f"{event.began:.2f}", event.axis or "unit", event.kind, event.description]
@@ -25,14 +25,14 @@ def monitor_data(trace: Trace) -> dict[str, Any]:
     ]
     facts = [
         *([("Source", trace.source)] if trace.source else []),
-        ("Axes", ", ".join(one.axes)),
-        ("Duration", duration_text(one.samples / one.rate)),
-        ("Samples", str(one.samples)),
-        ("Sampling rate", f"{one.rate:g} Hz"),
-        ("Time between false alarms", duration_text(one.every)),
-        ("Baseline", ", ".join(one.baselines) or "none: the models alone"),
+        ("Axes", ", ".join(monitor.axes)),
+        ("Duration", duration_text(monitor.samples / monitor.rate)),
+        ("Samples", str(monitor.samples)),
+        ("Sampling rate", f"{monitor.rate:g} Hz"),
+        ("Time between false alarms", duration_text(monitor.every)),
+        ("Baseline", ", ".join(monitor.baselines) or "none: the models alone"),
     ]
-    models = [["Axis", "Model"], *([axis, model.structure] for axis, model in one.models.items())]
+    models = [["Axis", "Model"], *([axis, model.structure] for axis, model in monitor.models.items())]
     return {
         "title": "Monitor of a sensor at rest",
         "gmwm": version(),
@@ -61,7 +61,6 @@ def page(trace: Trace) -> str:
     html: str = template.render(
         **monitor_data(trace),
         policy="default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'",
-        style=part("page/report.css"),
-        picture=base64.b64encode(buffer.getvalue()).decode(),
-    )
+        style=part("page/report.css"), picture=base64.b64encode(buffer.getvalue()).decode(),
+    )  # fmt: skip
     return html

@@ -22,10 +22,6 @@ from gmwm.theory.processes.model import Model, as_model
 if TYPE_CHECKING:
     from gmwm.files.readers.streams import Stream
 
-RATE_TOLERANCE = 0.01
-"""Largest relative difference between the sampling rates of a recording and of the calibration. A difference of this
-size changes the expected variances by less than the dead band of the charts."""
-
 
 def models_of(calibration: Mapping[str, Any], axes: Sequence[str] | None) -> dict[str, Model]:
     """Return the model of each axis to monitor."""
@@ -33,9 +29,8 @@ def models_of(calibration: Mapping[str, Any], axes: Sequence[str] | None) -> dic
         raise OptionError(
             "calibration must be a Calibration or a mapping of axis to Fit or Model; got "
             f"{'an empty mapping' if isinstance(calibration, Mapping) else type(calibration).__name__}",
-            argument="calibration",
-            advice='Load one: `gmwm.Calibration.load("results/calibration.json")`.',
-        )
+            argument="calibration", advice='Load one: `gmwm.Calibration.load("results/calibration.json")`.',
+        )  # fmt: skip
     names = list(calibration) if axes is None else list(axes)
     unknown = [axis for axis in names if axis not in calibration]
     if unknown or not names:
@@ -52,21 +47,20 @@ def common_rate(calibration: Mapping[str, Any], rate: float | None) -> float:
     rates = {item.wavelet_variance.rate for item in calibration.values() if isinstance(item, Fit)}
     if rate is None and not rates:
         raise OptionError(argument="rate", expected="a number (Hz), because models have no sampling rate", got=None)
-    found = as_rate(rate if rate is not None else max(rates))
-    for known in rates:
-        check_rate(found, known)
-    return found
+    common = as_rate(rate if rate is not None else max(rates))
+    for fit_rate in rates:
+        check_rate(common, fit_rate)
+    return common
 
 
-def check_rate(rate: float, known: float) -> None:
+def check_rate(rate: float, expected: float) -> None:
     """Raise an error if a recording does not have the sampling rate of the calibration."""
-    if abs(rate / known - 1.0) > RATE_TOLERANCE:
+    if abs(rate / expected - 1.0) > 0.01:  # changes variances by less than the dead band of the charts
         raise OptionError(
             argument="rate",
-            expected=f"{known:g}, the rate of the calibration (Hz), because its values are per sample",
-            got=rate,
+            expected=f"{expected:g}, the rate of the calibration (Hz), because its values are per sample", got=rate,
             advice="Calibrate a recording with this rate.",
-        )
+        )  # fmt: skip
 
 
 LONGEST_EVERY = 1e12
@@ -83,19 +77,19 @@ def as_every(every: str | float) -> float:
 
 
 def baselines_of(
-    calibration: Mapping[str, Any], given: Mapping[str, Baseline] | Literal["auto"] | None, axes: Sequence[str]
+    calibration: Mapping[str, Any], chosen: Mapping[str, Baseline] | Literal["auto"] | None, axes: Sequence[str]
 ) -> dict[str, Baseline]:
     """Return the baseline of each axis that has one."""
-    if given is None:
+    if chosen is None:
         return {}
-    if given == "auto":
-        own = getattr(calibration, "baselines", {})
-        return {axis: own[axis] for axis in axes if axis in own}
-    if not isinstance(given, Mapping) or not all(isinstance(one, Baseline) for one in given.values()):
+    if chosen == "auto":
+        measured = getattr(calibration, "baselines", {})
+        return {axis: measured[axis] for axis in axes if axis in measured}
+    if not isinstance(chosen, Mapping) or not all(isinstance(item, Baseline) for item in chosen.values()):
         raise OptionError(
-            argument="baseline", expected="a mapping of axis to Baseline, 'auto', or None", got=type(given).__name__
+            argument="baseline", expected="a mapping of axis to Baseline, 'auto', or None", got=type(chosen).__name__
         )
-    return {axis: given[axis] for axis in axes if axis in given}
+    return {axis: chosen[axis] for axis in axes if axis in chosen}
 
 
 def remarks_of(gains: Mapping[str, Gain], baselines: Mapping[str, Baseline], *, wanted: bool) -> Iterator[Remark]:
@@ -111,19 +105,10 @@ def chunks_of(recording: Imu | Stream) -> Iterator[Chunk]:
     if not isinstance(recording, Imu):
         yield from recording
         return
-    one = next(iter(recording.signals.values()))
-    for k, ((first, last), start) in enumerate(zip(one.segments, one.starts, strict=True)):
+    reference = next(iter(recording.signals.values()))
+    for k, ((first, last), start) in enumerate(zip(reference.segments, reference.starts, strict=True)):
         values = {axis: signal.values[first:last] for axis, signal in recording.signals.items()}
         yield Chunk(values, first=first, segment=k, start=start)
-
-
-def as_lists(value: Any) -> Any:
-    """Return a state with arrays and tuples converted to lists."""
-    if isinstance(value, Mapping):
-        return {key: as_lists(item) for key, item in value.items()}
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    return [as_lists(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def checked_samples(axes: Sequence[str], values: Mapping[str, ArrayLike]) -> dict[str, Vector]:
@@ -132,21 +117,78 @@ def checked_samples(axes: Sequence[str], values: Mapping[str, ArrayLike]) -> dic
     for axis in axes:
         if axis not in values:
             raise DataError(
-                f"the samples of {axis} are missing; got {', '.join(values) or 'no axis'}",
-                argument="values",
+                f"the samples of {axis} are missing; got {', '.join(values) or 'no axis'}", argument="values",
                 advice="Pass all axes of the monitor, or make it with `axes=`.",
-            )
+            )  # fmt: skip
         x = np.atleast_1d(np.ascontiguousarray(values[axis], dtype=np.float64))
         if x.ndim != 1:
             raise DataError(argument=axis, expected="one value for each sample", got=f"shape {x.shape}")
         if not np.all(np.isfinite(x)):
             raise DataError(
-                f"{axis} has a value that is not finite",
-                argument=axis,
+                f"{axis} has a value that is not finite", argument=axis,
                 advice="Leave missing samples out, and call `gap()` there.",
-            )
+            )  # fmt: skip
         arrays[axis] = x
     if len({x.size for x in arrays.values()}) > 1:
         sizes = ", ".join(f"{axis} {x.size}" for axis, x in arrays.items())
         raise DataError(f"the axes have different numbers of samples: {sizes}", argument="values")
     return arrays
+
+
+def baselines(
+    calibration: Mapping[str, Any], recording: Imu | Stream, axes: Sequence[str] | None = None
+) -> dict[str, Baseline]:
+    """Measure the baseline of each axis for `Monitor`, from a recording of a healthy sensor at rest.
+
+    `calibrate` calls this function with the calibrated recording.
+
+    Parameters
+    ----------
+    calibration : Calibration, or mapping of axis to Fit or Model
+        The noise models. recording : Imu or Stream The reference recording. Its first 2.1 million samples are used.
+    axes : sequence of str, optional
+        The axes; all axes of the calibration by default.
+
+    Returns
+    -------
+    mapping of axis to Baseline
+
+    Raises
+    ------
+    DataError
+        If the recording does not have an axis, or is too short.
+    OptionError
+        If the sampling rate differs from the rate of the calibration.
+
+    Examples
+    --------
+    >>> from gmwm import Model, simulate
+    >>> model = "WN(sigma2=1e-6) + RW(gamma2=1e-14)"
+    >>> quiet = simulate({"gyro_x": model}, rate=100.0, samples=60_000, rng=1)
+    >>> found = baselines({"gyro_x": model}, quiet)["gyro_x"]
+    >>> found.ratios[:3].round(1).tolist(), found.equal
+    ([1.0, 1.0, 1.0], 1)
+    """
+    models = models_of(calibration, axes)
+    missing = [axis for axis in models if axis not in recording.axes]
+    if missing:
+        raise DataError(
+            f"the reference has no {missing[0]}; it has {', '.join(recording.axes)}", argument="reference",
+            advice="Choose the axes to monitor with {--axis}.",
+        )  # fmt: skip
+    rate = common_rate(calibration, recording.rate)
+    check_rate(recording.rate, rate)
+    parts: dict[str, list[list[Vector]]] = {axis: [] for axis in models}
+    segment, total = -1, 0
+    for chunk in chunks_of(recording):
+        for axis, segments in parts.items():
+            if chunk.segment != segment:
+                segments.append([])
+            segments[-1].append(chunk.values[axis])
+        segment, total = chunk.segment, total + len(chunk)
+        if total >= 1 << 21:  # later samples of a reference are not used
+            break
+    return {
+        axis: Baseline.of(models[axis], [np.concatenate(part) for part in segments], rate)
+        for axis, segments in parts.items()
+    }

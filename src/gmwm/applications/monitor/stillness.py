@@ -8,19 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from gmwm.applications.monitor.axis import Axis
+from gmwm.applications.monitor.axis import MonitoredAxis
 from gmwm.applications.monitor.stored import numbers, whole
 from gmwm.applications.monitor.whitening import Whitener
 from gmwm.base.arrays import Vector
-
-CALM = 3
-"""A unit is at rest again after this number of consecutive blocks without motion."""
-LOUD = 4.0
-"""A block contains motion if the mean square of its innovations exceeds the expected one by this factor. The standard
-deviation is then twice the expected one."""
-SHORTEST = 32
-"""Smallest number of samples in a block. Without motion, the ratio of mean squares then exceeds LOUD once in 10¹⁰
-blocks."""
+from gmwm.base.plain import plain_fields
 
 
 @dataclass(frozen=True)
@@ -31,9 +23,11 @@ class Stillness:
     samples: int = 0  # number of samples since the motion was detected
     held: Mapping[str, Vector] = field(default_factory=dict)  # samples of the present block
 
-    def update(self, parts: Mapping[str, Vector], axes: Mapping[str, Axis], naming: int) -> tuple[int, Stillness, bool]:
+    def update(
+        self, parts: Mapping[str, Vector], axes: Mapping[str, MonitoredAxis], naming: int
+    ) -> tuple[int, Stillness, bool]:
         """Add samples of all axes. Return the number of used samples, the new state, and whether the unit rests."""
-        block = max(naming, SHORTEST)
+        block = max(naming, 32)  # without motion, the ratio below exceeds its limit once in 10¹⁰ blocks
         filled = next(iter(self.held.values())).size if self.held else 0
         used = min(next(iter(parts.values())).size, block - filled)
         held = {
@@ -41,8 +35,11 @@ class Stillness:
         }
         if filled + used < block:
             return used, replace(self, held=held, samples=self.samples + used), False
-        calm = self.calm + 1 if all(_still(axes[axis], x) for axis, x in held.items()) else 0
-        return used, Stillness(calm, self.samples + used), calm >= CALM
+        for axis, x in held.items():
+            errors, usual = Whitener(axes[axis].gain).update(x), float(axes[axis].settings.ratios[0])
+            if not float(np.mean(np.square(errors))) < 4.0 * usual:
+                return used, Stillness(0, self.samples + used), False
+        return used, Stillness(self.calm + 1, self.samples + used), self.calm + 1 >= 3
 
     def broken(self) -> Stillness:
         """Return the state after a gap."""
@@ -50,15 +47,10 @@ class Stillness:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the state as numbers and lists."""
-        return {"calm": self.calm, "samples": self.samples, "held": {axis: x.tolist() for axis, x in self.held.items()}}
+        return plain_fields(self, "calm samples held")
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Stillness:
         """Create a state from the result of `to_dict`."""
         held = {axis: numbers(x) for axis, x in content["held"].items()}
         return cls(whole(content["calm"]), whole(content["samples"]), held)
-
-
-def _still(axis: Axis, x: Vector) -> bool:
-    errors = Whitener(axis.gain).update(x)
-    return float(np.mean(np.square(errors))) < LOUD * float(axis.settings.ratios[0])

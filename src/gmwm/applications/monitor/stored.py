@@ -9,13 +9,10 @@ import numpy as np
 
 from gmwm.base.arrays import Vector
 
-LARGEST = 1 << 62
-"""Largest absolute value of a whole number, because sample numbers are 64-bit integers."""
-
 
 def whole(value: Any) -> int:
     """Check that a value is a whole number, and return it."""
-    if type(value) is not int or abs(value) > LARGEST:
+    if type(value) is not int or abs(value) > 1 << 62:  # sample numbers are 64-bit integers
         raise ValueError(f"expected a whole number; got {value!r:.50}")
     return value
 

@@ -12,12 +12,8 @@ from gmwm.base.arrays import Vector
 SHIFT = 1.0
 """Shift of a block mean, in standard deviations of block means, for which the level charts have the shortest delay."""
 SOLVED_AT = 1e5
-"""Run length (blocks) for which the integral equation is solved. For other run lengths, the threshold is extrapolated
-linearly in the logarithm of the run length. The error is below 4 % of the run length from 10⁴ to 10⁸ blocks
-(tests/monitor/test_charts.py)."""
-_CELLS = 120
-"""Number of cells in which the integral equation is discretised. With 300 cells, the run length changes by less than
-3 % (same test)."""
+"""Run length (blocks) of the integral equation. For others, the threshold is extrapolated in its logarithm, with an
+error below 4 % from 10⁴ to 10⁸ blocks (tests/monitor/test_charts.py)."""
 
 
 def level_threshold(run_length: float) -> float:
@@ -81,7 +77,7 @@ def shape_factor(sums: int, ratio: float) -> float:
     return float(brentq(excess, 1e-3, min(largest * (1.0 - 1e-9), 10.0)))
 
 
-def noise_run_length(threshold: float, shape: float, ratio: float, cells: int = _CELLS) -> float:
+def noise_run_length(threshold: float, shape: float, ratio: float, cells: int = 120) -> float:
     """Return the average run length (blocks) of a noise chart that starts at 0, from Page's equation on cells."""
     width = threshold / cells
     states = np.concatenate([[0.0], (np.arange(cells) + 0.5) * width])
@@ -103,8 +99,8 @@ def _increment_cdf(values: Vector, shape: float, ratio: float) -> Vector:
 
     slope = 1.0 - 1.0 / ratio
     y = np.maximum((values / shape + math.log(ratio)) / slope, 0.0)
-    found = gammainc(shape, y * shape) if slope > 0 else gammaincc(shape, y * shape)
-    return np.asarray(found, dtype=np.float64)
+    probability = gammainc(shape, y * shape) if slope > 0 else gammaincc(shape, y * shape)
+    return np.asarray(probability, dtype=np.float64)
 
 
 def spike_limit(run_length: float) -> float:

@@ -13,6 +13,7 @@ from gmwm.applications.monitor.api import Monitor
 from gmwm.applications.monitor.events import Event
 from gmwm.applications.monitor.setup import chunks_of
 from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.plain import plain, plain_fields
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.text import counted, duration_text
 from gmwm.recording.chunks import Chunk
@@ -21,10 +22,6 @@ if TYPE_CHECKING:
     from gmwm.files.readers.streams import Stream
     from gmwm.recording.signals import Imu
 
-MOST = 2048
-"""Largest number of time intervals that are kept. If there are more, neighbouring intervals are merged."""
-SHORTEST = 16
-"""Number of samples in an interval before intervals are merged."""
 STEP, LOOKS = 512, 256
 """The chart statistics are recorded after each STEP samples or, later, after 1/LOOKS of the samples so far."""
 FAMILIES = ("noise up", "noise down", "level")
@@ -54,116 +51,62 @@ class Trace(Plotted):
         self.source = source
         self.events: list[Event] = []
         self._pictures = pictures
-        self._signals = {axis: _Course(SHORTEST) for axis in monitor.axes}
+        self._signals = {axis: _Course(16) for axis in monitor.axes}
         self._heights = {axis: _Course(1) for axis in monitor.axes}
 
     def watch(self, recording: Imu | Stream) -> Iterator[Event]:
-        """Monitor a whole recording, like `Monitor.watch`.
-
-        Parameters
-        ----------
-        recording : Imu or Stream
-            A recording from `gmwm.read` or `gmwm.stream`.
-
-        Returns
-        -------
-        iterator of Event
-            Each event as soon as its kind is determined.
-        """
+        """Monitor a `recording`, and yield each event as soon as its kind is determined, like `Monitor.watch`."""
         for chunk in chunks_of(recording):
             yield from self.update(chunk)
         yield from self.finish()
 
     def update(self, chunk: Chunk) -> list[Event]:
-        """Add the next samples, and return the events that were detected with them.
-
-        Parameters
-        ----------
-        chunk : Chunk
-            Samples from `gmwm.stream`, without a gap.
-
-        Returns
-        -------
-        list of Event
-            Detected events, in order of time.
-        """
-        found: list[Event] = []
+        """Add a `chunk` of `gmwm.stream`, and return the events that were detected with it, in order of time."""
+        events: list[Event] = []
         at = 0
         while at < len(chunk):
             step = max(STEP, self.monitor.samples // LOOKS) if self._pictures else len(chunk)
             values = {axis: chunk.values[axis][at : at + step] for axis in self.monitor.axes}
             time = chunk.start + at / self.monitor.rate
-            found += self.monitor.update(Chunk(values, first=chunk.first + at, segment=chunk.segment, start=time))
+            events += self.monitor.update(Chunk(values, first=chunk.first + at, segment=chunk.segment, start=time))
             if self._pictures:
                 self._note(time, values)
             at += step
-        self.events += found
-        return found
+        self.events += events
+        return events
 
     def finish(self) -> list[Event]:
         """Determine and return the faults of pending alarms at the end of the samples."""
-        found = self.monitor.finish()
-        self.events += found
-        return found
+        events = self.monitor.finish()
+        self.events += events
+        return events
 
     def signal(self, axis: str) -> tuple[Vector, Matrix]:
-        """Return the times (n,) of intervals (s), and the smallest and the largest sample (n, 2) in each, in SI units.
-
-        Parameters
-        ----------
-        axis : str
-            Name of the axis.
-        """
+        """Return times (n,) of intervals (s), and smallest and largest sample (n, 2) of an `axis` in each, in SI."""
         times, rows = self._signals[axis].found()
         return times, rows * np.array([-1.0, 1.0])
 
     def heights(self, axis: str) -> tuple[Vector, dict[str, Vector]]:
-        """Return times (n,) (s), and the largest chart statistic (n,) of each family as a fraction of its threshold.
-
-        Parameters
-        ----------
-        axis : str
-            Name of the axis.
-        """
+        """Return times (n,) (s), and the largest statistic (n,) of each family of an `axis`, over its threshold."""
         times, rows = self._heights[axis].found()
         return times, {family: rows[:, k] for k, family in enumerate(FAMILIES)}
 
     def to_dict(self) -> dict[str, Any]:
         """Return the axes, the number of samples and the events as lists, numbers and strings for JSON."""
-        return {
-            "axes": list(self.monitor.axes),
-            "rate": self.monitor.rate,
-            "samples": self.monitor.samples,
-            "every": self.monitor.every,
-            "resting": self.monitor.resting,
-            "events": [event.to_dict() for event in self.events],
-        }
+        return plain_fields(self.monitor, "axes rate samples every resting") | {"events": plain(self.events)}
 
     def summary(self) -> str:
         """Describe the monitored data and the number of events in one line."""
-        one = self.monitor
-        length = duration_text(one.samples / one.rate)
-        found = counted(len(self.events), "event") if self.events else "no event"
-        rest = "; the unit was moved and is not yet still" if one.resting else ""
-        return f"{found} in {length} ({counted(one.samples, 'sample')}) of {', '.join(one.axes)}{rest}"
+        monitor = self.monitor
+        length = duration_text(monitor.samples / monitor.rate)
+        count = counted(len(self.events), "event") if self.events else "no event"
+        motion = "; the unit was moved and is not yet still" if monitor.resting else ""
+        return f"{count} in {length} ({counted(monitor.samples, 'sample')}) of {', '.join(monitor.axes)}{motion}"
 
     def report(self, path: str | os.PathLike[str]) -> Path:
-        """Write a report with the result, the events and the plots as one HTML page.
+        """Write a report with the result, the events and the plots as one HTML page, and return its path.
 
-        Parameters
-        ----------
-        path : path
-            A file name that ends in .html. If an error occurs, no file is written.
-
-        Returns
-        -------
-        Path
-            The written file.
-
-            Raises
-        ------
-        OptionError
-            If `path` does not end in .html.
+        If `path` does not end in .html, or another error occurs, no file is written.
         """
         from gmwm.applications.monitor.report import monitor_report
 
@@ -199,7 +142,7 @@ class _Course:
                 self._times.append(time + at * step)
                 self._rows.append(largest)
             self._filled, at = (self._filled + len(taken)) % self._width, at + len(taken)
-            if not self._filled and len(self._times) >= MOST:
+            if not self._filled and len(self._times) >= 2048:
                 self._times, self._width = self._times[::2], 2 * self._width
                 self._rows = [np.maximum(a, b) for a, b in zip(self._rows[::2], self._rows[1::2], strict=True)]
 

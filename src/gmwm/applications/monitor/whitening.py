@@ -1,18 +1,11 @@
 """Compute the standardised innovations of a signal with the Kalman filter of its model, chunk by chunk.
 
-After the initial transient, the filter has a constant gain K. Let F be the transition matrix and H the observation row
-of the model. The innovations e_t are then the output of a fixed linear filter, whose zeros are the eigenvalues of F and
-whose poles are the eigenvalues of Φ = F − K H. The transient is treated exactly. At the first sample, the state differs
-from the state of the constant-gain filter by a vector B u, where u has a known prior (diffuse for levels). The output
-of the fixed filter is therefore e_t = ε_t + H Φᵗ B u, with ε_t the innovations of the constant-gain filter in its
-steady state. u is estimated by recursive least squares.
-
-The results do not depend on how the samples are divided into chunks, not even in the last bit, because the same
-operations are applied to each sample.
-
-Source: Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., chapter 5; de Jong (1991), The
-diffuse Kalman filter, Annals of Statistics 19, 1073-1083.
-"""
+With a constant gain K, innovations are the output of a fixed filter, with the eigenvalues of F as zeros and those of Φ
+= F − K H as poles. The transient is exact: at the first sample, the state differs by B u from that of the constant-gain
+filter, so that the output is e_t = ε_t + H Φᵗ B u. u has a known prior (diffuse for levels) and is estimated by
+recursive least squares. All operations are per sample, so that results do not depend on the chunks in the last bit.
+Durbin and Koopman (2012), Time Series Analysis by State Space Methods, chapter 5; de Jong (1991), Annals of Statistics
+19, 1073-1083."""
 
 from __future__ import annotations
 
@@ -33,17 +26,8 @@ from gmwm.base.errors import ModelError
 
 FRAME = 1024
 """Number of samples (a frame) for which the response to the initial state is computed in one step."""
-SMALL = 1 << 17
-"""Largest number of multiplications in one matrix product."""
 DIFFUSE = 1e-12
-"""Prior information on a diffuse level, relative to the information in one sample. The result agrees with the limit of
-zero information to 12 digits."""
-FORGOTTEN = 1e-6
-"""A component of the initial state is dropped if its contribution to an innovation is below this share of the variance.
-In the mean of 2^14 samples, the contribution is then at most 1/60 of the variance."""
-COAST = 1000
-"""Largest number of missing samples over which the filter predicts the state. After a longer gap, the level is treated
-as unknown."""
+"""Prior information on a diffuse level over that of a sample. It agrees with the limit of zero to 12 digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,12 +69,12 @@ class Gain:
         S = float(H @ P @ H) + R
         K = F @ P @ H / S
         K[~moving] = 0.0
-        known = moving & ~space.diffuse
-        beyond = (space.P0 - P)[np.ix_(known, known)]
+        stationary = moving & ~space.diffuse
+        beyond = (space.P0 - P)[np.ix_(stationary, stationary)]
         values, vectors = np.linalg.eigh(0.5 * (beyond + beyond.T))
-        kept = values > 1e-9 * max(float(np.max(values, initial=0.0)), 1e-300)
-        columns = np.zeros((p, int(np.count_nonzero(kept))))
-        columns[known] = vectors[:, kept] * np.sqrt(values[kept])
+        mask = values > 1e-9 * max(float(np.max(values, initial=0.0)), 1e-300)
+        columns = np.zeros((p, int(np.count_nonzero(mask))))
+        columns[stationary] = vectors[:, mask] * np.sqrt(values[mask])
         levels = np.eye(p)[:, space.diffuse] * math.sqrt(S)
         start = np.concatenate([levels, columns], axis=1)
         phi = F - np.outer(K, H)
@@ -125,8 +109,8 @@ class Gain:
         for _ in range(samples):
             power = self.F @ power @ self.F.T + self.Q
         values, vectors = np.linalg.eigh(0.5 * (power - P + (power - P).T))
-        kept = values > 1e-12 * self.S
-        return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
+        mask = values > 1e-12 * self.S
+        return np.asarray(vectors[:, mask] * np.sqrt(values[mask]))
 
     def step_response(self, samples: int) -> Vector:
         """Return the standardised innovations (n,) that a jump of the signal by 1 causes."""
@@ -145,11 +129,11 @@ def _sections(zeros: NDArray[Any], poles: NDArray[Any]) -> Matrix:
 
     The poles nearest to the unit circle come last, each pair with the nearest zeros, so that no section has a large
     gain."""
-    left = _roots(zeros)
+    pairs = _roots(zeros)
     rows = []
     for pole in _roots(poles):
-        nearest = min(range(len(left)), key=lambda k: abs(left[k][0] - pole[0]))
-        rows.append([*_polynomial(left.pop(nearest)), *_polynomial(pole)])
+        nearest = min(range(len(pairs)), key=lambda k: abs(pairs[k][0] - pole[0]))
+        rows.append([*_polynomial(pairs.pop(nearest)), *_polynomial(pole)])
     return np.array(rows[::-1])
 
 
@@ -164,8 +148,8 @@ def _roots(roots: NDArray[Any]) -> list[tuple[complex, complex]]:
 
 def _polynomial(roots: tuple[complex, complex]) -> list[float]:
     """Return the coefficients of (1 − r z)(1 − s z) for two roots r and s."""
-    one, other = roots
-    return [1.0, -(one + other).real, (one * other).real]
+    first, second = roots
+    return [1.0, -(first + second).real, (first * second).real]
 
 
 def _riccati(F: Matrix, H: Vector, Q: Matrix, R: float) -> Matrix:
@@ -177,9 +161,9 @@ def _riccati(F: Matrix, H: Vector, Q: Matrix, R: float) -> Matrix:
     autoregressions."""
     eye = np.eye(H.size)
     seen, common = H @ F, Q @ H
-    whole = float(H @ common) + R
-    A = (F - np.outer(common, seen) / whole).T
-    G, X = np.outer(seen, seen) / whole, Q - np.outer(common, common) / whole
+    variance = float(H @ common) + R
+    A = (F - np.outer(common, seen) / variance).T
+    G, X = np.outer(seen, seen) / variance, Q - np.outer(common, common) / variance
     for _ in range(60):
         inner = np.linalg.solve(eye + G @ X, np.concatenate([A, G], axis=1))
         W, V = inner[:, : H.size], inner[:, H.size :]
@@ -260,21 +244,21 @@ class Whitener:
         mean = covariance @ self.moments
         # The effect of a constant level never decays, even if the level is well determined.
         size = self._peaks * (covariance.diagonal() + mean**2)
-        kept = size > FORGOTTEN
-        if kept.all():
+        mask = size > 1e-6  # 1/60 of the variance in a mean of 2^14 samples
+        if mask.all():
             return
-        self.columns = int(np.count_nonzero(kept))
-        part = covariance[np.ix_(kept, kept)]
+        self.columns = int(np.count_nonzero(mask))
+        part = covariance[np.ix_(mask, mask)]
         self.information = np.linalg.inv(part) if self.columns else np.zeros((0, 0))
-        self.moments = self.information @ mean[kept]
+        self.moments = self.information @ mean[mask]
         # A fixed memory layout is needed, because the order of sums in matrix products depends on it.
-        self.power, self._rows = np.ascontiguousarray(self.power[:, kept]), None
+        self.power, self._rows = np.ascontiguousarray(self.power[:, mask]), None
 
     def _frame(self) -> Matrix:
         """Return the responses (FRAME, m) of the innovations of this frame to the components of the initial state."""
         if self._rows is None:
             # Larger products would start BLAS threads, which is slower here.
-            rows = max(SMALL // max(self.power.size, 1), 1)
+            rows = max((1 << 17) // max(self.power.size, 1), 1)
             parts = [self.gain.responses[k : k + rows] @ self.power for k in range(0, FRAME, rows)]
             self._rows = np.concatenate(parts)
             self._peaks = np.max(self._rows**2, axis=0)
@@ -282,7 +266,8 @@ class Whitener:
 
     def gap(self, samples: int | None) -> None:
         """Continue after missing samples; `samples` is None if their number is unknown."""
-        if samples is None or samples > COAST or self.columns or self.origin is None:
+        # The level is unknown after a longer gap.
+        if samples is None or samples > 1000 or self.columns or self.origin is None:
             self.drifted += samples or 0
             self.restart()
             return
@@ -305,8 +290,8 @@ class Whitener:
         self.origin = None if state["origin"] is None else number(state["origin"])
         self.count, self.drifted = whole(state["count"]), whole(state["drifted"])
         m = self.columns = whole(state["columns"])
-        self.power = numbers([one for row in state["power"] for one in row]).reshape(self.gain.H.size, m)
-        self.information = numbers([one for row in state["information"] for one in row]).reshape(m, m)
+        self.power = numbers([value for row in state["power"] for value in row]).reshape(self.gain.H.size, m)
+        self.information = numbers([value for row in state["information"] for value in row]).reshape(m, m)
         self.moments = numbers(state["moments"]).reshape(m)
         if np.any(np.linalg.eigvalsh(self.information) <= 0):
             raise ValueError("the information of the filter must be positive definite")

@@ -9,7 +9,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from gmwm.applications.navigation.axis import AxisNoise
+from gmwm.applications.navigation.axis import BudgetAxis
 from gmwm.applications.navigation.response import EARTH_RATE, MEAN, Response, navigation
 from gmwm.applications.navigation.result import Budget, Growth
 from gmwm.base.arrays import Matrix, Vector
@@ -26,16 +26,8 @@ GRAVITY = STANDARD_GRAVITY
 """Default gravity (m/s²)."""
 LATITUDE = 45.0
 """Default latitude (deg)."""
-PER_DECADE = 8
-"""Number of points of a curve per decade of time."""
-FIRST = 1.0
-"""Time (s) of the first point of a curve. If the duration is below 10 s, it is a tenth of the duration."""
-_ENDLESS = 300.0
 _DEGREE = math.pi / 180
 
-VERTICAL = 100.0
-"""Longest duration (s) for which vertical errors are given. After a longer time, the second-order effect of the tilt,
-which is not modelled, exceeds them (docs/validation/budget.md)."""
 _ERRORS = {
     "tilt_x": ("tilt about x", "deg", {"gyro_x"}),
     "tilt_y": ("tilt about y", "deg", {"gyro_y"}),
@@ -123,41 +115,19 @@ def budget(
         raise OptionError(argument="gravity", expected="a positive acceleration (m/s²)", got=gravity)
     if not noise:
         raise OptionError(argument="noise", expected="a mapping with at least one axis", got=noise)
-    axes = {axis: AxisNoise.of(axis, source, rate) for axis, source in noise.items()}
-    slowest = min(one.rate for one in axes.values())
+    axes = {axis: BudgetAxis.of(axis, source, rate) for axis, source in noise.items()}
+    slowest = min(noise_of.rate for noise_of in axes.values())
     times = _times(seconds, 1 / slowest)
-    made = _Maker(axes, times, rest=before, gravity=gravity, reach=NormalDist().inv_cdf((1 + level) / 2))
-    remarks = [remark for one in axes.values() for remark in one.remarks(seconds + before)]
+    maker = _Maker(axes, times, rest=before, gravity=gravity, reach=NormalDist().inv_cdf((1 + level) / 2))
+    remarks = [remark for noise_of in axes.values() for remark in noise_of.remarks(seconds + before)]
     missing = [f"{sensor}_{letter}" for sensor in ("gyro", "accel") for letter in "xyz"]
     if missing := [axis for axis in missing if axis not in axes]:
         remarks.append(Remark.of("budget-axes-missing", axes=tuple(missing)))
     return Budget(
-        growths=made.growths(latitude * _DEGREE),
-        alignment=made.alignment(latitude * _DEGREE),
-        duration=seconds,
-        rest=before,
-        latitude=float(latitude),
-        gravity=float(gravity),
-        level=level,
+        growths=maker.growths(latitude * _DEGREE), alignment=maker.alignment(latitude * _DEGREE), duration=seconds,
+        rest=before, latitude=float(latitude), gravity=float(gravity), level=level,
         remarks=tuple(dict.fromkeys(remarks)),
-    )
-
-
-def budget_of_fits(
-    fits: Mapping[str, Fit],
-    duration: float | str,
-    *,
-    rest: float | str = 0.0,
-    latitude: float = 45.0,
-    level: float = 0.95,
-) -> Budget:
-    """Return the budget of the fits of a calibration. `Calibration.budget` describes the arguments."""
-    return budget(fits, duration, rest=rest, latitude=latitude, level=level)
-
-
-def budget_of_fit(fit: Fit, duration: float | str, *, rest: float | str = 0.0, level: float = 0.95) -> Budget:
-    """Return the budget of a fit of one axis. `Fit.budget` describes the arguments."""
-    return budget({fit.wavelet_variance.axis: fit}, duration, rest=rest, level=level)
+    )  # fmt: skip
 
 
 def _seconds(given: float | str, name: str, least: float = 1e-9) -> float:
@@ -171,8 +141,8 @@ def _times(duration: float, step: float) -> Vector:
     """Return the times (s) of the curves, from 1 s, or a tenth of a short duration, to the duration."""
     if duration < step:
         raise OptionError(argument="duration", expected=f"at least one sample, {step:g} s", got=duration)
-    first = max(min(FIRST, duration / 10), step)
-    count = 1 + math.ceil(PER_DECADE * math.log10(duration / first))
+    first = max(min(1.0, duration / 10), step)
+    count = 1 + math.ceil(8 * math.log10(duration / first))  # points per decade of time
     return np.geomspace(first, duration, max(count, 1)) if count > 1 else np.array([duration])
 
 
@@ -180,7 +150,7 @@ def _times(duration: float, step: float) -> Vector:
 class _Maker:
     """Computation of the errors of a budget from the noise of its axes."""
 
-    axes: Mapping[str, AxisNoise]
+    axes: Mapping[str, BudgetAxis]
     times: Vector  # (T,) in s
     rest: float  # time at rest before navigation starts (s)
     gravity: float  # m/s²
@@ -190,16 +160,17 @@ class _Maker:
         """Return the attitude, velocity and position errors by name. The latitude is in rad."""
         motions = {axis: navigation(axis, self.gravity, latitude) for axis in self.axes}
         parts = self._parts(motions, self.rest)
-        found = {}
+        growths = {}
         for column, (name, (title, unit, needed)) in enumerate(_ERRORS.items()):
-            if needed & self.axes.keys() and (not name.endswith("_z") or self.times[-1] <= VERTICAL):
+            # Later, second-order effects of the tilt exceed the vertical errors (docs/validation/budget.md).
+            if needed & self.axes.keys() and (not name.endswith("_z") or self.times[-1] <= 100.0):
                 size = _DEGREE if unit == "deg" else 1.0
-                found[name] = self._growth(parts, column, size, name=name, title=title, unit=unit)
-        return found
+                growths[name] = self._growth(parts, column, size, name=name, title=title, unit=unit)
+        return growths
 
     def alignment(self, latitude: float) -> dict[str, Growth]:
         """Return the errors of levelling and gyro-compassing over averaging times, by name. The latitude is in rad."""
-        found = {}
+        growths = {}
         north = EARTH_RATE * math.cos(latitude)
         for sensor, kind, title, size in (
             ("accel", "level", "levelling with {}", self.gravity), ("gyro", "north", "north from {}", north)
@@ -208,18 +179,18 @@ class _Maker:
                 if axis in self.axes:
                     name, parts = f"{kind}_{axis[-1]}", self._parts({axis: MEAN}, 0.0)
                     size_of = _DEGREE * size * self.times
-                    found[name] = self._growth(parts, 0, size_of, name=name, title=title.format(axis), unit="deg")
-        return found
+                    growths[name] = self._growth(parts, 0, size_of, name=name, title=title.format(axis), unit="deg")
+        return growths
 
     def _parts(self, motions: Mapping[str, Response], rest: float) -> list[tuple[dict[str, Matrix], Matrix]]:
         """Return for each axis the mean squares (T, q) of its terms, and the standard errors (T, q) of their sum."""
-        found = []
+        parts = []
         for axis, motion in motions.items():
             noise = self.axes[axis]
             squares = noise.mean_squares(motion, self.times.tolist(), rest)
             errors = noise.errors(motion, self.times.tolist(), rest, squares)
-            found.append(({f"{axis} {label}": square for label, square in squares.items()}, errors))
-        return found
+            parts.append(({f"{axis} {label}": square for label, square in squares.items()}, errors))
+        return parts
 
     def _growth(
         self, parts: Sequence[tuple[dict[str, Matrix], Matrix]], column: int, size: float | Vector, *, name: str,
@@ -227,13 +198,13 @@ class _Maker:
     ) -> Growth:  # fmt: skip
         """Return the error in a column of the mean squares as a `Growth`. `size` is the unit of the error in SI."""
         squares = {label: square[:, column] for terms, _ in parts for label, square in terms.items()}
-        whole = np.asarray(sum(squares.values(), np.zeros(self.times.size)), dtype=np.float64)
+        total = np.asarray(sum(squares.values(), np.zeros(self.times.size)), dtype=np.float64)
         error = np.sqrt(sum(errors[:, column] ** 2 for _, errors in parts))
         with np.errstate(divide="ignore", invalid="ignore"):
-            width = np.where(whole > 0, np.minimum(self.reach * error / (2 * whole), _ENDLESS), 0.0)
-        root = np.sqrt(whole) / size
-        kept = {label: np.sqrt(square) / size for label, square in squares.items() if np.any(square > 0)}
+            width = np.where(total > 0, np.minimum(self.reach * error / (2 * total), 300.0), 0.0)
+        root = np.sqrt(total) / size
+        terms = {label: np.sqrt(square) / size for label, square in squares.items() if np.any(square > 0)}
         return Growth(
             name=name, title=title, unit=unit, times=self.times.copy(), error=root, low=root * np.exp(-width),
-            high=root * np.exp(width), terms=kept,
+            high=root * np.exp(width), terms=terms,
         )  # fmt: skip

@@ -20,13 +20,9 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.ladder import approximation_remarks
 from gmwm.theory.processes.model import Model, as_model
 
-_STEP = 1e-3
-"""Relative step of the central differences with which derivatives with respect to shape parameters are computed. The
-relative error of the derivatives is about 1e-6."""
-
 
 @dataclass(frozen=True, eq=False)
-class AxisNoise:
+class BudgetAxis:
     """The noise of one axis."""
 
     axis: str
@@ -37,16 +33,16 @@ class AxisNoise:
     longest: float = np.inf  # longest averaging time (s) of the recording; infinite if the values were given
 
     @classmethod
-    def of(cls, axis: str, source: Fit | Model | Process | str, rate: float | None) -> AxisNoise:
+    def of(cls, axis: str, source: Fit | Model | Process | str, rate: float | None) -> BudgetAxis:
         """Return the noise of an axis from a fit, or from a model with all values and its sampling rate (Hz)."""
         if axis not in AXES:
             raise OptionError(argument="axis", expected=f"one of {', '.join(AXES)}", got=axis)
         if isinstance(source, Fit):
             wv = source.wavelet_variance
-            wanted = SI_UNIT["gyro" if axis.startswith("gyro") else "accel"]
-            if wv.unit != wanted:
+            si = SI_UNIT["gyro" if axis.startswith("gyro") else "accel"]
+            if wv.unit != si:
                 raise ModelError(
-                    f"{axis} is in {wv.unit or 'an unknown unit'} instead of {wanted}",
+                    f"{axis} is in {wv.unit or 'an unknown unit'} instead of {si}",
                     advice="Read the recording again with {--units}.",
                 )
             written, labels = translated(source)
@@ -71,11 +67,11 @@ class AxisNoise:
     def remarks(self, duration: float) -> tuple[Remark, ...]:
         """Return remarks if the duration (s) exceeds the recording, or if the state space of a term is approximate."""
         model = Model(tuple(self.terms.values())) if self.terms else None
-        found = () if model is None else approximation_remarks(model, self.rate, self.axis)
+        remarks = () if model is None else approximation_remarks(model, self.rate, self.axis)
         if duration <= self.longest:
-            return found
+            return remarks
         facts = {"duration": Quantity(duration, "s"), "longest": Quantity(self.longest, "s")}
-        return (Remark.of("budget-extrapolated", self.axis, **facts), *found)
+        return (Remark.of("budget-extrapolated", self.axis, **facts), *remarks)
 
     def mean_squares(self, motion: Response, times: Sequence[float], rest: float) -> dict[str, Matrix]:
         """Return the mean square (T, q) of the errors that each term causes at T times (s) after a rest (s)."""
@@ -85,7 +81,7 @@ class AxisNoise:
         """Return the standard errors (T, q) of the sum of the mean squares `terms`; zero if the values were given."""
         if self.curve is None or not self.curve.moving:
             return np.zeros((len(times), motion.drive.size))
-        known = {id(process): terms[label] for label, process in self.terms.items()}
+        squares = {id(process): terms[label] for label, process in self.terms.items()}
 
         def slope(process: Process, name: str | None) -> Matrix:
             """Return the derivative (T, q) of the mean squares by the logarithm of a parameter, or by a zero scale."""
@@ -93,11 +89,12 @@ class AxisNoise:
                 return self._of(process, motion, times, rest)
             parameter = next(p for p in process.parameters if p.name == name)
             if parameter.scale_power is not None:
-                return parameter.scale_power * known[id(process)]
+                return parameter.scale_power * squares[id(process)]
             value = process.value(name)
-            moved = [process.with_values(**{name: value * (1 + side * _STEP)}) for side in (1, -1)]
-            upper, lower = (self._of(one, motion, times, rest) for one in moved)
-            return (upper - lower) / (2 * _STEP)
+            # Relative error of the derivatives: about 1e-6.
+            moved = [process.with_values(**{name: value * (1 + side * 1e-3)}) for side in (1, -1)]
+            upper, lower = (self._of(variant, motion, times, rest) for variant in moved)
+            return (upper - lower) / (2 * 1e-3)
 
         slopes = np.array([slope(process, name) for process, name in self.curve.moving])
         variance = np.einsum("iab,ij,jab->ab", slopes, self.curve.scatter, slopes)
@@ -110,10 +107,10 @@ class AxisNoise:
 
 def _present(axis: str, terms: Mapping[str, Process], rate: float) -> dict[str, Process]:
     """Return the terms that are not zero. Raises a MissingTheoryError if one of them has no state-space form."""
-    found = {label: process for label, process in terms.items() if process.scale > 0}
+    present = {label: process for label, process in terms.items() if process.scale > 0}
     try:
-        for process in found.values():
+        for process in present.values():
             process.state_space(rate)
     except MissingTheoryError as error:
         raise error.at(axis) from error
-    return found
+    return present

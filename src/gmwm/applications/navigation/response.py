@@ -1,24 +1,13 @@
 """Error equations of unaided inertial navigation, and the mean squares of the errors that sensor noise causes.
 
-The vehicle is level and at rest on a rotating sphere, with x north, y east and z down. The errors of attitude φ,
-velocity v and position p are vectors with 3 components. If they are small,
+For a level vehicle at rest, with x north, y east and z down, small errors of attitude φ, velocity v and position p obey
 
-    dφ/dt = −ω × φ + δω − e_g,    dv/dt = f × φ − 2ω × v + δg + e_a,    dp/dt = v,
+    dφ/dt = −ω × φ + δω − e_g,    dv/dt = f × φ − 2ω × v + δg + e_a,    dp/dt = v.
 
-where
-
-- e_g and e_a are the errors of the gyroscopes and accelerometers,
-- ω = Ω (cos L, 0, −sin L) is the rotation of the Earth, with its rate Ω and the latitude L,
-- δω is the error of ω from the errors of position and velocity and the radius R of the Earth, which causes the Schuler
-  oscillation with a period of 84 minutes,
-- f = (0, 0, −g) is the specific force, and δg = (0, 0, 2g/R) p_z the error of gravity.
-
-Accelerations of the vehicle, which would multiply errors of heading and scale factors, are not included.
-
-References
-----------
-Titterton, D. H. and Weston, J. L. (2004), Strapdown Inertial Navigation Technology, 2nd ed., chapter 12.
-"""
+e_g and e_a are the errors of the sensors, ω = Ω (cos L, 0, −sin L) the rotation of the Earth at latitude L, δω its
+error from v, p and the radius R (Schuler oscillation, 84 min), f = (0, 0, −g), and δg = (0, 0, 2g/R) p_z. Accelerations
+of the vehicle are not included. Titterton and Weston (2004), Strapdown Inertial Navigation Technology, 2nd ed., chapter
+12."""
 
 from __future__ import annotations
 
@@ -54,10 +43,10 @@ class Response:
         from scipy.linalg import expm
 
         q = self.drive.size
-        whole = np.zeros((q + 1, q + 1))
-        whole[:q, :q], whole[:q, q] = self.a, self.drive
-        whole = expm(whole * dt)
-        return whole[:q, :q], whole[:q, q]
+        joint = np.zeros((q + 1, q + 1))
+        joint[:q, :q], joint[:q, q] = self.a, self.drive
+        joint = expm(joint * dt)
+        return joint[:q, :q], joint[:q, q]
 
 
 def navigation(axis: str, gravity: float, latitude: float) -> Response:
@@ -65,11 +54,11 @@ def navigation(axis: str, gravity: float, latitude: float) -> Response:
     sine, cosine = math.sin(latitude), math.cos(latitude)
     earth = EARTH_RATE * np.array([cosine, 0.0, -sine])
     a = np.zeros((9, 9))
-    a[:3, :3] = -_crossed(earth)
+    a[:3, :3] = -_cross_matrix(earth)
     a[:3, 3:6] = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -sine / cosine, 0.0]]) / RADIUS
     a[:3, 6] = EARTH_RATE * np.array([-sine, 0.0, -cosine]) / RADIUS
-    a[3:6, :3] = _crossed(np.array([0.0, 0.0, -gravity]))
-    a[3:6, 3:6] = -2.0 * _crossed(earth)
+    a[3:6, :3] = _cross_matrix(np.array([0.0, 0.0, -gravity]))
+    a[3:6, 3:6] = -2.0 * _cross_matrix(earth)
     a[5, 8] = 2.0 * gravity / RADIUS
     a[6:, 3:6] = np.eye(3)
     place = AXES.index(axis)
@@ -87,7 +76,7 @@ MEAN = Response(np.zeros((1, 1)), np.ones(1), np.zeros(1), removed=False)
 """Response that integrates the error of a sensor. The integral divided by the time is its mean."""
 
 
-def _crossed(v: Vector) -> Matrix:
+def _cross_matrix(v: Vector) -> Matrix:
     """Return the (3, 3) matrix M with M u = v × u for every vector u."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
@@ -112,16 +101,16 @@ def _mean_squares(space: StateSpace, rate: float, motion: Response, steps: Seque
     moment = np.zeros((p + 1 + q, p + 1 + q))
     moment[:p, :p] = space.P0 + np.outer(space.m0, space.m0)
     if rest:
-        moment = _Steps(*_resting(space, rest, q)).after(moment, rest)
+        moment = _Powers(*_resting(space, rest, q)).after(moment, rest)
         turn = np.eye(p + 1 + q)
         turn[p + 1 :, p] = motion.at_start
         moment = turn @ moment @ turn.T
-    moving = _Steps(*_moving(space, motion, 1.0 / rate))
-    found, at = np.empty((len(steps), q)), 0
+    moving = _Powers(*_moving(space, motion, 1.0 / rate))
+    squares, at = np.empty((len(steps), q)), 0
     for k, step in enumerate(steps):
         moment = moving.after(moment, step - at)
-        found[k], at = np.diag(moment)[p + 1 :], step
-    return np.maximum(found, 0.0)
+        squares[k], at = np.diag(moment)[p + 1 :], step
+    return np.maximum(squares, 0.0)
 
 
 def _resting(space: StateSpace, rest: int, q: int) -> tuple[Matrix, Matrix]:
@@ -139,9 +128,9 @@ def _resting(space: StateSpace, rest: int, q: int) -> tuple[Matrix, Matrix]:
 def _moving(space: StateSpace, motion: Response, dt: float) -> tuple[Matrix, Matrix]:
     """Return the transition matrix and noise covariance of (x, m, n), as in `_resting`, for a sample of navigation."""
     p, q = space.states, motion.drive.size
-    own, drive = motion.step(dt)
+    motion_step, drive = motion.step(dt)
     transition, noise = np.eye(p + 1 + q), np.zeros((p + 1 + q, p + 1 + q))
-    transition[:p, :p], transition[p + 1 :, p + 1 :] = space.F, own
+    transition[:p, :p], transition[p + 1 :, p + 1 :] = space.F, motion_step
     transition[p + 1 :, :p] = np.outer(drive, space.H[0])
     if motion.removed:
         transition[p + 1 :, p] = -drive
@@ -149,7 +138,7 @@ def _moving(space: StateSpace, motion: Response, dt: float) -> tuple[Matrix, Mat
     return transition, noise
 
 
-class _Steps:
+class _Powers:
     """Linear system whose second moment after many steps is computed by repeated squaring."""
 
     def __init__(self, transition: Matrix, noise: Matrix) -> None:

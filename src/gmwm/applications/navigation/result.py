@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gmwm.base.arrays import Vector, freeze
+from gmwm.base.plain import plain, plain_fields
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Remark
 from gmwm.base.text import Summarised
@@ -58,9 +59,7 @@ class Growth:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the error as plain values for JSON."""
-        lists = {name: getattr(self, name).tolist() for name in ("times", "error", "low", "high")}
-        terms = {label: values.tolist() for label, values in self.terms.items()}
-        return {"title": self.title, "unit": self.unit, **lists, "terms": terms}
+        return plain_fields(self, "title unit times error low high terms")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -120,19 +119,10 @@ class Budget(Summarised, Plotted, Mapping[str, Growth]):
         return summary(self)
 
     def compare(self, other: Budget, labels: tuple[str, str] = ("this", "other")) -> str:
-        """Return a table that compares this budget with another: the errors at the end, and their ratios.
+        """Return a table that compares this budget with an `other`: the errors at the end, and their ratios.
 
-        Parameters
-        ----------
-        other : Budget
-            The budget of another calibration or of a datasheet, for the same duration.
-        labels : tuple of two str
-            Names of the two budgets in the table.
-
-        Raises
-        ------
-        OptionError
-            If the durations, the times at rest or the latitudes differ, or the budgets have no error in common.
+        `labels` are the names of the two budgets. If they have no error in common, or differ in duration, time at rest
+        or latitude, an OptionError is raised.
         """
         from gmwm.applications.navigation.summary_text import comparison
 
@@ -140,22 +130,17 @@ class Budget(Summarised, Plotted, Mapping[str, Growth]):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the budget as plain values for JSON."""
-        return {
-            "duration": self.duration, "rest": self.rest, "latitude": self.latitude, "gravity": self.gravity,
-            "level": self.level,
-            "growth": {name: one.to_dict() for name, one in self.growths.items()},
-            "alignment": {name: one.to_dict() for name, one in self.alignment.items()},
-            "remarks": [remark.to_dict() for remark in self.remarks],
-        }  # fmt: skip
+        facts = plain_fields(self, "duration rest latitude gravity level")
+        return facts | {"growth": plain(self.growths), **plain_fields(self, "alignment remarks")}
 
     def to_frame(self) -> DataFrame:
         """Return the errors as a Polars data frame, with one row for each error and time."""
         from polars import DataFrame
 
         rows = [
-            {"error": name, "unit": one.unit, "time": t, "value": v, "low": low, "high": high}
-            for name, one in self.items()
-            for t, v, low, high in zip(one.times, one.error, one.low, one.high, strict=True)
+            {"error": name, "unit": growth.unit, "time": t, "value": v, "low": low, "high": high}
+            for name, growth in self.items()
+            for t, v, low, high in zip(growth.times, growth.error, growth.low, growth.high, strict=True)
         ]
         return DataFrame(rows, infer_schema_length=None)
 

@@ -15,12 +15,8 @@ from gmwm.choosing.datasheets.entry import significant
 
 SHOWN = (1.0, 10.0, 60.0, 600.0, 3600.0, 36000.0)
 """Times (s) for which the table shows the errors, in addition to the duration."""
-MOST_TERMS = 3
-"""Largest number of terms that the table names for an error."""
 RIGHT_ANGLE = 90.0
 """Alignment errors above this angle (deg) are not shown as numbers, because the direction is then unknown."""
-_LEAST_SHARE = 0.05
-"""Smallest contribution of a term, relative to the error, for which the table names the term."""
 _KINDS = {
     "tilt": ("tilt_x", "tilt_y"), "heading": ("heading",), "velocity": ("velocity_x", "velocity_y"),
     "position": ("position_x", "position_y"), "height": ("position_z",),
@@ -34,7 +30,8 @@ def summary(budget: Budget) -> str:
     if len(budget.times) > 1:
         lines += ["", "Growth, largest of the horizontal directions", *_growth(budget)]
     if budget.alignment:
-        lines += ["", alignment_title(budget), *_alignment(budget)]
+        title = f"Static alignment: error of a mean, gyro-compassing at {budget.latitude:g}° latitude"
+        lines += ["", title, *_alignment(budget)]
     lines += ["", *method(budget)]
     return "\n".join([*lines, *texts(budget.remarks)])
 
@@ -51,8 +48,8 @@ def headline(budget: Budget) -> str:
 
 def largest(budget: Budget, kind: str) -> Growth | None:
     """Return the error of a kind, such as "tilt", that is largest at the end of the duration; None if there is none."""
-    found = [budget.growths[name] for name in _KINDS[kind] if name in budget.growths]
-    return max(found, key=lambda one: float(one.error[-1]), default=None)
+    candidates = [budget.growths[name] for name in _KINDS[kind] if name in budget.growths]
+    return max(candidates, key=lambda growth: float(growth.error[-1]), default=None)
 
 
 def error_text(one: Growth, k: int = -1) -> str:
@@ -66,36 +63,32 @@ def error_text(one: Growth, k: int = -1) -> str:
 def terms_text(one: Growth, k: int = -1) -> str:
     """Format the largest contributions to an error at the k-th time, as in "gyro_x RW 0.25, gyro_x WN 0.10"."""
     parts = sorted(((float(values[k]), label) for label, values in one.terms.items()), reverse=True)
-    named = [(value, label) for value, label in parts if value > _LEAST_SHARE * float(one.error[k])]
-    return ", ".join(f"{label} {significant(value, 2)}" for value, label in named[:MOST_TERMS])
+    named = [(value, label) for value, label in parts if value > 0.05 * float(one.error[k])]
+    return ", ".join(f"{label} {significant(value, 2)}" for value, label in named[:3])
 
 
 def _after(budget: Budget) -> list[str]:
-    interval = "" if all(one.certain for one in budget.growths.values()) else f", {100 * budget.level:g} % interval"
+    growths = budget.growths.values()
+    interval = "" if all(growth.certain for growth in growths) else f", {100 * budget.level:g} % interval"
     rows = [("error (1 σ)", f"after {duration_text(budget.duration)}{interval}", "largest contributions")]
-    rows += [(one.title, error_text(one), terms_text(one)) for one in budget.growths.values()]
+    rows += [(growth.title, error_text(growth), terms_text(growth)) for growth in growths]
     return _table(rows)
 
 
 def _growth(budget: Budget) -> list[str]:
-    kinds = {kind: one for kind in _KINDS if (one := largest(budget, kind)) is not None}
-    rows: list[Sequence[str]] = [("time", *(f"{kind} ({one.unit})" for kind, one in kinds.items()))]
+    kinds = {kind: growth for kind in _KINDS if (growth := largest(budget, kind)) is not None}
+    rows: list[Sequence[str]] = [("time", *(f"{kind} ({growth.unit})" for kind, growth in kinds.items()))]
     for time in shown_times(budget):
-        rows.append((duration_text(time), *(significant(at(one, time), 3) for one in kinds.values())))
+        rows.append((duration_text(time), *(significant(at(growth, time), 3) for growth in kinds.values())))
     return _table(rows, right=range(1, len(rows[0])))
 
 
 def _alignment(budget: Budget) -> list[str]:
-    rows: list[Sequence[str]] = [("averaging", *(f"{one.title} (deg)" for one in budget.alignment.values()))]
+    rows: list[Sequence[str]] = [("averaging", *(f"{growth.title} (deg)" for growth in budget.alignment.values()))]
     for time in shown_times(budget):
-        values = [at(one, time) for one in budget.alignment.values()]
+        values = [at(growth, time) for growth in budget.alignment.values()]
         rows.append((duration_text(time), *(significant(v, 3) if v < RIGHT_ANGLE else "> 90" for v in values)))
     return _table(rows, right=range(1, len(rows[0])))
-
-
-def alignment_title(budget: Budget) -> str:
-    """Return the title of the table of alignment errors."""
-    return f"Static alignment: error of a mean, gyro-compassing at {budget.latitude:g}° latitude"
 
 
 def shown_times(budget: Budget) -> list[float]:
@@ -114,9 +107,8 @@ def method(budget: Budget) -> list[str]:
     """Return sentences that state the assumptions of the budget."""
     start = "The errors start at zero, and nothing is known about the biases."
     if budget.rest:
-        start = (
-            f"Before the start, {duration_text(budget.rest)} at rest level the vehicle and give the mean of each axis."
-        )
+        time = duration_text(budget.rest)
+        start = f"Before the start, {time} at rest level the vehicle and give the mean of each axis."
     return [
         f"A level vehicle at rest at {budget.latitude:g}° latitude, x north: linear error equations with the rotation "
         "of the Earth.",
@@ -127,13 +119,13 @@ def method(budget: Budget) -> list[str]:
 def comparison(one: Budget, other: Budget, labels: tuple[str, str] = ("this", "other")) -> str:
     """Return the text of `Budget.compare`."""
     rows: list[Sequence[str]] = [("error (1 σ)", *labels, "ratio")]
-    for row in compared(one, other):
+    for row in comparison_rows(one, other):
         rows.append((row[0], row[1], row[2], f"{row[3]:.2f}"))
     title = f"After {duration_text(one.duration)} of navigation without corrections"
     return "\n".join([title, *_table(rows)])
 
 
-def compared(one: Budget, other: Budget) -> list[tuple[str, str, str, float]]:
+def comparison_rows(one: Budget, other: Budget) -> list[tuple[str, str, str, float]]:
     """Return the title of each error that both budgets have, its two values as text, and their ratio."""
     for name in ("duration", "rest", "latitude"):
         if getattr(one, name) != getattr(other, name):

@@ -7,10 +7,9 @@ from gmwm.applications.several.joint_fit import fit_joint
 from gmwm.applications.several.joint_result import JointFit, SharedTerm
 from gmwm.applications.several.result import CrossCovariance, SharedNoise
 from gmwm.applications.several.same import same
-from gmwm.applications.several.same_model import ParameterRatio, SameParameters
-from gmwm.applications.several.same_result import SameNoise
+from gmwm.applications.several.same_result import ParameterRatio, SameNoise, SameParameters
 from gmwm.applications.several.state_space import JointContinuousStateSpace, JointStateSpace
-from gmwm.choosing.replicates.level_ratios import LevelRatio
+from gmwm.choosing.replicates.comparison import LevelRatio
 
 __all__ = [
     "CrossCovariance", "JointContinuousStateSpace", "JointFit", "JointStateSpace", "LevelRatio", "ParameterRatio",

@@ -8,9 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from gmwm.applications.several.cross import tested
-from gmwm.applications.several.matrices import measured, product_moment, units_of
-from gmwm.applications.several.pairs import pairs_of
+from gmwm.applications.several.cross import cross_covariance
+from gmwm.applications.several.matrices import measure, pairs_of, product_moment, units_of
 from gmwm.applications.several.result import SharedNoise
 from gmwm.applications.several.streamed import Curves
 from gmwm.applications.several.synchronous import synchronous_signals
@@ -20,9 +19,7 @@ from gmwm.base.threads import in_threads
 from gmwm.recording.signals import MINIMUM_SAMPLES, Signal
 
 MOST = 1 << 20
-"""Largest number of block means. The test of the 15 pairs of six axes then takes less than 5 % of the time of a
-calibration: 0.32 s of 16.8 s for 6·10⁶ samples, and 0.22 s of 5.0 s for 10⁶ (measured once, on one core).
-tests/calibration/test_shared_noise.py checks the rate of false alarms."""
+"""Largest number of block means. The test then takes less than 5 % of the time of a calibration (0.32 s of 16.8 s)."""
 
 
 def shared_noise(
@@ -36,19 +33,19 @@ def shared_noise(
     try:
         filled = synchronous_signals(signals, None)
         k = max(0, (len(next(iter(filled.values()))) - 1).bit_length() - MOST.bit_length() + 1)
-        means = in_threads(lambda _, signal: _detrended(block_means(signal, k)), filled, threads=threads)
-        own = in_threads(lambda _, signal: measured(signal, False, 0.6), means, threads=threads)
-        own = {axis: wv for axis, wv in own.items() if np.all(wv.variance > 0)}
-        unit = units_of(own)
-        pairs = {" and ".join(pair): pair for pair in pairs_of(list(own))}
+        means = in_threads(lambda _, signal: _detrend(block_means(signal, k)), filled, threads=threads)
+        curves = in_threads(lambda _, signal: measure(signal, False, 0.6), means, threads=threads)
+        curves = {axis: wv for axis, wv in curves.items() if np.all(wv.variance > 0)}
+        unit = units_of(curves)
+        pairs = {" and ".join(pair): pair for pair in pairs_of(list(curves))}
         if not pairs:
             return ()
-        products = in_threads(lambda _, pair: product_moment(means, own, unit, pair=pair), pairs, threads=threads)
+        products = in_threads(lambda _, pair: product_moment(means, curves, unit, pair=pair), pairs, threads=threads)
         moments = {pair: products[name] for name, pair in pairs.items()}
-        found = tested(Curves(own, moments, {}), robust=False, efficiency=0.6, size=size, confidence=0.95)
+        result = cross_covariance(Curves(curves, moments, {}), robust=False, efficiency=0.6, size=size, confidence=0.95)
     except GmwmError:
         return ()  # for example, there are too few samples without a gap; the calibration reports this
-    return tuple(replace(one, level=one.level + k) for one in found.shared)
+    return tuple(replace(noise, level=noise.level + k) for noise in result.shared)
 
 
 def block_means(signal: Signal, k: int) -> Signal:
@@ -70,7 +67,7 @@ def block_means(signal: Signal, k: int) -> Signal:
     return Signal(values, signal.rate / size, signal.unit, signal.axis, segments=segments, filled=signal.filled >> k)
 
 
-def _detrended(signal: Signal) -> Signal:
+def _detrend(signal: Signal) -> Signal:
     """Subtract the least-squares line from a signal."""
     count = len(signal)
     time = np.arange(count) - (count - 1) / 2

@@ -1,18 +1,12 @@
 """Prove by branch and bound over the shapes of the terms that no other parameters of a joint model fit better.
 
-The shape of a term is its wavelet variance at unit scale over the levels; it depends on the correlation time. A node of
-the search tree has an interval of shapes for each term whose correlation time is searched. The relaxed problem of the
-node allows any mixture of the shapes in the interval, each shape with its own covariance matrix. It is convex, and its
-dual gives a lower bound. Let r be the residual of any fit, and z a vector whose product with every allowed column of
-the design is positive. δ is the smallest number for which y = r − δ z has no positive product with an allowed column.
-Then the objective of every allowed fit is at least (yᵀb)²/(yᵀy), where b is the weighted data.
-
-The products of y with the columns of a shape κ are vᵀ A v for unit vectors v. The matrix A = Σ_j κ_j R_j is linear in
-κ, with one matrix R_j for each level j that depends on y. The largest product is therefore the largest eigenvalue of A.
-Between two tabulated coordinates, κ is replaced by a cubic, which is a convex combination of four control points; the
-table also bounds the error of the cubic. The largest eigenvalue is a convex function, so its values at the control
-points bound it on the whole cell.
-"""
+A node of the search tree has an interval of shapes (wavelet variances at unit scale) for each searched term. Its
+relaxed problem allows any mixture of them. Let r be the residual of a fit, and z a vector with positive products with
+all allowed columns of the design. If y = r − δ z has no positive product with them, the objective of every fit is at
+least (yᵀb)²/(yᵀy), with the data b. The largest product of y with the columns of a shape κ is the largest eigenvalue of
+A = Σ_j κ_j R_j, with a matrix R_j of y for each level j. Between tabulated coordinates, κ is a cubic with four control
+points, of which it is a convex combination, plus a bounded error. The largest eigenvalue is convex, so its values at
+the control points bound it on the cell."""
 
 from __future__ import annotations
 
@@ -28,28 +22,17 @@ from numpy.typing import NDArray
 from gmwm.applications.several.conic import Cone, least_squares
 from gmwm.applications.several.moments import entries, symmetric
 from gmwm.applications.several.problem import JointProblem
-from gmwm.applications.several.search import Found, descend
+from gmwm.applications.several.search import JointEstimate, descend
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
 
 GAP = 1e-3
 """The search ends when the relative gap between the objective and its lower bound is at most this."""
-NODES = 2000
-"""Largest number of nodes of the search tree."""
-SPACING = 0.05
-"""Distance of the tabulated points in the search coordinate; it corresponds to 5 % in β. The relative error of the
-cubics is then about 1e-8 (tests/joint/test_certificate.py)."""
-SAFETY = 4.0
-"""The error of a cubic at the middle of a cell, multiplied by this factor, bounds its error in the whole cell."""
-FIRST = 7
-"""Number of shapes in each interval with which the solution of a relaxed problem starts."""
-ADDED = 6
-"""Largest number of rounds that add shapes to a relaxed problem."""
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class ShapeTable:
     """Table of the shapes of a term as a function of its search coordinate."""
 
     kind: type[Process]  # class of the process of the term
@@ -63,12 +46,13 @@ class Curve:
     margin: Matrix  # (n − 1, J) bound on the error of the cubic
 
     @classmethod
-    def of(cls, problem: JointProblem, place: int, weights: Vector) -> Curve:
+    def of(cls, problem: JointProblem, place: int, weights: Vector) -> ShapeTable:
         """Tabulate the shapes κ of term number `place`, normalised to Σ_j w_j κ_j = 1 with positive weights w (J,)."""
         branch, kind = problem.branches[place], type(problem.terms[place].process)
         assert branch is not None
         levels, rate = problem.design.levels, problem.design.rate
-        cells = int(np.ceil((branch.high - branch.low) / SPACING))
+        # 5 % in β, a relative error of about 1e-8 (tests/joint/test_certificate.py).
+        cells = int(np.ceil((branch.high - branch.low) / 0.05))
         u = np.linspace(branch.low, branch.high, 2 * cells + 1)
         values = kind.shape(branch.values(u), levels, rate)
         slopes = kind.shape_jacobian(branch.values(u[::2]), levels, rate)[:, :, 0] * branch.slope(u[::2])
@@ -79,7 +63,8 @@ class Curve:
         inner = np.stack([ends[:-1] + step * slopes[:-1] / 3, ends[1:] - step * slopes[1:] / 3], axis=1)
         controls = np.concatenate([ends[:-1, None], inner, ends[1:, None]], axis=1)
         middle = (ends[:-1] + ends[1:]) / 2 + step * (slopes[:-1] - slopes[1:]) / 8
-        margin = SAFETY * np.abs(values[1::2] - middle) + 1e-14 * ends.max(axis=1)[1:, None]
+        # The error at the middle of a cell, with a margin for the whole cell.
+        margin = 4.0 * np.abs(values[1::2] - middle) + 1e-14 * ends.max(axis=1)[1:, None]
         logs = np.log(ends)
         logs = logs - logs.mean(axis=1, keepdims=True)
         length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(logs, axis=0), axis=1))])
@@ -132,7 +117,7 @@ class Certificate:
     # lower bound on the objective if the model may have any number of terms of each searched process
     relaxed_bound: float
     nodes: int  # number of bounded nodes
-    best: Found
+    best: JointEstimate
 
 
 Intervals = tuple[tuple[float, float], ...]
@@ -143,7 +128,7 @@ class Prover:
 
     def __init__(self, problem: JointProblem) -> None:
         self.problem = problem
-        self.whole = [problem.terms[place].kind != "own" for place in problem.searched]
+        self.whole = [problem.terms[place].kind != "own" for place in problem.search_places]
         self.linear = [k for k, branch in enumerate(problem.branches) if branch is None]
         self.fixed_whole = [problem.terms[k].kind != "own" for k in self.linear]
         rows, columns = entries(problem.d)
@@ -152,21 +137,21 @@ class Prover:
         self.lift = np.linalg.solve(problem.root.T, self.positive.ravel())
         self.own = self.positive[rows == columns]
         weights = self.own.mean(axis=0)
-        self.curves = [Curve.of(problem, place, weights) for place in problem.searched]
+        self.curves = [ShapeTable.of(problem, place, weights) for place in problem.search_places]
         self.fixed = problem.shapes(np.array([curve.nodes[0] for curve in self.curves]))[self.linear]
 
-    def prove(self, found: Found, seconds: float = np.inf) -> Certificate:
+    def prove(self, estimate: JointEstimate, seconds: float = np.inf) -> Certificate:
         """Compute a lower bound on the objective within a time limit (s), and the best fit that the search finds."""
         end = time.monotonic() + seconds
-        whole: Intervals = tuple((0.0, float(curve.length[-1])) for curve in self.curves)
-        best, ticket = found, count()
-        bound, places = self.bound(whole, 0.0)
+        root: Intervals = tuple((0.0, float(curve.length[-1])) for curve in self.curves)
+        best, ticket = estimate, count()
+        bound, places = self.bound(root, 0.0)
         relaxed = bound
-        heap: list[tuple[float, int, Intervals]] = [(bound, next(ticket), whole)]
-        seen, nodes, low = {whole}, 1, bound
+        heap: list[tuple[float, int, Intervals]] = [(bound, next(ticket), root)]
+        seen, nodes, low = {root}, 1, bound
         while heap:
             low, _, node = heapq.heappop(heap)
-            if low >= best.objective * (1 - GAP) or nodes >= NODES or time.monotonic() > end:
+            if low >= best.objective * (1 - GAP) or nodes >= 2000 or time.monotonic() > end:
                 break
             for child in self._children(node):
                 if child in seen:
@@ -177,8 +162,8 @@ class Prover:
                 if bound < best.objective * (1 - GAP):
                     heapq.heappush(heap, (max(bound, low), next(ticket), child))
                     if nodes % 4 == 0 or nodes < 12:
-                        there = descend(self.problem, places)
-                        best = min(best, there, key=lambda one: one.objective)
+                        local = descend(self.problem, places)
+                        best = min(best, local, key=lambda one: one.objective)
         else:
             low = best.objective * (1 - GAP)
         return Certificate(min(max(low, relaxed), best.objective), relaxed, nodes, best)
@@ -188,7 +173,7 @@ class Prover:
         longest = int(np.argmax([high - low for low, high in node]))
         low, high = node[longest]
         middle = (low + high) / 2
-        found = []
+        children = []
         for part in ((low, middle), (middle, high)):
             child = [*node[:longest], part, *node[longest + 1 :]]
             groups: dict[tuple[str, bool], list[int]] = {}
@@ -197,8 +182,8 @@ class Prover:
             for members in groups.values():
                 for k, interval in zip(members, sorted(child[k] for k in members), strict=True):
                     child[k] = interval
-            found.append(tuple(child))
-        return found
+            children.append(tuple(child))
+        return children
 
     def bound(self, node: Intervals, enough: float) -> tuple[float, Vector]:
         """Return a lower bound for a node, and the search coordinate of the largest shape of each term in its relaxed
@@ -206,26 +191,26 @@ class Prover:
 
         The iteration stops when the bound reaches `enough`."""
         problem = self.problem
-        chosen = [np.linspace(low, high, FIRST) for low, high in node]
+        chosen = [np.linspace(low, high, 7) for low, high in node]
         best, parts = 0.0, np.array([float(np.mean(interval)) for interval in node])
         warm = None
-        for _ in range(ADDED):
+        for _ in range(6):
             shapes = [curve.kind.shape(curve.branch.values(curve.at(s)), problem.design.levels, problem.design.rate)
                       for curve, s in zip(self.curves, chosen, strict=True)]  # fmt: skip
             every = np.concatenate([self.fixed, *shapes])
             full = self.fixed_whole + [w for w, s in zip(self.whole, chosen, strict=True) for _ in s]
             cone = Cone(problem.d, np.array(full))
-            found = least_squares(problem.columns(every, cone), problem.target, cone, gap=1e-5, warm=warm)
-            residual = problem.residual(every, found.sigmas)
+            solution = least_squares(problem.columns(every, cone), problem.target, cone, gap=1e-5, warm=warm)
+            residual = problem.residual(every, solution.sigmas)
             value, peaks = self._dual(residual, node)
             best = max(best, value)
-            share = np.max(np.trace(found.sigmas, axis1=1, axis2=2)[:, None] * every, axis=1)[len(self.linear) :]
+            share = np.max(np.trace(solution.sigmas, axis1=1, axis2=2)[:, None] * every, axis=1)[len(self.linear) :]
             pieces = np.split(share, np.cumsum([s.size for s in chosen])[:-1])
             parts = np.array([s[np.argmax(part)] for s, part in zip(chosen, pieces, strict=True)])
-            if best >= enough > 0 or found.objective - best <= 0.1 * GAP * found.objective:
+            if best >= enough > 0 or solution.objective - best <= 0.1 * GAP * solution.objective:
                 break
-            kept = [s[part >= min(1e-6 * share.max(), part.max())] for s, part in zip(chosen, pieces, strict=True)]
-            new = [np.unique(np.concatenate([s, peak])) for s, peak in zip(kept, peaks, strict=True)]
+            active = [s[part >= min(1e-6 * share.max(), part.max())] for s, part in zip(chosen, pieces, strict=True)]
+            new = [np.unique(np.concatenate([s, peak])) for s, peak in zip(active, peaks, strict=True)]
             if all(np.array_equal(a, b) for a, b in zip(new, chosen, strict=True)):
                 break
             chosen = new
@@ -240,9 +225,9 @@ class Prover:
         norms = np.max(np.abs(np.linalg.eigvalsh(levels)), axis=1)
         excess = max(self._scores(self.fixed, levels, whole=self.fixed_whole), default=0.0)
         peaks = []
-        for curve, whole, (low, high) in zip(self.curves, self.whole, node, strict=True):
+        for curve, full, (low, high) in zip(self.curves, self.whole, node, strict=True):
             cells, controls = curve.pieces(low, high)
-            gains = self._largest(controls.reshape(-1, controls.shape[2]), levels, whole).reshape(-1, 4)
+            gains = self._largest(controls.reshape(-1, controls.shape[2]), levels, full).reshape(-1, 4)
             gains = gains.max(axis=1) + curve.margin[cells] @ norms
             least = (controls @ self.own.T).min(axis=(1, 2)) - (curve.margin[cells] @ self.own.T).max(axis=1)
             score = gains / np.maximum(least, 1e-300)
@@ -265,7 +250,7 @@ class Prover:
                 for shape, w, z in zip(shapes, whole, least, strict=True)]  # fmt: skip
 
     @staticmethod
-    def _peaks(curve: Curve, cells: NDArray[np.int64], score: Vector, *, low: float, high: float) -> Vector:
+    def _peaks(curve: ShapeTable, cells: NDArray[np.int64], score: Vector, *, low: float, high: float) -> Vector:
         """Return the values of `length` at the three highest local maxima of a score."""
         padded = np.concatenate([[-np.inf], score, [-np.inf]])
         local = np.flatnonzero((score >= padded[:-2]) & (score >= padded[2:]) & (score > 0))

@@ -1,14 +1,9 @@
 """Least squares with positive semidefinite or diagonal matrices as unknowns, solved by the logarithmic barrier method.
 
-For given shapes κ_p of all terms, the weighted moments b are linear in the covariance matrices Σ_p. With s the vector
-of their free entries and A the design matrix, the problem is
-
-    min |b − A s|²   subject to Σ_p ⪰ 0 for all p.
-
-Newton's method minimises |b − A s|² − μ Σ_p log det Σ_p for a decreasing sequence of μ. At the exact minimum for a
-value of μ, the objective is at most ν μ above the optimum, where ν is the number of rows of all matrices together (Boyd
-and Vandenberghe 2004, Convex Optimization, section 11.2). The last Newton step ends only near this minimum, so gmwm
-states the gap 2 ν μ.
+With s the free entries of the covariance matrices Σ_p, A the design matrix and b the weighted moments, the problem is
+min |b − A s|² subject to Σ_p ⪰ 0. Newton's method minimises |b − A s|² − μ Σ_p log det Σ_p for decreasing μ. Its exact
+minimum is at most ν μ above the optimum, for ν rows of all matrices (Boyd and Vandenberghe 2004, Convex Optimization,
+section 11.2). The last Newton step ends only near this minimum, so gmwm states the gap 2 ν μ.
 """
 
 from __future__ import annotations
@@ -24,16 +19,8 @@ from gmwm.base.arrays import Matrix, Vector
 
 STEPS = 300
 """Largest number of Newton steps; 30 to 60 are usual (tests/joint/test_conic.py)."""
-SHRINK = 0.02
-"""Factor by which μ decreases from one round to the next."""
 WARM = 1e-7
 """Barrier parameter μ of the solution that is kept as the start of a similar problem."""
-INSIDE = 1e-4
-"""Smallest ratio of the eigenvalues of a matrix with which the solution without constraints is accepted. Closer to the
-boundary, it would be a poor start for a similar problem."""
-NEAR = (1.0, 0.1)
-"""Squared Newton decrement, in units of μ, at which the Newton steps of a round end. The first value is for all rounds
-except the last one, and the second value for the last one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +34,7 @@ class Cone:
     def free(self) -> NDArray[np.bool_]:
         """Mask of the free entries among the P d(d + 1)/2 entries, term by term."""
         rows, columns = entries(self.d)
-        return np.concatenate([np.ones(rows.size, bool) if whole else rows == columns for whole in self.full])
+        return np.concatenate([np.ones(rows.size, bool) if is_full else rows == columns for is_full in self.full])
 
     @cached_property
     def terms(self) -> NDArray[np.int64]:
@@ -119,14 +106,14 @@ def _least_squares(design: Matrix, target: Vector, cone: Cone, *, gap: float, wa
         s = cone.unknowns(warm) / unit
     rank = cone.full.size * cone.d
     mu, steps, inside = 0.1 if warm is None else WARM, 0, s
-    for near in NEAR:
+    for near in (1.0, 0.1):  # squared Newton decrement over μ at the end of a round: of all rounds, and of the last one
         while True:
             while steps < STEPS:
                 gradient, hessian = barrier.at(s, mu)
                 gradient += quadratic @ s + linear
                 hessian += quadratic
                 scale = 1 / np.sqrt(np.diag(hessian))
-                step = -scale * _solved(hessian * np.outer(scale, scale), scale * gradient)
+                step = -scale * _solve(hessian * np.outer(scale, scale), scale * gradient)
                 s = s + barrier.reach(step) * step
                 steps += 1
                 if -float(gradient @ step) < near * mu:
@@ -136,20 +123,16 @@ def _least_squares(design: Matrix, target: Vector, cone: Cone, *, gap: float, wa
             value = float(np.sum((rows @ s - y) ** 2)) + beyond
             if 2 * rank * mu <= gap * value or steps >= STEPS or mu < 1e-15:
                 break
-            mu *= SHRINK
+            mu *= 0.02
     _, hessian = barrier.at(s, mu)
     hessian = (hessian + quadratic) / np.outer(unit, unit) * size**2
     return Conic(
-        sigmas=cone.matrices(s * unit),
-        objective=value * size**2,
-        gap=2 * rank * mu * size**2,
-        hessian=hessian,
-        steps=steps,
-        warm=cone.matrices(inside * unit),
-    )
+        sigmas=cone.matrices(s * unit), objective=value * size**2, gap=2 * rank * mu * size**2, hessian=hessian,
+        steps=steps, warm=cone.matrices(inside * unit),
+    )  # fmt: skip
 
 
-def _solved(matrix: Matrix, vector: Vector) -> Vector:
+def _solve(matrix: Matrix, vector: Vector) -> Vector:
     """Solve matrix · x = vector for a positive definite matrix, by elimination if rounding makes it indefinite."""
     from scipy.linalg.lapack import dposv
 
@@ -174,9 +157,9 @@ class _Barrier:
 
     def at(self, s: Vector, mu: float) -> tuple[Vector, Matrix]:
         gradient, hessian = np.zeros(s.size), np.zeros((s.size, s.size))
-        own = s[self.diagonal]
-        gradient[self.diagonal] = -mu / own
-        hessian[self.diagonal, self.diagonal] = mu / own**2
+        variances = s[self.diagonal]
+        gradient[self.diagonal] = -mu / variances
+        hessian[self.diagonal, self.diagonal] = mu / variances**2
         self.s = s
         if self.count:
             sigma = symmetric(s[self.blocks], self.cone.d)
@@ -202,7 +185,8 @@ class _Barrier:
             return None
         if self.count:
             values = np.linalg.eigvalsh(symmetric(s[self.blocks], self.cone.d))
-            if np.any(values[:, 0] <= INSIDE * values[:, -1]):
+            # Closer to the boundary, the solution would be a poor start for a similar problem.
+            if np.any(values[:, 0] <= 1e-4 * values[:, -1]):
                 return None
         return np.asarray(s)
 

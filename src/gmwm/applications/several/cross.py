@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.applications.several.delays import delays_of
-from gmwm.applications.several.matrices import measured, product_moment, units_of
-from gmwm.applications.several.pairs import Pairs, pairs_of
+from gmwm.applications.several.matrices import AxisPairs, measure, pairs_of, product_moment, units_of
 from gmwm.applications.several.result import CrossCovariance
 from gmwm.applications.several.streamed import Curves, streamed_curves
 from gmwm.applications.several.synchronous import chosen_names, synchronous_signals
@@ -28,12 +27,10 @@ from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
 
-LEAST = 3.0
-"""A level is tested only if it has more degrees of freedom than this; with fewer, the test statistic does not have a
-Student distribution."""
-LEAST_ROBUST = 8.0
-"""The limit for robust estimates. With 3, the test at the 5 % level would reject 6 to 11 % of recordings without shared
-noise; see docs/validation/cross.md."""
+LEAST_FREEDOM = 3.0
+"""Degrees of freedom above which a level is tested. With fewer, the statistic has no Student distribution."""
+LEAST_FREEDOM_ROBUST = 8.0
+"""The same for robust estimates. With 3, the 5 % test would reject 6 to 11 % (docs/validation/cross.md)."""
 
 
 def cross(
@@ -115,48 +112,41 @@ def cross(
     require_robust(robust, efficiency)
     size = as_size(size)
     as_confidence(confidence)
-    found = _curves(x, rate, axes, robust=robust, efficiency=efficiency)
-    result = tested(found, robust=robust, efficiency=efficiency, size=size, confidence=confidence)
-    return replace(result, delays=delays_of(found.first))
+    curves = _curves(x, rate, axes, robust=robust, efficiency=efficiency)
+    result = cross_covariance(curves, robust=robust, efficiency=efficiency, size=size, confidence=confidence)
+    return replace(result, delays=delays_of(curves.first))
 
 
-def tested(found: Curves, *, robust: bool, efficiency: float, size: float, confidence: float) -> CrossCovariance:
+def cross_covariance(
+    measured_curves: Curves, *, robust: bool, efficiency: float, size: float, confidence: float
+) -> CrossCovariance:
     """Test the cross-covariances of all pairs as `cross` does. The returned object contains no delays."""
-    own, moments, _ = found
-    names = list(own)
-    design = Design.of(next(iter(own.values())))
-    models = {name: _Noise.of(mixture(wv.variance, wv.degrees_of_freedom, design, random=True)[1], design)
-              for name, wv in own.items()}  # fmt: skip
+    curves, moments, _ = measured_curves
+    names = list(curves)
+    design = Design.of(next(iter(curves.values())))
+    models = {name: _UnitNoise.of(mixture(wv.variance, wv.degrees_of_freedom, design, random=True)[1], design)
+              for name, wv in curves.items()}  # fmt: skip
     freedom = {(a, b): _freedom(models[a], models[b], design) for a, b in moments}
     correlation = {
-        (a, b): np.clip(gamma / np.sqrt(own[a].variance * own[b].variance), -1.0, 1.0)
+        (a, b): np.clip(gamma / np.sqrt(curves[a].variance * curves[b].variance), -1.0, 1.0)
         for (a, b), gamma in moments.items()
     }
-    least = LEAST_ROBUST if robust else LEAST
+    least = LEAST_FREEDOM_ROBUST if robust else LEAST_FREEDOM
     # Levels that are not tested have the value NaN.
     enough = {pair: np.where(eta > least, eta, np.nan) for pair, eta in freedom.items()}
     adjusted = np.split(holm(np.concatenate([_pvalues(correlation[p], enough[p]) for p in moments])), len(moments))
     pvalues = dict(zip(moments, adjusted, strict=True))
     limits = {pair: _limits(correlation[pair], enough[pair], confidence) for pair in moments}
-    first = own[names[0]]
+    first = curves[names[0]]
     return CrossCovariance(
-        axes=tuple(names),
-        units={name: wv.unit for name, wv in own.items()},
-        levels=first.levels,
-        rate=first.rate,
-        samples=first.samples,
-        variance={name: wv.variance for name, wv in own.items()},
-        covariance=Pairs(moments),
-        correlation=Pairs(correlation),
-        lower=Pairs({pair: low for pair, (low, _) in limits.items()}),
-        upper=Pairs({pair: high for pair, (_, high) in limits.items()}),
-        degrees_of_freedom=Pairs(freedom),
-        pvalues=Pairs(pvalues),
-        delays=Pairs({}),
-        size=size,
-        confidence=confidence,
+        axes=tuple(names), units={name: wv.unit for name, wv in curves.items()}, levels=first.levels, rate=first.rate,
+        samples=first.samples, variance={name: wv.variance for name, wv in curves.items()},
+        covariance=AxisPairs(moments), correlation=AxisPairs(correlation),
+        lower=AxisPairs({pair: low for pair, (low, _) in limits.items()}),
+        upper=AxisPairs({pair: high for pair, (_, high) in limits.items()}), degrees_of_freedom=AxisPairs(freedom),
+        pvalues=AxisPairs(pvalues), delays=AxisPairs({}), size=size, confidence=confidence,
         efficiency=efficiency if robust else None,
-    )
+    )  # fmt: skip
 
 
 def _curves(
@@ -170,18 +160,18 @@ def _curves(
     """Estimate the wavelet variances and cross-covariances of the chosen signals."""
     if isinstance(x, Stream):
         chosen = chosen_names(x.axes, axes)
-        found = streamed_curves(x, chosen, robust=robust, efficiency=efficiency)
-        units_of(found.own)  # raises an error if the variance of a level is 0
-        return found
+        streamed = streamed_curves(x, chosen, robust=robust, efficiency=efficiency)
+        units_of(streamed.own)  # raises an error if the variance of a level is 0
+        return streamed
     signals = synchronous_signals(x, rate)
     signals = {name: signals[name] for name in chosen_names(tuple(signals), axes)}
-    own = {name: measured(signal, robust, efficiency) for name, signal in signals.items()}
-    unit = units_of(own)
-    moments = {pair: product_moment(signals, own, unit, pair=pair) for pair in pairs_of(list(signals))}
-    return Curves(own, moments, signals)
+    curves = {name: measure(signal, robust, efficiency) for name, signal in signals.items()}
+    unit = units_of(curves)
+    moments = {pair: product_moment(signals, curves, unit, pair=pair) for pair in pairs_of(list(signals))}
+    return Curves(curves, moments, signals)
 
 
-class _Noise(NamedTuple):
+class _UnitNoise(NamedTuple):
     """The noise model of one signal, its wavelet variance (J,) scaled to the geometric mean 1, and Var ν̂² (J,).
 
     The degrees of freedom do not depend on the scale. Without it, differences of variances could lose precision."""
@@ -191,7 +181,7 @@ class _Noise(NamedTuple):
     variances: Vector
 
     @classmethod
-    def of(cls, model: Model, design: Design) -> _Noise:
+    def of(cls, model: Model, design: Design) -> _UnitNoise:
         unit = math.exp(float(np.mean(np.log(model.wavelet_variance(design.levels, design.rate)))))
         model = Model(tuple(_with_scale(process, process.scale / unit) for process in model.processes))
         return cls(model, model.wavelet_variance(design.levels, design.rate), variances(model, _gaussian(design)))
@@ -202,26 +192,26 @@ def _gaussian(design: Design) -> Design:
     return replace(design, efficiency=None, excess=None, model_error=0.0)
 
 
-def _freedom(one: _Noise, other: _Noise, design: Design) -> Vector:
+def _freedom(first: _UnitNoise, second: _UnitNoise, design: Design) -> Vector:
     """Return the degrees of freedom η_j (J,) of the correlation of two signals that share no noise."""
     plain = _gaussian(design)
-    both = _sum(one.model, other.model)
+    both = _sum(first.model, second.model)
     # Var ν̂² of the sum of independent signals contains the mixed term 4 Σ n C_a C_b / M².
     total = variances(both, plain)
-    null = (total - one.variances - other.variances) / 4
+    null = (total - first.variances - second.variances) / 4
     if design.efficiency is not None:
         null *= variances(both, replace(plain, efficiency=design.efficiency)) / total
-    return np.asarray(one.curve * other.curve / null)
+    return np.asarray(first.curve * second.curve / null)
 
 
 def _with_scale(process: Process, scale: float) -> Process:
     return process.with_values(**{process.scale_parameter().name: process.value_from(scale)})
 
 
-def _sum(one: Model, other: Model) -> Model:
+def _sum(first: Model, second: Model) -> Model:
     """Return the model of the sum of two independent signals. Terms with the same shape are merged."""
     scales: dict[tuple[type[Process], tuple[float, ...]], float] = {}
-    for process in (*one.processes, *other.processes):
+    for process in (*first.processes, *second.processes):
         key = type(process), tuple(process.nonlinear.tolist())
         scales[key] = scales.get(key, 0.0) + process.scale
     return Model(tuple(_with_scale(kind.standard(np.array(shape)), scale) for (kind, shape), scale in scales.items()))

@@ -1,15 +1,9 @@
 """A Kalman filter that estimates the slow noise of an array from the differences of its signals.
 
-Differences between signals of the same axis do not depend on the motion. Let x (d,) be the signals at one time. w₀ are
-the weights with sum 1 that minimise the white noise of w₀ᵀ x, and B (d − 1, d) is a basis of the differences (B 1 = 0).
-The noise that is not white is b = Σ_p b_p, with a covariance matrix Σ_p between the signals for each process p. The
-filter estimates b̂_p from B x. The fused signal is
-
-    ŝ = w₀ᵀ x − Σ_p c_p B b̂_p,   c_p = w₀ᵀ Σ_p Bᵀ (B Σ_p Bᵀ)⁺,
-
-where ⁺ is the pseudo-inverse, because c_p B b_p is the best linear prediction of w₀ᵀ b_p. The white noise of w₀ᵀ x is
-independent of the differences.
-"""
+Differences B x (B 1 = 0) of signals x of the same axis do not depend on the motion. w₀ are the weights with sum 1 that
+minimise the white noise of w₀ᵀ x, which is independent of the differences. The filter estimates the noise b_p of each
+other process from B x. The fused signal is ŝ = w₀ᵀ x − Σ_p c_p B b̂_p with c_p = w₀ᵀ Σ_p Bᵀ (B Σ_p Bᵀ)⁺, because c_p B
+b_p is the best linear prediction of w₀ᵀ b_p."""
 
 from __future__ import annotations
 
@@ -24,11 +18,6 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.theory.processes.base import Process
 from gmwm.theory.statespace import StateSpace
 
-RIDGE = 1e-10
-"""Share of the mean white-noise variance that is added to the measurement noise, so that its covariance matrix has an
-inverse. The added noise has 1e-5 of the standard deviation of the white noise."""
-DOUBLINGS = 64
-"""Largest number of steps of a doubling algorithm; k steps correspond to 2^k steps of the recursion."""
 BLOCK = 256
 """Number of consecutive samples that are filtered by one matrix product."""
 
@@ -113,11 +102,12 @@ class ArrayNoise:
 
     @property
     def white(self) -> Matrix:
-        """Covariance (d, d) of the white measurement noise of one sample, with the diagonal `RIDGE`."""
+        # So that the covariance matrix has an inverse.
+        """Covariance (d, d) of the white measurement noise of one sample, with a small diagonal matrix."""
         d = self.sigmas.shape[-1]
         total = sum((space.R[0, 0] * sigma for space, sigma in zip(self.spaces, self.sigmas, strict=True)),
                     np.zeros((d, d)))  # fmt: skip
-        ridge = RIDGE * float(np.trace(total if np.any(total) else self.sigmas.sum(axis=0))) / d
+        ridge = 1e-10 * float(np.trace(total if np.any(total) else self.sigmas.sum(axis=0))) / d
         return np.asarray(total + ridge * np.eye(d))
 
     def filter(self) -> DifferenceFilter:
@@ -129,7 +119,7 @@ class ArrayNoise:
         inverse = np.linalg.solve(white, np.ones(d))
         weights = inverse / inverse.sum()
         differences = null_space(np.ones((1, d))).T
-        seen = [self._seen(space, sigma, differences, weights=weights)
+        seen = [self._observed_parts(space, sigma, differences, weights=weights)
                 for space, sigma in zip(self.spaces, self.sigmas, strict=True) if space.states]  # fmt: skip
         if not sum(part[0].shape[0] for part in seen):
             return DifferenceFilter.static(weights)
@@ -141,18 +131,18 @@ class ArrayNoise:
         return DifferenceFilter(weights, differences, A=(np.eye(len(F)) - K @ H) @ F, K=K, C=C)
 
     @staticmethod
-    def _seen(
+    def _observed_parts(
         space: StateSpace, sigma: Matrix, differences: Matrix, *, weights: Vector
     ) -> tuple[Matrix, Matrix, Matrix, Vector]:
         """Return F, Q and H of one process as it appears in the differences, and its part of the row C."""
         root = factor(differences @ sigma @ differences.T)
         eye = np.eye(root.shape[1])
         regression = weights @ sigma @ differences.T @ np.linalg.pinv(root).T if root.size else np.zeros(0)
-        found = [np.kron(space.F, eye), np.kron(space.Q, eye), np.kron(space.H, root), np.kron(space.H[0], regression)]
-        F, Q, H, C = (np.asarray(part, dtype=np.float64) for part in found)
+        parts = [np.kron(space.F, eye), np.kron(space.Q, eye), np.kron(space.H, root), np.kron(space.H[0], regression)]
+        F, Q, H, C = (np.asarray(part, dtype=np.float64) for part in parts)
         return F, Q, H, C
 
-    def fused(self, filter: DifferenceFilter) -> StateSpace:
+    def fused_space(self, filter: DifferenceFilter) -> StateSpace:
         """Return the state space of the fused signal of an array at rest, for any difference filter.
 
         Random walks z make the filter states ξ non-stationary. They are therefore written as ξ = G z + e, where G is
@@ -171,17 +161,17 @@ class ArrayNoise:
         white = self.white
         # The state vector contains the noise states, e, and the white noise of this sample, which enters the output and
         # e.
-        own = gain @ (H * ~walk)
-        whole = np.zeros((p + n + d, p + n + d))
-        whole[:p, :p], whole[p : p + n, :p], whole[p : p + n, p : p + n] = F, own @ F, filter.A
-        carry = np.concatenate([np.eye(p), own - filter.A @ response, np.zeros((d, p))])
+        stationary = gain @ (H * ~walk)
+        transition = np.zeros((p + n + d, p + n + d))
+        transition[:p, :p], transition[p : p + n, :p], transition[p : p + n, p : p + n] = F, stationary @ F, filter.A
+        carry = np.concatenate([np.eye(p), stationary - filter.A @ response, np.zeros((d, p))])
         other = np.concatenate([np.zeros((p, d)), gain, np.eye(d)])
         noise = carry @ Q @ carry.T + other @ white @ other.T
         seen = np.concatenate([filter.weights @ H - filter.C @ response, -filter.C, filter.weights])
         stays = np.concatenate([~walk, np.ones(n + d, bool)])
         start = np.zeros_like(noise)
-        start[np.ix_(stays, stays)] = _stationary(whole[np.ix_(stays, stays)], noise[np.ix_(stays, stays)])
-        return StateSpace(F=whole, Q=noise, H=seen, P0=start)
+        start[np.ix_(stays, stays)] = _stationary(transition[np.ix_(stays, stays)], noise[np.ix_(stays, stays)])
+        return StateSpace(F=transition, Q=noise, H=seen, P0=start)
 
     def static(self, weights: Vector, levels: NDArray[np.int64]) -> Vector:
         """Return the wavelet variance (J,) of a weighted sum of the signals."""
@@ -192,7 +182,7 @@ class ArrayNoise:
 
 def wavelet_variance(noise: ArrayNoise, filter: DifferenceFilter, levels: NDArray[np.int64]) -> Vector:
     """Return the wavelet variance (J,) of the fused signal of an array at rest."""
-    return noise.fused(filter).haar_variance(levels) if filter.C.size else noise.static(filter.weights, levels)
+    return noise.fused_space(filter).haar_variance(levels) if filter.C.size else noise.static(filter.weights, levels)
 
 
 def _steady(F: Matrix, Q: Matrix, H: Matrix, R: Matrix) -> Matrix:
@@ -200,7 +190,7 @@ def _steady(F: Matrix, Q: Matrix, H: Matrix, R: Matrix) -> Matrix:
     (Anderson and Moore 1979, Optimal Filtering, section 6.7)."""
     a, g, p = F.T.copy(), H.T @ np.linalg.solve(R, H), Q.copy()
     eye = np.eye(len(F))
-    for _ in range(DOUBLINGS):
+    for _ in range(64):
         inner = np.linalg.solve(eye + g @ p, np.concatenate([a, g], axis=1))
         first, second = inner[:, : len(F)], inner[:, len(F) :]
         added = a.T @ p @ first
@@ -213,7 +203,7 @@ def _steady(F: Matrix, Q: Matrix, H: Matrix, R: Matrix) -> Matrix:
 def _stationary(transition: Matrix, noise: Matrix) -> Matrix:
     """Return the stationary covariance P that solves P = A P Aᵀ + W, computed by doubling."""
     p, a = noise, transition
-    for _ in range(DOUBLINGS):
+    for _ in range(64):
         added = a @ p @ a.T
         p, a = p + added, a @ a
         if np.linalg.norm(added) <= 1e-15 * np.linalg.norm(p):

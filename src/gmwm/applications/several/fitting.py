@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.applications.several.matrices import WaveletMatrices, wavelet_matrices
-from gmwm.applications.several.moments import lag_products, moment_covariance, stacked, symmetric
+from gmwm.applications.several.moments import lag_products, moment_covariance, stack, symmetric
 from gmwm.applications.several.problem import JointProblem
-from gmwm.applications.several.search import EXACT, ROUGH, Found, first, resume, search
+from gmwm.applications.several.search import EXACT, ROUGH, JointEstimate, first, resume, search
 from gmwm.applications.several.synchronous import chosen_names, synchronous_signals
 from gmwm.applications.several.terms import JointTerm
 from gmwm.base.arrays import Matrix, Vector
@@ -19,40 +19,24 @@ from gmwm.base.errors import DataError, ModelError, OptionError
 from gmwm.measuring.covariance.design import Design
 from gmwm.recording.signals import Imu, Signal
 
-LEAST = 5.0
-"""Smallest number of coefficients per scale of a level that is used by default. With 3, the goodness-of-fit test
-rejects up to 8 % of correct models at the 5 % level, because the distribution of the coarsest moments is skewed.
-docs/validation/joint.md has the rates with 5."""
+LEAST_PER_SCALE = 5.0
+"""Least coefficients per scale of a level. With 3, the test rejects up to 8 % at 5 % (docs/validation/joint.md)."""
 MOST_SIGNALS = 12
 """Largest number of signals. The covariance matrix of all moments takes 10 MB for 12 signals and 0.5 GB for 28."""
 PRIOR = 1000.0
-"""The covariance V of the moments is scaled to an average of fitted and measured wavelet variances. In this average,
-the fitted variances have this number of degrees of freedom, as in the fit of one signal; see
-`gmwm.estimation.reweighting`."""
+"""Degrees of freedom of the fitted variances in the average that scales V; see `gmwm.estimation.reweighting`."""
 ROUNDS = 12
 """Largest number of rounds (new weights, then a new estimate); 3 to 5 are usual."""
-DEGENERATE = 1e-5
-"""V counts as singular if, for some moment, the standard deviation given the moments before it is less than this share
-of its standard deviation. If a model has no noise in some combination of the signals, the share is 3e-7, the square
-root of the value 1e-13 that is added to the diagonal."""
-SETTLED = 1e-4
-"""The rounds end when the fitted wavelet variances change by less than this relative amount."""
-CONVERGED = 0.01
-"""If they change by more than this in the last round, the weights have not converged. Correct models end below 0.001.
-Fits of wrong models can alternate between values that differ by a factor of ten
-(tests/joint/test_joint_fit.py)."""
 MEMORY = (-3.0, 0.9)
-"""Limits of the coefficient with which the extrapolation subtracts the change between the last two rounds (see
-`_Mixed`). Without extrapolation, some fits of six signals still change by 0.4 % in round 12; with it, by 0.004 % to
-0.06 % (simulated RW + GM + WN + QN, 10⁵ samples)."""
+"""Limits of the extrapolation. It reduces the change of six signals in round 12 from 0.4 % to 0.004–0.06 %."""
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
+class JointSolution:
     """The weighted least-squares problem of a joint fit with its final weights, and its solution."""
 
     problem: JointProblem  # the problem, in scaled units
-    found: Found  # the solution, in scaled units
+    estimate: JointEstimate  # the solution, in scaled units
     unit: Vector  # (d,) factors by which the signals were multiplied
     products: Matrix  # (P, P, J, J) G at the estimate; see `gmwm.several.moments`
     # estimated covariance matrices Γ̂ of the wavelet coefficients at the levels used, in the units of the signals
@@ -64,49 +48,45 @@ class Settled:
     @property
     def sigmas(self) -> Matrix:
         """Covariance matrices Σ (P, d, d) of the terms, in products of the units of the signals."""
-        return np.asarray(self.found.sigmas / np.outer(self.unit, self.unit))
+        return np.asarray(self.estimate.sigmas / np.outer(self.unit, self.unit))
 
     def wavelet(self) -> Matrix:
         """Return the covariance V (n, n) of the stacked moments under the estimated model, in scaled units."""
-        return self.problem.design.loss_factor * moment_covariance(self.found.sigmas, self.products)
+        return self.problem.design.loss_factor * moment_covariance(self.estimate.sigmas, self.products)
 
 
-def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> Settled:
+def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> JointSolution:
     """Fit the terms to measured covariance matrices, and update the weights until estimate and weights agree."""
     gamma, design = measured.values, replace(measured.design, filled=0)
     variances = np.einsum("jaa->ja", gamma)
     if not np.all(variances > 0):
         raise DataError("a signal has no noise at some scales", argument="x")
     unit = np.exp(-0.5 * np.mean(np.log(variances), axis=0))
-    moments = stacked(gamma * np.outer(unit, unit))
+    moments = stack(gamma * np.outer(unit, unit))
     from_data = _first_root(gamma * np.outer(unit, unit), design)
     problem = JointProblem(terms, moments, root=from_data, design=design, d=unit.size)
-    found = first(problem)
-    weights = _Mixed.of(problem, found.u, found.sigmas)
+    estimate = first(problem)
+    weights = _Mixed.of(problem, estimate.u, estimate.sigmas)
     accuracy = ROUGH
     for k in range(ROUNDS):
         products = lag_products(problem.processes(weights.u), design)
         wavelet = measured.design.loss_factor * moment_covariance(weights.sigmas, products)
         problem = replace(problem, root=_root(wavelet * _scale(problem, weights.implied)))
-        # The first weights are rough, so the search is repeated once with better weights.
-        accuracy = EXACT if k == 1 else _accuracy(weights.change)
-        found = search(problem) if k == 1 else resume(problem, found, accuracy=accuracy)
-        weights = weights.after(problem, found, restart=k <= 1)
-        if k > 1 and weights.change < SETTLED:
+        # The first weights are rough, so the search is repeated once with better weights. The accuracy of the other
+        # rounds keeps the error of the fitted variances at a tenth of their change in the last round.
+        accuracy = EXACT if k == 1 else float(np.clip(0.01 * weights.change**2, EXACT, ROUGH))
+        estimate = search(problem) if k == 1 else resume(problem, estimate, accuracy=accuracy)
+        weights = weights.after(problem, estimate, restart=k <= 1)
+        if k > 1 and weights.change < 1e-4:
             break
-    converged = weights.change <= CONVERGED
+    converged = weights.change <= 0.01  # correct models end below 0.001 (tests/joint)
     if not converged:
         problem = replace(problem, root=from_data)
-        found = search(problem)
+        estimate = search(problem)
     elif accuracy > EXACT:
-        found = resume(problem, found)
-    products = lag_products(problem.processes(found.u), design)
-    return Settled(problem, found, unit=unit, products=products, measured=measured, converged=converged)
-
-
-def _accuracy(change: float) -> float:
-    """Return the accuracy of the objective with which a round changes its variances by a tenth of the last change."""
-    return float(np.clip(0.01 * change**2, EXACT, ROUGH))
+        estimate = resume(problem, estimate)
+    products = lag_products(problem.processes(estimate.u), design)
+    return JointSolution(problem, estimate, unit=unit, products=products, measured=measured, converged=converged)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,12 +108,12 @@ class _Mixed:
 
     @classmethod
     def of(cls, problem: JointProblem, u: Vector, sigmas: Matrix) -> _Mixed:
-        return cls(u, sigmas, _implied(problem, u, sigmas))
+        return cls(u, sigmas, _implied_variances(problem, u, sigmas))
 
-    def after(self, problem: JointProblem, found: Found, *, restart: bool) -> _Mixed:
+    def after(self, problem: JointProblem, estimate: JointEstimate, *, restart: bool) -> _Mixed:
         """Return the values for the weights of the next round, given the estimate of this round."""
-        miss = np.log(_implied(problem, found.u, found.sigmas) / self.implied)
-        u, sigmas = found.u, found.sigmas
+        miss = np.log(_implied_variances(problem, estimate.u, estimate.sigmas) / self.implied)
+        u, sigmas = estimate.u, estimate.sigmas
         if self.last is not None and not restart:
             before, matrices, missed = self.last
             turn = miss - missed
@@ -142,14 +122,11 @@ class _Mixed:
             u = np.clip(u - share * (u - before), *problem.limits)
             values, vectors = np.linalg.eigh(sigmas - share * (sigmas - matrices))
             sigmas = (vectors * np.maximum(values, 0.0)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
-        return replace(
-            _Mixed.of(problem, u, sigmas),
-            change=float(np.max(np.abs(np.expm1(miss)))),
-            last=(found.u, found.sigmas, miss),
-        )
+        change = float(np.max(np.abs(np.expm1(miss))))
+        return replace(_Mixed.of(problem, u, sigmas), change=change, last=(estimate.u, estimate.sigmas, miss))
 
 
-def _implied(problem: JointProblem, u: Vector, sigmas: Matrix) -> Matrix:
+def _implied_variances(problem: JointProblem, u: Vector, sigmas: Matrix) -> Matrix:
     """Return the wavelet variances (J, d) of the model."""
     return np.asarray(np.einsum("pj,paa->ja", problem.shapes(u), sigmas))
 
@@ -161,21 +138,17 @@ def _first_root(gamma: Matrix, design: Design) -> Matrix:
     padded = np.concatenate([variances[:1], variances, variances[-1:]])
     smooth = np.maximum(variances, np.sqrt(padded[:-2] * padded[2:]) / 2)
     products = smooth[:, :, None] * smooth[:, None, :] + gamma**2
-    return np.diag(1 / np.sqrt(stacked(products / design.degrees_of_freedom[:, None, None])))
+    return np.diag(1 / np.sqrt(stack(products / design.degrees_of_freedom[:, None, None])))
 
 
 def _scale(problem: JointProblem, implied: Matrix) -> Matrix:
     """Return the factors (n, n) that scale V to averages of fitted and measured variances, like `implied_weights`."""
     freedom = problem.design.degrees_of_freedom[:, None]
-    observed = np.einsum("jaa->ja", _matrices(problem))
+    gamma = symmetric(problem.moments.reshape(-1, problem.design.levels.size).T, problem.d)
+    observed = np.einsum("jaa->ja", gamma)
     ratio = np.sqrt((freedom * observed / implied + PRIOR) / (freedom + PRIOR))
-    scale = stacked(ratio[:, :, None] * ratio[:, None, :])
+    scale = stack(ratio[:, :, None] * ratio[:, None, :])
     return np.outer(scale, scale)
-
-
-def _matrices(problem: JointProblem) -> Matrix:
-    """Return the stacked moments of a problem as covariance matrices (J, d, d)."""
-    return symmetric(problem.moments.reshape(-1, problem.design.levels.size).T, problem.d)
 
 
 def _root(wavelet: Matrix) -> Matrix:
@@ -189,7 +162,7 @@ def _root(wavelet: Matrix) -> Matrix:
         except np.linalg.LinAlgError:
             pass
         else:
-            if float(np.diag(factor).min()) > DEGENERATE:
+            if float(np.diag(factor).min()) > 1e-5:  # without noise, rounding leaves 3e-7
                 return np.asarray(dtrtri(factor, lower=1)[0] / size)
     raise ModelError(
         "the model as estimated has no noise in some combination of the signals, so its weights do not exist",
@@ -197,17 +170,18 @@ def _root(wavelet: Matrix) -> Matrix:
     )  # fmt: skip
 
 
-def chosen_levels(design: Design, levels: int | Sequence[int] | None, least: float = LEAST) -> NDArray[np.bool_]:
-    """Return the mask of the levels: those listed, a number of finest ones, or those with `least` coefficients per scale."""
+def chosen_levels(
+    design: Design, levels: int | Sequence[int] | None, least: float = LEAST_PER_SCALE
+) -> NDArray[np.bool_]:
+    """Return the mask of the levels: those listed, a number of finest ones, or those with `least` freedom."""
     if levels is None:
         return np.asarray(design.degrees_of_freedom >= least)
-    wanted = list(range(1, levels + 1)) if isinstance(levels, int) else list(levels)
-    unknown = [level for level in wanted if level not in design.levels]
-    if unknown or not wanted:
-        raise OptionError(
-            argument="levels", expected=f"levels from 1 to {design.levels[-1]} of this recording", got=levels
-        )
-    return np.isin(design.levels, wanted)
+    numbers = list(range(1, levels + 1)) if isinstance(levels, int) else list(levels)
+    unknown = [level for level in numbers if level not in design.levels]
+    if unknown or not numbers:
+        expected = f"levels from 1 to {design.levels[-1]} of this recording"
+        raise OptionError(argument="levels", expected=expected, got=levels)
+    return np.isin(design.levels, numbers)
 
 
 def chosen_signals(
@@ -222,15 +196,15 @@ def chosen_signals(
 
 
 def measured_at(
-    signals: Mapping[str, Signal], levels: int | Sequence[int] | None, unknowns: int, *, least: float = LEAST
+    signals: Mapping[str, Signal], levels: int | Sequence[int] | None, unknowns: int, *, least: float = LEAST_PER_SCALE
 ) -> WaveletMatrices:
     """Return the estimated covariance matrices Γ̂ of the wavelet coefficients at the chosen levels."""
-    whole = wavelet_matrices(signals)
-    kept = chosen_levels(whole.design, levels, least)
-    if np.count_nonzero(kept) <= unknowns:
+    matrices = wavelet_matrices(signals)
+    mask = chosen_levels(matrices.design, levels, least)
+    if np.count_nonzero(mask) <= unknowns:
         raise DataError(
             f"a model with {unknowns} parameters of each signal needs more than {unknowns} levels; the recording has "
-            f"{np.count_nonzero(kept)}",
+            f"{np.count_nonzero(mask)}",
             argument="x", advice="Use a longer recording, or a simpler model.",
         )  # fmt: skip
-    return WaveletMatrices(names=whole.names, values=whole.values[kept], design=whole.design.only(kept))
+    return WaveletMatrices(names=matrices.names, values=matrices.values[mask], design=matrices.design.only(mask))

@@ -10,16 +10,9 @@ from numpy.typing import ArrayLike
 
 from gmwm.applications.several.difference_filter import ArrayNoise, DifferenceFilter, wavelet_variance
 from gmwm.applications.several.fusion_result import VirtualAxis, VirtualSensor
+from gmwm.applications.several.inference import misfit
 from gmwm.applications.several.matrices import WaveletMatrices, wavelet_matrices
-from gmwm.applications.several.model_fusion import (
-    best_noise,
-    fitted,
-    model_text,
-    noise_of,
-    optimism,
-    pvalue_of,
-    unit_of,
-)
+from gmwm.applications.several.model_fusion import best_noise, fit_array, noise_of, optimism, unit_of
 from gmwm.applications.several.sensor_array import like_axes
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
@@ -33,8 +26,7 @@ from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import ModelLike
 
 SPARE = 2.0
-"""The weights of d sensors need at least d + SPARE degrees of freedom. With d + 1, the expected variance in other
-recordings is infinite."""
+"""Degrees of freedom that d weights need beyond d. With d + 1, the expected variance elsewhere is infinite."""
 
 
 def fuse(
@@ -113,35 +105,26 @@ def fuse(
     (array([ 0.68,  0.37, -0.05]), '1.39')
     """
     if horizon is not None:
-        horizon = _as_horizon(horizon)
+        if isinstance(horizon, bool) or not isinstance(horizon, int | float) or not 0 < horizon < np.inf:
+            raise OptionError(argument="horizon", expected="a positive time (s)", got=horizon)
+        horizon = float(horizon)
     elif nonnegative:
         raise OptionError(argument="nonnegative", expected="given with {--horizon}", got=nonnegative)
-    found = {}
+    virtual = {}
     for axis, signals in like_axes(x, rate).items():
         filled = fill_gaps(signals)
         if horizon is not None and model is None:
-            found[axis] = _static(axis, filled, horizon, nonnegative=nonnegative)
+            virtual[axis] = _static(axis, filled, horizon, nonnegative=nonnegative)
         else:
-            found[axis] = _modelled(axis, filled, horizon, model=model, nonnegative=nonnegative)
-    return VirtualSensor(axes=found, horizon=horizon)
+            virtual[axis] = _from_model(axis, filled, horizon, model=model, nonnegative=nonnegative)
+    return VirtualSensor(axes=virtual, horizon=horizon)
 
 
-def _as_horizon(horizon: float) -> float:
-    if isinstance(horizon, bool) or not isinstance(horizon, int | float) or not 0 < horizon < np.inf:
-        raise OptionError(argument="horizon", expected="a positive time (s)", got=horizon)
-    return float(horizon)
-
-
-def _modelled(
-    axis: str,
-    signals: Mapping[str, Signal],
-    horizon: float | None,
-    *,
-    model: ModelLike | None,
-    nonnegative: bool,
+def _from_model(
+    axis: str, signals: Mapping[str, Signal], horizon: float | None, *, model: ModelLike | None, nonnegative: bool
 ) -> VirtualAxis:
     """Return the Kalman filter, or the static weights, of one axis from a joint model."""
-    settled = fitted(signals, model)
+    settled = fit_array(signals, model)
     measured = settled.measured
     levels, d = measured.design.levels, len(measured.names)
     noise, scale = noise_of(settled), unit_of(settled)
@@ -156,26 +139,17 @@ def _modelled(
 
     filter = design(best_noise(settled))
     factor = optimism(settled, design, levels)
-    own = next(iter(signals.values()))
-    one = VirtualAxis(
-        axis=axis,
-        members=measured.names,
-        unit=own.unit,
-        weights=filter.weights,
-        levels=levels,
-        rate=own.rate,
-        samples=len(own),
-        variance=scale * factor * wavelet_variance(noise, filter, levels),
+    first = next(iter(signals.values()))
+    fused = VirtualAxis(
+        axis=axis, members=measured.names, unit=first.unit, weights=filter.weights, levels=levels, rate=first.rate,
+        samples=len(first), variance=scale * factor * wavelet_variance(noise, filter, levels),
         average=scale * noise.static(np.full(d, 1 / d), levels),
-        each=scale * np.array([noise.static(row, levels) for row in np.eye(d)]),
-        measured=np.zeros(levels.size),
-        optimism=factor,
-        filter=filter if filter.C.size else None,
-        model=model_text(settled),
-        pvalue=pvalue_of(settled),
-    )
-    own_variance = signal_wavelet_variance(one.apply(signals), levels=int(levels[-1])).variance
-    return replace(one, measured=own_variance[levels - 1])
+        each=scale * np.array([noise.static(row, levels) for row in np.eye(d)]), measured=np.zeros(levels.size),
+        optimism=factor, filter=filter if filter.C.size else None,
+        model=" + ".join(map(str, settled.problem.terms)), pvalue=misfit(settled).pvalue,
+    )  # fmt: skip
+    own_variance = signal_wavelet_variance(fused.apply(signals), levels=int(levels[-1])).variance
+    return replace(fused, measured=own_variance[levels - 1])
 
 
 def _static(axis: str, signals: Mapping[str, Signal], horizon: float, *, nonnegative: bool) -> VirtualAxis:
@@ -185,22 +159,14 @@ def _static(axis: str, signals: Mapping[str, Signal], horizon: float, *, nonnega
     shares = _shares(measured, horizon)
     target = np.einsum("j,jab->ab", shares, gamma)
     weights = best_weights(target, nonnegative=nonnegative)
-    own = np.einsum("a,jab,b->j", weights, gamma, weights)
-    optimism = _optimism(measured, own, shares, d=int(np.count_nonzero(weights)))
+    variance = np.einsum("a,jab,b->j", weights, gamma, weights)
+    optimism = _optimism(measured, variance, shares, d=int(np.count_nonzero(weights)))
     return VirtualAxis(
-        axis=axis,
-        members=measured.names,
-        unit=next(iter(signals.values())).unit,
-        weights=weights,
-        levels=measured.design.levels,
-        rate=measured.design.rate,
-        samples=measured.design.samples,
-        variance=own * optimism,
-        average=gamma.sum(axis=(1, 2)) / d**2,
-        each=np.einsum("jaa->aj", gamma),
-        measured=own,
-        optimism=optimism,
-    )
+        axis=axis, members=measured.names, unit=next(iter(signals.values())).unit, weights=weights,
+        levels=measured.design.levels, rate=measured.design.rate, samples=measured.design.samples,
+        variance=variance * optimism, average=gamma.sum(axis=(1, 2)) / d**2, each=np.einsum("jaa->aj", gamma),
+        measured=variance, optimism=optimism,
+    )  # fmt: skip
 
 
 def _shares(measured: WaveletMatrices, horizon: float) -> Vector:
@@ -232,20 +198,20 @@ def best_weights(gamma: Matrix, *, nonnegative: bool = False) -> Vector:
     towards: Vector = np.linalg.solve(root, 1 / size).astype(np.float64)
     if nonnegative:
         rows = root / np.linalg.norm(root, axis=1, keepdims=True)
-        found, _ = _core.nonnegative_least_squares(towards, np.ascontiguousarray(rows))
-        weights = found / np.linalg.norm(root, axis=1) / size
+        solution, _ = _core.nonnegative_least_squares(towards, np.ascontiguousarray(rows))
+        weights = solution / np.linalg.norm(root, axis=1) / size
     else:
         weights = np.linalg.solve(root.T, towards) / size
     return np.asarray(weights / weights.sum())
 
 
-def _optimism(measured: WaveletMatrices, own: Vector, shares: Vector, d: int) -> Vector:
+def _optimism(measured: WaveletMatrices, variance: Vector, shares: Vector, d: int) -> Vector:
     """Return the factor (J,) from the wavelet variance in the recording itself to the expected one in other recordings.
 
     If the estimate Γ̂ has η degrees of freedom, E 1/(1ᵀΓ̂⁻¹1) = (η − d + 1)/η · 1/(1ᵀΓ⁻¹1) and E wᵀΓw = (η − 1)/(η − d)
     · 1/(1ᵀΓ⁻¹1), with the true matrix Γ (Basak, Jagannathan and Ma 2009, Management Science 55, 990-1002)."""
     design = measured.design
-    curve, model = mixture(own, design.degrees_of_freedom, design, random=True)
+    curve, model = mixture(variance, design.degrees_of_freedom, design, random=True)
     relative = covariance(model, design) / np.outer(curve, curve)
     parts = shares * curve / (shares @ curve)
     scatter = float(parts @ relative @ parts)

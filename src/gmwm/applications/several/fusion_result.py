@@ -13,6 +13,7 @@ from gmwm.applications.several.difference_filter import DifferenceFilter
 from gmwm.applications.several.sensor_array import like_axes
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import DataError
+from gmwm.base.plain import plain_fields
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
 from gmwm.base.tables import headed
@@ -21,12 +22,6 @@ from gmwm.recording.signals import Imu, Signal
 
 if TYPE_CHECKING:
     from polars import DataFrame
-
-
-REJECTED = 0.01
-"""p-value below which a model is reported as rejected."""
-ENOUGH = 10.0
-"""A remark compares measured and predicted variances only at levels with more coefficients per scale than this."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -127,18 +122,11 @@ class VirtualAxis:
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers, lists and strings."""
         return {
-            "axis": self.axis,
-            "unit": self.unit,
-            "rate": self.rate,
+            **plain_fields(self, "axis unit rate"),
             "weights": dict(zip(self.members, self.weights.tolist(), strict=True)),
-            "model": self.model,
-            "pvalue": self.pvalue,
-            "filter": None if self.filter is None else self.filter.to_dict(),
-            "tau": self.tau.tolist(),
-            "deviation": self.deviation.tolist(),
+            **plain_fields(self, "model pvalue filter tau deviation"),
             "average": np.sqrt(self.average).tolist(),
-            "gain": self.gain.tolist(),
-            "gain_over_best": self.gain_over_best.tolist(),
+            **plain_fields(self, "gain gain_over_best"),
             "measured": np.sqrt(self.measured).tolist(),
             "optimism": self.optimism.tolist(),
         }
@@ -189,96 +177,68 @@ class VirtualSensor(Summarised, Plotted):
         """
         groups = like_axes(x, rate)
         fused = {}
-        for axis, one in self.axes.items():
-            if tuple(groups.get(axis, ())) != one.members:
-                expected = f"the signals of {axis}: {', '.join(one.members)}"
+        for axis, fusion in self.axes.items():
+            if tuple(groups.get(axis, ())) != fusion.members:
+                expected = f"the signals of {axis}: {', '.join(fusion.members)}"
                 raise DataError(argument="x", expected=expected, got=list(groups.get(axis, ())))
             first = next(iter(groups[axis].values()))
-            if first.rate != one.rate:
-                raise DataError(
-                    f"the weights are for {one.rate:g} Hz, but the signals have {first.rate:g} Hz", argument="x"
-                )
-            fused[axis] = one.apply(groups[axis])
+            if first.rate != fusion.rate:
+                reason = f"the weights are for {fusion.rate:g} Hz, but the signals have {first.rate:g} Hz"
+                raise DataError(reason, argument="x")
+            fused[axis] = fusion.apply(groups[axis])
         return Imu(fused)
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """Remarks on weights that amplify errors from scale factor and misalignment, and on models that do not fit."""
-        found = []
-        for axis, one in self.axes.items():
-            place = int(np.argmin(one.weights))
-            if one.weights[place] < 0:
-                found.append(
-                    Remark.of(
-                        "weights-negative", axis, member=one.members[place], weight=float(one.weights[place]),
-                        factor=float(np.sqrt(one.weights @ one.weights * one.weights.size)),
-                    )
-                )  # fmt: skip
-            if one.pvalue is not None and one.pvalue < REJECTED:
-                ratio = one.measured / one.variance
-                at = int(np.argmax(np.abs(np.log(ratio)) * (one.seen > ENOUGH)))
-                found.append(
-                    Remark.of(
-                        "array-model-rejected", axis, model=one.model, ratio=float(np.sqrt(ratio[at])),
-                        tau=Quantity(float(one.tau[at]), "s"),
-                    )
-                )  # fmt: skip
-        return tuple(found)
+        remarks = []
+        for axis, fusion in self.axes.items():
+            place = int(np.argmin(fusion.weights))
+            if fusion.weights[place] < 0:
+                factor = float(np.sqrt(fusion.weights @ fusion.weights * fusion.weights.size))
+                member, weight = fusion.members[place], float(fusion.weights[place])
+                remarks.append(Remark.of("weights-negative", axis, member=member, weight=weight, factor=factor))
+            if fusion.pvalue is not None and fusion.pvalue < 0.01:
+                ratio = fusion.measured / fusion.variance
+                at = int(np.argmax(np.abs(np.log(ratio)) * (fusion.seen > 10.0)))
+                size, tau = float(np.sqrt(ratio[at])), Quantity(float(fusion.tau[at]), "s")
+                remarks.append(Remark.of("array-model-rejected", axis, model=fusion.model, ratio=size, tau=tau))
+        return tuple(remarks)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers, lists and strings."""
-        return {
-            "horizon": self.horizon,
-            "axes": {axis: one.to_dict() for axis, one in self.axes.items()},
-            "remarks": [remark.to_dict() for remark in self.remarks],
-        }
+        return plain_fields(self, "horizon axes remarks")
 
     def to_frame(self) -> DataFrame:
         """Return the predicted deviations as a Polars data frame with one row for each axis and level."""
         from polars import DataFrame, concat
 
         return concat(
-            DataFrame(
-                {
-                    "axis": [axis] * one.levels.size,
-                    "level": one.levels,
-                    "tau": one.tau,
-                    "deviation": one.deviation,
-                    "average": np.sqrt(one.average),
-                    "gain": one.gain,
-                    "gain_over_best": one.gain_over_best,
-                }
-            )
-            for axis, one in self.axes.items()
-        )
+            DataFrame({
+                "axis": [axis] * fusion.levels.size, "level": fusion.levels, "tau": fusion.tau,
+                "deviation": fusion.deviation, "average": np.sqrt(fusion.average), "gain": fusion.gain,
+                "gain_over_best": fusion.gain_over_best,
+            })
+            for axis, fusion in self.axes.items()
+        )  # fmt: skip
 
     def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
-        """Format the weights, the gain at a few scales, and the remarks.
-
-        Parameters
-        ----------
-        dialect : Dialect
-            Whether options are written as in Python or as in the shell.
-        """
+        """Format the weights, the gain at a few scales, and the remarks, in the `dialect` of Python or the shell."""
         lines = []
-        for axis, one in self.axes.items():
-            weights = [["weight", *(name.removeprefix(axis) for name in one.members)]]
-            weights.append(["", *(f"{weight:.3f}" for weight in one.weights)])
-            shown = self._shown(one)
-            gains = [["at τ", *(duration_text(one.tau[k]) for k in shown)]]
-            gains.append(["gain over the average", *(f"{one.gain[k]:.2f}" for k in shown)])
-            gains.append(["gain over the best one", *(f"{one.gain_over_best[k]:.2f}" for k in shown)])
-            lines += [f"{axis}: virtual sensor of {len(one.members)}, {self._method}"]
-            lines += [f"Model {one.model}, p = {one.pvalue:.2g}"] if one.pvalue is not None else []
+        for axis, fusion in self.axes.items():
+            weights = [["weight", *(name.removeprefix(axis) for name in fusion.members)]]
+            weights.append(["", *(f"{weight:.3f}" for weight in fusion.weights)])
+            places = set(range(0, fusion.tau.size, max(fusion.tau.size // 6, 1)))
+            if self.horizon is not None:
+                places.add(int(np.argmin(np.abs(np.log(fusion.tau / self.horizon)))))
+            shown = sorted(places)
+            gains = [["at τ", *(duration_text(fusion.tau[k]) for k in shown)]]
+            gains.append(["gain over the average", *(f"{fusion.gain[k]:.2f}" for k in shown)])
+            gains.append(["gain over the best one", *(f"{fusion.gain_over_best[k]:.2f}" for k in shown)])
+            lines += [f"{axis}: virtual sensor of {len(fusion.members)}, {self._method}"]
+            lines += [f"Model {fusion.model}, p = {fusion.pvalue:.2g}"] if fusion.pvalue is not None else []
             lines += ["", *headed(weights), "", *headed(gains), ""]
         return "\n".join([*lines, *texts(self.remarks, dialect)]).rstrip()
-
-    def _shown(self, one: VirtualAxis) -> list[int]:
-        """Return the levels that the table shows: about six, and the one nearest to the horizon."""
-        shown = set(range(0, one.tau.size, max(one.tau.size // 6, 1)))
-        if self.horizon is not None:
-            shown.add(int(np.argmin(np.abs(np.log(one.tau / self.horizon)))))
-        return sorted(shown)
 
     @property
     def _method(self) -> str:
@@ -289,4 +249,4 @@ class VirtualSensor(Summarised, Plotted):
         return f"VirtualSensor({', '.join(self.axes)}: {count} units, {self._method})"
 
 
-register(VirtualSensor, "gmwm.applications.several.fusion_plot:plot_fusion")
+register(VirtualSensor, "gmwm.applications.several.plots:plot_fusion")

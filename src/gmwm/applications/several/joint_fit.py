@@ -8,7 +8,7 @@ from dataclasses import replace
 from numpy.typing import ArrayLike
 
 from gmwm.applications.several.certificate import Prover
-from gmwm.applications.several.fitting import Settled, chosen_signals, measured_at, settle
+from gmwm.applications.several.fitting import JointSolution, chosen_signals, measured_at, settle
 from gmwm.applications.several.joint_result import JointFit
 from gmwm.applications.several.moments import lag_products
 from gmwm.applications.several.search import descend
@@ -16,9 +16,6 @@ from gmwm.applications.several.terms import joint_terms
 from gmwm.base.errors import OptionError
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import ModelLike
-
-SECONDS = 60.0
-"""Default time limit (s) for the bound on the objective. One Gauss-Markov term of three signals takes a few seconds."""
 
 
 def fit_joint(
@@ -97,7 +94,9 @@ def fit_joint(
     >>> found.shared("RW").pvalue < 0.001
     True
     """
-    seconds = _as_seconds(certify)
+    if certify is not False and (not isinstance(certify, int | float) or not certify > 0):
+        raise OptionError(argument="certify", expected="True, False or a positive time (s)", got=certify)
+    seconds = 60.0 if certify is True else float(certify)
     terms = joint_terms(model)
     signals = chosen_signals(x, rate, axes)
     unknowns = len(terms) + sum(term.branch is not None for term in terms)
@@ -106,27 +105,18 @@ def fit_joint(
     return JointFit.of(settled, {name: signal.unit for name, signal in signals.items()}, bounds)
 
 
-def _as_seconds(certify: bool | float) -> float:
-    """Return the time limit (s) for the bound, or 0 if no bound is requested."""
-    if isinstance(certify, bool):
-        return SECONDS if certify else 0.0
-    if not isinstance(certify, int | float) or not certify > 0:
-        raise OptionError(argument="certify", expected="True, False or a positive time (s)", got=certify)
-    return float(certify)
-
-
-def _bounds(settled: Settled, seconds: float) -> tuple[tuple[float, float] | None, Settled]:
+def _bounds(settled: JointSolution, seconds: float) -> tuple[tuple[float, float] | None, JointSolution]:
     """Return `JointFit.lower_bound` and `JointFit.relaxed_bound`, or None without a proof, and the best fit."""
-    problem, found = settled.problem, settled.found
-    if not problem.searched:
-        convex = problem.solve(found.u)
-        bound = min(convex.objective - convex.gap, found.objective)
+    problem, estimate = settled.problem, settled.estimate
+    if not problem.search_places:
+        convex = problem.solve(estimate.u)
+        bound = min(convex.objective - convex.gap, estimate.objective)
         return (bound, bound), settled
     if not seconds:
         return None, settled
     single = any(term.kind == "common" for term in problem.terms)
-    proof = Prover(problem).prove(descend(problem, found.u) if single else found, seconds)
-    if not single and proof.best.objective < found.objective:
+    proof = Prover(problem).prove(descend(problem, estimate.u) if single else estimate, seconds)
+    if not single and proof.best.objective < estimate.objective:
         products = lag_products(problem.processes(proof.best.u), problem.design)
-        settled = replace(settled, found=proof.best, products=products)
+        settled = replace(settled, estimate=proof.best, products=products)
     return (proof.lower_bound, proof.relaxed_bound), settled

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.applications.several.certificate import GAP
-from gmwm.applications.several.fitting import Settled, settle
+from gmwm.applications.several.fitting import JointSolution, settle
 from gmwm.applications.several.inference import (
     SINGULAR,
     Errors,
@@ -20,13 +21,14 @@ from gmwm.applications.several.inference import (
     errors,
     misfit,
     sharing,
-    unconstrained,
+    unconstrained_matrix,
 )
 from gmwm.applications.several.moments import entries, symmetric
 from gmwm.applications.several.state_space import JointContinuousStateSpace, JointStateSpace, continuous, discrete
-from gmwm.applications.several.terms import summed, with_kind
+from gmwm.applications.several.terms import sum_model, with_kind
 from gmwm.base.arrays import Matrix
 from gmwm.base.errors import MissingTheoryError, OptionError
+from gmwm.base.plain import plain, plain_fields
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Remark, texts
 from gmwm.base.tables import headed
@@ -64,9 +66,9 @@ class SharedTerm:
 
     def summary(self) -> str:
         """Format the result of the test in one line."""
-        found = "shared" if self.pvalue <= 0.05 else "not found to be shared"
+        answer = "shared" if self.pvalue <= 0.05 else "not found to be shared"
         test = f"chi-square {self.statistic:.4g} on {self.df} degrees of freedom, p {p_relation(self.pvalue)}"
-        return f"{self.term} is {found}: {test}"
+        return f"{self.term} is {answer}: {test}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -106,7 +108,7 @@ class JointFit(Summarised, Plotted):
     measured, implied : (J, d, d) arrays
         Covariance matrices Γ_j of the wavelet coefficients: the estimates from the data, and the values of the fitted
         model.
-    settled : Settled
+    settled : JointSolution
         The weighted least-squares problem and its solution, from which standard errors and tests are computed.
     """
 
@@ -124,24 +126,14 @@ class JointFit(Summarised, Plotted):
     relaxed_bound: float | None
     measured: Matrix
     implied: Matrix
-    settled: Settled = field(repr=False)
+    settled: JointSolution = field(repr=False)
 
     @classmethod
-    def of(cls, settled: Settled, units: Mapping[str, str], bounds: tuple[float, float] | None) -> JointFit:
-        """Create the result from a solved problem.
-
-        Parameters
-        ----------
-        settled : Settled
-            The solved problem.
-        units : mapping of str to str
-            Unit of each signal.
-        bounds : (float, float) or None
-            The values of `lower_bound` and `relaxed_bound`.
-        """
-        problem, found, measured = settled.problem, settled.found, settled.measured
+    def of(cls, settled: JointSolution, units: Mapping[str, str], bounds: tuple[float, float] | None) -> JointFit:
+        """Create the result from a solved problem (`settled`), the units of its signals, and its two lower bounds."""
+        problem, estimate, measured = settled.problem, settled.estimate, settled.measured
         labels = [term.label for term in problem.terms]
-        processes = problem.processes(found.u)
+        processes = problem.processes(estimate.u)
         parameters = {
             f"{label}.{name.name}": float(value)
             for label, process in zip(labels, processes, strict=True)
@@ -149,22 +141,13 @@ class JointFit(Summarised, Plotted):
         }
         sigmas = settled.sigmas
         return cls(
-            axes=measured.names,
-            units=dict(units),
-            model=" + ".join(map(str, problem.terms)),
-            terms=tuple(labels),
-            rate=measured.design.rate,
-            samples=measured.design.samples,
-            levels=measured.design.levels,
-            covariances=Named(zip(labels, sigmas, strict=True), "term"),
-            parameters=Named(parameters, "parameter"),
-            objective=found.objective,
-            lower_bound=None if bounds is None else bounds[0],
-            relaxed_bound=None if bounds is None else bounds[1],
-            measured=measured.values,
-            implied=np.einsum("pj,pab->jab", problem.shapes(found.u), sigmas),
-            settled=settled,
-        )
+            axes=measured.names, units=dict(units), model=" + ".join(map(str, problem.terms)), terms=tuple(labels),
+            rate=measured.design.rate, samples=measured.design.samples, levels=measured.design.levels,
+            covariances=Named(zip(labels, sigmas, strict=True), "term"), parameters=Named(parameters, "parameter"),
+            objective=estimate.objective, lower_bound=None if bounds is None else bounds[0],
+            relaxed_bound=None if bounds is None else bounds[1], measured=measured.values,
+            implied=np.einsum("pj,pab->jab", problem.shapes(estimate.u), sigmas), settled=settled,
+        )  # fmt: skip
 
     @property
     def converged(self) -> bool:
@@ -185,8 +168,6 @@ class JointFit(Summarised, Plotted):
         """
         return self.lower_bound is not None and self.lower_bound >= (1 - 2 * GAP) * self.objective
 
-    # --- estimates ------------------------------------------------------------------------------------
-
     def _place(self, term: str) -> int:
         if term not in self.terms:
             raise OptionError(argument="term", expected=f"one of {', '.join(self.terms)}", got=term)
@@ -200,13 +181,13 @@ class JointFit(Summarised, Plotted):
     @property
     def loadings(self) -> Mapping[str, NDArray[np.float64]]:
         """Factors ℓ (d,) of the signals for each common term, with Σ = ℓℓᵀ. The largest entry of ℓ is positive."""
-        found = {}
+        loadings = {}
         for term in self.settled.problem.terms:
             if term.kind == "common":
                 sigma = self.covariances[term.label]
                 at = int(np.argmax(np.diag(sigma)))
-                found[term.label] = sigma[at] / np.sqrt(sigma[at, at])
-        return Named(found, "common term")
+                loadings[term.label] = sigma[at] / np.sqrt(sigma[at, at])
+        return Named(loadings, "common term")
 
     @cached_property
     def _errors(self) -> Errors:
@@ -217,24 +198,24 @@ class JointFit(Summarised, Plotted):
         """Standard errors (d, d) of the entries of each covariance matrix, by term; 0 for entries that are not
         estimated."""
         scale = np.outer(self.settled.unit, self.settled.unit)
-        found = {}
+        errors_of = {}
         for place, term in enumerate(self.terms):
             variance = np.diag(self._errors.of_matrix(place))
-            found[term] = symmetric(np.sqrt(np.maximum(variance, 0.0)), len(self.axes)) / scale
-        return Named(found, "term")
+            errors_of[term] = symmetric(np.sqrt(np.maximum(variance, 0.0)), len(self.axes)) / scale
+        return Named(errors_of, "term")
 
     @cached_property
     def parameter_errors(self) -> Mapping[str, float]:
         """Standard errors of the parameters of the shapes; NaN for a parameter that the data do not determine."""
-        found: dict[str, float] = {}
+        errors_of: dict[str, float] = {}
         problem = self.settled.problem
-        for at, place in enumerate(problem.searched):
+        for at, place in enumerate(problem.search_places):
             term, branch = problem.terms[place], problem.branches[place]
             assert branch is not None
-            slope = float(branch.slope(self.settled.found.u[at : at + 1])[0, 0])
+            slope = float(branch.slope(self.settled.estimate.u[at : at + 1])[0, 0])
             name = term.process.nonlinear_parameters()[0].name
-            found[f"{term.label}.{name}"] = float(np.sqrt(self._errors.of_shape(place)) * abs(slope))
-        return Named(found, "parameter")
+            errors_of[f"{term.label}.{name}"] = float(np.sqrt(self._errors.of_shape(place)) * abs(slope))
+        return Named(errors_of, "parameter")
 
     def correlation_interval(self, term: str, confidence: float = 0.95) -> tuple[Matrix, Matrix]:
         """Return the lower and upper confidence limits (d, d) of the correlations of one term, from Fisher's
@@ -254,10 +235,10 @@ class JointFit(Summarised, Plotted):
         level = as_confidence(confidence)
         if self.settled.problem.terms[place].kind != "shared":
             return np.full((d, d), np.nan), np.full((d, d), np.nan)
-        sigma = self.settled.found.sigmas[place]
+        sigma = self.settled.estimate.sigmas[place]
         values = np.linalg.eigvalsh(sigma)
         singular = bool(values[0] <= SINGULAR * values.sum())
-        estimate = unconstrained(self.settled, place) if singular else sigma
+        estimate = unconstrained_matrix(self.settled, place) if singular else sigma
         scatter = (errors(self.settled, inside=True) if singular else self._errors).of_matrix(place)
         r = correlation_of(estimate)
         error = correlation_errors(estimate, scatter)
@@ -273,23 +254,14 @@ class JointFit(Summarised, Plotted):
             np.fill_diagonal(limits, 1.0)
         return low, high
 
-    # --- tests ----------------------------------------------------------------------------------------
-
     def goodness_of_fit(self) -> GoodnessOfFit:
         """Test whether the model describes the data.
 
         The statistic is the weighted sum of squared residuals of a fit that does not require positive semidefinite
-        matrices.
-
-        The p-value is slightly larger than that of a chi-square variable, because the moments of coarse levels are
-        skewed.
+        matrices. Its p-value is slightly larger than that of a chi-square variable, because the moments of coarse
+        levels are skewed.
         """
-        found = misfit(self.settled)
-        whole = self.settled.measured.design
-        return GoodnessOfFit(
-            statistic=found.statistic, df=found.df, pvalue=found.pvalue, levels=whole.levels.copy(), left_out=(),
-            method="asymptotic",
-        )  # fmt: skip
+        return misfit(self.settled)
 
     def shared(self, term: str) -> SharedTerm:
         """Test the null hypothesis that a term is independent between the signals, so that its correlations are zero.
@@ -299,9 +271,14 @@ class JointFit(Summarised, Plotted):
         OptionError
             If there is no such term.
         """
+        from scipy.special import gammaincc
+
         place = self._place(term)
         if term not in self._shared_tests:
-            self._shared_tests[term] = self._shared_test(term, place)
+            null = settle(with_kind(self.settled.problem.terms, place, "own"), self.settled.measured)
+            statistic, df = sharing(null, place)
+            pvalue = float(gammaincc(df / 2, max(statistic, 0.0) / 2)) if df else 1.0
+            self._shared_tests[term] = SharedTerm(term=term, statistic=statistic, df=df, pvalue=pvalue)
         return self._shared_tests[term]
 
     @cached_property
@@ -309,29 +286,19 @@ class JointFit(Summarised, Plotted):
         """Results of `shared`, which fits the model of the null hypothesis, by term."""
         return {}
 
-    def _shared_test(self, term: str, place: int) -> SharedTerm:
-        from scipy.special import gammaincc
-
-        null = settle(with_kind(self.settled.problem.terms, place, "own"), self.settled.measured)
-        statistic, df = sharing(null, place)
-        pvalue = float(gammaincc(df / 2, max(statistic, 0.0) / 2)) if df else 1.0
-        return SharedTerm(term=term, statistic=statistic, df=df, pvalue=pvalue)
-
-    # --- for filters ----------------------------------------------------------------------------------
-
     @property
     def models(self) -> Mapping[str, Model]:
         """Noise model of each signal alone. It does not contain the correlations with the other signals."""
-        processes = self.settled.problem.processes(self.settled.found.u)
-        found = {}
+        processes = self.settled.problem.processes(self.settled.estimate.u)
+        models = {}
         for k, axis in enumerate(self.axes):
             scales = [float(self.covariances[term][k, k]) for term in self.terms]
             parts = [
                 process.with_values(**{process.scale_parameter().name: process.value_from(scale)})
                 for process, scale in zip(processes, scales, strict=True)
             ]
-            found[axis] = summed(parts)
-        return Named(found, "axis")
+            models[axis] = sum_model(parts)
+        return Named(models, "axis")
 
     def state_space(self, rate: float | None = None) -> JointStateSpace:
         """Return the discrete-time state space of all signals, with independent states.
@@ -345,13 +312,13 @@ class JointFit(Summarised, Plotted):
             Sampling rate (Hz); by default the rate of the recording. Use another rate only if no parameter of the model
             is defined per sample.
         """
-        processes = self.settled.problem.processes(self.settled.found.u)
+        processes = self.settled.problem.processes(self.settled.estimate.u)
         sigmas = np.array(list(self.covariances.values()))
         return discrete(processes, sigmas, rate or self.rate, axes=self.axes, labels=self.terms)
 
     def continuous(self) -> JointContinuousStateSpace:
         """Return the continuous-time state space of all signals."""
-        processes = self.settled.problem.processes(self.settled.found.u)
+        processes = self.settled.problem.processes(self.settled.estimate.u)
         sigmas = np.array(list(self.covariances.values()))
         return continuous(processes, sigmas, self.rate, axes=self.axes, labels=self.terms)
 
@@ -389,47 +356,33 @@ class JointFit(Summarised, Plotted):
 
         return smooth_joint(self, x, rate)
 
-    # --- output ---------------------------------------------------------------------------------------
-
     def to_dict(self) -> dict[str, Any]:
         """Return the estimates, standard errors, tests and state spaces as plain numbers, lists and strings."""
-        states: dict[str, Any] | None
-        smooth: dict[str, Any] | None
-        try:
-            states, smooth = self.state_space().to_dict(), self.continuous().to_dict()
-        except MissingTheoryError:
-            states = smooth = None
+        spaces: tuple[dict[str, Any] | None, ...] = (None, None)
+        with suppress(MissingTheoryError):
+            spaces = self.state_space().to_dict(), self.continuous().to_dict()
         return {
-            "axes": list(self.axes),
-            "units": dict(self.units),
-            "model": self.model,
-            "rate": self.rate,
-            "samples": self.samples,
-            "levels": self.levels.tolist(),
-            "objective": self.objective,
-            "lower_bound": self.lower_bound,
-            "proved": self.proved,
-            "relaxed_bound": self.relaxed_bound,
-            "converged": self.converged,
-            "remarks": [remark.to_dict() for remark in self.remarks],
-            "parameters": dict(self.parameters),
-            "parameter_errors": {name: _number(value) for name, value in self.parameter_errors.items()},
+            **plain_fields(
+                self,
+                "axes units model rate samples levels objective lower_bound proved relaxed_bound converged remarks "
+                "parameters parameter_errors",
+            ),
             "terms": {
                 term: {
-                    "covariance": self.covariances[term].tolist(),
-                    "standard_errors": self.standard_errors[term].tolist(),
-                    "correlation": [[_number(r) for r in row] for row in self.correlation[term]],
+                    "covariance": plain(self.covariances[term]),
+                    "standard_errors": plain(self.standard_errors[term]),
+                    "correlation": plain(self.correlation[term]),
                 }
                 for term in self.terms
             },
             "goodness_of_fit": self.goodness_of_fit().to_dict(),
-            "shared": {term: asdict(self.shared(term)) for term in self._testable},
-            "state_space": states,
-            "continuous_state_space": smooth,
+            "shared": {term: asdict(self.shared(term)) for term in self._shareable},
+            "state_space": spaces[0],
+            "continuous_state_space": spaces[1],
         }
 
     @property
-    def _testable(self) -> tuple[str, ...]:
+    def _shareable(self) -> tuple[str, ...]:
         return tuple(term.label for term in self.settled.problem.terms if term.kind == "shared")
 
     def summary(self) -> str:
@@ -444,7 +397,7 @@ class JointFit(Summarised, Plotted):
             lines.append("")
         for name, value in self.parameters.items():
             lines.append(f"{name} = {value:.4g} ± {self.parameter_errors.get(name, float('nan')):.2g}")
-        for term in self._testable:
+        for term in self._shareable:
             low, high = self.correlation_interval(term)
             pairs = [["correlation of " + term, "r", "95 %"]]
             for a, b in zip(*(where.tolist() for where in entries(len(self.axes))), strict=True):
@@ -455,7 +408,7 @@ class JointFit(Summarised, Plotted):
         if self.remarks:
             lines += ["", *texts(self.remarks)]
         tests = [f"Test of the model: {self.goodness_of_fit().summary()}"]
-        tests += [self.shared(term).summary() for term in self._testable]
+        tests += [self.shared(term).summary() for term in self._shareable]
         if self.lower_bound is not None:
             share = max(1 - self.lower_bound / self.objective, 0.0)
             tests.append(f"No other parameters of this model lower the objective by more than {100 * share:.2g} %.")
@@ -467,8 +420,4 @@ class JointFit(Summarised, Plotted):
         return f"JointFit({', '.join(self.axes)}: {self.model})"
 
 
-register(JointFit, "gmwm.applications.several.joint_plot:plot_joint")
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+register(JointFit, "gmwm.applications.several.plots:plot_joint")

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from gmwm.applications.several.conic import least_squares
 from gmwm.applications.several.difference_filter import ArrayNoise, DifferenceFilter, wavelet_variance
-from gmwm.applications.several.fitting import Settled, measured_at, settle
+from gmwm.applications.several.fitting import JointSolution, measured_at, settle
 from gmwm.applications.several.inference import errors, misfit
-from gmwm.applications.several.moments import entries, moment_covariance, stacked
+from gmwm.applications.several.moments import entries, moment_covariance, stack
 from gmwm.applications.several.terms import joint_terms
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import DataError, ModelError
@@ -23,79 +23,60 @@ from gmwm.recording.signals import Signal
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import ModelLike
 
-DRAWS = 40
-"""Number of simulated estimates for the correction factor `optimism`. Its relative error is then about 1 %; see
-docs/validation/fusion.md."""
-MOST_MARKOV = 2
-"""Largest number of Gauss-Markov terms in the automatic choice of a model."""
-LEAST = 3.0
-"""Smallest number of coefficients per scale of a level that is used. It is smaller than for a goodness-of-fit test,
-because coarse levels improve the weights (docs/validation/fusion.md)."""
-FITS = 0.01
-"""Smallest p-value of the goodness-of-fit test at which a model is accepted."""
+LEAST_FOR_WEIGHTS = 3.0
+"""Least coefficients per scale of a level. Coarse levels improve the weights (docs/validation/fusion.md)."""
 
 Design = Callable[[ArrayNoise], DifferenceFilter]
 """Function that designs a filter, or static weights, for the noise of an array."""
 
 
-def fitted(signals: Mapping[str, Signal], model: ModelLike | None) -> Settled:
+def fit_array(signals: Mapping[str, Signal], model: ModelLike | None) -> JointSolution:
     """Return the joint fit of a model; without one, of WN + RW + k·GM with the smallest k that fits, or fits best."""
     if model is not None:
         terms = joint_terms(model)
-        return settle(terms, measured_at(signals, None, len(terms), least=LEAST))
-    measured = measured_at(signals, None, 2, least=LEAST)
-    best: tuple[float, Settled] | None = None
-    for count in range(MOST_MARKOV + 1):
+        return settle(terms, measured_at(signals, None, len(terms), least=LEAST_FOR_WEIGHTS))
+    measured = measured_at(signals, None, 2, least=LEAST_FOR_WEIGHTS)
+    best: tuple[float, JointSolution] | None = None
+    for count in range(3):
         text = "shared(WN) + shared(RW)" + (f" + {count}*shared(GM)" if count else "")
         terms = joint_terms(text)
         if measured.design.levels.size <= len(terms) + count:
             break
         try:
-            found = settle(terms, measured)
+            solution = settle(terms, measured)
         except ModelError:  # no noise in some combination of the signals, as far as the weights can tell
             continue
-        tested = misfit(found)
-        if tested.pvalue >= FITS:
-            return found
+        tested = misfit(solution)
+        if tested.pvalue >= 0.01:
+            return solution
         # Like Akaike's criterion, the score adds 2 for each parameter (the degrees of freedom decrease by 1).
-        score = tested.statistic - 2 * tested.df
+        score = tested.statistic - 2 * (tested.df or 0)
         if best is None or score < best[0]:
-            best = score, found
+            best = score, solution
     if best is None:
         raise DataError(
             "the units have nearly the same signal: what they share, such as motion, hides the noise of each",
-            argument="x",
-            advice="Compute the weights from a recording at rest, and fuse this one with {--apply}.",
-        )
+            argument="x", advice="Compute the weights from a recording at rest, and fuse this one with {--apply}.",
+        )  # fmt: skip
     return best[1]
 
 
-def pvalue_of(settled: Settled) -> float:
-    """Return the p-value of the goodness-of-fit test of a joint fit."""
-    return misfit(settled).pvalue
-
-
-def model_text(settled: Settled) -> str:
-    """Return the model of a fit as text."""
-    return " + ".join(map(str, settled.problem.terms))
-
-
-def noise_of(settled: Settled, sigmas: Matrix | None = None) -> ArrayNoise:
+def noise_of(settled: JointSolution, sigmas: Matrix | None = None) -> ArrayNoise:
     """Return the noise of an array with one scale factor for all signals (see `unit_of`); equal shapes are added."""
     problem = settled.problem
-    own = problem.processes(settled.found.u)
+    shapes = problem.processes(settled.estimate.u)
     scale = float(np.exp(np.mean(np.log(settled.unit))))
     relative = settled.unit / scale
-    given = settled.found.sigmas if sigmas is None else sigmas
-    found: dict[tuple[Any, ...], tuple[Process, Matrix]] = {}
-    for process, sigma in zip(own, given / np.outer(relative, relative), strict=True):
+    matrices = settled.estimate.sigmas if sigmas is None else sigmas
+    terms: dict[tuple[Any, ...], tuple[Process, Matrix]] = {}
+    for process, sigma in zip(shapes, matrices / np.outer(relative, relative), strict=True):
         key = (type(process), *process.nonlinear.tolist())
-        found[key] = (process, sigma + found[key][1] if key in found else sigma)
-    processes, merged = zip(*found.values(), strict=True)
+        terms[key] = (process, sigma + terms[key][1] if key in terms else sigma)
+    processes, merged = zip(*terms.values(), strict=True)
     return ArrayNoise(processes, np.array(merged), problem.design.rate)
 
 
-def shrunk(settled: Settled, sigmas: Matrix, scatter: Vector) -> Matrix:
+def shrunk(settled: JointSolution, sigmas: Matrix, scatter: Vector) -> Matrix:
     """Return the covariance matrices with those of shared and common terms shrunk towards a multiple of the identity.
 
     Weights depend on the inverse matrices, and shrinkage makes them more stable. Its share is the estimation variance
@@ -111,42 +92,42 @@ def shrunk(settled: Settled, sigmas: Matrix, scatter: Vector) -> Matrix:
     return out
 
 
-def scatters(settled: Settled) -> Vector:
+def scatters(settled: JointSolution) -> Vector:
     """Return the total estimation variance (P,) of the entries of each matrix, unconstrained except if common."""
     inside, tangent = errors(settled, inside=True), errors(settled)
-    found = [tangent if term.kind == "common" else inside for term in settled.problem.terms]
+    choices = [tangent if term.kind == "common" else inside for term in settled.problem.terms]
     rows, columns = entries(settled.problem.d)
     times = np.where(rows == columns, 1.0, 2.0)
-    return np.array([float(times @ np.diag(one.of_matrix(k))) for k, one in enumerate(found)])
+    return np.array([float(times @ np.diag(errors_of.of_matrix(k))) for k, errors_of in enumerate(choices)])
 
 
-def best_noise(settled: Settled) -> ArrayNoise:
+def best_noise(settled: JointSolution) -> ArrayNoise:
     """Return the noise model from which weights are computed: the estimate with shrunk covariance matrices."""
-    return noise_of(settled, shrunk(settled, settled.found.sigmas, scatters(settled)))
+    return noise_of(settled, shrunk(settled, settled.estimate.sigmas, scatters(settled)))
 
 
-def unit_of(settled: Settled) -> float:
+def unit_of(settled: JointSolution) -> float:
     """Return the factor that converts variances of the model from `noise_of` to the units of the signals."""
     return float(np.exp(-2 * np.mean(np.log(settled.unit))))
 
 
-def optimism(settled: Settled, design: Design, levels: NDArray[np.int64]) -> Vector:
+def optimism(settled: JointSolution, design: Design, levels: NDArray[np.int64]) -> Vector:
     """Return the factor (J,) by which the variance in other recordings is larger than predicted, by a parametric
     bootstrap.
 
     Moments are drawn under the fitted model, and a filter is designed for the matrices estimated from them. The factor
     is the mean variance under the fitted model over the mean variance under these estimates, and at least 1."""
     problem, scatter = settled.problem, scatters(settled)
-    centre = shrunk(settled, settled.found.sigmas, scatter)
+    centre = shrunk(settled, settled.estimate.sigmas, scatter)
     truth = noise_of(settled, centre)
-    fitted = stacked(np.einsum("pj,pab->jab", problem.shapes(settled.found.u), centre))
+    fitted = stack(np.einsum("pj,pab->jab", problem.shapes(settled.estimate.u), centre))
     wavelet = problem.design.loss_factor * moment_covariance(centre, settled.products)
     size = np.sqrt(np.diag(wavelet))
     root = np.linalg.cholesky(wavelet / np.outer(size, size) + 1e-13 * np.eye(size.size)) * size[:, None]
-    columns = problem.columns(problem.shapes(settled.found.u))
+    columns = problem.columns(problem.shapes(settled.estimate.u))
     rng = np.random.default_rng(0)
     achieved, predicted = np.zeros(levels.size), np.zeros(levels.size)
-    for _ in range(DRAWS):
+    for _ in range(40):  # the relative error of the factor is then about 1 % (docs/validation/fusion.md)
         drawn = problem.root @ (fitted + root @ rng.standard_normal(size.size))
         sigmas = least_squares(columns, drawn, problem.cone, gap=1e-6).sigmas
         filter = design(noise_of(settled, shrunk(settled, sigmas, scatter)))

@@ -1,14 +1,11 @@
 """The wavelet variances and cross-covariances of d signals as one vector of moments, and their exact covariance.
 
-Let the signals be X = Σ_p L_p u_p. The entries of u_p are independent processes at unit scale with wavelet variances
-κ_pj at level j, and Σ_p = L_p L_pᵀ. The covariance matrix of the wavelet coefficients at level j is then Γ_j = Σ_p κ_pj
-Σ_p. Its estimates have the covariances
+For signals X = Σ_p L_p u_p of independent processes u_p with wavelet variances κ_pj and Σ_p = L_p L_pᵀ, the covariance
+matrix of the coefficients at level j is Γ_j = Σ_p κ_pj Σ_p. Its estimates have the covariances
 
-    Cov(γ̂_ab,j, γ̂_cd,k) = Σ_p Σ_q (Σp_ac Σq_bd + Σp_ad Σq_bc) G_pq,jk,   G_pq,jk = Σ_u n(u) κ_p(u) κ_q(u) / (M_j M_k).
+    Cov(γ̂_ab,j, γ̂_cd,k) = Σ_p Σ_q (Σp_ac Σq_bd + Σp_ad Σq_bc) G_pq,jk,   G_pq,jk = Σ_u n(u) κ_p(u) κ_q(u) / (M_j M_k),
 
-Here κ_p(u) = Cov(W_j,t, W_k,t+u) is the covariance of the wavelet coefficients W of process p at lag u. n(u) is the
-number of pairs of coefficients with this lag, and M_j is the number of coefficients of level j. G does not depend on
-the covariance matrices Σ_p.
+with κ_p(u) = Cov(W_j,t, W_k,t+u), n(u) pairs of coefficients at lag u, and M_j coefficients of level j.
 """
 
 from __future__ import annotations
@@ -37,7 +34,7 @@ def entries(d: int) -> tuple[Indices, Indices]:
     return rows.astype(np.int64), columns.astype(np.int64)
 
 
-def stacked(matrices: Matrix) -> Vector:
+def stack(matrices: Matrix) -> Vector:
     """Return matrices Γ (J, d, d) as a vector of moments: all levels of entry (0, 0), then of (0, 1), and so on."""
     rows, columns = entries(matrices.shape[-1])
     return np.ascontiguousarray(matrices[:, rows, columns].T).ravel()
@@ -62,8 +59,8 @@ def lag_products(processes: Sequence[Process], design: Design) -> Matrix:
         for p in range(count):
             for q in range(p + 1):
                 pair = (processes[p], processes[q])
-                one = pooled(design, lambda segment, pair=pair: lag_products(pair, segment)[0, 1])  # type: ignore[misc]
-                out[p, q] = out[q, p] = one
+                product = pooled(design, lambda segment, pair=pair: lag_products(pair, segment)[0, 1])  # type: ignore[misc]
+                out[p, q] = out[q, p] = product
         return out
     if not all(gaussian.knows(Model((process,)), design) for process in processes):
         return _by_polarisation(processes, design)
@@ -79,8 +76,8 @@ def _over_lags(processes: Sequence[Process], design: Design) -> Matrix:
     shapes = [process.coefficient_covariance(at, design.rate) for process in processes]
     count, size = len(processes), design.levels.size
     out = np.empty((count, count, size, size))
-    for p, own in enumerate(shapes):
-        weighted = weight * own
+    for p, shape in enumerate(shapes):
+        weighted = weight * shape
         for q in range(p + 1):
             products = np.add.reduceat(weighted * shapes[q], starts) / scale
             for r, s in ((p, q), (q, p)):
@@ -90,14 +87,14 @@ def _over_lags(processes: Sequence[Process], design: Design) -> Matrix:
 
 def _by_polarisation(processes: Sequence[Process], design: Design) -> Matrix:
     """Return G from covariances V of wavelet variances: V_{p+q} = V_p + V_q + 4 G_pq, and V_p = 2 G_pp."""
-    own = [covariance(Model((process,)), design) for process in processes]
+    singles = [covariance(Model((process,)), design) for process in processes]
     count, size = len(processes), design.levels.size
     out = np.empty((count, count, size, size))
     for p, process in enumerate(processes):
-        out[p, p] = own[p] / 2
+        out[p, p] = singles[p] / 2
         for q in range(p):
             both = covariance(Model((process, processes[q])), design)
-            out[p, q] = out[q, p] = (both - own[p] - own[q]) / 4
+            out[p, q] = out[q, p] = (both - singles[p] - singles[q]) / 4
     return out
 
 

@@ -47,15 +47,15 @@ class JointProblem:
         object.__setattr__(self, "held", held)
 
     @property
-    def searched(self) -> list[int]:
+    def search_places(self) -> list[int]:
         """Numbers of the terms whose shape is searched."""
         return [k for k, branch in enumerate(self.branches) if branch is not None]
 
     @property
     def limits(self) -> tuple[Vector, Vector]:
         """Lower and upper limits of the search coordinates, (K,) each."""
-        found = [branch for branch in self.branches if branch is not None]
-        return np.array([branch.low for branch in found]), np.array([branch.high for branch in found])
+        branches = [branch for branch in self.branches if branch is not None]
+        return np.array([branch.low for branch in branches]), np.array([branch.high for branch in branches])
 
     @cached_property
     def cone(self) -> Cone:
@@ -64,16 +64,16 @@ class JointProblem:
 
     def processes(self, u: Vector) -> list[Process]:
         """Return the processes of all terms at unit scale, for search coordinates u (K,)."""
-        made, at = [], iter(u)
+        processes, at = [], iter(u)
         for term, branch in zip(self.terms, self.branches, strict=True):
             values = term.process.nonlinear if branch is None else branch.values(np.array([next(at)]))[0]
-            made.append(type(term.process).standard(values))
-        return made
+            processes.append(type(term.process).standard(values))
+        return processes
 
     def shapes(self, u: Vector) -> Matrix:
         """Return the shapes κ (P, J) of all terms for search coordinates u (K,)."""
         shapes = self.held.copy()
-        for place, coordinate in zip(self.searched, u, strict=True):
+        for place, coordinate in zip(self.search_places, u, strict=True):
             branch = self.branches[place]
             assert branch is not None
             kind = type(self.terms[place].process)
@@ -83,7 +83,7 @@ class JointProblem:
     def slopes(self, u: Vector) -> Matrix:
         """Return the derivatives ∂κ/∂u (K, J) of the searched shapes."""
         rows = []
-        for place, coordinate in zip(self.searched, u, strict=True):
+        for place, coordinate in zip(self.search_places, u, strict=True):
             branch = self.branches[place]
             assert branch is not None
             at = np.array([coordinate])
@@ -116,21 +116,21 @@ class JointProblem:
         """Return the derivatives (K, n) of the weighted fitted moments L γ with respect to the search coordinates."""
         rows, columns = entries(self.d)
         slopes = self.slopes(u)
-        found = [
+        rows_of = [
             self.root @ np.outer(sigmas[place][rows, columns], slope).ravel()
-            for place, slope in zip(self.searched, slopes, strict=True)
+            for place, slope in zip(self.search_places, slopes, strict=True)
         ]
-        return np.array(found).reshape(len(found), self.target.size)
+        return np.array(rows_of).reshape(len(rows_of), self.target.size)
 
 
 def coordinates(problem: JointProblem) -> Vector | None:
     """Return the search coordinates (K,) that the model states, or None if it does not state all."""
-    found = []
-    for place in problem.searched:
+    values = []
+    for place in problem.search_places:
         branch, process = problem.branches[place], problem.terms[place].process
         value = process.values[process.nonlinear_parameters()[0].name]
         u = None if value is None or branch is None else branch.coordinate(value)
         if u is None or branch is None:
             return None
-        found.append(float(np.clip(u, branch.low, branch.high)))
-    return np.array(found)
+        values.append(float(np.clip(u, branch.low, branch.high)))
+    return np.array(values)

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.applications.several.pairs import Pairs
+from gmwm.applications.several.matrices import AxisPairs
 from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.plain import plain, plain_fields
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
 from gmwm.base.tables import headed
@@ -19,6 +20,8 @@ from gmwm.base.text import Summarised, counted, duration_text
 
 if TYPE_CHECKING:
     from polars import DataFrame
+
+_BY_PAIR = ("covariance", "correlation", "lower", "upper", "degrees_of_freedom", "pvalues")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,20 +94,20 @@ class CrossCovariance(Summarised, Plotted):
     rate: float
     samples: int
     variance: Mapping[str, Vector]
-    covariance: Pairs[Vector]
-    correlation: Pairs[Vector]
-    lower: Pairs[Vector]
-    upper: Pairs[Vector]
-    degrees_of_freedom: Pairs[Vector]
-    pvalues: Pairs[Vector]
-    delays: Pairs[int]
+    covariance: AxisPairs[Vector]
+    correlation: AxisPairs[Vector]
+    lower: AxisPairs[Vector]
+    upper: AxisPairs[Vector]
+    degrees_of_freedom: AxisPairs[Vector]
+    pvalues: AxisPairs[Vector]
+    delays: AxisPairs[int]
     size: float = 0.05
     confidence: float = 0.95
     efficiency: float | None = None
 
     def __post_init__(self) -> None:
-        for pairs in (self.covariance, self.correlation, self.lower, self.upper, self.degrees_of_freedom, self.pvalues):
-            for values in pairs.values():
+        for name in _BY_PAIR:
+            for values in getattr(self, name).values():
                 freeze(values)
 
     @property
@@ -135,25 +138,21 @@ class CrossCovariance(Summarised, Plotted):
     @cached_property
     def shared(self) -> tuple[SharedNoise, ...]:
         """The scales at which two axes share noise, sorted by p-value."""
-        found = [
+        scales = [
             SharedNoise(
-                axes=pair,
-                level=int(self.levels[k]),
-                tau=float(self.tau[k]),
-                correlation=float(self.correlation[pair][k]),
-                lower=float(self.lower[pair][k]),
+                axes=pair, level=int(self.levels[k]), tau=float(self.tau[k]), pvalue=float(p[k]),
+                correlation=float(self.correlation[pair][k]), lower=float(self.lower[pair][k]),
                 upper=float(self.upper[pair][k]),
-                pvalue=float(p[k]),
             )
             for pair, p in self.pvalues.items()
             for k in np.flatnonzero(p <= self.size)
-        ]
-        return tuple(sorted(found, key=lambda one: one.pvalue))
+        ]  # fmt: skip
+        return tuple(sorted(scales, key=lambda scale: scale.pvalue))
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """Remarks on whether axes share noise, and on delayed axes."""
-        most = max(self.shared, key=lambda one: abs(one.correlation), default=None)
+        most = max(self.shared, key=lambda scale: abs(scale.correlation), default=None)
         counts = {"size": self.size, "tests": self.tests, "count": len(self.shared)}
         late = [
             Remark.of("axis-delayed", b if d > 0 else a, reference=a if d > 0 else b, samples=abs(d))
@@ -172,25 +171,14 @@ class CrossCovariance(Summarised, Plotted):
         The key of a pair is a string such as "gyro_x gyro_y". NaN becomes None.
         """
         return {
-            "axes": list(self.axes),
-            "units": dict(self.units),
-            "rate": self.rate,
-            "samples": self.samples,
-            "size": self.size,
-            "confidence": self.confidence,
-            "efficiency": self.efficiency,
-            "levels": self.levels.tolist(),
-            "tau": self.tau.tolist(),
-            "variance": {axis: values.tolist() for axis, values in self.variance.items()},
+            **plain_fields(self, "axes units rate samples size confidence efficiency levels tau variance"),
             "pairs": {
-                f"{a} {b}": {
-                    name: _plain(getattr(self, name)[a, b])
-                    for name in ("covariance", "correlation", "lower", "upper", "degrees_of_freedom", "pvalues")
-                } | {"delay": self.delays.get((a, b), 0)}
+                f"{a} {b}": {name: plain(getattr(self, name)[a, b]) for name in _BY_PAIR}
+                | {"delay": self.delays.get((a, b), 0)}
                 for a, b in self.pairs
             },
-            "remarks": [one.to_dict() for one in self.remarks],
-        }  # fmt: skip
+            "remarks": plain(self.remarks),
+        }
 
     def to_frame(self) -> DataFrame:
         """Return the correlations as a Polars data frame with one row for each pair and level."""
@@ -203,25 +191,17 @@ class CrossCovariance(Summarised, Plotted):
                     "second": [b] * self.levels.size,
                     "level": self.levels,
                     "tau": self.tau,
-                    "covariance": self.covariance[a, b],
-                    "correlation": self.correlation[a, b],
-                    "lower": self.lower[a, b],
-                    "upper": self.upper[a, b],
-                    "degrees_of_freedom": self.degrees_of_freedom[a, b],
-                    "pvalue": self.pvalues[a, b],
+                }
+                | {
+                    name.removesuffix("s") if name == "pvalues" else name: getattr(self, name)[a, b]
+                    for name in _BY_PAIR
                 }
             )
             for a, b in self.pairs
         )
 
     def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
-        """Format a table with the largest correlation of each pair that shares noise, and the remarks.
-
-        Parameters
-        ----------
-        dialect : Dialect
-            Whether options are written as in Python or as in the shell.
-        """
+        """Format the largest correlation of each pair that shares noise, and the remarks in a `dialect`."""
         robust = "" if self.efficiency is None else f", robust with efficiency {self.efficiency:g}"
         lines = [
             f"Shared noise of {', '.join(self.axes)}: {self.samples} samples at {self.rate:g} Hz{robust}; "
@@ -229,16 +209,13 @@ class CrossCovariance(Summarised, Plotted):
         ]
         rows = []
         for a, b in self.pairs:
-            mine = [one for one in self.shared if set(one.axes) == {a, b}]
+            mine = [scale for scale in self.shared if set(scale.axes) == {a, b}]
             if mine:
-                most = max(mine, key=lambda one: abs(one.correlation))
-                rows.append(
-                    [
-                        f"{a}, {b}", f"{most.correlation:+.3f}", f"{most.lower:+.3f} … {most.upper:+.3f}",
-                        duration_text(most.tau), f"{most.pvalue:.2g}",
-                        _ranges(sorted(one.level for one in mine), self.rate),
-                    ]
-                )  # fmt: skip
+                most = max(mine, key=lambda scale: abs(scale.correlation))
+                rows.append([
+                    f"{a}, {b}", f"{most.correlation:+.3f}", f"{most.lower:+.3f} … {most.upper:+.3f}",
+                    duration_text(most.tau), f"{most.pvalue:.2g}", _ranges([scale.level for scale in mine], self.rate),
+                ])  # fmt: skip
         if rows:
             head = ["axes", "correlation", f"{100 * self.confidence:g} %", "at τ", "p", "shared at τ"]
             lines += ["", *headed([head, *rows])]
@@ -248,17 +225,13 @@ class CrossCovariance(Summarised, Plotted):
         return f"CrossCovariance({', '.join(self.axes)}: {len(self.shared)} of {self.tests} tests significant)"
 
 
-register(CrossCovariance, "gmwm.applications.several.cross_plot:plot_cross")
-
-
-def _plain(values: Vector) -> list[float | None]:
-    return [float(value) if np.isfinite(value) else None for value in values]
+register(CrossCovariance, "gmwm.applications.several.plots:plot_cross")
 
 
 def _ranges(levels: list[int], rate: float) -> str:
     """Format levels as ranges of scales; consecutive levels form one range."""
     runs: list[list[int]] = []
-    for level in levels:
+    for level in sorted(levels):
         if runs and level == runs[-1][-1] + 1:
             runs[-1].append(level)
         else:

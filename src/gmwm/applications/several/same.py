@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from statistics import NormalDist
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.applications.several.same_model import SameParameters, same_parameters
-from gmwm.applications.several.same_result import SameNoise
+from gmwm.applications.several.same_result import ParameterRatio, SameNoise, SameParameters
 from gmwm.base.arrays import as_rate, as_vector
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.multiple_tests import holm
-from gmwm.choosing.replicates.level_ratios import level_ratios
+from gmwm.choosing.replicates.comparison import decide, level_ratios, numerators
+from gmwm.fitting.estimation.estimator import fit
+from gmwm.fitting.estimation.intervals import parameters_by_name
+from gmwm.fitting.estimation.recordings import LONGEST, Deviations, deviations
 from gmwm.measuring.covariance.tails import excess_covariance, with_common_tails
 from gmwm.measuring.variance.api import signal_wavelet_variance
-from gmwm.measuring.variance.pooling import SLOWER
+from gmwm.measuring.variance.pooling import SLOWER, pool
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import as_confidence, as_size
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import ModelLike
+from gmwm.theory.processes.parameter import Parameter
 
 
 def same(
@@ -102,8 +106,7 @@ def same(
     """
     size = as_size(size)
     as_confidence(confidence)
-    known = isinstance(tolerance, int | float) and not isinstance(tolerance, bool)
-    if not known or not 0 <= tolerance < math.inf:
+    if not isinstance(tolerance, int | float) or isinstance(tolerance, bool) or not 0 <= tolerance < math.inf:
         raise OptionError(argument="tolerance", expected="a number of at least 0, such as 0.1", got=tolerance)
     if model is not None and tolerance:
         raise OptionError("a tolerance is only for the test without a model", argument="tolerance", got=tolerance)
@@ -117,19 +120,13 @@ def same(
         for axis, measured in curves.items()
         for row in level_ratios(measured, axis, confidence=confidence, tolerance=tolerance)
     ]
-    adjusted = holm([math.nan if row.pvalue is None else row.pvalue for row in rows]).tolist()
-    rows = [
-        row if row.pvalue is None else replace(row, pvalue=p, differs=p <= size)
-        for row, p in zip(rows, adjusted, strict=True)
-    ]
-    tests: list[SameParameters] = []
+    tests = []
     if model is not None:
-        tests = [same_parameters(model, measured, axis, confidence) for axis, measured in curves.items()]
-        both = holm([test.pvalue for test in tests]).tolist()
-        tests = [replace(test, pvalue=p, differs=p <= size) for test, p in zip(tests, both, strict=True)]
+        tests = [_same_parameters(model, measured, axis, confidence) for axis, measured in curves.items()]
+    every = dict.fromkeys(axis for item in recordings if isinstance(item, Imu) for axis in item.signals)
     return SameNoise(
-        recordings=tuple(names), axes=tuple(axes), levels=tuple(rows), parameters=tuple(tests),
-        left_out=_left_out(recordings, axes),
+        recordings=tuple(names), axes=tuple(axes), levels=tuple(decide(rows, size)),
+        parameters=tuple(decide(tests, size)), left_out=tuple(axis for axis in every if axis not in axes),
         tolerance=float(tolerance), size=size, confidence=confidence,
     )  # fmt: skip
 
@@ -138,36 +135,26 @@ def _axes(recordings: Sequence[Any], rate: float | None) -> dict[str, list[Signa
     """Return the signals to compare, by axis."""
     if len(recordings) < 2:
         raise DataError(argument="recordings", expected="at least two recordings", got=len(recordings))
-    given = [_signals(item, rate, f"recording {k}") for k, item in enumerate(recordings, start=1)]
+    imus = [_signals(item, rate, f"recording {k}") for k, item in enumerate(recordings, start=1)]
     if not any(isinstance(item, Imu) for item in recordings):
         # Single signals are compared even if their names differ.
-        found = {next(iter(given[0])): [signal for one in given for signal in one.values()]}
+        axes = {next(iter(imus[0])): [signal for imu in imus for signal in imu.values()]}
     else:
-        found = {axis: [one[axis] for one in given] for axis in given[0] if all(axis in one for one in given)}
-    if not found:
-        names = "; ".join(", ".join(one) for one in given)
+        axes = {axis: [imu[axis] for imu in imus] for axis in imus[0] if all(axis in imu for imu in imus)}
+    if not axes:
+        names = "; ".join(map(", ".join, imus))
         raise DataError(f"the recordings have no axis in common: {names}", argument="recordings")
-    for axis, signals in found.items():
-        first = signals[0]
-        for other in signals[1:]:
-            if abs(other.rate / first.rate - 1) > SLOWER:
-                raise _differ(axis, "rate", f"{first.rate:g} Hz and {other.rate:g} Hz")
-            if other.unit != first.unit:
-                raise _differ(axis, "unit", f"{first.unit or 'none'} and {other.unit or 'none'}")
-    return found
-
-
-def _left_out(recordings: Sequence[Any], axes: Collection[str]) -> tuple[str, ...]:
-    """Return the axes of any recording that are not compared."""
-    every = dict.fromkeys(axis for item in recordings if isinstance(item, Imu) for axis in item.signals)
-    return tuple(axis for axis in every if axis not in axes)
-
-
-def _differ(axis: str, what: str, values: str) -> DataError:
-    return DataError(
-        f"the recordings of {axis} differ in their {what}: {values}", argument="recordings",
-        advice=f"Compare recordings with the same {what}.",
-    )  # fmt: skip
+    for axis, (first, *others) in axes.items():
+        for other in others:
+            rates, units = [f"{s.rate:g} Hz" for s in (first, other)], [s.unit or "none" for s in (first, other)]
+            same_rate = abs(other.rate / first.rate - 1) <= SLOWER
+            for name, equal, values in (("rate", same_rate, rates), ("unit", other.unit == first.unit, units)):
+                if not equal:
+                    raise DataError(
+                        f"the recordings of {axis} differ in their {name}: {' and '.join(values)}",
+                        argument="recordings", advice=f"Compare recordings with the same {name}.",
+                    )  # fmt: skip
+    return axes
 
 
 def _signals(item: Any, rate: float | None, name: str) -> Mapping[str, Signal]:
@@ -184,3 +171,48 @@ def _curves(signals: Mapping[str, Signal]) -> dict[str, WaveletVariance]:
         wv = signal_wavelet_variance(signal)
         curves[name] = replace(wv, excess=excess_covariance(signal, wv))
     return dict(with_common_tails(curves))
+
+
+def _same_parameters(
+    model: ModelLike, curves: Mapping[str, WaveletVariance], axis: str, confidence: float
+) -> SameParameters:
+    """Test the recordings of one axis, with the p-value of this test alone."""
+    together = fit(model, pool(curves), certify=False)
+    apart = deviations(together)
+    return SameParameters(
+        axis=axis, model=str(together.model), statistic=apart.statistic, df=apart.df, pvalue=apart.pvalue,
+        differs=False, fit_pvalue=together.goodness_of_fit().pvalue,
+        ratios=tuple(_ratios(apart, parameters_by_name(together.model), confidence)),
+    )  # fmt: skip
+
+
+def _ratios(apart: Deviations, parameters: Mapping[str, Parameter], confidence: float) -> Iterator[ParameterRatio]:
+    """Yield the ratios of each recording to the others, for the parameters that both determine."""
+    z = NormalDist().inv_cdf((1 + confidence) / 2)
+    precision = np.where(np.isfinite(apart.values), 1 / apart.variances, 0.0)
+    values = np.nan_to_num(apart.values)
+    for k, recording in enumerate(numerators(apart.recordings)):
+        others = np.arange(len(values)) != k
+        for place, name in enumerate(apart.names):
+            weight, weights = float(precision[k, place]), precision[others, place]
+            if not weight or not weights.sum():
+                continue
+            scale = parameters[name].scale_power is not None
+            mean = float(np.average(values[others, place], weights=weights))
+            upper = _on_logarithm(float(values[k, place]), weight, scale)
+            lower = _on_logarithm(mean, float(weights.sum()), scale)
+            if upper is not None and lower is not None:
+                width = z * math.hypot(upper[1], lower[1])
+                low, at, high = (math.exp(upper[0] - lower[0] + s * width) for s in (-1, 0, 1))
+                yield ParameterRatio(recording=recording, name=name, ratio=at, lower=low, upper=high)
+
+
+def _on_logarithm(step: float, precision: float, scale: bool) -> tuple[float, float] | None:
+    """Return the logarithm of a parameter over its pool value, and its standard error; None if it is not determined.
+
+    The curve is linear in variances, so one step is exact."""
+    size = 1.0 + step if scale else 1.0
+    error = 1 / math.sqrt(precision) / size if size > 0 else math.inf
+    if error > LONGEST or abs(step) > LONGEST:
+        return None
+    return (math.log(size) if scale else step), error

@@ -2,27 +2,87 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from gmwm.applications.several.same_model import SameParameters
 from gmwm.base.multiple_tests import holm
+from gmwm.base.plain import plain_fields
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
 from gmwm.base.tables import headed
-from gmwm.base.text import Summarised, duration_text
-from gmwm.choosing.replicates.level_ratios import LevelRatio
+from gmwm.base.text import duration_text
+from gmwm.choosing.replicates.comparison import LevelRatio, RecordingComparison, smallest
 
 if TYPE_CHECKING:
     from polars import DataFrame
 
-_EACH = "each recording over the mean of the others"
 SMALLEST = 1e-300
 """Smallest p-value that is shown, so that no text states p = 0."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class ParameterRatio:
+    """A parameter of one recording over the parameter of the other, or over the mean of the others.
+
+    Attributes
+    ----------
+    recording : str
+        The recording in the numerator.
+    name : str
+        The parameter, such as "WN.sigma2".
+    ratio, lower, upper : float
+        The ratio, and its confidence limits.
+    """
+
+    recording: str
+    name: str
+    ratio: float
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SameParameters:
+    """The test whether recordings of one axis have the same parameters.
+
+    Attributes
+    ----------
+    axis : str
+    model : str
+        The model with the parameters of all recordings together.
+    statistic : float
+        Decrease of the weighted residuals if each recording has parameters of its own.
+    df : int
+    pvalue : float
+        p-value, adjusted for the number of axes.
+    differs : bool
+        Whether the test finds a difference.
+    fit_pvalue : float
+        p-value of the goodness-of-fit test of the model for all recordings together. If it is small, the test of the
+        parameters is not valid.
+    ratios : tuple of ParameterRatio
+        The parameters that the recordings determine, if any: for two recordings, the first over the second; for more,
+        each over the mean of the others.
+    """
+
+    axis: str
+    model: str
+    statistic: float
+    df: int
+    pvalue: float
+    differs: bool
+    fit_pvalue: float
+    ratios: tuple[ParameterRatio, ...]
+
+    @property
+    def largest(self) -> ParameterRatio:
+        """Ratio that differs most from 1, in standard errors."""
+        return max(self.ratios, key=lambda ratio: abs(math.log(ratio.ratio)) / math.log(ratio.upper / ratio.lower))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class SameNoise(Summarised):
+class SameNoise(RecordingComparison):
     """Result of the test whether recordings have the same noise, by axis and scale.
 
     Attributes
@@ -63,27 +123,12 @@ class SameNoise(Summarised):
         return tuple(sorted((row for row in self.levels if row.differs), key=lambda row: row.pvalue or 0.0))
 
     @property
-    def differs(self) -> bool:
-        """Whether a test finds a difference: at any scale of any axis, or in parameters of the model."""
-        return any(test.differs for test in self.parameters) if self.parameters else bool(self.differences)
-
-    @property
     def pvalue(self) -> float:
-        """The smallest adjusted p-value, which is the p-value of the tests of all levels and axes together; with a
-        model, of the tests of its parameters."""
-        if self.parameters:
-            return min(test.pvalue for test in self.parameters)
-        return min((row.pvalue for row in self.levels if row.pvalue is not None), default=1.0)
-
-    @property
-    def compared(self) -> tuple[str, ...]:
-        """Names of the recordings in the numerators of the ratios: only the first one of two recordings, otherwise
-        all."""
-        return self.recordings[: 1 if len(self.recordings) == 2 else None]
+        """Smallest adjusted p-value, of the levels of all axes or, with a model, of its parameters."""
+        return smallest(self.parameters or self.levels)
 
     def largest(self, axis: str, recording: str = "") -> LevelRatio:
-        """Return the ratio with the most significant difference for an axis, of one recording or (by default) of
-        all."""
+        """Return the ratio with the most significant difference for an axis, of one recording or of all."""
         rows = [row for row in self[axis] if recording in ("", row.recording)]
         return min(rows, key=lambda row: (row.pvalue if row.pvalue is not None else 1.0, -abs(row.ratio - 1)))
 
@@ -97,27 +142,22 @@ class SameNoise(Summarised):
         if not self.differs:
             tests = sum(row.pvalue is not None for row in self.levels)
             within = "yes" if self.tolerance else "no"
-            same = Remark.of("noise-same", tests=tests, size=self.size, tolerance=self.tolerance, within=within)
-            return (same,)
-        found = []
+            return (Remark.of("noise-same", tests=tests, size=self.size, tolerance=self.tolerance, within=within),)
+        remarks = []
         for recording in self.compared:
             for axis in self.axes:
                 rows = [row for row in self[axis] if row.differs and row.recording == recording]
                 if rows:
                     most = max(rows, key=lambda row: abs(row.ratio - 1))
-                    found.append(
-                        Remark.of(
-                            "noise-differs", axis, percent=abs(most.ratio - 1), tau=Quantity(most.tau, "s"),
-                            more="higher" if most.ratio > 1 else "lower", levels=len(rows),
-                            p=max(min(row.pvalue or 0.0 for row in rows), SMALLEST), recording=recording,
-                            other=self._other,
-                        )
-                    )  # fmt: skip
-        return tuple(found)
+                    remarks.append(Remark.of(
+                        "noise-differs", axis, percent=abs(most.ratio - 1), tau=Quantity(most.tau, "s"),
+                        more="higher" if most.ratio > 1 else "lower", levels=len(rows),
+                        p=max(smallest(rows), SMALLEST), recording=recording, other=self._other,
+                    ))  # fmt: skip
+        return tuple(remarks)
 
     def _parameter_remarks(self) -> Iterator[Remark]:
         """Whether the parameters differ, by axis, and which models are rejected."""
-        equal = [test.axis for test in self.parameters if not test.differs]
         for test in self.parameters:
             if test.differs and test.ratios:
                 most = test.largest
@@ -126,8 +166,9 @@ class SameNoise(Summarised):
                     ratio=most.ratio, lower=most.lower, upper=most.upper, confidence=self.confidence,
                     p=max(test.pvalue, SMALLEST),
                 )  # fmt: skip
-        for axis in equal:
-            yield Remark.of("parameters-same", axis, size=self.size)
+        for test in self.parameters:
+            if not test.differs:
+                yield Remark.of("parameters-same", test.axis, size=self.size)
         adjusted = holm([test.fit_pvalue for test in self.parameters]).tolist()
         rejected = [test for test, p in zip(self.parameters, adjusted, strict=True) if p <= self.size]
         for test in rejected:
@@ -135,29 +176,14 @@ class SameNoise(Summarised):
             yield Remark.of("compared-model-rejected", test.axis, p=least)
 
     @property
-    def _compared(self) -> str:
-        """What the ratios of a table compare, in words."""
-        return " over ".join(self.recordings) if len(self.recordings) == 2 else _EACH
-
-    @property
     def _other(self) -> str:
         return f"recording {self.recordings[1]}" if len(self.recordings) == 2 else "the others"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers, lists and strings."""
-        return {
-            "recordings": list(self.recordings),
-            "axes": list(self.axes),
-            "left_out": list(self.left_out),
-            "tolerance": self.tolerance,
-            "size": self.size,
-            "confidence": self.confidence,
-            "pvalue": self.pvalue,
-            "differs": self.differs,
-            "levels": [asdict(row) for row in self.levels],
-            "parameters": [asdict(test) for test in self.parameters],
-            "remarks": [remark.to_dict() for remark in self.remarks],
-        }
+        return plain_fields(
+            self, "recordings axes left_out tolerance size confidence pvalue differs levels parameters remarks"
+        )
 
     def to_frame(self) -> DataFrame:
         """Return the ratios as a Polars data frame with one row for each axis, compared recording and level."""
@@ -166,42 +192,33 @@ class SameNoise(Summarised):
         return DataFrame([asdict(row) for row in self.levels], infer_schema_length=None)
 
     def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
-        """Format a table with the most significant ratio of each axis, or with the ratios of its parameters, and the
-        remarks.
-
-        Parameters
-        ----------
-        dialect : Dialect
-            Whether options are written as in Python or as in the shell.
-        """
+        """Format the most significant ratio, or the parameters, of each axis, and the remarks in a `dialect`."""
+        two, level = len(self.recordings) == 2, f"{100 * self.confidence:g} %"
+        ratio = " over ".join(self.recordings) if two else "each recording over the mean of the others"
         if self.parameters:
-            return self._parameter_summary(dialect)
-        two = len(self.recordings) == 2
-        rows = [["axis", *([] if two else ["recording"]), "ratio", f"{100 * self.confidence:g} %", "at τ", "p"]]
-        for axis in self.axes:
-            for recording in self.compared:
-                row = self.largest(axis, recording)
-                limits = "no test" if row.lower is None else f"{row.lower:.3f} … {row.upper:.3f}"
-                p = "" if row.pvalue is None else f"{max(row.pvalue, SMALLEST):.2g}"
-                name = [] if two else [recording]
-                rows.append([axis, *name, f"{row.ratio:.3f}", limits, duration_text(row.tau), p])
-        head = f"Ratio of the deviations, {self._compared}, at the scale of the most significant difference"
-        return "\n".join([head, "", *headed(rows), "", *texts(self.remarks, dialect)])
-
-    def _parameter_summary(self, dialect: Dialect) -> str:
-        two = len(self.recordings) == 2
-        rows = [["axis", *([] if two else ["recording"]), "parameter", "ratio", f"{100 * self.confidence:g} %", "p"]]
-        for test in self.parameters:
-            for one in test.ratios:
-                name = [] if two else [one.recording]
-                limits = f"{one.lower:.3f} … {one.upper:.3f}"
-                rows.append(
-                    [test.axis, *name, one.name, f"{one.ratio:.3f}", limits, f"{max(test.pvalue, SMALLEST):.2g}"]
-                )
-        head = f"Ratio of the parameters, {self._compared}; p is the p-value of the test of all parameters of an axis"
+            head = f"Ratio of the parameters, {ratio}; p is the p-value of the test of all parameters of an axis"
+            rows = [["axis", "recording", "parameter", "ratio", level, "p"]]
+            for test in self.parameters:
+                for part in test.ratios:
+                    size = _cells(part.ratio, part.lower, part.upper)
+                    rows.append([test.axis, part.recording, part.name, *size, _p_cell(test.pvalue)])
+        else:
+            head = f"Ratio of the deviations, {ratio}, at the scale of the most significant difference"
+            rows = [["axis", "recording", "ratio", level, "at τ", "p"]]
+            for axis in self.axes:
+                for recording in self.compared:
+                    row = self.largest(axis, recording)
+                    size = _cells(row.ratio, row.lower, row.upper)
+                    rows.append([axis, recording, *size, duration_text(row.tau), _p_cell(row.pvalue)])
+        if two:
+            rows = [[axis, *cells] for axis, _, *cells in rows]
         table = [head, "", *headed(rows), ""] if len(rows) > 1 else []
         return "\n".join([*table, *texts(self.remarks, dialect)])
 
-    def __repr__(self) -> str:
-        found = "different" if self.differs else "the same"
-        return f"SameNoise({', '.join(self.axes)}: {found}, p = {self.pvalue:.2g})"
+
+def _cells(ratio: float, lower: float | None, upper: float | None) -> list[str]:
+    return [f"{ratio:.3f}", "no test" if lower is None else f"{lower:.3f} … {upper:.3f}"]
+
+
+def _p_cell(p: float | None) -> str:
+    return "" if p is None else f"{max(p, SMALLEST):.2g}"

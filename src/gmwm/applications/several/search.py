@@ -12,28 +12,15 @@ from gmwm.applications.several.moments import entries
 from gmwm.applications.several.problem import JointProblem, coordinates
 from gmwm.base.arrays import Matrix, Vector
 
-PLACES = 10
-"""Number of candidate shapes of a process for the starting values, equally spaced along its curve of shapes.
-tests/joint/test_joint_fit.py compares the fits with a finer scan."""
-STARTS = 4
-"""Number of starting values from which the search descends."""
-MOST_STARTS = 60
-"""Largest number of combinations of shapes that are compared as starting values."""
 ROUGH = 1e-4
-"""Relative accuracy of the objective while starting values are compared. This constant, `SAME` and `WORSE` halve the
-time and do not change any fit of docs/validation/joint.md."""
+"""Relative accuracy of the objective while starts are compared; it does not change any fit of
+docs/validation/joint.md."""
 EXACT = 1e-9
 """Relative accuracy of the objective of a final fit."""
-SAME = 0.02
-"""Two starting values have led to the same optimum if their search coordinates differ by less than this."""
-WORSE = 0.1
-"""A rough descent is refined only if its objective exceeds the smallest one by at most this relative amount."""
-DESCENT = 40
-"""Largest number of Newton steps of a descent."""
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class JointEstimate:
     """An estimate of the parameters of a joint model."""
 
     u: Vector  # (K,) search coordinates of the shapes
@@ -43,27 +30,27 @@ class Found:
     warm: Matrix | None = None  # (P, d, d) positive definite matrices to start a similar problem from
 
 
-def search(problem: JointProblem) -> Found:
+def search(problem: JointProblem) -> JointEstimate:
     """Return the best local optimum from several starting values."""
     rough = [descend(problem, u, accuracy=ROUGH) for u in _starts(problem)]
-    least = min(found.objective for found in rough)
+    least = min(estimate.objective for estimate in rough)
     # If several starting values lead to the same optimum, it is refined once.
-    followed: list[Found] = []
-    for found in sorted(rough, key=lambda found: found.objective):
-        new = all(np.max(np.abs(found.u - other.u), initial=0.0) > SAME for other in followed)
-        if found.objective <= least * (1 + WORSE) and (new or not followed):
-            followed.append(found)
-    return min((resume(problem, found) for found in followed), key=lambda found: found.objective)
+    followed: list[JointEstimate] = []
+    for estimate in sorted(rough, key=lambda estimate: estimate.objective):
+        new = all(np.max(np.abs(estimate.u - other.u), initial=0.0) > 0.02 for other in followed)
+        if estimate.objective <= least * 1.1 and (new or not followed):
+            followed.append(estimate)
+    return min((resume(problem, estimate) for estimate in followed), key=lambda estimate: estimate.objective)
 
 
-def first(problem: JointProblem) -> Found:
+def first(problem: JointProblem) -> JointEstimate:
     """Return a local optimum with rough accuracy, from the best starting value."""
     return descend(problem, _starts(problem)[0], accuracy=ROUGH)
 
 
-def resume(problem: JointProblem, found: Found, accuracy: float = EXACT) -> Found:
+def resume(problem: JointProblem, estimate: JointEstimate, accuracy: float = EXACT) -> JointEstimate:
     """Return the local optimum near an estimate."""
-    return polish(problem, descend(problem, found.u, warm=found.warm, accuracy=accuracy), accuracy)
+    return polish(problem, descend(problem, estimate.u, warm=estimate.warm, accuracy=accuracy), accuracy)
 
 
 def places(problem: JointProblem, place: int, count: int) -> Vector:
@@ -81,80 +68,80 @@ def places(problem: JointProblem, place: int, count: int) -> Vector:
 
 def _starts(problem: JointProblem) -> list[Vector]:
     """Return starting values (search coordinates of all searched terms), the best one first."""
-    searched = problem.searched
+    searched = problem.search_places
     if not searched:
         return [np.empty(0)]
-    grids = [places(problem, place, PLACES) for place in searched]
+    # A finer scan gives the same fits (tests/joint/test_joint_fit.py).
+    grids = [places(problem, place, 10) for place in searched]
     # Neighbouring starting values lead to the same optimum.
     apart = 1.5 * np.array([np.max(np.diff(grid)) for grid in grids])
     if len(searched) == 1:
-        scored = _scored(problem, [np.array([value]) for value in grids[0]])
+        scored = _scores(problem, [np.array([value]) for value in grids[0]])
         height = np.array([np.inf, *(objective for objective, _ in scored), np.inf])
         scored = [pair for k, pair in enumerate(scored) if height[k + 1] <= min(height[k], height[k + 2])]
     else:
-        scored = _scored(problem, _combined(problem, grids))
-    given = coordinates(problem)
-    if given is not None:
-        scored += _scored(problem, [given])
+        scored = _scores(problem, _combinations(problem, grids))
+    stated = coordinates(problem)
+    if stated is not None:
+        scored += _scores(problem, [stated])
     scored.sort(key=lambda pair: pair[0])
     chosen: list[Vector] = []
     for _, u in scored:
         if all(np.any(np.abs(u - other) > apart) for other in chosen):
             chosen.append(u)
-    return chosen[:STARTS]
+    return chosen[:4]
 
 
-def _scored(problem: JointProblem, choices: list[Vector]) -> list[tuple[float, Vector]]:
+def _scores(problem: JointProblem, choices: list[Vector]) -> list[tuple[float, Vector]]:
     """Return the rough objective at each of several search coordinates, with the coordinates."""
-    found, warm = [], None
+    scores, warm = [], None
     for u in choices:
         solved = problem.solve(u, gap=1e-2, warm=warm)
-        found.append((solved.objective, u))
+        scores.append((solved.objective, u))
         warm = solved.warm
-    return found
+    return scores
 
 
-def _combined(problem: JointProblem, grids: list[Vector]) -> list[Vector]:
+def _combinations(problem: JointProblem, grids: list[Vector]) -> list[Vector]:
     """Return combinations of candidate shapes of two or more terms, from the mixtures of all candidates of each."""
-    searched = problem.searched
-    kept = [_supported(problem, place, grid) for place, grid in zip(searched, grids, strict=True)]
+    searched = problem.search_places
+    supported = [_supported_shapes(problem, place, grid) for place, grid in zip(searched, grids, strict=True)]
     groups: dict[tuple[str, str], list[int]] = {}
     for k, place in enumerate(searched):
         groups.setdefault((problem.terms[place].process.name, problem.terms[place].kind), []).append(k)
     choices = [
-        list(combinations(kept[group[0]] if len(kept[group[0]]) >= len(group) else grids[group[0]], len(group)))
+        list(
+            combinations(supported[group[0]] if len(supported[group[0]]) >= len(group) else grids[group[0]], len(group))
+        )
         for group in groups.values()
     ]
     order = np.argsort([k for group in groups.values() for k in group])
-    return [
-        np.array([value for part in choice for value in part])[order]
-        for choice in islice(product(*choices), MOST_STARTS)
-    ]
+    return [np.array([value for part in choice for value in part])[order] for choice in islice(product(*choices), 60)]
 
 
-def _supported(problem: JointProblem, place: int, grid: Vector) -> Vector:
+def _supported_shapes(problem: JointProblem, place: int, grid: Vector) -> Vector:
     """Return the candidate shapes of a term with the largest parts in the best-fitting mixture of all candidates."""
     branch = problem.branches[place]
     assert branch is not None
-    others = [k for k, one in enumerate(problem.branches) if one is None]
+    others = [k for k, branch_of in enumerate(problem.branches) if branch_of is None]
     levels, rate = problem.design.levels, problem.design.rate
-    own = type(problem.terms[place].process).shape(branch.values(grid), levels, rate)
+    candidates = type(problem.terms[place].process).shape(branch.values(grid), levels, rate)
     fixed = [type(problem.terms[k].process).standard(problem.terms[k].process.nonlinear) for k in others]
-    shapes = np.array([*own, *(process.wavelet_variance(levels, rate) for process in fixed)])
-    whole = [problem.terms[place].kind != "own"] * grid.size + [problem.terms[k].kind != "own" for k in others]
-    cone = Cone(problem.d, np.array(whole))
-    found = least_squares(problem.columns(shapes, cone), problem.target, cone, gap=1e-3)
-    share = np.max(found.sigmas[: grid.size].trace(axis1=1, axis2=2)[:, None] * own, axis=1)
-    wanted = max(4, sum(1 for k in problem.searched if problem.terms[k].kind == problem.terms[place].kind) + 2)
-    return np.sort(grid[np.argsort(-share)[:wanted]])
+    shapes = np.array([*candidates, *(process.wavelet_variance(levels, rate) for process in fixed)])
+    full = [problem.terms[place].kind != "own"] * grid.size + [problem.terms[k].kind != "own" for k in others]
+    cone = Cone(problem.d, np.array(full))
+    solution = least_squares(problem.columns(shapes, cone), problem.target, cone, gap=1e-3)
+    share = np.max(solution.sigmas[: grid.size].trace(axis1=1, axis2=2)[:, None] * candidates, axis=1)
+    count = max(4, sum(1 for k in problem.search_places if problem.terms[k].kind == problem.terms[place].kind) + 2)
+    return np.sort(grid[np.argsort(-share)[:count]])
 
 
-def descend(problem: JointProblem, u: Vector, *, warm: Matrix | None = None, accuracy: float = EXACT) -> Found:
+def descend(problem: JointProblem, u: Vector, *, warm: Matrix | None = None, accuracy: float = EXACT) -> JointEstimate:
     """Minimise the objective over the search coordinates by Newton's method, with optimal matrices at each step."""
     low, high = problem.limits
     u = np.clip(u, low, high)
     now = problem.solve(u, gap=accuracy, warm=warm)
-    for _ in range(DESCENT if u.size else 0):
+    for _ in range(40 if u.size else 0):
         gradient, curvature = _derivatives(problem, u, now)
         free = ~(((u <= low) & (gradient > 0)) | ((u >= high) & (gradient < 0)))
         if not np.any(free):
@@ -166,18 +153,18 @@ def descend(problem: JointProblem, u: Vector, *, warm: Matrix | None = None, acc
         if expected <= 0.1 * accuracy * now.objective:
             break
         for _ in range(12):
-            there = np.clip(u + step, low, high)
-            new = problem.solve(there, gap=accuracy, warm=now.warm)
+            trial = np.clip(u + step, low, high)
+            new = problem.solve(trial, gap=accuracy, warm=now.warm)
             if new.objective < now.objective:
                 break
             step /= 2
         else:
             break
         settled = now.objective - new.objective <= 0.01 * accuracy * now.objective
-        u, now = there, new
+        u, now = trial, new
         if settled:
             break
-    return Found(u, now.sigmas, now.objective, now.gap, warm=now.warm)
+    return JointEstimate(u, now.sigmas, now.objective, now.gap, warm=now.warm)
 
 
 def _derivatives(problem: JointProblem, u: Vector, now: Conic) -> tuple[Vector, Matrix]:
@@ -189,9 +176,9 @@ def _derivatives(problem: JointProblem, u: Vector, now: Conic) -> tuple[Vector, 
     terms = cone.terms
     slopes = problem.blocks(problem.slopes(u)) @ residual
     rows, columns = entries(problem.d)
-    for k, place in enumerate(problem.searched):
-        whole = slopes[k] if cone.full[place] else slopes[k][rows == columns]
-        mixed[k, terms == place] -= 2 * whole
+    for k, place in enumerate(problem.search_places):
+        slope = slopes[k] if cone.full[place] else slopes[k][rows == columns]
+        mixed[k, terms == place] -= 2 * slope
     scale = 1 / np.sqrt(np.diag(now.hessian))
     inner = now.hessian * np.outer(scale, scale)
     # Two terms with the same shape make the matrix singular. Any solution gives the same product.
@@ -207,20 +194,20 @@ def _newton(curvature: Matrix, gradient: Vector) -> Vector:
     return np.asarray(vectors @ ((vectors.T @ gradient) / values))
 
 
-def polish(problem: JointProblem, found: Found, accuracy: float = EXACT) -> Found:
+def polish(problem: JointProblem, estimate: JointEstimate, accuracy: float = EXACT) -> JointEstimate:
     """Return the optimum with matrices of rank one for common terms: Σ = FFᵀ, from a fit with any rank."""
     from scipy.optimize import least_squares as levenberg_marquardt
 
     if not any(term.kind == "common" for term in problem.terms):
-        return found
+        return estimate
     factors = _Factors(problem)
-    start = factors.start(found)
+    start = factors.start(estimate)
     solved = levenberg_marquardt(
         factors.residual, start, jac=factors.jacobian, method="lm" if start.size <= problem.target.size else "trf",
         x_scale="jac", ftol=1e-3 * accuracy, xtol=1e-3 * accuracy, gtol=1e-12, max_nfev=300,
     )  # fmt: skip
     u, sigmas = factors.of(solved.x)
-    return Found(u, sigmas, 2 * float(solved.cost), warm=found.warm)
+    return JointEstimate(u, sigmas, 2 * float(solved.cost), warm=estimate.warm)
 
 
 class _Factors:
@@ -231,9 +218,9 @@ class _Factors:
         d = problem.d
         self.sizes = [{"own": d, "common": d, "shared": d * d}[term.kind] for term in problem.terms]
 
-    def start(self, found: Found) -> Vector:
-        parts = [found.u]
-        for term, sigma in zip(self.problem.terms, found.sigmas, strict=True):
+    def start(self, estimate: JointEstimate) -> Vector:
+        parts = [estimate.u]
+        for term, sigma in zip(self.problem.terms, estimate.sigmas, strict=True):
             if term.kind == "own":
                 parts.append(np.sqrt(np.maximum(np.diag(sigma), 0.0)))
             else:
@@ -242,7 +229,7 @@ class _Factors:
                 parts.append(factor[:, -1] if term.kind == "common" else factor.ravel())
         return np.concatenate(parts)
 
-    def split(self, x: Vector) -> tuple[Vector, list[Matrix]]:
+    def coordinates_and_factors(self, x: Vector) -> tuple[Vector, list[Matrix]]:
         """Split the vector of unknowns into the search coordinates and the factor (d, r) of each matrix."""
         d = self.problem.d
         u = np.clip(x[: self.low.size], self.low, self.high)
@@ -252,7 +239,7 @@ class _Factors:
                    for part, kind in zip(parts, kinds, strict=True)]  # fmt: skip
 
     def of(self, x: Vector) -> tuple[Vector, Matrix]:
-        u, factors = self.split(x)
+        u, factors = self.coordinates_and_factors(x)
         return u, np.array([factor @ factor.T for factor in factors])
 
     def residual(self, x: Vector) -> Vector:
@@ -260,7 +247,7 @@ class _Factors:
         return self.problem.residual(self.problem.shapes(u), sigmas)
 
     def jacobian(self, x: Vector) -> Matrix:
-        u, factors = self.split(x)
+        u, factors = self.coordinates_and_factors(x)
         problem, (rows, columns) = self.problem, entries(self.problem.d)
         blocks = problem.blocks(problem.shapes(u))
         sigmas = np.array([factor @ factor.T for factor in factors])

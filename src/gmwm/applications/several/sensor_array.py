@@ -20,17 +20,17 @@ _EXPECTED = "several recordings, or a mapping of names such as gyro_x[0] to sign
 def like_axes(x: Any, rate: float | None) -> dict[str, dict[str, Signal]]:
     """Group the signals of an array of units by axis, and by name within each axis; `fuse` describes the arguments."""
     groups = _groups(x)
-    found = {}
+    axes = {}
     for axis, members in groups.items():
         if len(members) < 2:
             raise DataError(
                 f"{axis} has only one signal, {next(iter(members))}", argument="x", advice=f"Pass {_EXPECTED}."
             )
-        found[axis] = synchronous_signals(members, rate, fill=False)
-        units = {name: signal.unit for name, signal in found[axis].items()}
+        axes[axis] = synchronous_signals(members, rate, fill=False)
+        units = {name: signal.unit for name, signal in axes[axis].items()}
         if len(set(units.values())) > 1:
             raise DataError(f"the signals of {axis} differ in their units", argument="x", got=units)
-    return found
+    return axes
 
 
 def _groups(x: Any) -> dict[str, dict[str, Any]]:
@@ -69,10 +69,10 @@ def _of_units(units: Mapping[str, Imu]) -> dict[str, dict[str, Signal]]:
 def _common_axis(x: Mapping[str, Any]) -> str:
     """Return the axis that the signals state, or a default name if they state none."""
     stated: Iterable[str] = {item.axis if isinstance(item, Signal) else "" for item in x.values()}
-    known = set(stated) - {""} | (set(x) & set(AXES))
-    if len(known) > 1:
+    names = set(stated) - {""} | (set(x) & set(AXES))
+    if len(names) > 1:
         raise DataError(
-            f"{', '.join(sorted(known))} do not measure the same motion", argument="x", got=list(x),
+            f"{', '.join(sorted(names))} do not measure the same motion", argument="x", got=list(x),
             advice="Pass signals of like axes, such as gyro_x[0] and gyro_x[1].",
         )  # fmt: skip
-    return next(iter(known), ALONE)
+    return next(iter(names), ALONE)

@@ -1,11 +1,8 @@
 """Kalman smoother for several signals with shared noise.
 
-The unknown constant level of each signal is a regression coefficient with a flat prior, as in `gmwm.likelihood`. Filter
-and smoother are applied to the data and, with the same gains, to a signal with the constant value 1 for each axis. The
-levels then follow from generalised least squares. A random walk starts at 0, because its unknown initial value is part
-of the level.
-
-Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., sections 4.4 and 5.7.
+The unknown level of each signal is a regression coefficient with a flat prior: filter and smoother are applied, with
+the same gains, to the data and to a constant for each signal. A random walk starts at 0, because its initial value is
+part of the level. Durbin and Koopman (2012), Time Series Analysis by State Space Methods, sections 4.4 and 5.7.
 """
 
 from __future__ import annotations
@@ -30,13 +27,9 @@ from gmwm.theory.processes.model import Model
 if TYPE_CHECKING:
     from gmwm.applications.several.joint_result import JointFit
 
-SETTLED = 1e-14
-"""If the covariance of the states changes by less than this relative amount from one sample to the next, it is treated
-as constant (tests/joint/test_smoothing.py)."""
-
 
 @dataclass(frozen=True, eq=False)
-class _Gain:
+class _FilterStep:
     """Matrices of one step of the filter, for the m signals that are observed at this sample."""
 
     before: Matrix  # (p, p) covariance P of the states before the step
@@ -59,7 +52,7 @@ def smooth_joint(
     smoother = _Smoother(space, values)
     slow = {
         term
-        for term, process in zip(fit.terms, fit.settled.problem.processes(fit.settled.found.u), strict=True)
+        for term, process in zip(fit.terms, fit.settled.problem.processes(fit.settled.estimate.u), strict=True)
         if wanders(process, fit.rate)
     }
     return {axis: _tracks(smoother, space, k, record=records[axis], model=models[axis], slow=slow)
@@ -68,14 +61,14 @@ def smooth_joint(
 
 def _records(fit: JointFit, x: Imu | Mapping[str, Signal | ArrayLike], rate: float | None) -> dict[str, Record]:
     """Return the data of each axis of a fit."""
-    given = x.signals if isinstance(x, Imu) else dict(x)
-    if missing := [axis for axis in fit.axes if axis not in given]:
+    signals = x.signals if isinstance(x, Imu) else dict(x)
+    if missing := [axis for axis in fit.axes if axis not in signals]:
         raise DataError(argument="x", expected=f"the axes {', '.join(fit.axes)} of the fit", got=missing)
-    known = fit.rate if rate is None else rate
+    default = fit.rate if rate is None else rate
     records = {
-        axis: as_record(item, None if isinstance(item, Signal) else known)
+        axis: as_record(item, None if isinstance(item, Signal) else default)
         for axis in fit.axes
-        for item in [given[axis]]
+        for item in [signals[axis]]
     }
     for axis, record in records.items():
         if not math.isclose(record.rate, fit.rate, rel_tol=RATES_ALIKE):
@@ -95,7 +88,7 @@ def _tracks(
     smoother: _Smoother, space: JointStateSpace, k: int, *, record: Record, model: Model, slow: set[str]
 ) -> Tracks:
     """Return the estimated latent processes of signal number k."""
-    states = {term: np.array([one == term for one in space.terms]) for term in dict.fromkeys(space.terms)}
+    states = {term: np.array([label_of == term for label_of in space.terms]) for term in dict.fromkeys(space.terms)}
     rows = {term: space.H[k] * mine for term, mine in states.items() if np.any(space.H[k] * mine)}
     terms = list(rows)
     # As in a fit of one signal, the unknown level is part of the random walk. Without a random walk, the level is
@@ -123,9 +116,9 @@ def _white(smoother: _Smoother, record: Record, space: JointStateSpace, k: int) 
 
     For a missing sample, the mean is 0 with the variance of the model."""
     mean, variance = smoother.track(space.H[k], k)
-    there = np.isfinite(record.values)
-    rest = np.where(there, record.values, 0.0) - np.where(there, mean + record.centre, 0.0)
-    return rest, np.where(there, variance, space.R[k, k])
+    present = np.isfinite(record.values)
+    noise = np.where(present, record.values, 0.0) - np.where(present, mean + record.centre, 0.0)
+    return noise, np.where(present, variance, space.R[k, k])
 
 
 class _Smoother:
@@ -162,39 +155,40 @@ class _Smoother:
         slopes = -seen[:, 1:]
         if level is not None:
             slopes[:, level] += 1.0
-        own = np.array([row @ variance @ row for variance in self._variances])[self._places]
-        return seen[:, 0] + slopes @ self._levels, own + np.einsum("ta,ab,tb->t", slopes, self._spread, slopes)
+        variances = np.array([row @ variance @ row for variance in self._variances])[self._places]
+        return seen[:, 0] + slopes @ self._levels, variances + np.einsum("ta,ab,tb->t", slopes, self._spread, slopes)
 
-    def _gains(self, start: Matrix, present: np.ndarray) -> tuple[list[_Gain], np.ndarray]:
+    def _gains(self, start: Matrix, present: np.ndarray) -> tuple[list[_FilterStep], np.ndarray]:
         """Return the distinct gains, and the index of the gain of each sample. It ends at a constant covariance."""
-        gains: list[_Gain] = []
+        gains: list[_FilterStep] = []
         which = np.empty(len(present), dtype=np.int64)
         covariance, settled = start, False
-        for t, there in enumerate(present):
-            whole = bool(np.all(there))
-            if not (settled and whole):
-                gains.append(self._gain(covariance, there))
+        for t, mask in enumerate(present):
+            complete = bool(np.all(mask))
+            if not (settled and complete):
+                gains.append(self._gain(covariance, mask))
                 change = np.max(np.abs(gains[-1].after - covariance), initial=0.0)
-                settled = whole and bool(change <= SETTLED * np.max(np.abs(covariance), initial=0.0))
+                # The covariance is constant (tests/joint/test_smoothing.py).
+                settled = complete and bool(change <= 1e-14 * np.max(np.abs(covariance), initial=0.0))
                 covariance = gains[-1].after
             which[t] = len(gains) - 1
         return gains, which
 
-    def _gain(self, before: Matrix, there: np.ndarray) -> _Gain:
+    def _gain(self, before: Matrix, mask: np.ndarray) -> _FilterStep:
         space = self._space
-        seen, noise = space.H[there], space.R[np.ix_(there, there)]
+        seen, noise = space.H[mask], space.R[np.ix_(mask, mask)]
         scatter = seen @ before @ seen.T + noise
         precision = np.linalg.inv(scatter)
         gain = space.F @ before @ seen.T @ precision
-        rest = space.F - gain @ seen
-        after = rest @ before @ rest.T + gain @ noise @ gain.T + space.Q
+        closed = space.F - gain @ seen
+        after = closed @ before @ closed.T + gain @ noise @ gain.T + space.Q
         weight = seen.T @ precision
-        return _Gain(
-            before=before, seen=seen, precision=precision, rest=rest, information=weight @ seen, weight=weight,
+        return _FilterStep(
+            before=before, seen=seen, precision=precision, rest=closed, information=weight @ seen, weight=weight,
             gain=gain, after=(after + after.T) / 2,
         )  # fmt: skip
 
-    def _backward(self, gains: list[_Gain], innovations: list[Matrix]) -> tuple[list[Matrix], np.ndarray]:
+    def _backward(self, gains: list[_FilterStep], innovations: list[Matrix]) -> tuple[list[Matrix], np.ndarray]:
         """Replace the filtered means by smoothed ones. Return the distinct covariances, and their index by sample."""
         p, columns = self._means.shape[1:]
         r, information = np.zeros((p, columns)), np.zeros((p, p))
@@ -207,7 +201,7 @@ class _Smoother:
             if not (settled and self._which[t] == last):
                 new = g.information + g.rest.T @ information @ g.rest
                 change = np.max(np.abs(new - information), initial=0.0)
-                settled = self._which[t] == last and bool(change <= SETTLED * np.max(np.abs(new), initial=0.0))
+                settled = self._which[t] == last and bool(change <= 1e-14 * np.max(np.abs(new), initial=0.0))
                 information, last = (new + new.T) / 2, int(self._which[t])
                 variances.append(g.before - g.before @ information @ g.before)
             places[t] = len(variances) - 1

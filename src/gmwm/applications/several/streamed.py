@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gmwm.applications.several.matrices import moment_of, units_of
-from gmwm.applications.several.pairs import pairs_of
+from gmwm.applications.several.matrices import moment_of, pairs_of, units_of
 from gmwm.base.arrays import Vector
 from gmwm.base.threads import in_threads
 from gmwm.files.readers.streams import Stream
@@ -55,31 +54,33 @@ def streamed_curves(stream: Stream, axes: Sequence[str], *, robust: bool, effici
         )
         for name in (*axes, *sums)
     }  # fmt: skip
-    source = _Sums(stream, axes, sums)
+    source = _SumReader(stream, axes, sums)
     if not robust:
         source.measure(curves)
-        found = in_threads(lambda _, one: one.classical(), curves)
+        measured = in_threads(lambda _, curve: curve.classical(), curves)
     else:
-        found = _robust(source, {axis: curves[axis] for axis in axes})
-        source.scale = units_of(found)
-        found |= _robust(source, {name: curves[name] for name in sums})
-    own = {axis: found[axis] for axis in axes}
+        measured = _robust(source, {axis: curves[axis] for axis in axes})
+        source.scale = units_of(measured)
+        measured |= _robust(source, {name: curves[name] for name in sums})
+    singles = {axis: measured[axis] for axis in axes}
     moments = {
-        (a, b): moment_of([found[f"{a} {sign:+g} {b}"].variance for sign in signs], own, source.scale, pair=(a, b))
+        (a, b): moment_of(
+            [measured[f"{a} {sign:+g} {b}"].variance for sign in signs], singles, source.scale, pair=(a, b)
+        )
         for a, b in pairs
     }
-    return Curves(own, moments, fill_gaps(source.first))
+    return Curves(singles, moments, fill_gaps(source.first))
 
 
-def _robust(source: _Sums, curves: Mapping[str, AxisCurves]) -> dict[str, WaveletVariance]:
+def _robust(source: _SumReader, curves: Mapping[str, AxisCurves]) -> dict[str, WaveletVariance]:
     """Return robust wavelet variances, from one or two passes over the recording."""
     source.measure(curves)
-    if again := {name: one for name, one in curves.items() if one.begin_again()}:
+    if again := {name: curve for name, curve in curves.items() if curve.begin_again()}:
         source.measure(again)
-    return dict(in_threads(lambda _, one: one.robust(), curves))
+    return dict(in_threads(lambda _, curve: curve.robust(), curves))
 
 
-class _Sums:
+class _SumReader:
     """Reads a recording in batches, and adds its axes and their sums to accumulators of wavelet variances."""
 
     def __init__(self, stream: Stream, axes: Sequence[str], sums: Mapping[str, tuple[str, str, float]]) -> None:
@@ -94,13 +95,13 @@ class _Sums:
             del batch  # frees memory before the next batch is read
 
     def _add(self, batch: Batch, curves: Mapping[str, AxisCurves]) -> None:
-        def add(name: str, one: AxisCurves) -> None:
+        def add(name: str, curve: AxisCurves) -> None:
             a, b, sign = self._sums.get(name, (name, "", 0.0))
             signal = batch.signals[a]
             if b:
                 values = self.scale[a] * signal.values + sign * self.scale[b] * batch.signals[b].values
                 signal = replace(signal, values=values)
-            one.update(signal, batch.continues_on(a))
+            curve.update(signal, batch.continues_on(a))
 
         in_threads(add, curves)
 

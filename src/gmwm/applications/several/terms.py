@@ -42,15 +42,16 @@ class JointTerm:
 def joint_terms(model: ModelLike) -> tuple[JointTerm, ...]:
     """Parse a joint model of several signals, such as "common(RW) + 2*GM + WN"."""
     parts = [str(model)] if not isinstance(model, str) else _summands(model)
-    found: list[tuple[Kind, Process]] = []
+    kinds: list[tuple[Kind, Process]] = []
     for part in parts:
         match = _SHARED.fullmatch(part)
         kind, text, times = ("own", part, 1) if match is None else (match[2], match[3], int(match[1] or match[4] or 1))
         assert kind in get_args(Kind)
         for process in _processes(text.strip(), str(model)) * times:
             _require_shape(process)
-            found.append((kind, process))  # type: ignore[arg-type]
-    repeated = [key for key, count in Counter(_keys(found)).items() if count > 1]
+            kinds.append((kind, process))  # type: ignore[arg-type]
+    keys = Counter((kind, process.name) for kind, process in kinds if not process.repeatable)
+    repeated = [key for key, count in keys.items() if count > 1]
     if repeated:
         kind, name = repeated[0]
         term = name if kind == "own" else f"{kind}({name})"
@@ -58,7 +59,7 @@ def joint_terms(model: ModelLike) -> tuple[JointTerm, ...]:
             f'the model "{model}" has {term} twice; two terms of this kind are the same as one', argument="model",
             got=str(model), advice=f"Write {term} once.",
         )  # fmt: skip
-    return _labelled(found)
+    return _label(kinds)
 
 
 def _processes(text: str, model: str) -> tuple[Process, ...]:
@@ -78,10 +79,6 @@ def _processes(text: str, model: str) -> tuple[Process, ...]:
         raise ModelError(f'a term of the model "{model}" {why}', argument="model", got=model, advice=advice) from None
 
 
-def _keys(found: list[tuple[Kind, Process]]) -> list[tuple[Kind, str]]:
-    return [(kind, process.name) for kind, process in found if not process.repeatable]
-
-
 def _summands(text: str) -> list[str]:
     """Split the text of a model at each plus sign outside parentheses and numbers."""
     parts, opened, start = [], list[int](), 0
@@ -90,17 +87,17 @@ def _summands(text: str) -> list[str]:
             opened.append(k)
         elif letter == ")":
             if not opened:
-                raise _unbalanced(text, k, "(")
+                raise _unbalanced_error(text, k, "(")
             opened.pop()
         elif letter == "+" and not opened and text[max(k - 1, 0)] not in "eE":
             parts.append(text[start:k])
             start = k + 1
     if opened:
-        raise _unbalanced(text, opened[-1], ")")
+        raise _unbalanced_error(text, opened[-1], ")")
     return [*parts, text[start:]]
 
 
-def _unbalanced(text: str, at: int, missing: str) -> ModelError:
+def _unbalanced_error(text: str, at: int, missing: str) -> ModelError:
     return ModelError(
         f'the model "{text}" has "{text[at]}" at character {at + 1} without "{missing}"', argument="model", got=text,
         advice=f'Add the missing "{missing}".',
@@ -123,12 +120,12 @@ def _require_shape(process: Process) -> None:
         )  # fmt: skip
 
 
-def _labelled(found: list[tuple[Kind, Process]]) -> tuple[JointTerm, ...]:
-    names = Counter(process.name for _, process in found)
-    kinds = Counter((kind, process.name) for kind, process in found)
+def _label(kinds_and_processes: list[tuple[Kind, Process]]) -> tuple[JointTerm, ...]:
+    names = Counter(process.name for _, process in kinds_and_processes)
+    kinds = Counter((kind, process.name) for kind, process in kinds_and_processes)
     seen: Counter[tuple[Kind, str]] = Counter()
     terms = []
-    for kind, process in found:
+    for kind, process in kinds_and_processes:
         label = process.name
         if names[label] > kinds[kind, label] and kind != "own":
             label = f"{kind}({label})"
@@ -144,15 +141,15 @@ def with_kind(terms: tuple[JointTerm, ...], place: int, kind: Kind) -> tuple[Joi
     return (*terms[:place], replace(terms[place], kind=kind), *terms[place + 1 :])
 
 
-def summed(parts: list[Process]) -> Model:
+def sum_model(parts: list[Process]) -> Model:
     """Return the model of one signal as the sum of processes. Processes with the same shape are merged."""
-    found: dict[Any, Process] = {}
+    merged: dict[Any, Process] = {}
     for process in parts:
         key = (type(process), *process.nonlinear.tolist())
-        if key in found:
-            scale = found[key].scale + process.scale
+        if key in merged:
+            scale = merged[key].scale + process.scale
             name = process.scale_parameter().name
-            found[key] = process.with_values(**{name: process.value_from(scale)})
+            merged[key] = process.with_values(**{name: process.value_from(scale)})
         else:
-            found[key] = process
-    return Model(tuple(found.values()))
+            merged[key] = process
+    return Model(tuple(merged.values()))

@@ -76,6 +76,9 @@ class Message:
         What the remark means for the results, in Markdown, for the documentation.
     example : mapping of name to fact
         Facts and subject for the example of the message in the documentation.
+    raises, spoils : tuple of str
+        Symbols of the numbers that are too large, so that they are upper limits, and of those that are wrong. "all"
+        stands for every number, and "facts" for the numbers in the fact `numbers`.
     """
 
     code: str
@@ -86,6 +89,8 @@ class Message:
     detail: str = ""
     meaning: str = ""
     example: Mapping[str, Fact] = field(default_factory=dict)
+    raises: tuple[str, ...] = ()
+    spoils: tuple[str, ...] = ()
 
     def sentence_for(self, facts: Mapping[str, Fact]) -> str:
         """Return the template of the sentence for these facts."""
@@ -163,6 +168,8 @@ def _message(code: str, entry: Mapping[str, Any]) -> Message:
         detail=entry.get("detail", ""),
         meaning=entry.get("meaning", "").strip(),
         example={name: as_fact(value) for name, value in entry.get("example", {}).items()},
+        raises=tuple(entry.get("raises", ())),
+        spoils=tuple(entry.get("spoils", ())),
     )
 
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from statistics import NormalDist
 
 import numpy as np
 
-from gmwm.base.arrays import Vector
 from gmwm.base.errors import GmwmError
 from gmwm.base.random_effects import effects, predicted, spread_limits
 from gmwm.choosing.datasheets import Datasheet, Entry, datasheet
-from gmwm.choosing.replicates.level_ratios import level_ratios
+from gmwm.choosing.replicates.comparison import level_ratios
 from gmwm.choosing.replicates.result import RecordingNumber, Replicates
 from gmwm.fitting.estimation.intervals import parameters_by_name, with_quick_intervals
 from gmwm.fitting.estimation.recordings import Deviations, deviations, step_parameter
@@ -23,28 +23,24 @@ from gmwm.measuring.variance.result import WaveletVariance
 
 CONFIDENCE = 0.95
 """Confidence level of the limits of the spread, and of the prediction for a further recording."""
-_RAMP = "R"
-"""Symbol of the rate ramp. It is not compared, because it has a sign and differs in each recording."""
 
 
-def compared(fit: Fit) -> Replicates | None:
+def compare_recordings(fit: Fit) -> Replicates | None:
     """Compare the recordings of a pooled fit, or return None if there is a single recording; see `Fit.replicates`."""
     wv = fit.wavelet_variance
     if len(wv.recordings) < 2:
         return None
     apart = deviations(fit)
-    own = {name: _own_fit(fit, curve, apart, k) for k, (name, curve) in enumerate(wv.recordings.items())}
-    sheets = {name: _quick_sheet(one) for name, one in own.items() if one is not None}
+    singles = {name: _single_fit(fit, curve, apart, k) for k, (name, curve) in enumerate(wv.recordings.items())}
+    sheets = {name: _quick_sheet(single) for name, single in singles.items() if single is not None}
     return Replicates(
-        fit=fit,
-        deviations=apart,
-        fits={name: one for name, one in own.items() if one is not None},
+        fit=fit, deviations=apart, fits={name: single for name, single in singles.items() if single is not None},
         numbers=tuple(_numbers(datasheet(fit, CONFIDENCE), sheets, tuple(wv.recordings))),
         levels=tuple(level_ratios(wv.recordings, wv.axis)),
-    )
+    )  # fmt: skip
 
 
-def _own_fit(fit: Fit, curve: WaveletVariance, apart: Deviations, place: int) -> Fit | None:
+def _single_fit(fit: Fit, curve: WaveletVariance, apart: Deviations, place: int) -> Fit | None:
     """Return the fit to one recording, one Gauss-Newton step from the pooled fit; None if the recording is too short.
 
     A new fit could give terms another meaning: a slow Gauss-Markov term can become fast in a single recording."""
@@ -61,18 +57,11 @@ def _own_fit(fit: Fit, curve: WaveletVariance, apart: Deviations, place: int) ->
     implied = model.wavelet_variance(wv.levels, wv.rate, wv.filter)
     miss = wv.variance - implied
     return Fit(
-        wavelet_variance=wv,
-        model=model,
+        wavelet_variance=wv, model=model, objective=float(miss @ matrix @ miss), lower_bound=None, relaxed_bound=0.0,
         parameters={name: value for name, value in model.parameters.items() if value is not None},
-        objective=float(miss @ matrix @ miss),
-        lower_bound=None,
-        relaxed_bound=0.0,
-        implied=implied,
-        decomposition=model.decomposition(wv.levels, wv.rate, wv.filter),
-        weighting="optimal",
-        weighting_matrix=matrix,
-        diagnostics=fit.diagnostics,
-    )
+        implied=implied, decomposition=model.decomposition(wv.levels, wv.rate, wv.filter), weighting="optimal",
+        weighting_matrix=matrix, diagnostics=fit.diagnostics,
+    )  # fmt: skip
 
 
 def _quick_sheet(fit: Fit) -> Datasheet:
@@ -85,31 +74,25 @@ def _quick_sheet(fit: Fit) -> Datasheet:
 
 def _numbers(pooled: Datasheet, sheets: Mapping[str, Datasheet], names: tuple[str, ...]) -> list[RecordingNumber]:
     """Return each free datasheet parameter of the pooled fit, except the rate ramp, with its recorded values."""
-    found = []
+    numbers = []
     for symbol, entry in pooled.items():
-        if entry.held or symbol.partition("[")[0] == _RAMP:
+        if entry.held or symbol.partition("[")[0] == "R":  # it has a sign and differs in each recording
             continue
         entries = {name: sheets[name].get(symbol) if name in sheets else None for name in names}
-        found.append(_number(symbol, entry, entries))
-    return found
+        numbers.append(_number(symbol, entry, entries))
+    return numbers
 
 
 def _number(symbol: str, pooled: Entry, entries: Mapping[str, Entry | None]) -> RecordingNumber:
     """Return one datasheet parameter with the spread of its logarithm over the recordings."""
     points = [_point(entry, pooled) for entry in entries.values()]
     x, s2 = (np.array([values], dtype=np.float64) for values in zip(*points, strict=True))
-    known = int(np.count_nonzero(np.isfinite(x)))
     number = RecordingNumber(symbol=symbol, title=pooled.title, unit=pooled.unit, pooled=pooled, entries=dict(entries))
-    if known < 2:
+    if np.count_nonzero(np.isfinite(x)) < 2:
         return number
-    at = effects(x, s2)
-    low, high = spread_limits(x, s2, CONFIDENCE)
-    first, last = predicted(x, s2, CONFIDENCE)
-    return RecordingNumber(
-        symbol=symbol, title=pooled.title, unit=pooled.unit, pooled=pooled, entries=dict(entries),
-        spread=math.sqrt(_one(at.spread2)), spread_low=math.sqrt(_one(low)), spread_high=math.sqrt(_one(high)),
-        predicted_low=_exp(_one(first)), predicted_high=_exp(_one(last)),
-    )  # fmt: skip
+    spread, low, high = (math.sqrt(v.item()) for v in (effects(x, s2).spread2, *spread_limits(x, s2, CONFIDENCE)))
+    first, last = (math.exp(min(value.item(), 700.0)) for value in predicted(x, s2, CONFIDENCE))
+    return replace(number, spread=spread, spread_low=low, spread_high=high, predicted_low=first, predicted_high=last)
 
 
 def _point(entry: Entry | None, pooled: Entry) -> tuple[float, float]:
@@ -125,11 +108,3 @@ def _point(entry: Entry | None, pooled: Entry) -> tuple[float, float]:
         return (math.log(entry.high), 1 / z**2) if below else (math.nan, 1.0)
     error = math.log(entry.high / entry.low) / (2 * z)
     return (math.log(entry.value), max(error, 1e-12) ** 2) if entry.value > 0 else (math.nan, 1.0)
-
-
-def _one(values: Vector) -> float:
-    return float(np.asarray(values)[0])
-
-
-def _exp(value: float) -> float:
-    return math.exp(min(value, 700.0))

@@ -11,15 +11,15 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from gmwm.base.multiple_tests import holm
+from gmwm.base.plain import plain, plain_fields
 from gmwm.base.plotting import Plotted
 from gmwm.base.random_effects import predicted
 from gmwm.base.remarks import Remark, texts
 from gmwm.base.tables import headed
-from gmwm.base.text import Summarised, listed, p_relation, rounded
+from gmwm.base.text import listed, p_relation, rounded
 from gmwm.choosing.datasheets import Entry
 from gmwm.choosing.datasheets.entry import significant
-from gmwm.choosing.replicates.level_ratios import LevelRatio
+from gmwm.choosing.replicates.comparison import LevelRatio, RecordingComparison, decide, smallest
 from gmwm.fitting.estimation.intervals import parameters_by_name
 from gmwm.fitting.estimation.recordings import Deviations, step_parameter
 from gmwm.fitting.estimation.result import Fit
@@ -30,6 +30,8 @@ WIDTH = 80
 """Largest number of characters in a line of the summary."""
 SIZE = 0.05
 """Significance level of the test that the recordings of an axis are equal (docs/validation/recordings.md)."""
+FEW = 4
+"""With fewer recordings, an interval is hardly narrower than with one (docs/validation/recordings.md)."""
 MAIN = ("N", "B", "K", "Q")
 """Symbols of the parameters that a remark names. Tables contain all parameters."""
 Use = Literal["mean", "high"]
@@ -69,21 +71,17 @@ class RecordingNumber:
     def apart(self) -> float | None:
         """Ratio of the largest to the smallest value, minus 1. None if a recording has no value or only an upper
         limit."""
-        known = [entry.value for entry in self.entries.values() if entry is not None and not entry.upper_only]
-        return max(known) / min(known) - 1 if len(known) == len(self.entries) and min(known) > 0 else None
+        values = [entry.value for entry in self.entries.values() if entry is not None and not entry.upper_only]
+        return max(values) / min(values) - 1 if len(values) == len(self.entries) and min(values) > 0 else None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the parameter as numbers, lists and strings for JSON."""
-        entries = {name: None if entry is None else entry.to_dict() for name, entry in self.entries.items()}
-        names = ("spread", "spread_low", "spread_high", "predicted_low", "predicted_high")
-        return {
-            "symbol": self.symbol, "title": self.title, "unit": self.unit, "pooled": self.pooled.to_dict(),
-            "recordings": entries, "apart": self.apart, **{name: getattr(self, name) for name in names},
-        }  # fmt: skip
+        spreads = plain_fields(self, "apart spread spread_low spread_high predicted_low predicted_high")
+        return plain_fields(self, "symbol title unit pooled") | {"recordings": plain(self.entries), **spreads}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Replicates(Summarised, Plotted):
+class Replicates(RecordingComparison, Plotted):
     """Comparison of several recordings of one unit.
 
     Attributes
@@ -107,9 +105,10 @@ class Replicates(Summarised, Plotted):
     fits: Mapping[str, Fit]
     numbers: tuple[RecordingNumber, ...]
     levels: tuple[LevelRatio, ...]
+    size = SIZE
 
     @property
-    def recordings(self) -> tuple[str, ...]:
+    def recordings(self) -> tuple[str, ...]:  # type: ignore[override]
         """Names of the recordings."""
         return self.deviations.recordings
 
@@ -139,19 +138,12 @@ class Replicates(Summarised, Plotted):
     @cached_property
     def model_free_pvalue(self) -> float:
         """p-value of the test that all recordings have the same wavelet variances, without a model."""
-        found = holm([math.nan if row.pvalue is None else row.pvalue for row in self.levels])
-        known = found[np.isfinite(found)]
-        return float(known.min()) if known.size else 1.0
+        return smallest(decide(self.levels, self.size))
 
     @property
     def pvalue(self) -> float:
         """p-value of both tests together: twice the smaller p-value, but at most 1."""
         return min(1.0, 2 * min(self.parameter_pvalue, self.model_free_pvalue))
-
-    @property
-    def differs(self) -> bool:
-        """Whether the tests find a difference between the recordings at the 5 % level."""
-        return self.pvalue <= SIZE
 
     def for_filter(self, use: Use = "mean", confidence: float = 0.95) -> Model:
         """Return the model with values for a filter that will process further recordings.
@@ -179,11 +171,11 @@ class Replicates(Summarised, Plotted):
         """
         one_of(use, "use", get_args(Use))
         as_confidence(confidence)
-        found = self.deviations
-        _, high = predicted(found.values.T, found.variances.T, confidence)
+        deviations = self.deviations
+        _, high = predicted(deviations.values.T, deviations.variances.T, confidence)
         parameters = parameters_by_name(self.fit.model)
         values: dict[str, float] = {}
-        for name, mean, end in zip(found.names, found.effects.mean, high, strict=True):
+        for name, mean, end in zip(deviations.names, deviations.effects.mean, high, strict=True):
             raised = use == "high" and parameters[name].scale_power is not None and math.isfinite(end)
             share = float(end if raised else mean)
             if math.isfinite(share):
@@ -196,37 +188,21 @@ class Replicates(Summarised, Plotted):
         return (self.remark(self.pvalue),)
 
     def remark(self, pvalue: float) -> Remark:
-        """Return the remark on whether the recordings agree, for a given p-value.
-
-        Parameters
-        ----------
-        pvalue : float
-            p-value of the test that the recordings are equal, possibly adjusted for the number of axes.
-        """
-        few = "yes" if len(self.recordings) < FEW else "no"
+        """Return the remark on whether the recordings agree, for a `pvalue` that may be adjusted for several axes."""
+        main = [number for number in self.numbers if number.symbol in MAIN]
         if pvalue > SIZE:
-            return Remark.of(
-                "recordings-agree", self.axis, count=len(self.recordings), numbers=self._within(),
-                p=f"p {p_relation(pvalue)}", few=few, size=SIZE,
-            )  # fmt: skip
+            code, nothing = "recordings-agree", "no number has a value"
+            parts = [f"{n.symbol} within {_percent(n.apart)}" for n in main if n.apart is not None]
+        else:
+            code, nothing = "recordings-differ", "only the curves"
+            parts = [f"{n.symbol} by {_percent(n.spread)}" for n in main if n.spread]
         return Remark.of(
-            "recordings-differ", self.axis, count=len(self.recordings), numbers=self._spreads(),
-            p=f"p {p_relation(pvalue)}", few=few, size=SIZE,
+            code, self.axis, count=len(self.recordings), numbers=listed(parts) or nothing, p=f"p {p_relation(pvalue)}",
+            few="yes" if len(self.recordings) < FEW else "no", size=SIZE,
         )  # fmt: skip
 
-    def _within(self) -> str:
-        known = [(one.symbol, one.apart) for one in self.numbers if one.symbol in MAIN and one.apart is not None]
-        return listed([f"{symbol} within {_percent(apart)}" for symbol, apart in known]) or "no number has a value"
-
-    def _spreads(self) -> str:
-        known = [(one.symbol, one.spread) for one in self.numbers if one.symbol in MAIN and one.spread]
-        return listed([f"{symbol} by {_percent(spread)}" for symbol, spread in known]) or "only the curves"
-
     def table(self) -> list[list[str]]:
-        """Return the header and the rows of a table in datasheet units.
-
-        Each row has a parameter in each recording, its pooled value and its spread.
-        """
+        """Return header and rows of a table in datasheet units: a parameter by recording, pooled, and its spread."""
         rows = [["", *self.recordings, "together", "spread"]]
         for number in self.numbers:
             unit = number.pooled.units[0]
@@ -249,31 +225,14 @@ class Replicates(Summarised, Plotted):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison as numbers, lists and strings for JSON."""
-        found = self.deviations
+        spread = dict(zip(self.deviations.names, np.sqrt(self.deviations.effects.spread2).tolist(), strict=True))
         return {
-            "recordings": list(self.recordings),
-            "pvalue": self.pvalue,
-            "differs": self.differs,
-            "parameters": {
-                "statistic": found.statistic,
-                "df": found.df,
-                "pvalue": found.pvalue,
-                "spread": dict(zip(found.names, np.sqrt(found.effects.spread2).tolist(), strict=True)),
-            },
-            "model_free_pvalue": self.model_free_pvalue,
-            "numbers": [number.to_dict() for number in self.numbers],
+            **plain_fields(self, "recordings pvalue differs"),
+            "parameters": {**plain_fields(self.deviations, "statistic df pvalue"), "spread": spread},
+            **plain_fields(self, "model_free_pvalue numbers"),
             "for_filter": {use: str(self.for_filter(use)) for use in get_args(Use)},
-            "remarks": [remark.to_dict() for remark in self.remarks],
+            "remarks": plain(self.remarks),
         }
-
-    def __repr__(self) -> str:
-        found = "different" if self.differs else "equal"
-        return f"Replicates({', '.join(self.recordings)}: {found}, p = {self.pvalue:.2g})"
-
-
-FEW = 4
-"""With fewer recordings than this, an interval is hardly narrower than with one recording, because the spread between
-recordings is not well determined (docs/validation/recordings.md)."""
 
 
 def _percent(share: float) -> str:

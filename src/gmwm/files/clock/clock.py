@@ -21,8 +21,8 @@ from gmwm.base.time_base import TimeBase, gap_duration
 from gmwm.base.units import LONG_TIME_UNITS, TIME_UNITS
 from gmwm.files.clock.loss_levels import Rows
 from gmwm.files.clock.rate_check import require_one_rate, require_order
-from gmwm.files.clock.sampling_interval import RATE_TOLERANCE, Found, find_losses, resolution_of
-from gmwm.files.clock.stamp_order import Steps, in_order, nominal_interval, require_span, without_steps_back
+from gmwm.files.clock.sampling_interval import RATE_TOLERANCE, Losses, find_losses, resolution_of
+from gmwm.files.clock.stamp_order import ClockSteps, in_order, nominal_interval, require_span, without_steps_back
 from gmwm.files.clock.time_stamps import SegmentStarts, Timing, about_stamps, as_stamps, require_countable
 
 BLOCK, MARGIN = 1 << 20, 1 << 16
@@ -34,12 +34,12 @@ _REGULAR, _REGULAR_SHARE, _EVEN = 5, 0.01, 0.1
 
 
 @dataclass(frozen=True)
-class _Block:
+class _StampBlock:
     """Results for the time stamps of one block, in ticks from the first time stamp; they increase where the clock was
     set back."""
 
     rows: int  # number of rows
-    found: Found  # sampling interval, and gaps by the number of the row in the recording
+    found: Losses  # sampling interval, and gaps by the number of the row in the recording
     walls: tuple[tuple[int, float], ...]  # each row before which the clock was set back, and its time stamp
     index: float  # mean index of the samples, in which lost samples are counted, and mean of the time stamps
     tick: float
@@ -56,7 +56,7 @@ class _Block:
     # number of time stamps that equal the previous one, and number that are smaller than the previous one
     duplicates: int
     backward: int
-    steps: Steps  # wraps of a counter and changes of summer time
+    steps: ClockSteps  # wraps of a counter and changes of summer time
     end: float  # tick of the first row of the next block
 
 
@@ -67,18 +67,22 @@ def clock_of(chunks: Iterable[NDArray[Any]], unit: str, rate: float | None) -> t
     difference is a warning if two conditions are met: it is more than 0.1 %, and over the longest segment it adds up to
     more than one sampling interval and three times the jitter. The start times of the segments differ by whole sampling
     intervals, except where the clock was set back. `unit` is "" to infer it; `rate` is the declared rate (Hz)."""
-    blocks: list[_Block] = []
+    blocks: list[_StampBlock] = []
     first, remark, row = None, None, 0
     for window, begin, end in _windows(chunks):
         if first is None:
             stamps, remark = as_stamps(window, unit, rate)
             unit, first = unit or stamps.unit, window[0].item()
-        blocks.append(_block(_Window.of(window, first, unit), begin=begin, end=end, row=row, before=blocks, rate=rate))
+        blocks.append(
+            _block(_StampWindow.of(window, first, unit), begin=begin, end=end, row=row, before=blocks, rate=rate)
+        )
         row += end - begin
     if first is None:
         raise ReadError("the time column is empty", code="time-empty")
     seconds, per_second = LONG_TIME_UNITS.get(unit, 1), TIME_UNITS.get(unit, 1)
-    return _joined(blocks, float(first) * seconds, per_second, unit if unit in TIME_UNITS else "s", rate=rate), remark
+    return _joint_timing(
+        blocks, float(first) * seconds, per_second, unit if unit in TIME_UNITS else "s", rate=rate
+    ), remark
 
 
 def rows_between(
@@ -87,7 +91,7 @@ def rows_between(
     """Return the rows between two times (s) from the first time stamp, and the time of the first of these rows. The
     clock is not known yet, so the time of a row is its time stamp."""
     unit = unit or as_stamps(values, unit, rate)[0].unit
-    window = _Window.of(values, values[0].item(), unit)
+    window = _StampWindow.of(values, values[0].item(), unit)
     ticks = np.fmax.accumulate(in_order(window.ticks, window.integer, window.per_second).ticks)
     first, last = np.searchsorted(ticks, [begin * window.per_second, end * window.per_second]).tolist()
     return slice(first, last), float(ticks[min(first, ticks.size - 1)]) / window.per_second
@@ -113,7 +117,7 @@ def _windows(chunks: Iterable[NDArray[Any]]) -> Iterator[tuple[NDArray[Any], int
 
 
 @dataclass(frozen=True)
-class _Window:
+class _StampWindow:
     """Time stamps in ticks from the first time stamp of the recording, and their resolution."""
 
     ticks: Vector
@@ -123,7 +127,7 @@ class _Window:
     integer: bool
 
     @classmethod
-    def of(cls, values: NDArray[Any], first: int | float, unit: str) -> _Window:
+    def of(cls, values: NDArray[Any], first: int | float, unit: str) -> _StampWindow:
         require_countable(values)
         integer, seconds = values.dtype.kind in "iu", LONG_TIME_UNITS.get(unit, 1)
         values = values.astype(np.int64, copy=False) if integer else values
@@ -140,7 +144,9 @@ class _Window:
         )
 
 
-def _block(window: _Window, *, begin: int, end: int, row: int, before: Sequence[_Block], rate: float | None) -> _Block:
+def _block(
+    window: _StampWindow, *, begin: int, end: int, row: int, before: Sequence[_StampBlock], rate: float | None
+) -> _StampBlock:
     """Analyse the rows `begin` to `end` of a window; row `begin` is row number `row` of the recording."""
     per_second, offset = window.per_second, row - begin
     order = in_order(window.ticks, window.integer, per_second)
@@ -153,46 +159,48 @@ def _block(window: _Window, *, begin: int, end: int, row: int, before: Sequence[
     require_one_rate(ticks, per_second, offset)
     declared = before[0].found.interval if before else None
     declared = per_second / rate if rate is not None else declared
-    found = find_losses(ticks, resolution_of(ticks, window.spacing), declared)
+    losses = find_losses(ticks, resolution_of(ticks, window.spacing), declared)
 
     lost = np.zeros(ticks.size, dtype=np.int64)
-    lost[found.rows] = found.lost
+    lost[losses.rows] = losses.lost
     lost[walls] = 0
-    own = slice(begin, end)
+    block = slice(begin, end)
     low = max(begin, 1)  # the first row with an interval before it
     cut = lost > 0
     cut[walls] = True
     steps = np.diff(ticks)[low - 1 : end - 1]
-    kept = steps[~cut[low:end]]
-    reference = before[0].reference if before else found.interval
-    median = before[0].median if before else float(np.median(kept)) if kept.size else found.interval
-    exact, whole = 2 * window.spacing + 1e-9 * median, steps / median if median > 0 else steps
-    repeated = found.repeated[(found.repeated >= begin) & (found.repeated < end)] + offset
+    intervals = steps[~cut[low:end]]
+    reference = before[0].reference if before else losses.interval
+    median = before[0].median if before else float(np.median(intervals)) if intervals.size else losses.interval
+    exact, multiples = 2 * window.spacing + 1e-9 * median, steps / median if median > 0 else steps
+    repeated = losses.repeated[(losses.repeated >= begin) & (losses.repeated < end)] + offset
     repeats = np.bincount(repeated - row, minlength=end - begin)
     missing = sum(int(np.sum(b.found.lost)) - b.found.repeated.size for b in before)
-    index = (row + missing + np.arange(end - begin) + np.cumsum(lost[own] - repeats)).astype(np.float64)
-    rows = np.flatnonzero(lost[own])
+    index = (row + missing + np.arange(end - begin) + np.cumsum(lost[block] - repeats)).astype(np.float64)
+    rows = np.flatnonzero(lost[block])
     raw = np.diff(window.ticks)[low - 1 : end - 1]
-    return _Block(
-        rows=end - begin, found=replace(found, rows=rows + row, lost=lost[own][rows], repeated=repeated),
+    return _StampBlock(
+        rows=end - begin, found=replace(losses, rows=rows + row, lost=lost[block][rows], repeated=repeated),
         walls=tuple((int(w) + offset, float(window.ticks[w])) for w in walls if begin <= w < end),
-        index=float(np.mean(index)), tick=float(np.mean(ticks[own])),
-        spread=float(np.sum((index - np.mean(index)) ** 2)), inside=kept.size, span=float(np.sum(kept)),
-        squares=float(np.sum((kept - reference) ** 2)), reference=reference, median=median,
-        exact=median > 0 and bool(np.all(np.abs(whole - np.round(whole)) * median <= exact)),
+        index=float(np.mean(index)), tick=float(np.mean(ticks[block])),
+        spread=float(np.sum((index - np.mean(index)) ** 2)), inside=intervals.size, span=float(np.sum(intervals)),
+        squares=float(np.sum((intervals - reference) ** 2)), reference=reference, median=median,
+        exact=median > 0 and bool(np.all(np.abs(multiples - np.round(multiples)) * median <= exact)),
         whole=float(np.sum(steps)), spacing=window.spacing, duplicates=int(np.count_nonzero(raw == 0)),
         backward=int(np.count_nonzero(np.diff(order.ticks)[low - 1 : end - 1] < 0)),
         steps=order.steps.between(begin, end), end=float(ticks[min(end, ticks.size - 1)]),
     )  # fmt: skip
 
 
-def _joined(blocks: Sequence[_Block], origin: float, per_second: int, unit: str, *, rate: float | None) -> Timing:
+def _joint_timing(
+    blocks: Sequence[_StampBlock], origin: float, per_second: int, unit: str, *, rate: float | None
+) -> Timing:
     """Combine all blocks into the clock of the recording."""
     rows, lost = (np.concatenate([getattr(b.found, name) for b in blocks]) for name in ("rows", "lost"))
     count = sum(b.rows for b in blocks)
     interval, remark = _interval(blocks, rows, lost, count=count, per_second=per_second)
     measured = per_second / interval
-    steps = Steps.joined([b.steps for b in blocks])
+    steps = ClockSteps.join([b.steps for b in blocks])
     remarks = [*steps.remarks(per_second), *([remark] if remark else ())]
     if rate is not None:
         _require_agreement(rate, measured, unit)
@@ -209,7 +217,7 @@ def _joined(blocks: Sequence[_Block], origin: float, per_second: int, unit: str,
         grave = abs(measured / rate - 1) > _RATE_TROUBLE and away > max(interval, 3 * jitter)
         remarks += _about_declared(rate, measured, grave)
     elif remark := _about_regular(rows, lost, count, measured) or _about_rounded(blocks, count, measured, per_second):
-        remarks = [*(one for one in remarks if one.code != "rate-from-mean"), remark]
+        remarks = [*(entry for entry in remarks if entry.code != "rate-from-mean"), remark]
     gaps = dict(zip(rows.tolist(), lost.tolist(), strict=True))
     times = {row: (origin + tick) / per_second for row, tick in walls.items()}
     clock = SegmentStarts(origin / per_second, used)
@@ -223,16 +231,16 @@ def _joined(blocks: Sequence[_Block], origin: float, per_second: int, unit: str,
 
 
 def _interval(
-    blocks: Sequence[_Block], rows: Rows, lost: Rows, count: int, per_second: int
+    blocks: Sequence[_StampBlock], rows: Rows, lost: Rows, count: int, per_second: int
 ) -> tuple[float, Remark | None]:
     """Return the sampling interval (ticks) in the digits that the time stamps resolve, and a remark if it is a mean."""
     interval, median, spacing = _slope(blocks), blocks[0].median, max(b.spacing for b in blocks)
-    whole, repeated = sum(b.whole for b in blocks), sum(b.found.repeated.size for b in blocks)
-    mean = whole / max(1, count - 1 + int(np.sum(lost)) - repeated)
+    span, repeated = sum(b.whole for b in blocks), sum(b.found.repeated.size for b in blocks)
+    mean = span / max(1, count - 1 + int(np.sum(lost)) - repeated)
     exact = 2 * spacing + 1e-9 * median
     if all(b.exact for b in blocks) and abs(mean - median) <= exact and abs(interval - median) <= exact + 1e-7 * median:
         # All intervals are multiples of one interval within the resolution of float64.
-        return _shortest_decimal(mean, 4 * spacing / whole, per_second), None
+        return _shortest_decimal(mean, 4 * spacing / span, per_second), None
     longest = int(np.max(np.diff(rows, prepend=0, append=count)))
     if abs(interval - median) * longest <= 0.5 * median:
         return interval, None
@@ -242,7 +250,7 @@ def _interval(
     return interval, remark
 
 
-def _slope(blocks: Sequence[_Block]) -> float:
+def _slope(blocks: Sequence[_StampBlock]) -> float:
     """Return the slope of the line through the time stamps of all blocks, from the slope and mean of each block."""
     if len(blocks) == 1:
         return blocks[0].found.interval
@@ -269,7 +277,7 @@ def _about_regular(rows: Rows, lost: Rows, count: int, rate: float) -> Remark | 
     )
 
 
-def _about_rounded(blocks: Sequence[_Block], count: int, rate: float, per_second: int) -> Remark | None:
+def _about_rounded(blocks: Sequence[_StampBlock], count: int, rate: float, per_second: int) -> Remark | None:
     """Return a remark if the time stamps have two explanations, rounding at this rate or regular losses at a higher
     rate: all intervals are multiples of the most common one, and no time stamp repeats."""
     if not all(b.exact and not b.found.rows.size and not b.duplicates for b in blocks):
@@ -301,8 +309,8 @@ def _require_agreement(rate: float, measured: float, unit: str) -> None:
     """Require that the declared rate and the rate of the time stamps (Hz) differ by 1 % at most."""
     if abs(measured / rate - 1) <= RATE_TOLERANCE:
         return
-    known = TIME_UNITS | {u: 1 / seconds for u, seconds in LONG_TIME_UNITS.items()}
-    agreeing = (u for u, n in known.items() if abs(measured * n / TIME_UNITS[unit] / rate - 1) <= RATE_TOLERANCE)
+    units = TIME_UNITS | {u: 1 / seconds for u, seconds in LONG_TIME_UNITS.items()}
+    agreeing = (u for u, n in units.items() if abs(measured * n / TIME_UNITS[unit] / rate - 1) <= RATE_TOLERANCE)
     likely = next(agreeing, "")
     advice = "To use the time stamps, leave {--rate} out; to leave them out, pass {--columns=time:none}."
     if likely:

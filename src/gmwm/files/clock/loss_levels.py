@@ -20,8 +20,6 @@ _DOUBTFUL = 0.45
 """Difference from the first guess (samples) above which a level is doubtful. A wrong level differs by 0.5 or more."""
 _KEEP, _MARGIN = 64, 32
 """Rows of each part in which the path is searched, and rows on each side that are searched with it."""
-_NEXT = 8
-"""Largest number of rows between two rises that belong to the same loss. In long blocks, it is an eighth of a block."""
 _RISE, _AT_STEP = 8.0, 2.0
 """Cost of a rise, in mean deviations of a row, and by how much it is lower at the longest interval."""
 
@@ -128,7 +126,7 @@ def median_of_three(v: Vector) -> Vector:
     return out
 
 
-def placed(x: Vector, level: Vector, width: int, steps: Vector) -> Rows:
+def row_levels(x: Vector, level: Vector, width: int, steps: Vector) -> Rows:
     """Return the level of each row from the level of each block of `width` rows. Each rise is at the row where it fits
     the values `x` best, preferably after a long interval (`steps`)."""
     level = np.maximum.accumulate(level)
@@ -151,7 +149,8 @@ def placed(x: Vector, level: Vector, width: int, steps: Vector) -> Rows:
         last = -x.size
         for row, a, b in _cheapest(costs, price):
             jump, row = levels[b] - levels[a], low + row
-            if row - last <= max(_NEXT, width // 8):  # one gap that delayed rows split in two
+            # Rows between two rises that belong to the same loss; in long blocks, an eighth of a block.
+            if row - last <= max(8, width // 8):  # one gap that delayed rows split in two
                 jump, rise[last] = jump + rise[last], 0.0
                 row = max(row, last, key=lambda one: float(steps[one - 1]))
             rise[row], last = jump, row

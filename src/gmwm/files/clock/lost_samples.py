@@ -1,13 +1,8 @@
 """Find rows of a file without a usable sample, because of missing values, unreadable lines, or other messages.
 
-A reader marks a missing value: NaN in a column of numbers, `MISSING` in a column of integers. This module decides what
-a missing value means for the recording, in the same way for all formats, in memory and in streams:
-
-- A row with a time stamp and no value in any axis belongs to another message, or its sample was not stored. It is left
-  out. If a sample is missing there, the time stamps show the gap.
-- A row without a time stamp, in a recording that has them, cannot be placed. It is left out, and there is a gap between
-  the samples before and after it.
-- Any other row without a finite value in each axis is a lost sample. Its place is known, and it is a gap.
+A row with a time stamp and no value in any axis belongs to another message, and is left out: time stamps show a gap.
+A row without a time stamp, in a recording that has them, is left out too, and the recording is split there. Any other
+row without a finite value in each axis is a lost sample at a known place, and a gap. `MISSING` and NaN mark values.
 """
 
 from __future__ import annotations
@@ -66,45 +61,45 @@ def sift(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> Sifted:
     """Leave out the rows that the clock does not count, and mark lost samples."""
     marked = rows.get(CUT)
     if marked is not None:
-        rest = sift({k: column for k, column in rows.items() if k != CUT}, columns, axes)
-        assert rest.cut is None, "rows with time stamps are not marked"
-        return replace(rest, cut=np.append(marked, False))
+        sifted = sift({k: column for k, column in rows.items() if k != CUT}, columns, axes)
+        assert sifted.cut is None, "rows with time stamps are not marked"
+        return replace(sifted, cut=np.append(marked, False))
     missing = [is_missing(rows[columns[axis]]) for axis in axes]
     unstamped = is_missing(rows[columns["time"]]) if "time" in columns else None
-    if unstamped is None and not any(one is not None for one in missing):
+    if unstamped is None and not any(mask is not None for mask in missing):
         return Sifted(rows)
     size = next(iter(rows.values())).size
-    each = [np.zeros(size, dtype=bool) if one is None else one for one in missing]
+    each = [np.zeros(size, dtype=bool) if mask is None else mask for mask in missing]
     lost, empty = np.any(each, axis=0), np.all(each, axis=0)
     if "time" not in columns:
         return Sifted(rows, lost)
     away = np.zeros(size, dtype=bool) if unstamped is None else unstamped
     out = away | empty
-    kept = ~out
+    stays = ~out
     cut = None
     if away.any():
-        cut = np.zeros(int(np.count_nonzero(kept)) + 1, dtype=bool)
-        cut[np.cumsum(kept)[away]] = True
-    left = {k: column[kept] for k, column in rows.items()} if out.any() else rows
-    lost = lost[kept]
+        cut = np.zeros(int(np.count_nonzero(stays)) + 1, dtype=bool)
+        cut[np.cumsum(stays)[away]] = True
+    remaining = {k: column[stays] for k, column in rows.items()} if out.any() else rows
+    lost = lost[stays]
     return Sifted(
-        left, lost if lost.any() else None, cut=cut, unplaced=int(np.count_nonzero(away)),
+        remaining, lost if lost.any() else None, cut=cut, unplaced=int(np.count_nonzero(away)),
         other=int(np.count_nonzero(out & ~away)),
     )  # fmt: skip
 
 
 def dead_axes(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> dict[str, float]:
     """Return the axes with the same value in all rows, with this value; NaN for an axis without a finite value."""
-    found = {}
+    constants = {}
     for axis in axes:
         column = np.asarray(rows[columns[axis]])
         missing = is_missing(column)
-        there = column if missing is None else column[~missing]
-        if not there.size:
-            found[axis] = float("nan")
-        elif there[0] == there[-1] and bool(np.all(there == there[0])):
-            found[axis] = float(there[0])
-    return found
+        values = column if missing is None else column[~missing]
+        if not values.size:
+            constants[axis] = float("nan")
+        elif values[0] == values[-1] and bool(np.all(values == values[0])):
+            constants[axis] = float(values[0])
+    return constants
 
 
 def as_floats(column: NDArray[np.generic]) -> Vector:
@@ -141,12 +136,12 @@ def gaps_of(
     """Return the gaps of a recording with lost samples: index of the first sample after each gap, and its duration (s).
     `pairs` are the rows of the samples before and after each gap, `samples` the index of the sample after it, and
     `stamped` the gaps in the time stamps: the row after each, and the time between the two rows."""
-    found, rest = [], deque(stamped)
+    gaps, stamp_gaps = [], deque(stamped)
     for (before, after), sample in zip(pairs, samples, strict=True):
         inside = []
-        while rest and rest[0][0] <= after:
-            row, seconds = rest.popleft()
+        while stamp_gaps and stamp_gaps[0][0] <= after:
+            row, seconds = stamp_gaps.popleft()
             inside += [seconds] if row > before else []
         # Rows between are one interval apart, except at the gaps of the time stamps.
-        found.append((sample, sum(inside) + (after - before - len(inside)) / rate))
-    return tuple(found)
+        gaps.append((sample, sum(inside) + (after - before - len(inside)) / rate))
+    return tuple(gaps)

@@ -15,13 +15,15 @@ from gmwm.base.remarks import Quantity
 
 _BLOCK = 64  # smallest number of intervals in a block, over which the jitter of single time stamps averages out
 _BLOCKS = 64  # largest number of blocks in a recording. A change is found if it lasts for 3/64 of the recording.
-_BESIDE = 3  # number of blocks that are compared on each side of a change. A gap or a pause affects only one of them.
-_BESIDE_BURSTS = 8  # the same number if samples come in bursts. The mean interval then varies more from block to block.
+_BLOCKS_COMPARED = 3  # blocks that are compared on each side of a change. A gap or a pause affects only one of them.
+_BLOCKS_COMPARED_BURSTS = 8  # the same for samples in bursts, whose mean interval varies more from block to block
 CHANGED = 1.05
 """Smallest ratio of two rates that is a change. Oscillators drift by less, settings of a sensor differ by more."""
 CHANGED_BURSTS = 1.2  # the same ratio if samples come in bursts, because a block can contain one burst more or less
-_NEAR = 8.0  # intervals by which a time stamp may be earlier than the previous one; beyond, the clock was set back
-_SOME, _SHARE = 2, 1e-3
+_OUT_OF_ORDER = (
+    8.0  # intervals by which a time stamp may be earlier than the previous one; beyond, the clock was set back
+)
+_FEW_OUT_OF_ORDER, _SHARE_OUT_OF_ORDER = 2, 1e-3
 """Number of time stamps out of order that is accepted in any recording, and share that is accepted in a long one."""
 _RESETS, _RESET_SHARE = 8, 1e-2  # the same for backward steps of the clock, at each of which the recording is split
 
@@ -39,8 +41,10 @@ def require_order(ticks: Vector, nominal: float, origin: float, per_second: floa
     """Require that time stamps are in order, except for a few. `row` rows are before the first one, `origin`."""
     steps = np.diff(ticks)
     back = np.flatnonzero(steps < 0)
-    near = int(np.count_nonzero(steps[back] > -_NEAR * nominal))
-    if near <= max(_SOME, _SHARE * ticks.size) and back.size <= max(_RESETS, _RESET_SHARE * ticks.size):
+    near = int(np.count_nonzero(steps[back] > -_OUT_OF_ORDER * nominal))
+    if near <= max(_FEW_OUT_OF_ORDER, _SHARE_OUT_OF_ORDER * ticks.size) and back.size <= max(
+        _RESETS, _RESET_SHARE * ticks.size
+    ):
         return
     first, most = (origin + ticks[back[0] + 1]) / per_second, -float(np.min(steps)) / per_second
     raise ReadError(
@@ -82,18 +86,18 @@ def rate_change(ticks: Vector) -> Change | None:
     """
     steps = np.diff(ticks)
     burst = _burst(steps)
-    beside, factor = (_BESIDE, CHANGED) if burst == 1 else (_BESIDE_BURSTS, CHANGED_BURSTS)
+    width, factor = (_BLOCKS_COMPARED, CHANGED) if burst == 1 else (_BLOCKS_COMPARED_BURSTS, CHANGED_BURSTS)
     length = max(steps.size // _BLOCKS, _BLOCK, 8 * burst)
     count = steps.size // length
-    if count < 2 * beside:
+    if count < 2 * width:
         return None
     blocks = np.where(steps < 0, 0.0, steps)[: count * length].reshape(count, length)
     means, medians = np.mean(blocks, axis=1), np.median(blocks, axis=1)
     values = medians if burst == 1 else means
     if np.max(values) <= factor * np.min(values):
         return None  # no block differs by this factor from any other
-    for k in range(beside, count - beside + 1):
-        mean, middle = (_Sides.of(values, k, beside) for values in (means, medians))
+    for k in range(width, count - width + 1):
+        mean, middle = (_Sides.of(values, k, width) for values in (means, medians))
         chosen = middle if burst == 1 else mean
         if chosen.apart(factor) and (burst > 1 or mean.agrees(middle)):
             at = _corner(steps, (k - 1) * length, (k + 1) * length, chosen)
@@ -111,9 +115,9 @@ class _Sides:
 
     @classmethod
     def of(cls, values: Vector, k: int, beside: int) -> _Sides:
-        left, right = np.sort(values[k - beside : k]), np.sort(values[k : k + beside])
-        ranges = (float(left[0]), float(left[-1]), float(right[0]), float(right[-1]))
-        return cls(float(np.median(left)), float(np.median(right)), ranges)
+        before, right = np.sort(values[k - beside : k]), np.sort(values[k : k + beside])
+        ranges = (float(before[0]), float(before[-1]), float(right[0]), float(right[-1]))
+        return cls(float(np.median(before)), float(np.median(right)), ranges)
 
     def apart(self, factor: float) -> bool:
         """Return whether the sides differ by more than a factor, and by more than the range of either side."""

@@ -23,14 +23,11 @@ from gmwm.files.clock.time_stamps import SegmentStarts, Timing, about_stamps
 
 KEPT = 4096
 """Number of time stamps before a block that are analysed again with it, so that both sides of each gap are used."""
-_BEHIND = 128  # later rows that decide whether a row begins a segment. Late deliveries end within these rows.
-_SOME = 1024  # smallest number of recent rows whose rate is compared with the rate of the first rows
-_APART = 1e-3
-"""Relative difference between the rates of the first and of all rows for a warning, as for a declared rate."""
+_ROWS_BEHIND = 128  # later rows that decide whether a row begins a segment. Late deliveries end within these rows.
 
 
 @dataclass(frozen=True)
-class Settled:
+class KnownSegments:
     """The row up to which segments are known (`stop`), the new rows that begin a segment, and their times (s)."""
 
     stop: int
@@ -46,14 +43,14 @@ class KnownClock:
         self._starts, self._row, self._gaps = timing.starts, row, timing.base.gaps
         self._rows = timing.segments[-1][1] if timing.base.stamped else None
 
-    def take(self, rows: int) -> Settled:
+    def take(self, rows: int) -> KnownSegments:
         """Add the next rows, and return the segments that begin in them."""
         row, stop = self._row, self._row + rows
         self._row = stop
         a, b = np.searchsorted(self._firsts, [row, stop]).tolist()
-        return Settled(stop, tuple(self._firsts[a:b].tolist()), self._starts[a:b])
+        return KnownSegments(stop, tuple(self._firsts[a:b].tolist()), self._starts[a:b])
 
-    def left(self) -> int | None:
+    def remaining(self) -> int | None:
         """Return the number of rows that follow; None if it is unknown because the recording has no time stamps."""
         return None if self._rows is None else self._rows - self._row
 
@@ -99,7 +96,7 @@ class Pace:
     @property
     def behind(self) -> int:
         """Number of later rows that are needed to decide whether a row begins a segment."""
-        return min(_BEHIND + 4 * self.width, KEPT)
+        return min(_ROWS_BEHIND + 4 * self.width, KEPT)
 
     def ticks(self, values: NDArray[Any]) -> Vector:
         """Convert time stamps of the file to ticks from the first time stamp."""
@@ -112,7 +109,7 @@ class Pace:
 
 
 @dataclass
-class Counted:
+class IntervalCounts:
     """Counts and sums over the intervals between time stamps."""
 
     inside: int = 0  # number of intervals within segments
@@ -135,21 +132,21 @@ class RunningClock:
         self._window = np.empty(0)  # ticks from row `_base` on
         self._base = self._stop = 0
         self._starts = SegmentStarts(pace.time(0.0), pace.rate)
-        self._counted = Counted()
+        self._counted = IntervalCounts()
 
     @property
     def rows(self) -> int:
         """Number of the next row."""
         return self._base + self._window.size
 
-    def take(self, values: NDArray[Any]) -> Settled:
+    def take(self, values: NDArray[Any]) -> KnownSegments:
         """Add the time stamps of the next rows, and return the rows whose segments are now known."""
         before = self.rows
         self._window = np.concatenate([self._window, self.pace.ticks(values)])
         self._require_steady(self._window[max(0, before - self._base - 1) :], max(0, before - 1))
         return self._settle(max(self._stop, self.rows - self.pace.behind))
 
-    def end(self) -> Settled:
+    def end(self) -> KnownSegments:
         """Return the segments of the last rows, at the end of the stream."""
         return self._settle(self.rows)
 
@@ -168,7 +165,8 @@ class RunningClock:
         yield from about_stamps(self.base())
         if self._stop > pace.rows and counted.span > 0:
             measured = pace.per_second * counted.inside / counted.span
-            if abs(measured / pace.rate - 1) > _APART:
+            # Relative difference between the rates of the first and of all rows for a warning, as for a declared rate
+            if abs(measured / pace.rate - 1) > 1e-3:
                 yield Remark.of(
                     "rate-contradicted",
                     source="first-rows",
@@ -190,9 +188,10 @@ class RunningClock:
             if row:
                 error.message += f" (rows and times counted from row {row + 1} of the file)"
             raise
-        if self._window.size < _SOME:
+        # Smallest number of recent rows whose rate is compared with the rate of the first rows
+        if self._window.size < 1024:
             return
-        last = self._repaired(self._window)[0]
+        last = self._without_steps_back(self._window)[0]
         change = find_losses(last, resolution_of(last, pace.spacing)).interval / pace.interval
         allowed = CHANGED if pace.width == 1 else CHANGED_BURSTS
         if not 1 / allowed <= change <= allowed:
@@ -203,19 +202,19 @@ class RunningClock:
                 advice="Split the file there and read the parts one at a time.",
             )
 
-    def _repaired(self, ticks: Vector) -> tuple[Vector, NDArray[np.int64]]:
+    def _without_steps_back(self, ticks: Vector) -> tuple[Vector, NDArray[np.int64]]:
         """Return time stamps of the window that never decrease, and the rows in it where the clock was set back."""
         pace = self.pace
         ordered = in_order(ticks, pace.spacing == 0, pace.per_second, pace.interval).ticks
         return without_steps_back(ordered, pace.interval)
 
-    def _settle(self, stop: int) -> Settled:
+    def _settle(self, stop: int) -> KnownSegments:
         window, base, pace = self._window, self._base, self.pace
-        ticks, walls = self._repaired(window)
+        ticks, walls = self._without_steps_back(window)
         cuts = dict.fromkeys((base + walls).tolist(), 0)
         if window.size > 2:
-            found = find_losses(ticks, resolution_of(ticks, pace.spacing), pace.interval)
-            cuts |= dict(zip((base + found.rows).tolist(), found.lost.tolist(), strict=True)) | cuts
+            losses = find_losses(ticks, resolution_of(ticks, pace.spacing), pace.interval)
+            cuts |= dict(zip((base + losses.rows).tolist(), losses.lost.tolist(), strict=True)) | cuts
         firsts = [row for row in sorted(cuts) if self._stop <= row < stop]
         steps = np.diff(ticks)[max(0, self._stop - base - 1) : max(0, stop - base - 1)]
         self._count(steps, np.diff(window)[max(0, self._stop - base - 1) : max(0, stop - base - 1)], firsts)
@@ -230,15 +229,15 @@ class RunningClock:
         self._stop = stop
         dropped = max(0, stop - KEPT - base)
         self._window, self._base = window[dropped:], base + dropped
-        return Settled(stop, tuple(firsts), tuple(starts))
+        return KnownSegments(stop, tuple(firsts), tuple(starts))
 
     def _count(self, steps: Vector, raw: Vector, firsts: list[int]) -> None:
         """Add the intervals before the rows, from `_stop` (or row 1) on, whose segments have just been determined."""
         inside = np.ones(steps.size, dtype=bool)
         inside[[row - max(self._stop, 1) for row in firsts]] = False
-        kept, counted = steps[inside], self._counted
-        counted.inside += kept.size
-        counted.span += float(kept.sum())
-        counted.squares += float(np.sum((kept - self.pace.interval) ** 2))
+        intervals, counted = steps[inside], self._counted
+        counted.inside += intervals.size
+        counted.span += float(intervals.sum())
+        counted.squares += float(np.sum((intervals - self.pace.interval) ** 2))
         counted.duplicates += int(np.count_nonzero(raw == 0))
         counted.backward += int(np.count_nonzero(raw < 0))

@@ -1,16 +1,11 @@
 """Find the sampling interval and the lost samples of a recording from its time stamps.
 
-The time stamp of row k is t_k = t_0 + (k + L_k) T + d_k. L_k counts the samples lost so far and never decreases. The
-delay d_k is jitter, the rounding of the time stamps, or the time that a sample waits in a buffer. So
-r_k = t_k / T - k = L_k + (slow drift of the clock) + d_k / T, in samples. A late delivery increases r for a while; a
-lost sample increases it permanently.
-
-1. A statistic of r over blocks of W rows (mean, minimum or maximum) reduces the delays; W = 1 if single rows are
-   regular. W is the shortest length for which the statistics of neighbouring blocks agree modulo 1 (`_coherence`).
-2. Modulo 1, r does not depend on the lost samples. Its phase gives the interval T and the drift of the clock.
-3. Without the drift, the statistics are whole numbers, the levels. If the level falls again after a rise,
-   within twice the length of the rise, the rise was a late delivery.
-4. Each rise is placed at the row at which the levels before and after it fit best.
+The time stamp of row k is t_k = t_0 + (k + L_k) T + d_k, with L_k samples lost so far and a delay d_k: jitter,
+rounding, or time in a buffer. So r_k = t_k / T - k = L_k + drift + d_k / T. A lost sample increases r permanently, a
+delay for a while. Modulo 1, r does not depend on losses: its phase gives T and the drift. Without the drift, single
+rows, or the mean, minimum or maximum of the shortest blocks that agree modulo 1 (`_coherence`), are whole numbers:
+the levels. A level that falls again within twice the length of its rise was a late delivery. `row_levels` places the
+other rises.
 """
 
 from __future__ import annotations
@@ -22,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
-from gmwm.files.clock.loss_levels import Rows, follow, least_ahead, median_of_three, placed
+from gmwm.files.clock.loss_levels import Rows, follow, least_ahead, median_of_three, row_levels
 
 # The thresholds are pinned by the study of clocks, docs/validation/clocks.md.
 
@@ -31,31 +26,35 @@ _COARSE = 0.35
 _REGULAR = 0.35
 """Smallest coherence at which single rows are used. It is exp(-2π²σ²) for a jitter of σ = 0.23 sampling intervals."""
 _TURNS = 0.15  # smallest coherence at a distance of rows that refines the interval; beyond, the clock drifts too far
-_LATE = 0.01  # largest share of rows more than 0.75 samples from their level; delays have a heavier tail than jitter
+_LATE_SHARE = (
+    0.01  # largest share of rows more than 0.75 samples from their level; delays have a heavier tail than jitter
+)
 _STEADY = 0.85
 """Sufficient coherence of neighbouring blocks: their statistics have a standard deviation of 0.06 samples."""
-_NEAR = 0.02
+_INTERVAL_CHANGE = 0.02
 """Largest relative change of the interval between phases of blocks; beyond, whole turns would be miscounted."""
 _MOST_LOST = 2.5
 """Ratio of mean to median interval above which long intervals are pauses between bursts of rows, not losses."""
 _RUNS, _RUN = 8, 16
 """Rows come in at least 8 bursts, of fewer than 16 rows on average unless the ratio is above 4 `_MOST_LOST`."""
-_LONG = 1.5  # interval, in samples, halfway between an interval without a lost sample and an interval with one
-_FAR = 256  # gap (samples) above which it is removed before phases are compared: the clock may drift within it
+_LONG_INTERVAL = 1.5  # interval, in samples, halfway between an interval without a lost sample and an interval with one
+_LONG_GAP = 256  # gap (samples) above which it is removed before phases are compared: the clock may drift within it
 _SMOOTH, _STEP, _SMOOTH_BLOCKS = 64, 8, 9
 """Rows over which the phase is averaged, step between its values, and the same number of blocks."""
-_SOME = 1 << 17  # number of rows from which the interval is first found; all rows then refine it
+_FIRST_ROWS = 1 << 17  # number of rows from which the interval is first found; all rows then refine it
 _PER_DOUBLING = 0.03  # increase of the coherence above which a block with twice the rows is preferred
 _BLOCKS = 12  # smallest number of blocks into which the recording is divided in the search for a better block length
 RATE_TOLERANCE = 1e-2
-"""Relative agreement of rates; gyroscope clocks are specified to 1 % (InvenSense specification PS-MPU-6000A, 2013)."""
-_AGREES = 0.02  # largest relative difference at which an interval agrees with the declared interval
-_BESIDE = 0.1  # relative difference between the declared interval and one without a lost sample, jitter included
+"""Relative agreement of rates; gyroscope clocks are specified to 1 % (InvenSense specification PS-MPU-6000A)."""
+_AGREES_WITH_DECLARED = 0.02  # largest relative difference at which an interval agrees with the declared interval
+_JITTER_OF_DECLARED = (
+    0.1  # relative difference between the declared interval and one without a lost sample, jitter included
+)
 _SLIPS = 5  # smallest number of regular steps that are taken as rounding at another rate instead of losses
 
 
 @dataclass(frozen=True)
-class Found:
+class Losses:
     """Sampling interval and lost samples of time stamps without backward steps."""
 
     interval: float  # sampling interval in ticks
@@ -65,7 +64,7 @@ class Found:
     repeated: Rows = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # rows that were written twice
 
 
-def find_losses(ticks: Vector, resolution: float, declared: float | None = None) -> Found:
+def find_losses(ticks: Vector, resolution: float, declared: float | None = None) -> Losses:
     """Find the sampling interval and the lost samples. `ticks` (N,) never decrease and are multiples of `resolution`.
     The declared interval (ticks) decides if several intervals explain the time stamps."""
     none = np.empty(0, dtype=np.int64)
@@ -75,23 +74,25 @@ def find_losses(ticks: Vector, resolution: float, declared: float | None = None)
         resolution < _COARSE * line or bool(np.all(np.abs(np.diff(ticks) - line) < 1e-2 * line))
     )
     if line is not None and uniform and not contradicts:
-        return Found(line, none, none, 1)
+        return Losses(line, none, none, 1)
     single, burst = _typical(ticks), _burst(ticks)
     mean = _windowed_mean(ticks, burst)
     if declared is not None and contradicts:
         steps = np.diff(ticks)
-        near = steps[np.abs(steps / declared - 1) < _BESIDE]
+        near = steps[np.abs(steps / declared - 1) < _JITTER_OF_DECLARED]
         single = float(np.median(near)) if near.size else single
     regular = _regular(ticks, single, resolution, mean)
-    agrees = declared is not None and regular is not None and abs(regular.interval / declared - 1) < _AGREES
+    agrees = (
+        declared is not None and regular is not None and abs(regular.interval / declared - 1) < _AGREES_WITH_DECLARED
+    )
     if agrees and regular is not None and (line is None or contradicts):
         return regular  # the declared rate decides between jitter or rounding, and regular losses
     if line is not None and uniform:
-        return Found(line, none, none, 1)
+        return Losses(line, none, none, 1)
     if regular is not None and resolution >= _COARSE * single and _is_rounding(regular, resolution, single):
         regular = None
-    if line is not None and (regular is None or _are_slips(regular)):
-        return Found(line, none, none, 1)
+    if line is not None and (regular is None or not 0 < regular.rows.size + regular.repeated.size < _SLIPS):
+        return Losses(line, none, none, 1)
     if regular is not None and (declared is None or agrees):
         return regular
     interval = mean if declared is None or abs(mean / declared - 1) > 0.05 else declared
@@ -103,14 +104,14 @@ def resolution_of(ticks: Vector, spacing: float) -> float:
     steps = np.abs(np.diff(ticks))
     for decimals in range(10):
         unit = 1
-        for some in (steps[:: max(1, steps.size // 4096)], steps):  # a few steps rule out most units
-            counts = some * 10.0**decimals
-            whole = np.round(counts)
+        for sample in (steps[:: max(1, steps.size // 4096)], steps):  # a few steps rule out most units
+            counts = sample * 10.0**decimals
+            multiples = np.round(counts)
             allowed = 4 * spacing * 10.0**decimals + 1e-9 * counts + 1e-12
-            if np.any(np.abs(counts - whole) > allowed) or np.max(whole, initial=0.0) >= 2.0**53:
+            if np.any(np.abs(counts - multiples) > allowed) or np.max(multiples, initial=0.0) >= 2.0**53:
                 unit = 0
                 break
-            unit = int(np.gcd.reduce(whole.astype(np.int64), initial=0))
+            unit = int(np.gcd.reduce(multiples.astype(np.int64), initial=0))
         if unit:
             return unit / 10.0**decimals
     return spacing
@@ -118,7 +119,7 @@ def resolution_of(ticks: Vector, spacing: float) -> float:
 
 def _typical(ticks: Vector) -> float:
     """Return the median interval of some rows."""
-    return float(np.median(np.diff(ticks[(ticks.size - min(ticks.size, _SOME)) // 2 :][:_SOME])))
+    return float(np.median(np.diff(ticks[(ticks.size - min(ticks.size, _FIRST_ROWS)) // 2 :][:_FIRST_ROWS])))
 
 
 def _burst(ticks: Vector) -> float:
@@ -172,19 +173,13 @@ def _slope(k: Vector, t: Vector, far: Rows | None = None) -> float:
     return float(np.dot(c, m) / max(np.dot(c, c), 1e-300))
 
 
-def _are_slips(found: Found) -> bool:
-    """Return whether there are no gaps, or so many that they are taken as rounding at another rate."""
-    count = found.rows.size + found.repeated.size
-    return count == 0 or count >= _SLIPS
-
-
-def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Found | None:
+def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Losses | None:
     """Find losses from single rows if the intervals are multiples of one interval; return None if they are not."""
     if single <= 0:
         return None
     steps = np.diff(ticks)
     if mean / single > _MOST_LOST:
-        runs = int(np.count_nonzero(steps > _LONG * single))
+        runs = int(np.count_nonzero(steps > _LONG_INTERVAL * single))
         if runs >= _RUNS and (steps.size < _RUN * runs or mean / single > 4 * _MOST_LOST):
             return None
     if resolution >= _COARSE * single:
@@ -192,20 +187,20 @@ def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Fo
         odd = np.count_nonzero(np.abs(steps / single - np.round(steps / single)) > 1e-6) + np.count_nonzero(steps == 0)
         if odd > max(2, 0.002 * steps.size):
             return None
-    closed, far = _closed(ticks, single)
+    closed, far = _close_gaps(ticks, single)
     interval, phase = _phase_locked(closed, single)
     if interval is None:
         return None
     r = closed / interval - np.arange(closed.size)
     x = r - phase
     level = follow(x)
-    if np.count_nonzero(np.abs(x - level) > 0.75) > _LATE * x.size:
+    if np.count_nonzero(np.abs(x - level) > 0.75) > _LATE_SHARE * x.size:
         return None
     level = _with_long_steps(level, np.diff(closed) / interval)
-    return _assembled(ticks, closed, far, level, interval=interval, width=1)
+    return _with_closed_gaps(ticks, closed, far, level, interval=interval, width=1)
 
 
-def _is_rounding(found: Found, resolution: float, single: float) -> bool:
+def _is_rounding(found: Losses, resolution: float, single: float) -> bool:
     """Return whether the losses are so regular that they are taken as rounding at another rate."""
     apart = np.diff(found.rows)
     return bool(
@@ -219,7 +214,7 @@ def _with_long_steps(level: Rows, steps: Vector) -> Rows:
     """Remove rises and falls of the levels without a fitting long or short interval (in samples): drift of the
     clock."""
     rise = np.diff(level)
-    near = np.abs(steps[steps < _LONG] - 1)
+    near = np.abs(steps[steps < _LONG_INTERVAL] - 1)
     scatter = 3 * 1.4826 * float(np.median(near)) if near.size else 0.0
     short = max(0.5, scatter)
     wide = np.concatenate([[1.0], steps, [1.0]])
@@ -230,11 +225,11 @@ def _with_long_steps(level: Rows, steps: Vector) -> Rows:
     return np.asarray(level - np.concatenate([np.zeros(1, dtype=np.int64), slips]))
 
 
-def _closed(ticks: Vector, interval: float) -> tuple[Vector, Rows]:
+def _close_gaps(ticks: Vector, interval: float) -> tuple[Vector, Rows]:
     """Return time stamps without their long gaps, and the rows after these gaps."""
     steps = np.diff(ticks)
     r = ticks / interval - np.arange(ticks.size)
-    jumps = np.flatnonzero(steps > _FAR * interval)
+    jumps = np.flatnonzero(steps > _LONG_GAP * interval)
     size = steps[jumps] / interval
     later = np.minimum(jumps + 65 + np.minimum(2 * size, 20_000).astype(np.int64), ticks.size - 1)
     stays = np.minimum.reduceat(r, np.column_stack([jumps + 1, later]).ravel())[::2] if jumps.size else np.empty(0)
@@ -251,18 +246,18 @@ def _closed(ticks: Vector, interval: float) -> tuple[Vector, Rows]:
 def _phase_locked(ticks: Vector, interval: float) -> tuple[float | None, Vector]:
     """Return the interval at which single rows are coherent, and the slow phase of the rows in samples."""
     n = ticks.size
-    some = ticks[(n - min(n, _SOME)) // 2 :][:_SOME]
-    steps = np.diff(some) / interval
+    sample = ticks[(n - min(n, _FIRST_ROWS)) // 2 :][:_FIRST_ROWS]
+    steps = np.diff(sample) / interval
     near = steps[np.abs(steps - 1) <= 0.5]
     # With many gaps, the median of all intervals is above the median of those without one.
     interval *= float(np.median(near)) if near.size else 1.0
-    runs = np.flatnonzero(np.abs(np.diff(some) / interval - 1) > 0.5) + 1
-    within = _slope(np.arange(some.size, dtype=np.float64), some, runs)
+    runs = np.flatnonzero(np.abs(np.diff(sample) / interval - 1) > 0.5) + 1
+    within = _slope(np.arange(sample.size, dtype=np.float64), sample, runs)
     interval = within if abs(within / interval - 1) < 0.05 else interval
     for lag in (1, 4, 16, 64, 256, 1024):
-        if lag > some.size // 8:
+        if lag > sample.size // 8:
             break
-        apart = (some[lag:] - some[:-lag]) / interval
+        apart = (sample[lag:] - sample[:-lag]) / interval
         mean = np.mean(np.exp(2j * np.pi * apart))
         turn, advance = float(np.angle(mean)) / (2 * np.pi), float(np.median(apart))
         if abs(mean) < max(_TURNS, 3 / np.sqrt(apart.size)):
@@ -304,9 +299,9 @@ _STATISTICS: dict[str, Callable[[Vector], Vector]] = {
 }
 
 
-def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) -> Found:
+def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) -> Losses:
     """Find losses from statistics of blocks of rows."""
-    closed, far = _closed(ticks, interval)
+    closed, far = _close_gaps(ticks, interval)
     n = closed.size
     # Minima and maxima of rounded time stamps are whole numbers for any interval that is a multiple of their unit.
     rounded = resolution >= _COARSE * interval
@@ -319,9 +314,9 @@ def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) 
     while width <= 2048 and (best[0] < 0 or (best[0] < _STEADY and width * _BLOCKS <= n)):
         size = max(1, min(width, n // 3))
         for name in names:
-            refined = _refined(closed, near[name], size, name)
+            refined = _refine(closed, near[name], size, name)
             value = _coherence(_blocks(closed, refined, size, name))
-            if abs(refined / near[name] - 1) > min(_NEAR, 0.45 / size):
+            if abs(refined / near[name] - 1) > min(_INTERVAL_CHANGE, 0.45 / size):
                 continue
             if value > 0.5:
                 near[name] = refined
@@ -339,10 +334,10 @@ def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) 
     steps = np.diff(closed) / interval
     for _ in range(2):
         level = least_ahead(median_of_three(np.round(b - phase)), horizon)
-        rows_level = placed(r - np.interp(np.arange(n), centres, phase), level, width, steps)
+        rows_level = row_levels(r - np.interp(np.arange(n), centres, phase), level, width, steps)
         # The losses are now known. Without them, the statistic of each block is its phase.
         phase = _moving_median(_blocks_of(r - rows_level, width, name), _SMOOTH_BLOCKS)
-    return _assembled(ticks, closed, far, rows_level, interval=interval, width=width, name=name)
+    return _with_closed_gaps(ticks, closed, far, rows_level, interval=interval, width=width, name=name)
 
 
 def _moving_median(v: Vector, width: int) -> Vector:
@@ -358,7 +353,7 @@ def _blocks(ticks: Vector, interval: float, width: int, name: str) -> Vector:
     return _STATISTICS[name](r)
 
 
-def _refined(ticks: Vector, interval: float, width: int, name: str) -> float:
+def _refine(ticks: Vector, interval: float, width: int, name: str) -> float:
     """Return the interval at which the statistics of blocks keep their phase."""
     lag = 1
     for _ in range(2):
@@ -384,9 +379,9 @@ def _coherence(b: Vector) -> float:
     return float(np.abs(np.mean(np.conj(z[:-1]) * z[1:])))
 
 
-def _assembled(
+def _with_closed_gaps(
     ticks: Vector, closed: Vector, far: Rows, level: Rows, interval: float, width: int, name: str = "mean"
-) -> Found:
+) -> Losses:
     """Return the gaps from the levels of the rows, together with the long gaps that were closed."""
     index = (np.arange(ticks.size) + (level - level[0])).astype(np.float64)
     slope = _slope(index, closed, far)
@@ -406,7 +401,7 @@ def _assembled(
             rise[row] = round(rise[row] + steps[row] / slope + after - before)
     rows = np.flatnonzero(rise > 0)
     repeated = np.repeat(np.arange(rise.size), np.maximum(-rise, 0).astype(np.int64))
-    return Found(slope, rows, rise[rows].astype(np.int64), width=width, repeated=repeated)
+    return Losses(slope, rows, rise[rows].astype(np.int64), width=width, repeated=repeated)
 
 
 def _blocks_of(v: Vector, width: int, name: str) -> Vector:

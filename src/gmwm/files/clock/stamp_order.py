@@ -14,36 +14,35 @@ from gmwm.base.remarks import Quantity, Remark
 
 # The thresholds are pinned by the study of clocks, docs/validation/clocks.md, and by tests/readers/test_steady.py.
 
-_WINDOW = 64
+_NOMINAL_WINDOW = 64
 """Number of intervals over which the nominal interval is averaged, so that the rounding of time stamps averages out."""
-_BITS = (16, 24, 32)  # bits of counters that wrap around
 _HOUR = 3600  # step of a clock at a change to or from summer time (s)
 _HOUR_WITHIN = 0.25
 """Largest difference (s) of such a step; two sampling intervals if shorter, and at least half of one."""
-_LOST = 64  # largest number of samples that may be lost where a counter wraps around
-_LONGEST = 1e10
-"""Longest time between two time stamps of a recording (s). It is 300 years, the range of nanoseconds since 1970."""
-_BEHIND = 8  # time stamps after a backward step that show whether the clock was set back or one stamp is out of order
+_STAMPS_BEHIND = (
+    8  # time stamps after a backward step that show whether the clock was set back or one stamp is out of order
+)
 
 
 @dataclass(frozen=True)
-class Steps:
+class ClockSteps:
     """Rows before which a counter wraps, each with the length of the counter (ticks), and rows before which the clock
     changes by an hour for summer time (1 for forward, −1 for back)."""
 
     wraps: tuple[tuple[int, float], ...] = ()
     hours: tuple[tuple[int, int], ...] = ()
 
-    def between(self, begin: int, end: int) -> Steps:
+    def between(self, begin: int, end: int) -> ClockSteps:
         """Return the steps before the rows `begin` to `end`."""
         wraps = tuple(wrap for wrap in self.wraps if begin <= wrap[0] < end)
-        return Steps(wraps, tuple(hour for hour in self.hours if begin <= hour[0] < end))
+        return ClockSteps(wraps, tuple(hour for hour in self.hours if begin <= hour[0] < end))
 
     @classmethod
-    def joined(cls, several: Iterable[Steps]) -> Steps:
+    def join(cls, several: Iterable[ClockSteps]) -> ClockSteps:
         """Join the steps of consecutive parts. The row numbers still refer to the beginning of each part."""
         several = tuple(several)
-        return cls(tuple(w for one in several for w in one.wraps), tuple(h for one in several for h in one.hours))
+        wraps = tuple(wrap for steps in several for wrap in steps.wraps)
+        return cls(wraps, tuple(hour for steps in several for hour in steps.hours))
 
     def remarks(self, per_second: int) -> Iterator[Remark]:
         """Yield remarks on these steps."""
@@ -51,16 +50,16 @@ class Steps:
             length = Quantity(self.wraps[0][1] / per_second, "s")
             yield Remark.of("stamps-wrapped", count=len(self.wraps), length=length)
         for sign, direction in ((1, "forward"), (-1, "back")):
-            if count := sum(sign == one for _, one in self.hours):
+            if count := sum(sign == sense for _, sense in self.hours):
                 yield Remark.of("stamps-hour", count=count, direction=direction)
 
 
 @dataclass(frozen=True)
-class Ordered:
+class OrderedStamps:
     """Time stamps (ticks) that are corrected for counter wraps and summer time, and the rows of these corrections."""
 
     ticks: Vector
-    steps: Steps
+    steps: ClockSteps
 
 
 def nominal_interval(ticks: Vector) -> float:
@@ -68,7 +67,7 @@ def nominal_interval(ticks: Vector) -> float:
     forward = np.diff(ticks)
     forward = forward[forward >= 0]
     single = float(np.median(forward)) if forward.size else 0.0
-    window = max(1, min(_WINDOW, ticks.size // 8))
+    window = max(1, min(_NOMINAL_WINDOW, ticks.size // 8))
     averages = (ticks[window:] - ticks[:-window]) / window
     averages = averages[averages > 0]
     average = float(np.median(averages)) if averages.size else 0.0
@@ -83,19 +82,20 @@ def nominal_interval(ticks: Vector) -> float:
     return single if single > 0.5 * average and (in_place or average <= 0) else average
 
 
-def in_order(ticks: Vector, integer: bool, per_second: int, nominal: float | None = None) -> Ordered:
+def in_order(ticks: Vector, integer: bool, per_second: int, nominal: float | None = None) -> OrderedStamps:
     """Undo wraps of a counter and changes to and from summer time. A backward step is a wrap if it becomes one sampling
     interval, or at most 64, when 2¹⁶, 2²⁴ or 2³² ticks are added to it. For time stamps that are not integers, the
     ticks of the counter can also be ns, µs or ms. A step is a change of summer time if it becomes one sampling interval
     when an hour is added or subtracted."""
     steps = np.diff(ticks)
     if not np.any(steps < 0) and not np.any(steps > _HOUR_WITHIN * per_second):
-        return Ordered(ticks, Steps())
+        return OrderedStamps(ticks, ClockSteps())
     nominal = nominal_interval(ticks) if nominal is None else nominal
     near = 0.5 * nominal
     added = np.zeros(ticks.size)
     wraps: list[tuple[int, float]] = []
-    for length, places in _wraps(steps, nominal, near, (1.0,) if integer else _parts(per_second)):
+    units = {1.0} if integer else {1.0, *(per_second / parts for parts in (10**3, 10**6, 10**9))}  # ns, µs, ms, tick
+    for length, places in _wraps(steps, nominal, near, tuple(sorted(units))):
         added[places + 1] += length
         wraps = [(row + 1, length) for row in places.tolist()]
     steps = np.diff(ticks + np.cumsum(added))
@@ -107,13 +107,8 @@ def in_order(ticks: Vector, integer: bool, per_second: int, nominal: float | Non
         added[leaps + 1] -= sign * _HOUR * per_second
         hours += [(row + 1, sign) for row in leaps.tolist()]
     if not wraps and not hours:
-        return Ordered(ticks, Steps())
-    return Ordered(ticks + np.cumsum(added), Steps(tuple(wraps), tuple(sorted(hours))))
-
-
-def _parts(per_second: int) -> tuple[float, ...]:
-    """Return the possible units of counters in ticks: ns, µs, ms, and the tick itself."""
-    return tuple(sorted({1.0, *(per_second / parts for parts in (10**3, 10**6, 10**9))}))
+        return OrderedStamps(ticks, ClockSteps())
+    return OrderedStamps(ticks + np.cumsum(added), ClockSteps(tuple(wraps), tuple(sorted(hours))))
 
 
 def _wraps(
@@ -121,11 +116,14 @@ def _wraps(
 ) -> Iterator[tuple[float, NDArray[np.int64]]]:
     """Yield the length of the counter and the intervals where it wraps, if most backward steps are its wraps."""
     back = np.flatnonzero(steps < 0)
-    for length in sorted(unit * 2.0**bits for unit in units for bits in _BITS):
-        rest = steps[back] + length
-        some = np.round(rest / nominal)  # number of sampling intervals that remain
-        missing = (some >= 1) & (some <= min(_LOST, length / nominal / 8)) & (np.abs(rest / nominal - some) <= 0.25)
-        wraps = back[(np.abs(rest - nominal) <= near) | missing]
+    # Bits of counters that wrap around
+    for length in sorted(unit * 2.0**bits for unit in units for bits in (16, 24, 32)):
+        remainder = steps[back] + length
+        intervals = np.round(remainder / nominal)  # number of sampling intervals that remain
+        near_whole = np.abs(remainder / nominal - intervals) <= 0.25
+        # Largest number of samples that may be lost where a counter wraps around
+        missing = (intervals >= 1) & (intervals <= min(64, length / nominal / 8)) & near_whole
+        wraps = back[(np.abs(remainder - nominal) <= near) | missing]
         if wraps.size and wraps.size >= 0.5 * back.size and length > 8 * nominal:
             yield length, wraps
             return
@@ -138,7 +136,7 @@ def without_steps_back(ticks: Vector, nominal: float) -> tuple[Vector, NDArray[n
     back = np.flatnonzero(np.diff(ticks) < 0)
     if not back.size:
         return ticks, np.empty(0, dtype=np.int64)
-    last = np.minimum(back + 1 + _BEHIND, ticks.size - 1)
+    last = np.minimum(back + 1 + _STAMPS_BEHIND, ticks.size - 1)
     base = np.minimum(ticks[back], ticks[np.maximum(back - 1, 0)] + nominal)
     missing = base + (last - back) * nominal - ticks[last]
     walls = back[missing > 0.75 * nominal + 1e-9 * np.abs(base)] + 1
@@ -154,7 +152,8 @@ def without_steps_back(ticks: Vector, nominal: float) -> tuple[Vector, NDArray[n
 def require_span(ticks: Vector, nominal: float, per_second: float) -> None:
     """Raise an error if the time stamps span a longer time than a recording can last."""
     span = float(np.max(ticks) - np.min(ticks))
-    if span > _LONGEST * per_second or not span < 2.0**52 * nominal:
+    # Longest time between two time stamps of a recording (s). It is 300 years, the range of nanoseconds since 1970.
+    if span > 1e10 * per_second or not span < 2.0**52 * nominal:
         raise ReadError(
             f"the time stamps reach over {span / per_second:.3g} s at a typical interval of {nominal / per_second:.3g} "
             "s, which is no recording",

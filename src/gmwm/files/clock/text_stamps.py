@@ -83,10 +83,10 @@ def holds_stamps(layout: Layout, column: int) -> bool:
     return column < len(layout.first_row) and is_stamp(layout.first_row[column])
 
 
-def described(cell: str) -> Remark:
+def form_remark(cell: str) -> Remark:
     """Make the remark on how a column that begins with this time stamp is read.
 
-    >>> described("2024-05-01T12:00:00Z").facts["form"]
+    >>> form_remark("2024-05-01T12:00:00Z").facts["form"]
     'utc'
     """
     if is_time_of_day(cell):
@@ -139,14 +139,14 @@ def times_of(cells: pl.Series, first: str) -> NDArray[np.datetime64]:
     that cannot be read gives NaT."""
     zoned = None if is_time_of_day(first) else bool(_zone(first))
     widths = cells.str.len_bytes().to_numpy()
-    found = np.empty(widths.size, dtype="M8[ns]")
+    stamps = np.empty(widths.size, dtype="M8[ns]")
     # Some programs leave out zeros at the end, so the cells can have several widths.
     for width in np.unique(widths).tolist():
         those = widths == width
         alike = cells if those.all() else cells.filter(those)
         times = _side_by_side(alike, width, zoned)
-        found[those] = _one_by_one(alike, zoned) if times is None else times
-    return found
+        stamps[those] = _one_by_one(alike, zoned) if times is None else times
+    return stamps
 
 
 class Midnights:
@@ -157,10 +157,10 @@ class Midnights:
     def __init__(self) -> None:
         self._days, self._last = 0, -1
 
-    def continued(self, times: NDArray[Any]) -> NDArray[np.int64]:
+    def continue_days(self, times: NDArray[Any]) -> NDArray[np.int64]:
         """Return the next times of day (ns), continued from the previous ones.
 
-        >>> Midnights().continued(np.array([86_399, 0, 1]) * 10**9) // 10**9
+        >>> Midnights().continue_days(np.array([86_399, 0, 1]) * 10**9) // 10**9
         array([86399, 86400, 86401])
         """
         steps = np.diff(times, prepend=times[0] if self._last < 0 else self._last)
@@ -203,9 +203,9 @@ def _side_by_side(cells: pl.Series, width: int, zoned: bool | None) -> NDArray[n
         return None
     clock = places["clock"]
     hours, minutes, seconds = (_number(table, part) for part in (clock[:-4], clock[-4:-2], clock[-2:]))
-    whole = len(clock) > 4 and minutes.max() < 60 and seconds.max() <= 60 and (zoned is None or hours.max() < 24)
+    valid = len(clock) > 4 and minutes.max() < 60 and seconds.max() <= 60 and (zoned is None or hours.max() < 24)
     days = _days(table, places["date"]) if zoned is not None else np.int64(0)
-    if days is None or not whole:
+    if days is None or not valid:
         return None
     digits = places["fraction"][:9]
     fraction = _number(table, digits) * 10 ** (9 - len(digits))
@@ -247,8 +247,8 @@ def _one_by_one(cells: pl.Series, zoned: bool | None) -> NDArray[np.datetime64]:
     else:
         date = groups["date"].str.replace_all(r"\D", "")
         zone = groups["zone"].fill_null("")
-        known = zone.unique().to_list()
-        shift = zone.replace_strict(known, [_offset(z) for z in known], return_dtype=pl.Int64)
+        offsets = zone.unique().to_list()
+        shift = zone.replace_strict(offsets, [_offset(z) for z in offsets], return_dtype=pl.Int64)
         has_zone = (zone != "") | groups["name"].is_not_null()
         date = date.set(has_zone != zoned, None)
     clock = clock.str.replace_all(":", "", literal=True).str.pad_end(6, "0")

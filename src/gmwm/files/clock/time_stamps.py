@@ -24,13 +24,8 @@ from gmwm.files.clock.stamp_order import nominal_interval
 # Unless a paper is named, these thresholds separate the simulated clocks of tests/readers/test_timebase.py and
 # test_steady.py: uniform, rounded, jittered, in bursts, with lost samples. The tests pin them.
 
-_PLAUSIBLE = (0.1, 1e5)  # range of rates (Hz) that are plausible for a unit of time that is not stated
-_USUAL = 1e4
-"""Rate (Hz) above which a unit is not inferred if another unit gives a lower rate, because such recordings are rare."""
 _EPOCH = (1e9, 2.2e9)
 """Range of seconds since 1970 in the years 2001 to 2039, which the time stamps of computers usually have."""
-_AGREES = 0.05  # relative agreement of a declared rate with time stamps in a unit; units differ by a factor of 1000
-_JITTER = 0.5  # jitter, as a share of the sampling interval, above which the order of neighbouring samples is uncertain
 
 
 @dataclass(frozen=True)
@@ -52,7 +47,7 @@ class Stamps:
 @dataclass(frozen=True)
 class Timing:
     """Time base, segments, their start times (s), remarks on the time stamps, and the width of
-    `sampling_interval.Found`."""
+    `sampling_interval.Losses`."""
 
     base: TimeBase
     segments: tuple[tuple[int, int], ...]
@@ -76,7 +71,7 @@ class SegmentStarts:
         return self._time + (row - self._row + self._lost) / self._rate
 
 
-def unstamped(rate: float, samples: int) -> Timing:
+def timing_without_stamps(rate: float, samples: int) -> Timing:
     """Return the time base of a recording without time stamps: one segment at the given rate (Hz)."""
     return Timing(TimeBase(rate), ((0, samples),), starts=(0.0,), remarks=())
 
@@ -122,13 +117,15 @@ def _inferred_unit(ticks: Vector, origin: float, rate: float | None) -> str:
     interval = nominal_interval(ticks)
     rates = {unit: per_second / interval for unit, per_second in TIME_UNITS.items()}
     if rate is not None:
-        agreeing = [unit for unit, value in rates.items() if abs(value / rate - 1) <= _AGREES]
+        # Relative agreement of a declared rate with time stamps in a unit; units differ by a factor of 1000
+        agreeing = [unit for unit, value in rates.items() if abs(value / rate - 1) <= 0.05]
         if agreeing:
             return agreeing[0]
-    low, high = _PLAUSIBLE
+    low, high = (0.1, 1e5)  # range of rates (Hz) that are plausible for a unit of time that is not stated
     possible = [unit for unit, value in rates.items() if low <= value <= high]
     epoch = [unit for unit in possible if _EPOCH[0] <= origin / TIME_UNITS[unit] <= _EPOCH[1]]
-    usual = [unit for unit in possible if rates[unit] < _USUAL] if len(possible) > 1 else possible
+    # Rate (Hz) above which a unit is not inferred if another unit gives a lower rate, because such recordings are rare
+    usual = [unit for unit in possible if rates[unit] < 1e4] if len(possible) > 1 else possible
     for choice in (epoch, possible, usual):
         if len(choice) == 1:
             return choice[0]
@@ -157,5 +154,6 @@ def about_stamps(base: TimeBase) -> Iterator[Remark]:
         yield Remark.of("stamps-backward", count=base.backward)
     if base.duplicates:
         yield Remark.of("stamps-repeated", count=base.duplicates)
-    if base.jitter * base.rate > _JITTER:
+    # Jitter, as a share of the sampling interval, above which the order of neighbouring samples is uncertain
+    if base.jitter * base.rate > 0.5:
         yield Remark.of("stamps-jitter", share=base.jitter * base.rate)

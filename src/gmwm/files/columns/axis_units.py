@@ -17,15 +17,15 @@ from gmwm.base.remarks import Remark
 from gmwm.base.template import Fact
 from gmwm.base.units import SI_UNIT, STANDARD_GRAVITY, TIME_UNITS, Quantity, Unit, find_unit, parse_unit, unit_names
 from gmwm.files.clock.text_stamps import UNIT as STAMPS
-from gmwm.files.clock.text_stamps import described, holds_stamps
+from gmwm.files.clock.text_stamps import form_remark, holds_stamps
 from gmwm.files.columns.column_names import named_unit, recognise, unit_of, unknown_unit
-from gmwm.files.columns.columns import Choice
+from gmwm.files.columns.columns import ColumnChoice
 from gmwm.files.contract import Layout
 from gmwm.recording.options import TIME_NAMES
 
 _INFERRED = ("g", "m/s²", "mg")
 """Units that can be inferred from the norm of the accelerometers, because gravity is 1 g, 9.81 m/s² or 1000 mg."""
-_NEAR = 0.10
+_NEAR_GRAVITY = 0.10
 """Relative agreement of norm and gravity (tests/readers/test_units.py). Zero-g offsets reach 80 mg (PS-MPU-6000A)."""
 
 _STATE_ACCEL = "State it with {--units=accel:g} or {--units=accel:m/s2}."
@@ -40,7 +40,7 @@ class Scales:
 
 
 @dataclass(frozen=True)
-class _Known:
+class _StatedUnit:
     """The unit of an axis ("" if unknown), its source, and the unit in the file if another one was declared."""
 
     unit: str = ""
@@ -48,7 +48,7 @@ class _Known:
     stated: str = ""
 
 
-def time_unit(layout: Layout, choice: Choice, declared: Mapping[str, str]) -> tuple[str, Remark | None]:
+def time_unit(layout: Layout, choice: ColumnChoice, declared: Mapping[str, str]) -> tuple[str, Remark | None]:
     """Return the unit of the time stamps, "" if unknown, and a remark if they are dates or a declared unit replaces
     another."""
     column = choice.columns["time"]
@@ -63,7 +63,7 @@ def time_unit(layout: Layout, choice: Choice, declared: Mapping[str, str]) -> tu
                 argument="units",
                 advice="Leave the unit of time out of {--units}.",
             )
-        return unit, described(layout.first_row[column])
+        return unit, form_remark(layout.first_row[column])
     stated = named_unit(channel.name, "time") or unit_of(channel.unit, "time")
     unknown = "" if stated else unknown_unit(channel.name, channel.unit, "time")
     if "time" in declared:
@@ -82,7 +82,7 @@ def time_unit(layout: Layout, choice: Choice, declared: Mapping[str, str]) -> tu
 
 def resolve(
     layout: Layout,
-    choice: Choice,
+    choice: ColumnChoice,
     declared: Mapping[str, str],
     values: Mapping[str, Vector],
     rate: float,
@@ -96,13 +96,13 @@ def resolve(
         axes = [axis for axis in choice.axes if axis_quantity(axis) == quantity]
         if not axes:
             continue
-        known = {
-            axis: _known(
+        stated = {
+            axis: _stated_unit(
                 layout, choice, declared=declared, axis=axis, integral=axis in increments or quantity in increments
             )
             for axis in axes
         }
-        names = sorted({one.unit for one in known.values() if one.unit})
+        names = sorted({entry.unit for entry in stated.values() if entry.unit})
         if not names:
             if quantity == "gyro":
                 raise _unknown_gyro(axes, values, rate)
@@ -110,7 +110,7 @@ def resolve(
             units |= {axis: parse_unit(name, quantity) for axis in axes}
             remarks.append(remark)
             continue
-        unnamed = next((axis for axis, one in known.items() if not one.unit), None)
+        unnamed = next((axis for axis, entry in stated.items() if not entry.unit), None)
         if unnamed is not None:
             raise UnitError(
                 f"the unit of {unnamed} is not named, but the other axes are in {', '.join(names)}",
@@ -118,8 +118,8 @@ def resolve(
                 advice="State the unit of the sensor with {--units=@example}.",
                 example=f"{quantity}:{names[0]}",
             )
-        units |= {axis: parse_unit(known[axis].unit, quantity) for axis in axes}
-        first = known[axes[0]]
+        units |= {axis: parse_unit(stated[axis].unit, quantity) for axis in axes}
+        first = stated[axes[0]]
         if first.stated:
             remarks.append(Remark.of("unit-overruled", quantity, unit=first.unit, stated=first.stated))
         else:
@@ -130,7 +130,9 @@ def resolve(
     return Scales(units, tuple(remarks))
 
 
-def _known(layout: Layout, choice: Choice, declared: Mapping[str, str], axis: str, integral: bool) -> _Known:
+def _stated_unit(
+    layout: Layout, choice: ColumnChoice, declared: Mapping[str, str], axis: str, integral: bool
+) -> _StatedUnit:
     """Return the unit of an axis if it is declared by the user or stated in the file."""
     quantity = axis_quantity(axis)
     channel = layout.channels[choice.columns[axis]]
@@ -141,18 +143,18 @@ def _known(layout: Layout, choice: Choice, declared: Mapping[str, str], axis: st
         other = by_name or by_format or unknown_unit(channel.name, channel.unit, axis)
         if integral and other and find_unit(f"{other}/s") == find_unit(unit):
             other = ""
-        return _Known(unit, "declared", other if other != unit else "")
+        return _StatedUnit(unit, "declared", other if other != unit else "")
     if by_name:
-        return _Known(by_name, "header")
+        return _StatedUnit(by_name, "header")
     if by_format:
-        return _Known(by_format, "file")
+        return _StatedUnit(by_format, "file")
     if unknown := unknown_unit(channel.name, channel.unit, axis):
         raise _unknown_unit(unknown, axis, quantity)
     if quantity in layout.units:
-        return _Known(parse_unit(layout.units[quantity], quantity).name, "comment")
+        return _StatedUnit(parse_unit(layout.units[quantity], quantity).name, "comment")
     if recognise(channel.name).ros:
-        return _Known(SI_UNIT[quantity], "ros")
-    return _Known()
+        return _StatedUnit(SI_UNIT[quantity], "ros")
+    return _StatedUnit()
 
 
 def _unknown_unit(stated: str, axis: str, quantity: Quantity) -> UnitError:
@@ -192,7 +194,7 @@ def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, Rem
     norm = _norm(axes, values)
     for name in _INFERRED:
         gravity = STANDARD_GRAVITY / parse_unit(name, "accel").factor
-        if abs(norm / gravity - 1) <= _NEAR:
+        if abs(norm / gravity - 1) <= _NEAR_GRAVITY:
             return name, Remark.of("unit-inferred", unit=name, norm=norm, units=f"accel:{name}")
     raise UnitError(
         f"the unit of the accelerometers is unknown, and the norm of their mean, {norm:.4g}, is neither 1 (g) nor 9.8 "
@@ -205,14 +207,16 @@ def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, Rem
 def _doubts(axes: list[str], values: Mapping[str, Vector], units: Mapping[str, Unit]) -> list[Remark]:
     """Report accelerometers whose norm is close to gravity in a unit other than the declared or stated one. A norm
     within 20 % of gravity is accepted, because biases can explain it. Another unit is suggested only if the norm in
-    this unit is within 5 % of gravity. This limit is half of `_NEAR`, because a stated unit is evidence against another
-    one."""
+    this unit is within 5 % of gravity. This is half of `_NEAR_GRAVITY`, because a stated unit is evidence
+    against another one."""
     if len(axes) < 3 or len({units[axis].name for axis in axes}) > 1:
         return []
     norm, unit = _norm(axes, values), units[axes[0]]
-    if abs(norm * unit.factor / STANDARD_GRAVITY - 1) <= 2 * _NEAR:
+    if abs(norm * unit.factor / STANDARD_GRAVITY - 1) <= 2 * _NEAR_GRAVITY:
         return []
-    better = [n for n in _INFERRED if abs(norm * parse_unit(n, "accel").factor / STANDARD_GRAVITY - 1) <= _NEAR / 2]
+    better = [
+        n for n in _INFERRED if abs(norm * parse_unit(n, "accel").factor / STANDARD_GRAVITY - 1) <= _NEAR_GRAVITY / 2
+    ]
     return [
         Remark.of("unit-doubtful", unit=unit.name, norm=norm, likely=name, units=f"accel:{name}")
         for name in better

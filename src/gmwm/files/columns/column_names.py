@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass
 
 from gmwm.base.units import TIME_WORDS, find_time_unit, find_unit
+from gmwm.files.contract import Channel
 
 # Spellings of units that only occur in column names, which have no slash: gyro_x_rad_s.
 _UNIT_WORDS = {
@@ -45,11 +46,12 @@ _REMARKS = {
     "raw", "counts", "count", "lsb", "lsbs", "adc", "digits", "bits", "cal", "calibrated", "uncalibrated", "body",
     "imu", "sensor", "meas", "measured", "x", "y", "z", "-",
 }  # fmt: skip
+_HARMLESS = {"raw", "meas", "measured", "data", "value", "imu", "cal", "calibrated"}
 _CLOCKS = {"utc", "gps", "gnss", "tai", "unix", "epoch", "posix", "ros", "local", "host", "device", "sensor", "elapsed"}
 
 _ELEMENT = re.compile(r"\[([012])\]")  # pattern of an element of an array of three axes: gyroADC[0] is the x axis
 
-LONGEST = 200
+LONGEST_NAME = 200
 """Largest number of characters of a name or unit that are searched. Much longer strings would take minutes."""
 _BRACKETED = re.compile(r"\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*$")
 
@@ -86,7 +88,7 @@ def recognise(name: str) -> ColumnName:
     if not axis:
         return _by_unit(words, tail_unit, unit_text)
     unit = unit_of(unit_text, axis) or unit_of(tail_unit, axis)
-    if tail_unit and not unit_of(tail_unit, axis) and not _harmless(tail_unit):
+    if tail_unit and not unit_of(tail_unit, axis) and not (tail_unit.isdigit() or tail_unit in _HARMLESS):
         return ColumnName()  # for example gyro_x_std and accel_x_bias, which are not samples
     joined = "".join(words)
     if joined == "ts" and unit_of(unit_text, "temperature") == "°C":
@@ -96,12 +98,17 @@ def recognise(name: str) -> ColumnName:
     return ColumnName(axis, unit, "angularvelocity" in joined or "linearacceleration" in joined)
 
 
+def role_of(channel: Channel) -> str:
+    """Return the role of a column, by its format or its name: an axis, "time", "temperature" or ""."""
+    return channel.axis or recognise(channel.name).axis
+
+
 def _by_unit(words: list[str], tail: str, unit: str) -> ColumnName:
     """Return the axis of a column whose name is only a letter and a unit, such as X (rad/s)."""
     if words in (["x"], ["y"], ["z"]) and not tail:
         for quantity in ("gyro", "accel"):
-            if found := unit_of(unit, quantity):
-                return ColumnName(f"{quantity}_{words[0]}", found)
+            if name := unit_of(unit, quantity):
+                return ColumnName(f"{quantity}_{words[0]}", name)
     return ColumnName()
 
 
@@ -111,9 +118,9 @@ def named_unit(name: str, axis: str) -> str:
     >>> named_unit("ch3 [dps]", "gyro_x")
     'deg/s'
     """
-    said = recognise(name)
-    if said.unit and said.axis.split("_")[0] == axis.split("_")[0]:
-        return said.unit
+    column = recognise(name)
+    if column.unit and column.axis.split("_")[0] == axis.split("_")[0]:
+        return column.unit
     bracket = _BRACKETED.search(clean(name))
     if bracket:
         return unit_of(bracket.group(1), axis)
@@ -140,7 +147,7 @@ def unknown_unit(name: str, stated: str, axis: str) -> str:
 
 def unit_of(text: str, axis: str) -> str:
     """Return the standard spelling of a unit if it is a unit of `axis`; otherwise ""."""
-    text = text.strip()[:LONGEST]
+    text = text.strip()[:LONGEST_NAME]
     key = text.strip().strip("[](){}<>").casefold().replace(" ", "")
     if axis == "time":
         return find_time_unit(text)
@@ -160,11 +167,7 @@ def is_unit(text: str) -> bool:
 
 def clean(name: str) -> str:
     """Return a name without quotes, surrounding blanks and the comment sign at the beginning of some headers."""
-    return name.strip()[:LONGEST].lstrip("#%").strip().strip("\"'").lstrip("#%").strip()
-
-
-def _harmless(text: str) -> bool:
-    return text.isdigit() or text in {"raw", "meas", "measured", "data", "value", "imu", "cal", "calibrated"}
+    return name.strip()[:LONGEST_NAME].lstrip("#%").strip().strip("\"'").lstrip("#%").strip()
 
 
 def _words(text: str) -> list[str]:
@@ -182,8 +185,8 @@ def _axis(words: list[str]) -> str:
         return "temperature"
     if not words or _OTHER & set(words):
         return ""
-    for letter, rest in _letters(words):
-        quantity = _quantity(rest)
+    for letter, others in _letters(words):
+        quantity = _quantity(others)
         if quantity:
             return f"{quantity}_{letter}"
     return ""

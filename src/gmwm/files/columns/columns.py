@@ -13,13 +13,13 @@ from gmwm.base.remarks import Remark
 from gmwm.base.template import Fact, joined
 from gmwm.base.text import counted
 from gmwm.base.units import STANDARD_GRAVITY
-from gmwm.files.columns.column_names import clean, recognise
+from gmwm.files.columns.column_names import clean, role_of
 from gmwm.files.contract import Layout
 from gmwm.recording.options import ROLES, Columns
 
 
 @dataclass(frozen=True)
-class Choice:
+class ColumnChoice:
     """The columns to read, and their roles."""
 
     columns: dict[str, int]  # index of the column of each role: an axis, "time" or "temperature"
@@ -31,35 +31,35 @@ class Choice:
         """The axes among the roles, gyroscopes first."""
         return tuple(axis for axis in AXES if axis in self.columns)
 
-    def only(self, axes: Sequence[str]) -> Choice:
+    def only(self, axes: Sequence[str]) -> ColumnChoice:
         """Return the choice without the axes that are not in `axes`. The time and the temperature are kept."""
-        kept = {role: k for role, k in self.columns.items() if role not in AXES or role in axes}
-        return Choice(kept, self.remarks)
+        columns = {role: k for role, k in self.columns.items() if role not in AXES or role in axes}
+        return ColumnChoice(columns, self.remarks)
 
 
-def choose(layout: Layout, columns: Columns | None, path: Path) -> Choice:
+def choose(layout: Layout, columns: Columns | None, path: Path) -> ColumnChoice:
     """Choose the columns to read. If `columns` names a column for at least one axis, only the named axes are read. The
     time column is still found by its name unless `columns` has "time". An axis whose column is None is left out."""
     if columns is not None and not isinstance(columns, Mapping):
-        return _finished(Choice(_by_order(layout, columns, path)), layout, path)
-    given = dict(columns or {})
-    declared = {role: _index(layout, column, role, path) for role, column in given.items() if column is not None}
+        return _check_choice(ColumnChoice(_by_order(layout, columns, path)), layout, path)
+    requested = dict(columns or {})
+    declared = {role: _index(layout, column, role, path) for role, column in requested.items() if column is not None}
     exhaustive = any(role in AXES for role in declared)
-    wanted = {"time", "temperature"} if exhaustive else set(ROLES)
+    roles = {"time", "temperature"} if exhaustive else set(ROLES)
     if not layout.named and not declared:
         raise _nameless(layout, path)
-    found, remarks = _by_name(layout, wanted - set(given), set(declared.values()), path)
-    return _finished(Choice(declared | found, remarks), layout, path)
+    named, remarks = _by_name(layout, roles - set(requested), set(declared.values()), path)
+    return _check_choice(ColumnChoice(declared | named, remarks), layout, path)
 
 
-def described(layout: Layout) -> str:
+def describe_columns(layout: Layout) -> str:
     """Describe the columns of a file for a message: their names, or their number."""
     if layout.named:
         return ", ".join(channel.name or "(unnamed)" for channel in layout.channels)
     return f"{len(layout.channels)} columns without names"
 
 
-def _finished(choice: Choice, layout: Layout, path: Path) -> Choice:
+def _check_choice(choice: ColumnChoice, layout: Layout, path: Path) -> ColumnChoice:
     """Check the choice, and add a remark on the columns that are not read."""
     indices = list(choice.columns.values())
     repeated = next((k for k in indices if indices.count(k) > 1), None)
@@ -72,7 +72,7 @@ def _finished(choice: Choice, layout: Layout, path: Path) -> Choice:
         )
     if not choice.axes:
         raise ReadError(
-            f"{path} has no column whose name is known as an axis. Its columns: {described(layout)}",
+            f"{path} has no column whose name is known as an axis. Its columns: {describe_columns(layout)}",
             code="no-inertial-data",
             advice="Name the columns of the axes with {--columns}, for example {--columns=@example}.",
             example=f"gyro_x:{min(1, len(layout.channels) - 1)}",
@@ -83,7 +83,7 @@ def _finished(choice: Choice, layout: Layout, path: Path) -> Choice:
         if k not in choice.columns.values() and (channel.name or layout.named is False)
     ]
     left_out = (Remark.of("left-out", kind="columns", names=tuple(others)),) if others else ()
-    return Choice(choice.columns, (*choice.remarks, *left_out))
+    return ColumnChoice(choice.columns, (*choice.remarks, *left_out))
 
 
 def _by_order(layout: Layout, roles: Sequence[str | None], path: Path) -> dict[str, int]:
@@ -91,7 +91,7 @@ def _by_order(layout: Layout, roles: Sequence[str | None], path: Path) -> dict[s
     if len(roles) != len(layout.channels):
         raise OptionError(
             f"{counted(len(roles), 'column')} named, but {path} has {len(layout.channels)} columns (first row: "
-            f"{_shown(layout)})",
+            f"{_first_cells(layout)})",
             argument="columns",
             advice="Give one name for each column, or name single columns by name or number from 0, for example "
             "{--columns=gyro_x:1,gyro_y:2}.",
@@ -121,7 +121,7 @@ def _index(layout: Layout, column: str | int, role: str, path: Path) -> int:
             example=f"{role}:{matches[0]}",
         )
     raise OptionError(
-        f"{path} has no column {column!r} for {role}. Its columns: {described(layout)}", argument="columns"
+        f"{path} has no column {column!r} for {role}. Its columns: {describe_columns(layout)}", argument="columns"
     )
 
 
@@ -129,7 +129,7 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
     """Find the columns of the wanted roles by the format or by the names; columns in `used` are excluded."""
     candidates: dict[str, list[int]] = {}
     for k, channel in enumerate(layout.channels):
-        role = channel.axis or recognise(channel.name).axis
+        role = role_of(channel)
         if role in wanted and k not in used:
             candidates.setdefault(role, []).append(k)
     for role, several in candidates.items():
@@ -148,7 +148,7 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
                 f"{path}: {which} could each be {role}",
                 code="columns-ambiguous",
                 advice="Choose by the numbers of the columns, counted from 0, for example {--columns=@example}.",
-                example=",".join(f"{axis}:{found[0]}" for axis, found in candidates.items()),
+                example=",".join(f"{axis}:{places[0]}" for axis, places in candidates.items()),
             )
         others: Fact = tuple(names[1:])
         remarks.append(Remark.of("column-chosen", role=role, column=names[0], others=others))
@@ -165,7 +165,7 @@ def _header_stamp(layout: Layout, times: Sequence[int]) -> int | None:
     return None
 
 
-def _shown(layout: Layout) -> str:
+def _first_cells(layout: Layout) -> str:
     """Return the first cells of the first row, for a message."""
     return ", ".join(layout.first_row[:8]) + (", …" if len(layout.first_row) > 8 else "")
 
@@ -179,9 +179,6 @@ def _is_gravity(cells: Sequence[str]) -> bool:
     return any(abs(norm / gravity - 1) <= 0.1 for gravity in (STANDARD_GRAVITY, 1.0))
 
 
-_LISTED = 30  # largest number of columns that the example of the option lists
-
-
 def _nameless(layout: Layout, path: Path) -> ReadError:
     """Make the error for columns without names, with the first row and an example of the option."""
     count = len(layout.channels)
@@ -190,10 +187,11 @@ def _nameless(layout: Layout, path: Path) -> ReadError:
     if count in (6, 7) and _is_gravity(layout.first_row[count - 6 : count - 3]):
         guess = (*guess[: count - 6], *AXES[3:], *AXES[:3])
     return ReadError(
-        f"{path} has {count} columns without names; the first row is {_shown(layout)}",
+        f"{path} has {count} columns without names; the first row is {_first_cells(layout)}",
         code="columns-unnamed",
         advice="Name the columns in their order, for example {--columns=@example}.",
-        example=",".join(guess) if count <= _LISTED else "gyro_x=1,gyro_y=2,gyro_z=3",
+        # Largest number of columns that the example of the option lists
+        example=",".join(guess) if count <= 30 else "gyro_x=1,gyro_y=2,gyro_z=3",
     )
 
 

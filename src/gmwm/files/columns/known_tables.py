@@ -145,13 +145,13 @@ def known_table(names: Sequence[str], path: Path, above: Sequence[str]) -> tuple
 
 
 def _roles(table: KnownTable, names: Sequence[str]) -> dict[int, tuple[str, str]]:
-    found: dict[str, tuple[int, str]] = {}
+    roles: dict[str, tuple[int, str]] = {}
     for pattern, role, unit in table.columns:
         matches = [(k, match) for k, name in enumerate(names) if (match := re.fullmatch(pattern, name))]
-        taken = {one for one, _ in found.items()}
+        taken = {label for label, _ in roles.items()}
         for k, match in matches:
             axis = match[1].lower() if match.re.groups else ""
             full = f"{role}_{_AXIS.get(axis, axis)}" if axis else role
             if full not in taken:
-                found.setdefault(full, (k, unit))
-    return {k: (role, unit) for role, (k, unit) in sorted(found.items(), key=lambda item: item[1][0])}
+                roles.setdefault(full, (k, unit))
+    return {k: (role, unit) for role, (k, unit) in sorted(roles.items(), key=lambda item: item[1][0])}

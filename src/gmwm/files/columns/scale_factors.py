@@ -9,13 +9,13 @@ from gmwm.base.axis_names import axis_quantity
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.units import SI_UNIT
-from gmwm.files.columns.columns import Choice
+from gmwm.files.columns.columns import ColumnChoice
 from gmwm.files.contract import Layout
 
 
 def multiply(
     layout: Layout,
-    choice: Choice,
+    choice: ColumnChoice,
     factors: Mapping[str, float],
     increments: Sequence[str],
     raw: Mapping[str, Vector],

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
-from gmwm.files.columns.column_names import named_unit, recognise
+from gmwm.files.columns.column_names import named_unit, role_of
 from gmwm.files.contract import Layout, Reader, Rows, register
 from gmwm.files.formats.byte_sources import ZIP, MemberSource, PackedError, file_names, open_archive
 from gmwm.files.formats.compressed import packed_text
@@ -33,7 +33,7 @@ MAX_TABLES = 100
 
 
 @dataclass(frozen=True)
-class _Table:
+class _ArchiveTable:
     """A table in an archive, with its bytes, its reader and its columns."""
 
     source: MemberSource
@@ -43,11 +43,11 @@ class _Table:
     @property
     def quantities(self) -> set[str]:
         """Names of the sensors in the table: "gyro", "accel" or both."""
-        axes = {channel.axis or recognise(channel.name).axis for channel in self.layout.channels}
+        axes = {role_of(channel) for channel in self.layout.channels}
         return {axis_quantity(axis) for axis in axes if axis in AXES}
 
     @property
-    def filtered(self) -> bool:
+    def without_gravity(self) -> bool:
         """Whether the phone removed gravity, so that the numbers come from its filter. Applications call this linear
         acceleration; the field linear_acceleration of ROS messages includes gravity."""
         if isinstance(self.reader, SensorLoggerReader):
@@ -58,9 +58,7 @@ class _Table:
     @property
     def time(self) -> int | None:
         """Index of the first column with a time; None if there is none."""
-        return next(
-            (k for k, c in enumerate(self.layout.channels) if (c.axis or recognise(c.name).axis) == "time"), None
-        )
+        return next((k for k, c in enumerate(self.layout.channels) if role_of(c) == "time"), None)
 
     def rows(self, wanted: Sequence[int], skip_bad_lines: bool = False) -> Iterator[Rows]:
         """Yield the values of the wanted columns, chunk by chunk."""
@@ -73,10 +71,10 @@ class _Table:
 
 
 @dataclass(frozen=True)
-class _Pair:
+class _TablePair:
     """Two tables, the index of the first paired row of each, and the number of pairs."""
 
-    tables: tuple[_Table, _Table]
+    tables: tuple[_ArchiveTable, _ArchiveTable]
     first: tuple[int, int]
     rows: int
 
@@ -97,7 +95,7 @@ class ArchiveReader(Reader):
         tables = _tables(path)
         gyro, accel = (_of_sensor(tables, quantity) for quantity in ("gyro", "accel"))
         if gyro is not None and accel is not None and gyro is not accel:
-            joined = _joined(gyro, accel)
+            joined = _pair_tables(gyro, accel)
             if joined is not None:
                 others = [table.layout.topic for table in tables if table not in (gyro, accel)]
                 left_out = (Remark.of("left-out", kind="tables", names=tuple(others)),) if others else ()
@@ -106,10 +104,10 @@ class ArchiveReader(Reader):
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Yield the values of the wanted columns of one table, or of two paired tables."""
-        if isinstance(layout.state, _Table):
+        if isinstance(layout.state, _ArchiveTable):
             yield from layout.state.rows(wanted, layout.skip_bad_lines)
             return
-        pair: _Pair = layout.state
+        pair: _TablePair = layout.state
         count = len(pair.tables[0].layout.channels)
         out: dict[int, NDArray[np.generic]] = {}
         for table, first, shift in zip(pair.tables, pair.first, (0, count), strict=True):
@@ -121,7 +119,7 @@ class ArchiveReader(Reader):
         yield out
 
 
-def _tables(path: Path) -> list[_Table]:
+def _tables(path: Path) -> list[_ArchiveTable]:
     """Return the tables in an archive that have values of an inertial sensor."""
     with open_archive(path) as archive:
         names = list(dict.fromkeys(file_names(archive)))
@@ -131,7 +129,7 @@ def _tables(path: Path) -> list[_Table]:
             code="too-many",
             advice="Unpack it and pass the recording in it.",
         )
-    found, first_error = [], None
+    tables, first_error = [], None
     for name in names:
         inside = PurePosixPath(name)
         if inside.suffix.lower() not in _SUFFIXES or inside.name.startswith("."):
@@ -146,13 +144,13 @@ def _tables(path: Path) -> list[_Table]:
             continue
         for layout in layouts:
             topic = "/".join([str(inside.with_suffix("")), *([layout.topic] if len(layouts) > 1 else [])])
-            table = _Table(source, reader, replace(layout, topic=topic))
-            if table.filtered and not any(remark.code == "gravity-removed" for remark in layout.remarks):
+            table = _ArchiveTable(source, reader, replace(layout, topic=topic))
+            if table.without_gravity and not any(remark.code == "gravity-removed" for remark in layout.remarks):
                 removed = Remark.of("gravity-removed", table.layout.topic)
                 table = replace(table, layout=replace(table.layout, remarks=(*layout.remarks, removed)))
             if table.quantities or len(names) == 1:
-                found.append(table)
-    if not found:
+                tables.append(table)
+    if not tables:
         if first_error is not None and len(names) == 1:
             raise first_error
         shown = ", ".join(names[:8]) + (", …" if len(names) > 8 else "")
@@ -161,55 +159,55 @@ def _tables(path: Path) -> list[_Table]:
             code="no-inertial-data",
             advice="Unpack it, and pass the table with {--columns}.",
         )
-    return found
+    return tables
 
 
-def _of_sensor(tables: list[_Table], quantity: str) -> _Table | None:
-    """Return the table of a sensor; None unless there is exactly one, or one that is not filtered."""
+def _of_sensor(tables: list[_ArchiveTable], quantity: str) -> _ArchiveTable | None:
+    """Return the table of a sensor; None unless there is exactly one, or one that is not without_gravity."""
     several = [table for table in tables if table.quantities == {quantity}]
     if len(several) > 1:
-        own = ("gyroscope", "totalacceleration")
-        several = [t for t in several if sensor(Path(t.source.member)) in own] or several
+        unfiltered = ("gyroscope", "totalacceleration")
+        several = [t for t in several if sensor(Path(t.source.member)) in unfiltered] or several
     if len(several) == 1:
         return several[0]
-    several = [t for t in several if not t.filtered]
+    several = [t for t in several if not t.without_gravity]
     return several[0] if len(several) == 1 else None
 
 
-def _joined(gyro: _Table, accel: _Table) -> Layout | None:
+def _pair_tables(gyro: _ArchiveTable, accel: _ArchiveTable) -> Layout | None:
     """Return one layout for the tables of both sensors if their rows can be paired; None otherwise."""
-    if gyro.time is None or accel.time is None or accel.filtered:
+    if gyro.time is None or accel.time is None or accel.without_gravity:
         return None
     clocks = [table.layout.channels[k] for table, k in ((gyro, gyro.time), (accel, accel.time))]
     units = {named_unit(clock.name, "time") or clock.unit for clock in clocks}
     stamps = [table.read([k])[k] for table, k in ((gyro, gyro.time), (accel, accel.time))]
     if len(units) > 1:
         return None
-    matched = _matched(stamps[0], stamps[1])
+    matched = _pair_rows(stamps[0], stamps[1])
     if matched is None:
         return None
     first, rows = matched
-    left = stamps[0].size + stamps[1].size - 2 * rows
+    unpaired = stamps[0].size + stamps[1].size - 2 * rows
     # The recording has the time stamps of the gyroscopes.
     channels = [
-        replace(c, axis="", name=f"{accel.layout.topic}: stamps") if (c.axis or recognise(c.name).axis) == "time" else c
+        replace(c, axis="", name=f"{accel.layout.topic}: stamps") if role_of(c) == "time" else c
         for c in accel.layout.channels
     ]
-    paired = Remark.of("rows-paired", gyro=gyro.layout.topic, accel=accel.layout.topic, left=left)
+    paired = Remark.of("rows-paired", gyro=gyro.layout.topic, accel=accel.layout.topic, left=unpaired)
     return Layout(
         (*gyro.layout.channels, *channels),
         (*gyro.layout.first_row, *accel.layout.first_row),
         units={**accel.layout.units, **gyro.layout.units},
         remarks=(*gyro.layout.remarks, *accel.layout.remarks, paired),
-        state=_Pair((gyro, accel), first, rows),
+        state=_TablePair((gyro, accel), first, rows),
     )
 
 
-def _matched(one: NDArray[np.generic], other: NDArray[np.generic]) -> tuple[tuple[int, int], int] | None:
+def _pair_rows(one: NDArray[np.generic], other: NDArray[np.generic]) -> tuple[tuple[int, int], int] | None:
     """Pair two columns of time stamps row by row. Return the index of the first paired row in each column and the
     number of pairs, or None if the columns cannot be paired.
 
-    >>> _matched(np.arange(0.0, 9.0), np.arange(1.6, 12.0))
+    >>> _pair_rows(np.arange(0.0, 9.0), np.arange(1.6, 12.0))
     ((2, 0), 7)
     """
     if min(one.size, other.size) < 2:

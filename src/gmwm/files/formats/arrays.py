@@ -21,7 +21,7 @@ from gmwm.base.axis_names import AXES
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.units import find_unit
-from gmwm.files.columns.column_names import recognise
+from gmwm.files.columns.column_names import recognise, role_of
 from gmwm.files.contract import Channel, Layout, Mark, Reader, Rows
 
 ROWS = 1 << 20
@@ -90,17 +90,17 @@ def is_rate(name: str) -> bool:
 
 def with_stated_units(arrays: Sequence[Array], texts: Sequence[str]) -> list[Array]:
     """Return the arrays with the units that a description in the file states, such as "`imu_gyr` in rad/s"."""
-    said: dict[str, str] = {}
+    units: dict[str, str] = {}
     for text in texts:
         for name, unit in _STATED.findall(text[:_DESCRIPTION]):
             if find_unit(unit) is not None:
-                said.setdefault(name, unit)
-    return [array if array.unit else replace(array, unit=said.get(split_path(array.name)[1], "")) for array in arrays]
+                units.setdefault(name, unit)
+    return [array if array.unit else replace(array, unit=units.get(split_path(array.name)[1], "")) for array in arrays]
 
 
 def layouts_of(arrays: Sequence[Array], path: object, remarks: tuple[Remark, ...] = ()) -> tuple[Layout, ...]:
     """Group arrays of the same length into recordings, and by their folders in the file if an axis occurs twice."""
-    usable = [upright(array) for array in arrays if _is_real(array)]
+    usable = [upright(array) for array in arrays if array.dtype.kind in "iufMm" and len(array.shape) <= 2]
     series = [a for a in usable if len(a.shape) in (1, 2) and a.shape[0] > 1 and 0 < a.columns <= MAX_COLUMNS]
     if not series:
         shown = ", ".join(f"{a.name} {'×'.join(map(str, a.shape)) or 'number'}" for a in arrays[:8])
@@ -112,11 +112,11 @@ def layouts_of(arrays: Sequence[Array], path: object, remarks: tuple[Remark, ...
     groups: dict[object, list[Array]] = {}
     for array in series:
         groups.setdefault(array.shape[0], []).append(array)
-    split = [part for group in groups.values() for part in _parted(group)]
-    known = [part for part in split if any(axis in AXES for axis in _roles(part))]
-    chosen = known or [max(split, key=lambda part: (part[0].shape[0], sum(a.columns for a in part)))]
-    left = [a.name for part in split if part not in chosen for a in part]
-    left_out = (Remark.of("left-out", kind="arrays", names=tuple(left)),) if left else ()
+    split = [part for group in groups.values() for part in _folder_groups(group)]
+    inertial = [part for part in split if any(axis in AXES for axis in _roles(part))]
+    chosen = inertial or [max(split, key=lambda part: (part[0].shape[0], sum(a.columns for a in part)))]
+    unused = [a.name for part in split if part not in chosen for a in part]
+    left_out = (Remark.of("left-out", kind="arrays", names=tuple(unused)),) if unused else ()
     topics = _topics(chosen)
     return tuple(
         _layout(part, _rate(usable, part), topic=topic, remarks=(*remarks, *left_out), stray=_stray_time(part, split))
@@ -178,12 +178,14 @@ def fields_of(name: str, shape: tuple[int, ...], dtype: np.dtype[Any], rows: Row
     """Describe an array in a file. If its elements are records, return one `Array` for each field of the records."""
     if dtype.names is None:
         return [Array(name, shape, dtype=dtype, rows=rows, unit=unit or _date_unit(dtype))]
-    found = []
+    arrays = []
     for field in dtype.names:
         base, inner = dtype[field].subdtype or (dtype[field], ())
         path = f"{name}/{field}" if name else field
-        found.append(Array(path, (*shape, *inner), dtype=base, rows=_Field(rows, field), unit=unit or _date_unit(base)))
-    return found
+        arrays.append(
+            Array(path, (*shape, *inner), dtype=base, rows=_Field(rows, field), unit=unit or _date_unit(base))
+        )
+    return arrays
 
 
 class _Field:
@@ -211,17 +213,13 @@ def _date_unit(dtype: np.dtype[Any]) -> str:
     return unit if count == 1 else ""
 
 
-def _is_real(array: Array) -> bool:
-    return array.dtype.kind in "iufMm" and len(array.shape) <= 2
-
-
 def _roles(part: Sequence[Array]) -> list[str]:
     """Return the roles ("time" or an axis) of the columns of the arrays. Columns without a role are omitted."""
     channels = _channels(part)
-    return [role for c in channels if (role := c.axis or recognise(c.name).axis)]
+    return [role for c in channels if (role := role_of(c))]
 
 
-def _parted(group: list[Array]) -> list[list[Array]]:
+def _folder_groups(group: list[Array]) -> list[list[Array]]:
     """Divide arrays of the same length by their groups in the file if an axis occurs twice."""
     roles = [role for role in _roles(group) if role in AXES]
     if len(set(roles)) == len(roles):
@@ -244,8 +242,8 @@ def _channels(part: Sequence[Array]) -> tuple[Channel, ...]:
     lonely = len(part) == 1 and part[0].columns > 1 and not part[0].axes
     out = []
     for array in part:
-        own = _own_name(array, part)
-        names = _column_names(own, array.columns)
+        label = _own_name(array, part)
+        names = _column_names(label, array.columns)
         if lonely and not any(recognise(name).axis for name in names):
             names = [""] * array.columns  # the columns of a single matrix are named by the user, in their order
         for k, name in enumerate(names):
@@ -261,8 +259,8 @@ def split_path(name: str) -> tuple[str, str]:
     >>> split_path("imu0/gyro [rad/s]")
     ('imu0', 'gyro [rad/s]')
     """
-    folder, found, own = _SLASH.sub("\0", name).rpartition("\0")
-    return (folder.replace("\0", "/"), own) if found else ("", name)
+    folder, separator, label = _SLASH.sub("\0", name).rpartition("\0")
+    return (folder.replace("\0", "/"), label) if separator else ("", name)
 
 
 def _own_name(array: Array, part: Sequence[Array]) -> str:
@@ -287,12 +285,12 @@ def _column_names(name: str, columns: int) -> list[str]:
 def _rate(arrays: Sequence[Array], part: Sequence[Array]) -> float | None:
     """Return the rate (Hz) that a scalar in the file states. A scalar in the group of the columns has priority."""
     folder = split_path(part[0].name)[0]
-    found = []
+    candidates = []
     for array in arrays:
-        where, own = split_path(array.name)
-        if int(np.prod(array.shape)) == 1 and is_rate(own):
-            found.append((where != folder, float(array.rows(0, 1, 0).reshape(-1)[0])))
-    rates = {rate for outside, rate in sorted(found) if outside == min(found)[0]}
+        where, label = split_path(array.name)
+        if int(np.prod(array.shape)) == 1 and is_rate(label):
+            candidates.append((where != folder, float(array.rows(0, 1, 0).reshape(-1)[0])))
+    rates = {rate for outside, rate in sorted(candidates) if outside == min(candidates)[0]}
     rate = rates.pop() if len(rates) == 1 else None
     return rate if rate is not None and np.isfinite(rate) and rate > 0 else None
 
@@ -303,11 +301,11 @@ def _stray_time(part: Sequence[Array], parts: Sequence[Sequence[Array]]) -> str:
         return ""
     folder = split_path(part[0].name)[0]
     for other in parts:
-        beside = [array for array in other if split_path(array.name)[0] == folder]
-        if other is not part and beside and all(_roles([array]) == ["time"] for array in beside):
+        neighbours = [array for array in other if split_path(array.name)[0] == folder]
+        if other is not part and neighbours and all(_roles([array]) == ["time"] for array in neighbours):
             return (
-                f"the {beside[0].shape[0]} time stamps of {beside[0].name} do not belong to the {part[0].shape[0]} "
-                f"samples of {part[0].name}"
+                f"the {neighbours[0].shape[0]} time stamps of {neighbours[0].name} do not belong to the "
+                f"{part[0].shape[0]} samples of {part[0].name}"
             )
     return ""
 
@@ -316,7 +314,7 @@ def _layout(part: Sequence[Array], rate: float | None, topic: str, remarks: tupl
     channels = _channels(part)
     state = tuple((array, k) for array in part for k in range(array.columns))
     first = tuple(str(value) for array in part for value in array.rows(0, 1, 0).reshape(-1))
-    stamped = any((c.axis or recognise(c.name).axis) == "time" for c in channels)
+    stamped = any(role_of(c) == "time" for c in channels)
     if rate is not None and not stamped:
         remarks = (*remarks, Remark.of("rate-stated", rate=Quantity(rate, "Hz"), used="yes"))
     return Layout(channels, first, topic, rate, remarks=remarks, state=state, stray_time=stray, rate_of_samples=True)

@@ -20,9 +20,9 @@ from gmwm.files.formats.bagfiles import (
     TEXT_LIMIT,
     ChunkedStorage,
     Topic,
-    merged,
+    decompress,
+    merge_topics,
     require_checksum,
-    unpacked,
 )
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -39,7 +39,6 @@ _LIMITS = {
     _SCHEMA: 2 * TEXT_LIMIT, _CHANNEL: TEXT_LIMIT, _STATISTICS: TEXT_LIMIT, _MESSAGE: CHUNK_LIMIT,
     _CHUNK: 2 * CHUNK_LIMIT,
 }  # fmt: skip
-_SKIPPED = 1 << 40  # an attachment may be large
 
 
 class McapStorage(ChunkedStorage):
@@ -47,7 +46,7 @@ class McapStorage(ChunkedStorage):
 
     def topics(self) -> tuple[Topic, ...]:
         """Return the topics from the summary at the end of the file. If there is no summary, read the whole file."""
-        with self.opened() as file:
+        with self.open_records() as file:
             start, contents = self._summary(file), _Contents()
             file.seek(start or len(MAGIC))
             for kind, content in self._records(file, frozenset({_SCHEMA, _CHANNEL, _STATISTICS, _CHUNK})):
@@ -57,7 +56,7 @@ class McapStorage(ChunkedStorage):
                     for inner, part in self._inside(content):
                         if inner in (_SCHEMA, _CHANNEL):
                             contents.take(inner, part)
-            return merged(contents.topics())
+            return merge_topics(contents.topics())
 
     def parts(self, file: BinaryIO, ids: Set[int]) -> Iterator[tuple[bytes, int]]:
         """Yield the records of each chunk, and each message outside a chunk."""
@@ -117,7 +116,7 @@ class McapStorage(ChunkedStorage):
                 return
             if kind == _FOOTER:
                 return
-            limit = _LIMITS.get(kind, _SKIPPED)
+            limit = _LIMITS.get(kind, 1 << 40)  # an attachment may be large
             if length > limit:
                 raise damage_error(f"{self.path} is damaged: a record of {length} bytes", "record-damaged")
             if kind not in wanted:
@@ -137,7 +136,7 @@ class McapStorage(ChunkedStorage):
         compression, position = _text(content, _CHUNK_HEAD.size)
         (length,) = _LONG.unpack_from(content, position)
         packed = content[position + 8 : position + 8 + length]
-        records = unpacked(packed, compression, size, self.path)
+        records = decompress(packed, compression, size, self.path)
         require_checksum(records, checksum, self.path)
         return records
 

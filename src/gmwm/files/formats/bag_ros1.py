@@ -20,8 +20,8 @@ from gmwm.files.formats.bagfiles import (
     TOPIC_LIMIT,
     ChunkedStorage,
     Topic,
-    merged,
-    unpacked,
+    decompress,
+    merge_topics,
 )
 
 MAGIC = b"#ROSBAG V2.0\n"
@@ -29,7 +29,6 @@ MAGIC = b"#ROSBAG V2.0\n"
 _BAG, _CHUNK, _CHUNK_INFO, _CONNECTION = 3, 5, 6, 7
 _WORD, _LONG = Struct("<I"), Struct("<Q")
 _PAIR = Struct("<II")
-_CHUNKS = 10_000_000
 
 
 class Ros1Storage(ChunkedStorage):
@@ -37,7 +36,7 @@ class Ros1Storage(ChunkedStorage):
 
     def topics(self) -> tuple[Topic, ...]:
         """Return the topics, from the index at the end of the file."""
-        with self.opened() as file:
+        with self.open_records() as file:
             return self._index(file)[0]
 
     def parts(self, file: BinaryIO, ids: Set[int]) -> Iterator[tuple[bytes, int]]:
@@ -47,12 +46,12 @@ class Ros1Storage(ChunkedStorage):
                 self._seek(file, position)
                 head, data = self._record(file, _CHUNK)
                 size = _WORD.unpack(head["size"])[0]
-                yield unpacked(data, head["compression"].decode(), size, self.path), size
+                yield decompress(data, head["compression"].decode(), size, self.path), size
 
     def collect(self, records: bytes, ids: Set[int], times: list[int], messages: list[bytes]) -> None:
         """Append the messages. The layout of one header is reused for the next headers until it no longer fits."""
         position, end = 0, len(records)
-        shape = _Shape(b"")
+        shape = _HeaderShape(b"")
         while position < end:
             (length,) = _WORD.unpack_from(records, position)
             header = records[position + 4 : position + 4 + length]
@@ -64,10 +63,10 @@ class Ros1Storage(ChunkedStorage):
             if not shape.fits(header):
                 if header.find(b"op=\x02") < 0:
                     continue
-                shape = _Shape(header)
-            connection, seconds, rest = shape.values(header)
+                shape = _HeaderShape(header)
+            connection, seconds, nanoseconds = shape.values(header)
             if connection in ids:
-                times.append(seconds * 1_000_000_000 + rest)
+                times.append(seconds * 1_000_000_000 + nanoseconds)
                 messages.append(records[position - size : position])
 
     def _index(self, file: BinaryIO) -> tuple[tuple[Topic, ...], list[tuple[int, dict[int, int]]]]:
@@ -88,7 +87,7 @@ class Ros1Storage(ChunkedStorage):
                 advice="Decrypt it with `rosbag decrypt`.",
             )
         connections, chunks = (_WORD.unpack(head[name])[0] for name in ("conn_count", "chunk_count"))
-        if connections > TOPIC_LIMIT or chunks > _CHUNKS:
+        if connections > TOPIC_LIMIT or chunks > 10_000_000:
             raise damage_error(f"{self.path} is damaged: {connections} connections in {chunks} chunks", "index-damaged")
         self._seek(file, position)
         records = [self._record(file, _CONNECTION) for _ in range(connections)]
@@ -100,7 +99,9 @@ class Ros1Storage(ChunkedStorage):
             places.append((_LONG.unpack(info["chunk_pos"])[0], held))
             for number, count in held.items():
                 counts[number] = counts.get(number, 0) + count
-        return merged(_topic(info, data, counts) for info, data in records), sorted(places, key=lambda place: place[0])
+        return merge_topics(_topic(info, data, counts) for info, data in records), sorted(
+            places, key=lambda place: place[0]
+        )
 
     def _seek(self, file: BinaryIO, position: int) -> None:
         """Go to a position from the index, after a check that it is inside the file."""
@@ -155,7 +156,7 @@ def _topic(info: dict[str, bytes], data: bytes, counts: dict[int, int]) -> Topic
     )  # fmt: skip
 
 
-class _Shape:
+class _HeaderShape:
     """Layout of a message header: the positions of its values, and the constant bytes around them."""
 
     def __init__(self, header: bytes) -> None:
@@ -177,5 +178,5 @@ class _Shape:
 
     def values(self, header: bytes) -> tuple[int, int, int]:
         (connection,) = _WORD.unpack_from(header, self.conn)
-        seconds, rest = _PAIR.unpack_from(header, self.time)
-        return connection, seconds, rest
+        seconds, nanoseconds = _PAIR.unpack_from(header, self.time)
+        return connection, seconds, nanoseconds

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING
 
 from gmwm.base.errors import ReadError
 from gmwm.files.contract import damage_error
-from gmwm.files.formats.bagfiles import BATCH_BYTES, CHUNK_LIMIT, TEXT_LIMIT, TOPIC_LIMIT, Batch, Storage, Topic, merged
+from gmwm.files.formats.bagfiles import (
+    BATCH_BYTES,
+    CHUNK_LIMIT,
+    TEXT_LIMIT,
+    TOPIC_LIMIT,
+    Batch,
+    Storage,
+    Topic,
+    merge_topics,
+)
 
 if TYPE_CHECKING:
     import sqlite3
@@ -26,7 +35,7 @@ class SqliteStorage(Storage):
         """Return the topics. Since ROS 2 Iron, a second table contains the definitions of their types."""
         import sqlite3
 
-        with closing(self._connected()) as base:
+        with closing(self._connect()) as base:
             try:
                 texts = {}
                 if self._table(base, "message_definitions"):
@@ -37,7 +46,7 @@ class SqliteStorage(Storage):
                 ).fetchall()
             except (sqlite3.Error, UnicodeDecodeError) as error:
                 raise damage_error(f"{self.path} is damaged ({error})") from error
-        found = []
+        topics = []
         for number, name, kind, encoding in rows:
             text, language = texts.get(kind, ("", ""))
             if (
@@ -45,17 +54,17 @@ class SqliteStorage(Storage):
                 or len(text) > TEXT_LIMIT
             ):
                 raise damage_error(f"{self.path} is damaged: its table of topics does not hold texts")
-            found.append(Topic(name=name, type=kind, encoding=encoding, text=text, language=language, ids=(number,)))
-        return merged(iter(found))
+            topics.append(Topic(name=name, type=kind, encoding=encoding, text=text, language=language, ids=(number,)))
+        return merge_topics(iter(topics))
 
     def batches(self, topic: Topic) -> Iterator[Batch]:
         """Yield the messages of a topic, by time of recording if the table has an index for it, else by number."""
         import sqlite3
 
         marks = ",".join("?" * len(topic.ids))
-        with closing(self._connected()) as base:
+        with closing(self._connect()) as base:
             try:
-                order = "timestamp" if _indexed(base) else "id"
+                order = "timestamp" if _has_time_index(base) else "id"
                 rows = base.execute(
                     f"SELECT timestamp, data FROM messages WHERE topic_id IN ({marks}) ORDER BY {order}", topic.ids
                 )
@@ -71,7 +80,7 @@ class SqliteStorage(Storage):
             except (sqlite3.Error, UnicodeDecodeError) as error:
                 raise damage_error(f"{self.path} is damaged ({error})") from error
 
-    def _connected(self) -> sqlite3.Connection:
+    def _connect(self) -> sqlite3.Connection:
         """Open the database read-only, with settings for untrusted files."""
         import sqlite3
 
@@ -111,9 +120,9 @@ class SqliteStorage(Storage):
         (size,) = _PAGE.unpack_from(head, 16)
         changed, count, valid = (_WORD.unpack_from(head, k)[0] for k in (24, 28, 92))
         size = 65536 if size == 1 else size
-        there = self.path.stat().st_size
-        if valid == changed and there < size * count:
-            raise damage_error(f"{self.path} is truncated: {there} bytes, expected {size * count}", "cut-off")
+        available = self.path.stat().st_size
+        if valid == changed and available < size * count:
+            raise damage_error(f"{self.path} is truncated: {available} bytes, expected {size * count}", "cut-off")
 
     @staticmethod
     def _table(base: sqlite3.Connection, name: str) -> bool:
@@ -123,7 +132,7 @@ class SqliteStorage(Storage):
         return row is not None and str(row[0]).upper().startswith("CREATE TABLE")
 
 
-def _indexed(base: sqlite3.Connection) -> bool:
+def _has_time_index(base: sqlite3.Connection) -> bool:
     """Return whether the messages have an index by time; sorting without one needs as much space as the file."""
     for row in base.execute("PRAGMA index_list(messages)").fetchall():
         columns = base.execute("SELECT name FROM pragma_index_info(?)", (row[1],)).fetchall()

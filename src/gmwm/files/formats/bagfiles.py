@@ -29,8 +29,6 @@ BATCH_BYTES = 2 << 20
 CHUNK_LIMIT = 256 << 20
 """Largest size of a decompressed chunk (bytes); recorders write 0.8 to 16 MB."""
 
-MESSAGE_LIMIT = 1 << 20
-"""Largest size of a decompressed message (bytes); messages of inertial sensors have a few hundred bytes."""
 
 TEXT_LIMIT = 1 << 20
 """Largest length of a message definition (characters), and of a record that contains one (bytes)."""
@@ -81,7 +79,7 @@ class ChunkedStorage(Storage):
         """Yield the messages of a topic, chunk by chunk; within a batch they are sorted by the time of recording."""
         ids, size = frozenset(topic.ids), 0
         times, messages = list[int](), list[bytes]()
-        with self.opened() as file:
+        with self.open_records() as file:
             for records, weight in self.parts(file, ids):
                 self.collect(records, ids, times, messages)
                 size += weight
@@ -92,7 +90,7 @@ class ChunkedStorage(Storage):
             yield _in_order(times, messages)
 
     @contextmanager
-    def opened(self) -> Iterator[BinaryIO]:
+    def open_records(self) -> Iterator[BinaryIO]:
         """Open the file, and convert the errors of damaged records to a ReadError."""
         with self.path.open("rb") as file:
             try:
@@ -109,11 +107,11 @@ def _in_order(times: list[int], messages: list[bytes]) -> Batch:
     return [times[k] for k in order], [messages[k] for k in order]
 
 
-def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
+def decompress(data: bytes, compression: str, size: int, path: Path) -> bytes:
     """Decompress a chunk ("", "none", "lz4", "bz2" or "zstd"), and check that it has the size that the file states."""
     if size > CHUNK_LIMIT:
         raise ReadError(
-            f"{path}: a chunk of {size} bytes; more than {CHUNK_LIMIT >> 20} MB are not unpacked at once",
+            f"{path}: a chunk of {size} bytes; more than {CHUNK_LIMIT >> 20} MB are not decompress at once",
             code="too-large",
             advice="Record with smaller chunks, or export the topic as CSV.",
         )
@@ -138,21 +136,22 @@ def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
     return bytes(content)
 
 
-def unpacked_messages(messages: list[bytes], path: Path) -> list[bytes]:
+def decompress_messages(messages: list[bytes], path: Path) -> list[bytes]:
     """Decompress messages that were compressed one by one. A CDR message cannot begin with the bytes of Zstandard."""
     if not messages[0].startswith(ZSTD):
         return messages
     try:
-        found = [_decompressor("zstd").decompress(message, max_length=MESSAGE_LIMIT) for message in messages]
+        # Largest size of a decompressed message (bytes); messages of inertial sensors have a few hundred bytes
+        contents = [_decompressor("zstd").decompress(message, max_length=(1 << 20)) for message in messages]
     except Exception as error:  # a library can raise any error on invalid data
         raise damage_error(f"{path}: a compressed message is damaged ({error})", "chunk-damaged") from error
-    if sum(map(len, found)) > CHUNK_LIMIT:
+    if sum(map(len, contents)) > CHUNK_LIMIT:
         raise ReadError(
             f"{path}: compressed messages of more than {CHUNK_LIMIT >> 20} MB; no recorder writes them",
             code="too-large",
             advice="Copy the file again, or export the topic as CSV.",
         )
-    return found
+    return contents
 
 
 def require_checksum(content: bytes, checksum: int, path: Path) -> None:
@@ -161,22 +160,22 @@ def require_checksum(content: bytes, checksum: int, path: Path) -> None:
         raise damage_error(f"{path}: a chunk is damaged: its checksum is wrong", "checksum-wrong")
 
 
-def merged(topics: Iterator[Topic]) -> tuple[Topic, ...]:
+def merge_topics(topics: Iterator[Topic]) -> tuple[Topic, ...]:
     """Merge topics of the same name, because the messages of several publishers of a topic form one recording."""
-    found: dict[tuple[str, str, str], Topic] = {}
+    by_key: dict[tuple[str, str, str], Topic] = {}
     for topic in topics:
         key = (topic.name, topic.type, topic.encoding)
-        other = found.get(key, Topic(*key))
+        other = by_key.get(key, Topic(*key))
         count = None if topic.count is None else topic.count + (other.count or 0)
         text, language = (topic.text, topic.language) if topic.text else (other.text, other.language)
-        found[key] = replace(topic, text=text, language=language, ids=other.ids + topic.ids, count=count)
-        if len(found) > TOPIC_LIMIT:
+        by_key[key] = replace(topic, text=text, language=language, ids=other.ids + topic.ids, count=count)
+        if len(by_key) > TOPIC_LIMIT:
             raise ReadError(
                 f"more than {TOPIC_LIMIT} topics",
                 code="too-many",
                 advice="Copy the topics of the sensor to another recording.",
             )
-    return tuple(found.values())
+    return tuple(by_key.values())
 
 
 def _decompressor(compression: str) -> Any:

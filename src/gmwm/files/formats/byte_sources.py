@@ -52,7 +52,7 @@ class FileSource:
         return str(self.path)
 
     @property
-    def named(self) -> Path:
+    def unpacked_path(self) -> Path:
         """The name of the unpacked file."""
         return self.path
 
@@ -78,7 +78,7 @@ class CompressedSource(FileSource):
     """The bytes inside a gzip or Zstandard file. The first bytes show the compression."""
 
     @property
-    def named(self) -> Path:
+    def unpacked_path(self) -> Path:
         """The name of the unpacked file."""
         return self.path.with_suffix("")
 
@@ -93,8 +93,8 @@ class CompressedSource(FileSource):
             magic = file.read(4)
         packed = self.path.stat().st_size
         if magic.startswith(GZIP):
-            return _bounded(cast("IO[bytes]", gzip.open(self.path, "rb")), str(self), packed)
-        return _bounded(zstd_library().open(self.path, "rb"), str(self), packed)
+            return _limit(cast("IO[bytes]", gzip.open(self.path, "rb")), str(self), packed)
+        return _limit(zstd_library().open(self.path, "rb"), str(self), packed)
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class MemberSource(FileSource):
         return f"{self.path}:{self.member}"
 
     @property
-    def named(self) -> Path:
+    def unpacked_path(self) -> Path:
         """The name of the unpacked file."""
         return Path(self.member)
 
@@ -132,7 +132,7 @@ class MemberSource(FileSource):
             archive.close()
             raise PackedError(f"{self} is encrypted", code="encrypted", advice="Unpack it with its password first.")
         try:
-            return _bounded(archive.open(info), str(self), info.compress_size, archive)
+            return _limit(archive.open(info), str(self), info.compress_size, archive)
         except (OSError, NotImplementedError, zipfile.BadZipFile, RuntimeError, ValueError) as error:
             archive.close()
             raise PackedError(
@@ -184,11 +184,11 @@ def require_ratio(unpacked: int, packed: int, name: object) -> None:
         )
 
 
-def _bounded(stream: IO[bytes], name: str, packed: int, owner: zipfile.ZipFile | None = None) -> BinaryIO:
-    return io.BufferedReader(_Counted(stream, name, packed, owner), 1 << 18)
+def _limit(stream: IO[bytes], name: str, packed: int, owner: zipfile.ZipFile | None = None) -> BinaryIO:
+    return io.BufferedReader(_CountingStream(stream, name, packed, owner), 1 << 18)
 
 
-class _Counted(io.RawIOBase):
+class _CountingStream(io.RawIOBase):
     """A stream that counts unpacked bytes. It converts errors of the libraries to `PackedError`."""
 
     def __init__(self, stream: IO[bytes], name: str, packed: int, owner: zipfile.ZipFile | None) -> None:

@@ -1,11 +1,8 @@
 """Decode the numbers in serialised ROS messages, many messages at once if they have the same layout.
 
-ROS 2 serialises a message as CDR: a head of four bytes that states the byte order, and then the values one after
-another, each aligned to its own size. ROS 1 has no head and no alignment. In both, the positions of the values depend
-only on the lengths of the strings and sequences before them. Therefore the positions in one message are valid for all
-messages of the same size and byte order whose strings and sequences have the same lengths, and their numbers are read
-as strided columns. The decoder of rosbags decodes all other messages one by one.
-
+CDR (ROS 2) has a head of four bytes with the byte order, and values aligned to their size; ROS 1 has neither. The
+positions of the values depend only on the lengths of the strings and sequences before them, so messages with the same
+lengths are read as strided columns. The decoder of rosbags decodes all other messages one by one.
 Sources: OMG Common Data Representation (formal/02-06-51, 15.3); ROS wiki, "msg", serialization.
 """
 
@@ -13,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from struct import Struct
 from typing import Any, Literal
 
@@ -34,13 +32,10 @@ SIZES = {
 TIME = "builtin_interfaces/msg/Time"
 """The type of a time stamp: seconds and nanoseconds, 32 bits each."""
 
-_DEPTH = 32  # largest nesting depth: a definition that contains itself would have no end
 _LONG = 16  # longer arrays of numbers are not channels
-_LEAVES = 512
 _STEPS = 100_000  # largest number of parts of a message
-_LENGTHS = 256  # strings and sequences in a message: with more, the next message hardly ever has the same lengths
 _TEMPLATES = 8  # layouts to try in a batch before the general decoder decodes the rest
-_TIME_WORDS = ("i4", "u4")  # seconds and nanoseconds; unsigned in ROS 1, which matters from 2038 on
+_COPY_OR_EXPORT = "Copy the file again, or export the topic as CSV."
 _WORDS = {"<": Struct("<I"), ">": Struct(">I")}
 
 # Kinds of a field in rosbags; the numbers are part of its interface.
@@ -67,17 +62,10 @@ class Definition:
     def leaves(self) -> tuple[str, ...]:
         """Return the names of the numbers in every message, for example "angular_velocity.x" and "gyro[0]". A time
         stamp is one number, in nanoseconds. Strings, sequences and long arrays are left out."""
-        names: list[str] = []
-        for name in self._leaves(self.name, "", 0):
-            names.append(name)
-            if len(names) == _LEAVES:
-                break
-        return tuple(names)
+        return tuple(islice(self._leaves(self.name, "", 0), 512))
 
     def _leaves(self, kind: str, prefix: str, depth: int) -> Iterator[str]:
-        if depth > _DEPTH:
-            raise topic_error(f"the message type {self.name} holds itself", "type-recursive")
-        for name, description in self.fields(kind):
+        for name, description in self.fields(kind, depth):
             path = prefix + name
             sort, inner = description
             if sort == _ARRAY:
@@ -98,8 +86,10 @@ class Definition:
         else:
             yield from self._leaves(inner, f"{path}.", depth + 1)
 
-    def fields(self, kind: str) -> Sequence[tuple[str, Description]]:
-        """Return the fields of one of the types."""
+    def fields(self, kind: str, depth: int) -> Sequence[tuple[str, Description]]:
+        """Return the fields of one of the types, which is nested in `depth` others."""
+        if depth > 32:  # largest nesting depth: a definition that contains itself would have no end
+            raise topic_error(f"the message type {self.name} holds itself", "type-recursive")
         if kind not in self.types:
             raise topic_error(
                 f"the message type {self.name} holds {kind}, which the recording does not define", "type-undefined"
@@ -139,74 +129,59 @@ class _Walk:
     def length(self) -> int:
         self.align(4)
         if self.position + 4 > len(self.message):
-            raise self.broken()
+            raise self.mismatch()
         value = int(_WORDS[self.order].unpack_from(self.message, self.position)[0])
         self.words.append((self.position, value))
         self.position += 4
         return value
 
     def struct(self, kind: str, prefix: str, depth: int = 0) -> None:
-        if depth > _DEPTH:
-            raise topic_error(f"the message type {self.definition.name} holds itself", "type-recursive")
-        for name, description in self.definition.fields(kind):
+        for name, description in self.definition.fields(kind, depth):
             self.value(description, prefix + name, depth)
 
     def value(self, description: Description, path: str, depth: int) -> None:
-        self.step()
-        sort, inner = description
-        if sort == _BASE:
-            self.base_value(inner[0], path)
-        elif sort == _NAME and inner == TIME:
-            self.align(4)
-            self.number("time", 8, path)
-        elif sort == _NAME:
-            self.struct(inner, f"{path}.", depth + 1)
-        else:
-            part, count = inner
-            self.several(part, count if sort == _ARRAY else self.length(), path, depth)
-
-    def several(self, part: Description, count: int, path: str, depth: int) -> None:
-        if part[0] == _BASE and part[1][0] in SIZES and count > _LONG:
-            size = int(SIZES[part[1][0]][1])
-            self.align(size)
-            self.position += size * count
-            return
-        for k in range(count):
-            self.value(part, f"{path}[{k}]", depth)
-
-    def base_value(self, kind: str, path: str) -> None:
-        if kind == "string":
-            length = self.length()
-            self.position += length
-        elif kind in SIZES:
-            size = int(SIZES[kind][1])
-            self.align(size)
-            self.number(SIZES[kind], size, path)
-        else:
-            raise topic_error(
-                f"the message type {self.definition.name} holds {with_article(kind)} ({path}), which is not supported",
-                "unsupported",
-            )
-
-    def number(self, kind: str, size: int, path: str) -> None:
-        if path in self.wanted:
-            self.places[path] = (kind, self.position)
-        self.position += size
-
-    def step(self) -> None:
         self.steps += 1
         if self.steps > _STEPS:
             raise topic_error(f"a message of type {self.definition.name} has more than {_STEPS} parts", "too-many")
         if self.position > len(self.message):
-            raise self.broken()
+            raise self.mismatch()
+        sort, inner = description
+        if sort == _BASE and inner[0] == "string":
+            length = self.length()
+            self.position += length
+        elif sort == _BASE and inner[0] in SIZES:
+            self.number(SIZES[inner[0]], int(SIZES[inner[0]][1]), path)
+        elif sort == _BASE:
+            raise topic_error(
+                f"the message type {self.definition.name} holds {with_article(inner[0])} ({path}), which is not "
+                "supported", "unsupported",
+            )  # fmt: skip
+        elif sort == _NAME and inner == TIME:
+            self.number("time", 4, path)
+        elif sort == _NAME:
+            self.struct(inner, f"{path}.", depth + 1)
+        else:
+            part, count = inner[0], inner[1] if sort == _ARRAY else self.length()
+            if part[0] == _BASE and part[1][0] in SIZES and count > _LONG:
+                size = int(SIZES[part[1][0]][1])
+                self.align(size)
+                self.position += size * count
+                return
+            for k in range(count):
+                self.value(part, f"{path}[{k}]", depth)
 
-    def broken(self) -> ReadError:
+    def number(self, kind: str, alignment: int, path: str) -> None:
+        self.align(alignment)
+        if path in self.wanted:
+            self.places[path] = (kind, self.position)
+        self.position += 8 if kind == "time" else alignment
+
+    def mismatch(self) -> ReadError:
         return ReadError(
             f"a message of {len(self.message)} bytes does not fit its type {self.definition.name}: damaged, or of "
             "another version of it",
-            code="message-damaged",
-            advice="Copy the file again, or export the topic as CSV.",
-        )
+            code="message-damaged", advice=_COPY_OR_EXPORT,
+        )  # fmt: skip
 
 
 def template(definition: Definition, message: bytes, wanted: Sequence[str]) -> Template:
@@ -218,7 +193,7 @@ def template(definition: Definition, message: bytes, wanted: Sequence[str]) -> T
             f"a message of type {definition.name} begins with the bytes {begin or '(none)'}, expected CDR (00 00 or "
             "00 01)",
             code="message-encoding",
-            advice="Copy the file again, or export the topic as CSV.",
+            advice=_COPY_OR_EXPORT,
         )
     start = 4 if cdr else 0
     walk = _Walk(
@@ -226,10 +201,10 @@ def template(definition: Definition, message: bytes, wanted: Sequence[str]) -> T
         order=">" if message[:2] == b"\0\0" and cdr else "<", base=start, position=start,
     )  # fmt: skip
     if cdr and len(message) < 4:
-        raise walk.broken()
+        raise walk.mismatch()
     walk.struct(definition.name, "")
     if not 0 <= len(message) - walk.position <= (3 if cdr else 0):
-        raise walk.broken()
+        raise walk.mismatch()
     return Template(walk.order, walk.places, tuple(walk.words), len(message))
 
 
@@ -248,52 +223,47 @@ class Decoder:
         """Decode the wanted numbers of N messages. Return an array (N,) of int64 or float64 for each name."""
         sizes = np.fromiter(map(len, messages), np.int64, len(messages))
         out: dict[str, NDArray[Any]] = {}
-        left = np.arange(len(messages))
+        remaining = np.arange(len(messages))
         for _ in range(_TEMPLATES):
-            if not left.size:
+            if not remaining.size:
                 break
-            first = messages[int(left[0])]
-            alike = left[sizes[left] == len(first)]
+            first = messages[int(remaining[0])]
+            alike = remaining[sizes[remaining] == len(first)]
             # Usually all messages fit, so no selection is needed.
             rows = messages if alike.size == len(messages) else [messages[k] for k in alike.tolist()]
             plan = self._template(first)
-            if len(plan.words) > _LENGTHS:
+            # Strings and sequences in a message: with more, the next message hardly ever has the same lengths
+            if len(plan.words) > 256:
                 break
-            numbers, fits = self._strided(b"".join(rows), plan)
+            numbers, fits = self._read_columns(b"".join(rows), plan)
             for name, values in numbers.items():
                 _put(out, name, values=values[fits], rows=alike[fits], count=len(messages))
-            left = np.setdiff1d(left, alike[fits], assume_unique=True)
-        if left.size:
-            for name, values in self.general([messages[k] for k in left.tolist()]).items():
-                _put(out, name, values=values, rows=left, count=len(messages))
+            remaining = np.setdiff1d(remaining, alike[fits], assume_unique=True)
+        if remaining.size:
+            for name, values in self.general([messages[k] for k in remaining.tolist()]).items():
+                _put(out, name, values=values, rows=remaining, count=len(messages))
         return out
 
     def _template(self, message: bytes) -> Template:
         """Return a template that fits a message: a known one, or a new one."""
         for plan in self._known:
-            if plan.size == len(message) and bool(self._strided(message, plan)[1][0]):
+            if plan.size == len(message) and bool(self._read_columns(message, plan)[1][0]):
                 return plan
         plan = template(self.definition, message, self.wanted)
         self._known = [plan, *self._known[: _TEMPLATES - 1]]
         return plan
 
-    def _strided(self, joined: bytes, plan: Template) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]:
+    def _read_columns(self, joined: bytes, plan: Template) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]:
         """Read the numbers at the offsets of the template; return them with a mask of the messages that fit."""
-        names, formats, offsets = [], [], []
-        for name, (kind, offset) in plan.places.items():
-            for k, word in enumerate(_TIME_WORDS if kind == "time" else (kind,)):
-                names.append(f"{name}#{k}")
-                formats.append(plan.order + word)
-                offsets.append(offset + 4 * k)
-        for k, (offset, _) in enumerate(plan.words):
-            names.append(f"#{k}")
-            formats.append(plan.order + "u4")
-            offsets.append(offset)
+        fields = [
+            (f"{name}#{k}", plan.order + word, offset + 4 * k)
+            for name, (kind, offset) in plan.places.items()
+            # Seconds and nanoseconds; unsigned in ROS 1, which matters from 2038 on
+            for k, word in enumerate(("i4", "u4") if kind == "time" else (kind,))
+        ]
+        fields += [(f"#{k}", plan.order + "u4", offset) for k, (offset, _) in enumerate(plan.words)]
         cdr = self.definition.encoding == "cdr"
-        if cdr:
-            names.append("#order")
-            formats.append("<u2")
-            offsets.append(0)
+        names, formats, offsets = zip(*fields, *([("#order", "<u2", 0)] if cdr else []), strict=True)
         record = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": plan.size})
         table = np.frombuffer(joined, record)
         fits = np.ones(table.size, dtype=bool)
@@ -304,8 +274,8 @@ class Decoder:
         numbers = {}
         for name, (kind, _) in plan.places.items():
             if kind == "time":
-                seconds, rest = table[f"{name}#0"].astype(np.int64), table[f"{name}#1"].astype(np.int64)
-                numbers[name] = seconds * 10**9 + rest
+                seconds, nanoseconds = table[f"{name}#0"].astype(np.int64), table[f"{name}#1"].astype(np.int64)
+                numbers[name] = seconds * 10**9 + nanoseconds
             elif kind == "b1":  # any byte but 0 is true
                 numbers[name] = _wide(table[f"{name}#0"].view(np.uint8) != 0)
             else:
@@ -320,7 +290,7 @@ class Decoder:
         store, name = self._store, self.definition.name
         decode = store.deserialize_cdr if self.definition.encoding == "cdr" else store.deserialize_ros1
         paths = [(leaf, _path(leaf)) for leaf in self.wanted]
-        found: dict[str, list[Any]] = {leaf: [] for leaf in self.wanted}
+        columns: dict[str, list[Any]] = {leaf: [] for leaf in self.wanted}
         for message in messages:
             try:
                 decoded = decode(message, name)
@@ -328,11 +298,11 @@ class Decoder:
                 raise ReadError(
                     f"a message of {len(message)} bytes does not fit its type {name}: {error}",
                     code="message-damaged",
-                    advice="Copy the file again, or export the topic as CSV.",
+                    advice=_COPY_OR_EXPORT,
                 ) from error
             for leaf, path in paths:
-                found[leaf].append(_follow(decoded, path))
-        return {leaf: _wide(np.array(values)) for leaf, values in found.items()}
+                columns[leaf].append(_follow(decoded, path))
+        return {leaf: _wide(np.array(values)) for leaf, values in columns.items()}
 
 
 def _put(out: dict[str, NDArray[Any]], name: str, values: NDArray[Any], rows: NDArray[np.int64], count: int) -> None:
@@ -377,10 +347,10 @@ def _store(definition: Definition) -> Any:
 
     store = get_typestore(Stores.EMPTY)
     try:
-        known = set(store.fielddefs)
+        defined = set(store.fielddefs)
         # Constants are not needed. They are omitted, because the decoder generates code from the definition in the
         # file.
-        store.register({name: ([], list(fields)) for name, fields in definition.types.items() if name not in known})
+        store.register({name: ([], list(fields)) for name, fields in definition.types.items() if name not in defined})
     except Exception as error:  # a library can raise any error on an invalid definition
         raise topic_error(f"the message type {definition.name} is not understood: {error}", "type-invalid") from error
     return store

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import ClassVar
 
 from gmwm.base.errors import ReadError
-from gmwm.files.contract import HEAD_BYTES, Layout, Reader, Rows, register, without_guests
+from gmwm.files.contract import HEAD_BYTES, Layout, Reader, Rows, register
 from gmwm.files.formats.byte_sources import GZIP, ZSTD, CompressedSource, FileSource
-from gmwm.files.formats.text import TextReader
+from gmwm.files.formats.text import TextReader, text_reader
 
 
 @register
@@ -45,12 +45,11 @@ def packed_text(source: FileSource, name: Path) -> tuple[TextReader, tuple[Layou
         raise ReadError(
             f"{source} is empty when unpacked", code="empty", advice="Check whether the recording was interrupted."
         )
-    readers = [reader for reader in without_guests() if isinstance(reader, TextReader)]
-    best = max(readers, key=lambda reader: reader.sniff(name, head))
-    if best.sniff(name, head) == 0:
+    reader = text_reader(name, head)
+    if reader is None:
         raise ReadError(
             f"{source} is not text when unpacked, and only text is read from compressed files",
             code="not-text",
             advice="Unpack it and pass the file in it.",
         )
-    return best, best.layouts_of(source)
+    return reader, reader.layouts_of(source)

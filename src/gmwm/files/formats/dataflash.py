@@ -45,7 +45,7 @@ ADVICE = "Log them: set bit 7 (IMU) of the parameter LOG_BITMASK, or INS_RAW_LOG
 
 
 @dataclass(frozen=True)
-class _Message:
+class _DataflashMessage:
     """A type of message: its number, its length in the file (bytes), its name, and the type of its fields."""
 
     number: int
@@ -55,19 +55,19 @@ class _Message:
 
 
 @dataclass(frozen=True)
-class _Selection:
+class _LogFields:
     """The messages of a recording: their type, the number of the sensor (-1 for none), and the fields to read."""
 
-    message: _Message
+    message: _DataflashMessage
     instance: int
     names: tuple[str, ...]
 
 
 @dataclass
-class _Summary:
+class _LogSummary:
     """Types, counts and times of the inertial messages of a log, and the number of damaged places."""
 
-    types: dict[int, _Message] = field(default_factory=dict)
+    types: dict[int, _DataflashMessage] = field(default_factory=dict)
     counts: dict[tuple[int, int], int] = field(default_factory=dict)
     edges: dict[tuple[int, int], tuple[int, int]] = field(default_factory=dict)
     warm: set[tuple[int, int]] = field(default_factory=set)
@@ -84,11 +84,11 @@ class DataflashReader(Reader):
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return one recording for each sensor: IMU_0 (preferred), IMU_1 …; GYR_0, ACC_0 … for raw samples."""
-        found = _Summary()
-        for message, table in _messages(path, found):
-            _count(found, message, table)
-        remarks = (Remark.of("log-dropouts", count=found.damaged),) if found.damaged else ()
-        layouts = [_layout(found, key, remarks) for key in sorted(found.counts)]
+        summary = _LogSummary()
+        for message, table in _messages(path, summary):
+            _count(summary, message, table)
+        remarks = (Remark.of("log-dropouts", count=summary.damaged),) if summary.damaged else ()
+        layouts = [_layout(summary, key, remarks) for key in sorted(summary.counts)]
         if not layouts:
             raise ReadError(
                 f"{path} holds none of the messages IMU, ACC and GYR",
@@ -99,14 +99,14 @@ class DataflashReader(Reader):
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Yield the numbers, one chunk for each block of the file."""
-        selection: _Selection = layout.state
-        for message, table in _messages(path, _Summary(), only=selection.message.name):
-            own = table if selection.instance < 0 else table[table["I"] == selection.instance]
-            if message.number == selection.message.number and own.size:
-                yield {k: _numbers(own[selection.names[k]]) for k in wanted}
+        selection: _LogFields = layout.state
+        for message, table in _messages(path, _LogSummary(), only=selection.message.name):
+            rows = table if selection.instance < 0 else table[table["I"] == selection.instance]
+            if message.number == selection.message.number and rows.size:
+                yield {k: _numbers(rows[selection.names[k]]) for k in wanted}
 
 
-def _layout(found: _Summary, key: tuple[int, int], remarks: tuple[Remark, ...]) -> Layout:
+def _layout(found: _LogSummary, key: tuple[int, int], remarks: tuple[Remark, ...]) -> Layout:
     message, instance = found.types[key[0]], key[1]
     names = message.fields.names or ()
     stamp = next(name for name in STAMPS if name in names)
@@ -119,7 +119,7 @@ def _layout(found: _Summary, key: tuple[int, int], remarks: tuple[Remark, ...]) 
     seconds = (last - first) / (1e3 if stamp == "TimeMS" else 1e6)
     return Layout(
         tuple(channels), topic=message.name if instance < 0 else f"{message.name}_{instance}",
-        state=_Selection(message, instance, tuple(channel.name for channel in channels)),
+        state=_LogFields(message, instance, tuple(channel.name for channel in channels)),
         extent=(found.counts[key], seconds), remarks=remarks, preferred=message.name == "IMU" and instance <= 0,
     )  # fmt: skip
 
@@ -128,31 +128,31 @@ def _numbers(column: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(column, dtype=np.int64 if column.dtype.kind in "iu" else np.float64)
 
 
-def _count(found: _Summary, message: _Message, table: NDArray[Any]) -> None:
+def _count(found: _LogSummary, message: _DataflashMessage, table: NDArray[Any]) -> None:
     """Add the messages of a block to the summary."""
     stamp = next(name for name in STAMPS if name in (message.fields.names or ()))
     instances = np.unique(table["I"]).tolist() if "I" in (message.fields.names or ()) else [-1]
     for instance in instances:
-        own = table if instance < 0 else table[table["I"] == instance]
+        rows = table if instance < 0 else table[table["I"] == instance]
         key = (message.number, int(instance))
-        times = own[stamp]
+        times = rows[stamp]
         first, _ = found.edges.get(key, (int(times[0]), 0))
         found.edges[key] = first, int(times[-1])
-        found.counts[key] = found.counts.get(key, 0) + own.size
-        if "T" in (message.fields.names or ()) and np.any(own["T"]):
+        found.counts[key] = found.counts.get(key, 0) + rows.size
+        if "T" in (message.fields.names or ()) and np.any(rows["T"]):
             found.warm.add(key)
 
 
-def _messages(path: Path, found: _Summary, only: str = "") -> Iterator[tuple[_Message, NDArray[Any]]]:
+def _messages(path: Path, found: _LogSummary, only: str = "") -> Iterator[tuple[_DataflashMessage, NDArray[Any]]]:
     """Yield the inertial messages as tables, one for each type and block; add types and damaged places to `found`."""
     lengths = [0] * 256
     lengths[_FMT] = _FMT_LENGTH
-    rest = b""
+    tail = b""
     with path.open("rb") as file:
         while data := file.read(_BLOCK):
-            block = rest + data
+            block = tail + data
             places, used = _walk(block, lengths, found, only)
-            rest = block[used:]
+            tail = block[used:]
             for number, starts in places.items():
                 message = found.types[number]
                 body = np.frombuffer(block, dtype=np.uint8)
@@ -160,7 +160,7 @@ def _messages(path: Path, found: _Summary, only: str = "") -> Iterator[tuple[_Me
                 yield message, np.ascontiguousarray(body[rows]).view(message.fields)[:, 0]
 
 
-def _walk(block: bytes, lengths: list[int], found: _Summary, only: str) -> tuple[dict[int, list[int]], int]:
+def _walk(block: bytes, lengths: list[int], found: _LogSummary, only: str) -> tuple[dict[int, list[int]], int]:
     """Return the positions of the inertial messages in a block, by type, and the number of bytes that were used."""
     places: dict[int, list[int]] = {number: [] for number in found.types}
     position, end = 0, len(block)
@@ -191,16 +191,16 @@ def is_inertial(name: str, names: Sequence[str]) -> bool:
     """Return whether a message comes from an inertial sensor, by its name and the names of its values."""
     if name.rstrip("0123456789") not in ("IMU", "ACC", "GYR") or not set(STAMPS) & set(names):
         return False
-    axes = {ROLES[one][0] for one in names if one in ROLES} - {"temperature"}
+    axes = {ROLES[label][0] for label in names if label in ROLES} - {"temperature"}
     return len(set(names)) == len(names) and len(axes) in (3, 6)
 
 
-def _inertial(number: int, size: int, name: bytes, *, fields: bytes, labels: bytes) -> _Message | None:
+def _inertial(number: int, size: int, name: bytes, *, fields: bytes, labels: bytes) -> _DataflashMessage | None:
     """Return the message type that an FMT message defines if it belongs to an inertial sensor; otherwise None."""
     title = name.rstrip(b"\0").decode("latin-1")
     names = labels.rstrip(b"\0").decode("latin-1").split(",")
     kinds = [_TYPES.get(character) for character in fields.rstrip(b"\0").decode("latin-1")]
     if not is_inertial(title, names) or len(names) != len(kinds) or not all(kinds):
         return None
-    dtype = np.dtype([(one, f"<{kind}") for one, kind in zip(names, kinds, strict=True)])
-    return _Message(number, size, title, dtype) if dtype.itemsize == size - 3 else None
+    dtype = np.dtype([(label, f"<{kind}") for label, kind in zip(names, kinds, strict=True)])
+    return _DataflashMessage(number, size, title, dtype) if dtype.itemsize == size - 3 else None

@@ -24,7 +24,7 @@ _ROWS = 1 << 16  # rows of a chunk
 
 
 @dataclass
-class _Found:
+class _LogRecording:
     """A recording in the log: message, instance (-1 for none), names of values, count, times, any temperature but
     zero."""
 
@@ -38,7 +38,7 @@ class _Found:
 
 
 @dataclass
-class _Log:
+class _TextLog:
     """The names of the values of each inertial message in a log, and the number of damaged lines."""
 
     names: dict[str, tuple[str, ...]] = field(default_factory=dict)
@@ -78,29 +78,30 @@ class DataflashTextReader(Reader):
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return one recording for each sensor, as for binary logs. IMU_0 is preferred."""
-        log, found = _Log(), dict[tuple[str, int], _Found]()
+        log, recordings = _TextLog(), dict[tuple[str, int], _LogRecording]()
         for name, values in log.messages(path):
             names = log.names[name]
             instance = int(values[names.index("I")]) if "I" in names else -1
-            one = found.setdefault((name, instance), _Found(name, instance, names))
+            recording = recordings.setdefault((name, instance), _LogRecording(name, instance, names))
             time = int(values[names.index(_stamp(names))])
-            one.first, one.last, one.count = one.first if one.count else time, time, one.count + 1
-            one.warm |= "T" in names and values[names.index("T")] != 0
-        if not found:
+            recording.first = recording.first if recording.count else time
+            recording.last, recording.count = time, recording.count + 1
+            recording.warm |= "T" in names and values[names.index("T")] != 0
+        if not recordings:
             raise ReadError(
                 f"{path} holds none of the messages IMU, ACC and GYR", code="no-inertial-data", advice=ADVICE
             )
         remarks = (Remark.of("log-dropouts", count=log.damaged),) if log.damaged else ()
-        return tuple(_layout(found[key], remarks) for key in sorted(found))
+        return tuple(_layout(recordings[key], remarks) for key in sorted(recordings))
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Yield the numbers of the messages."""
-        one: _Found = layout.state
-        places = {k: one.names.index(layout.channels[k].name) for k in wanted}
-        instance = one.names.index("I") if one.instance >= 0 else -1
+        recording: _LogRecording = layout.state
+        places = {k: recording.names.index(layout.channels[k].name) for k in wanted}
+        instance = recording.names.index("I") if recording.instance >= 0 else -1
         rows: list[list[float]] = []
-        for _, values in _Log().messages(path, one.name):
-            if instance >= 0 and values[instance] != one.instance:
+        for _, values in _TextLog().messages(path, recording.name):
+            if instance >= 0 and values[instance] != recording.instance:
                 continue
             rows.append([values[place] for place in places.values()])
             if len(rows) == _ROWS:
@@ -122,7 +123,7 @@ def _stamp(names: Sequence[str]) -> str:
     return next(name for name in STAMPS if name in names)
 
 
-def _layout(found: _Found, remarks: tuple[Remark, ...]) -> Layout:
+def _layout(found: _LogRecording, remarks: tuple[Remark, ...]) -> Layout:
     stamp = _stamp(found.names)
     channels = [Channel(stamp, STAMPS[stamp], "time")]
     for name in found.names:

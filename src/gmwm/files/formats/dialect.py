@@ -19,8 +19,6 @@ from gmwm.files.columns.column_names import clean, is_unit, recognise, unit_of
 BLANKS = " "
 """Delimiter that stands for any number of blanks and tabs."""
 
-LONGEST_COMMENT = 8192
-"""Length of the longest comment (characters) that is searched for names and units."""
 
 COMMENT_SIGNS = ("#", "%", "//", "!")
 
@@ -34,7 +32,7 @@ _NAME_IN_BLANKS = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\]()\[]*[\])])?|\([^()]*\)|
 
 
 @dataclass(frozen=True)
-class Dialect:
+class TextDialect:
     """The dialect of a text file."""
 
     delimiter: str  # one character; " " for any number of blanks
@@ -62,13 +60,13 @@ class Dialect:
     # indices of the columns of seconds and nanoseconds if the time stamps have two columns, as in ROS messages; None
     # otherwise
     stamp_parts: tuple[int, int] | None = None
-    # Replacements in each line before it is split. They remove labels of numbers, and arrows after a time
+    # Replacements in each line before it is split_line. They remove labels of numbers, and arrows after a time
     cleaning: tuple[tuple[bytes, bytes], ...] = ()
     # the last cell of the file, and the last cell of the line before, if the file ends within a number; empty otherwise
     cut: tuple[str, ...] = ()
 
 
-def split(line: str, delimiter: str) -> list[str]:
+def split_line(line: str, delimiter: str) -> list[str]:
     """Split a line into cells, without the blanks and quotes around them; quotes protect a delimiter."""
     if delimiter == BLANKS:
         return [cell.strip("\"'") for cell in line.split()]
@@ -100,7 +98,7 @@ def comment_sign(line: str) -> str:
     return next((sign for sign in COMMENT_SIGNS if text.startswith(sign)), "")
 
 
-def detect(lines: list[str], path: object) -> Dialect:
+def detect(lines: list[str], path: object) -> TextDialect:
     """Detect the dialect of a file from its first lines."""
     body = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and not comment_sign(line)]
     if not body:
@@ -113,7 +111,7 @@ def detect(lines: list[str], path: object) -> Dialect:
     for pattern, replacement in cleaning:
         body = [(k, re.sub(pattern.decode(), replacement.decode(), line)) for k, line in body]
     delimiter, decimal_comma = _delimiter([line for _, line in body])
-    rows = [(k, split(line, delimiter)) for k, line in body]
+    rows = [(k, split_line(line, delimiter)) for k, line in body]
     numeric = _numeric_columns([cells for _, cells in rows], decimal_comma)
     start = next((i for i, (_, cells) in enumerate(rows) if _is_row(cells, numeric, decimal_comma)), None)
     if start is None or not any(numeric):
@@ -129,29 +127,32 @@ def detect(lines: list[str], path: object) -> Dialect:
     named = any(len(cells) == fields and cells[-1] for _, cells in rows[:start])
     trailing = fields > 1 and not named and all(cells[-1] == "" for cells in data)
     columns = fields - trailing
-    header = [(k, _trimmed(cells, columns)) for k, cells in rows[:start]]
-    comments = [line for line in lines[: first_line - 1] if comment_sign(line) and len(line) <= LONGEST_COMMENT]
+    header = [(k, _trim(cells, columns)) for k, cells in rows[:start]]
+    # Length of the longest comment (characters) that is searched for names and units
+    comments = [line for line in lines[: first_line - 1] if comment_sign(line) and len(line) <= 8192]
     where = (path, first_line)
     names, units = (
         (labels, ())
         if len(labels) == columns
-        else _parted(header, body, comments=comments, row=data[0][:columns], delimiter=delimiter, where=where)
+        else _split_stamp_header(
+            header, body, comments=comments, row=data[0][:columns], delimiter=delimiter, where=where
+        )
         or _header(header, body, comments=comments, columns=columns, delimiter=delimiter, where=where)
     )
     sign = next((comment_sign(line) for line in lines if comment_sign(line)), "")
-    whole = [cells for _, cells in rows[start:] if _is_row(cells, numeric, decimal_comma)]
-    filled = [[row[c] for row in whole if row[c]] for c in range(columns)]
+    complete = [cells for _, cells in rows[start:] if _is_row(cells, numeric, decimal_comma)]
+    filled = [[row[c] for row in complete if row[c]] for c in range(columns)]
     integers = tuple(bool(cells) and all(re.fullmatch(r"[+-]?\d+", cell) for cell in cells) for cells in filled)
     stated = _stated_units(comments)
     first_row = tuple(data[0][:columns])
     stamps = tuple(is_stamp(first_row[c]) and len({row[c] for row in data}) > 1 for c in range(columns))
-    return Dialect(
+    return TextDialect(
         delimiter=delimiter, decimal_comma=decimal_comma, fields=fields, columns=columns, first_line=first_line,
         names=names, column_units=units, units=stated, comment=sign, first_row=first_row, integers=integers,
         rate=_stated_rate(comments), stamps=stamps,
-        header=tuple(line for k, line in body[:start] if len(split(line, delimiter)) > 1),
-        above=tuple(lines[: first_line - 1]), sensors=_sensors(names, whole), stamp_parts=_stamp_parts(names, integers),
-        cleaning=cleaning,
+        header=tuple(line for k, line in body[:start] if len(split_line(line, delimiter)) > 1),
+        above=tuple(lines[: first_line - 1]), sensors=_sensors(names, complete),
+        stamp_parts=_stamp_parts(names, integers), cleaning=cleaning,
     )  # fmt: skip
 
 
@@ -164,16 +165,16 @@ def _cleaning(lines: list[str]) -> tuple[tuple[tuple[bytes, bytes], ...], tuple[
     """Return the replacements to make in each line, and the names of the columns if each number has a label. Programs
     for the serial port write "ax:0.1 ay:0.2" or "t=0.01, gx=0.1", and the Arduino IDE "12:00:00.000 -> 0.1"."""
     sample = lines[len(lines) // 2 :][:50]
-    found: list[tuple[bytes, bytes]] = []
+    replacements: list[tuple[bytes, bytes]] = []
     if 2 * sum(_ARROW.match(line) is not None for line in sample) > len(sample):
-        rest = sample[-1].partition(" -> ")[2]
-        sign = next((mark for mark in ",;\t" if mark in rest), " ")
-        found.append((rb" -> ", sign.encode()))
+        text = sample[-1].partition(" -> ")[2]
+        sign = next((mark for mark in ",;\t" if mark in text), " ")
+        replacements.append((rb" -> ", sign.encode()))
     labelled = [line for line in sample if _LABELLED.fullmatch(line.partition(" -> ")[2] or line)]
     if 2 * len(labelled) <= len(sample):
-        return tuple(found), ()
-    names = (*["time"] * len(found), *(label.rstrip(" \t:=") for label in re.findall(_LABEL, labelled[-1])))
-    return (*found, (_LABEL.encode(), b"")), names
+        return tuple(replacements), ()
+    names = (*["time"] * len(replacements), *(label.rstrip(" \t:=") for label in re.findall(_LABEL, labelled[-1])))
+    return (*replacements, (_LABEL.encode(), b"")), names
 
 
 def _sensors(names: Sequence[str], rows: list[list[str]]) -> tuple[int, tuple[str, ...]] | None:
@@ -181,22 +182,21 @@ def _sensors(names: Sequence[str], rows: list[list[str]]) -> tuple[int, tuple[st
     for k, name in enumerate(names):
         if name.casefold() in _SENSOR_COLUMNS:
             values = sorted({row[k] for row in rows})
-            if 1 < len(values) <= _MOST_SENSORS and all(value.isdecimal() for value in values):
+            if 1 < len(values) <= 16 and all(value.isdecimal() for value in values):
                 return k, tuple(values)
     return None
 
 
 _SENSOR_COLUMNS = ("i", "imu", "imu_id", "sensor", "sensor_id", "device", "device_id", "instance")
-_MOST_SENSORS = 16
 
 
 def _stamp_parts(names: Sequence[str], integers: Sequence[bool]) -> tuple[int, int] | None:
     """Find the columns of time stamps that consist of seconds and nanoseconds."""
     keys = {re.sub(r"[^a-z]", "", name.casefold()): k for k, name in enumerate(names)}
-    for seconds, rest in (("stampsec", "stampnanosec"), ("stampsecs", "stampnsecs")):
-        found = [next((k for key, k in keys.items() if key.endswith(end)), None) for end in (seconds, rest)]
-        if found[0] is not None and found[1] is not None and integers[found[0]] and integers[found[1]]:
-            return found[0], found[1]
+    for seconds, nanoseconds in (("stampsec", "stampnanosec"), ("stampsecs", "stampnsecs")):
+        places = [next((k for key, k in keys.items() if key.endswith(end)), None) for end in (seconds, nanoseconds)]
+        if places[0] is not None and places[1] is not None and integers[places[0]] and integers[places[1]]:
+            return places[0], places[1]
     return None
 
 
@@ -208,7 +208,7 @@ def _delimiter(lines: list[str]) -> tuple[str, bool]:
         for decimal_comma in (False, True):
             if delimiter == "," and decimal_comma:
                 continue
-            rows = [split(line, delimiter) for line in sample]
+            rows = [split_line(line, delimiter) for line in sample]
             fields, same = Counter(map(len, rows)).most_common(1)[0]
             cells = [cell for row in rows for cell in row]
             numbers = sum(is_number(cell, decimal_comma) or is_stamp(cell) for cell in cells if cell)
@@ -233,8 +233,8 @@ def _require_equal_rows(above: list[tuple[int, str]], where: tuple[object, int])
 
 def _is_numbers(line: str) -> bool:
     """Return whether a delimiter splits a line into several numbers."""
-    ways = (split(line, delimiter) for delimiter in (",", ";", "\t", "|", BLANKS))
-    return any(len(cells) > 1 and all(is_number(one, decimal_comma=True) for one in cells) for cells in ways)
+    ways = (split_line(line, delimiter) for delimiter in (",", ";", "\t", "|", BLANKS))
+    return any(len(cells) > 1 and all(is_number(cell, decimal_comma=True) for cell in cells) for cells in ways)
 
 
 def _numeric_columns(rows: list[list[str]], decimal_comma: bool) -> list[bool]:
@@ -248,18 +248,18 @@ def _is_row(cells: list[str], numeric: list[bool], decimal_comma: bool) -> bool:
     """Return whether a line is a row of the recording: its numeric fields contain numbers or are empty."""
     if len(cells) != len(numeric):
         return False
-    there = [cell for cell, wanted in zip(cells, numeric, strict=True) if wanted and cell not in ("", *MISSING_WORDS)]
-    return bool(there) and all(is_number(cell, decimal_comma) for cell in there)
+    filled = [cell for cell, number in zip(cells, numeric, strict=True) if number and cell not in ("", *MISSING_WORDS)]
+    return bool(filled) and all(is_number(cell, decimal_comma) for cell in filled)
 
 
-def _trimmed(cells: list[str], columns: int) -> list[str]:
+def _trim(cells: list[str], columns: int) -> list[str]:
     """Return the cells without empty cells after the last column."""
     while len(cells) > columns and cells[-1] == "":
         cells = cells[:-1]
     return cells
 
 
-def _parted(
+def _split_stamp_header(
     header: list[tuple[int, list[str]]],
     body: list[tuple[int, str]],
     comments: list[str],
@@ -359,38 +359,38 @@ def _named_cells(line: str, columns: int, delimiter: str) -> list[str]:
 
 def _cells(text: str, columns: int, delimiter: str) -> list[str]:
     """Split text into one cell for each column, by the delimiter of the rows, commas or blanks; [] if none fits."""
-    ways = [split(text, delimiter), split(text, ",")]
+    ways = [split_line(text, delimiter), split_line(text, ",")]
     if not re.search(r"[,;\t|]", text):
         # A blank inside or before the brackets of "gyro_x [rad/s]" does not separate columns.
         ways.append(_NAME_IN_BLANKS.findall(text))
-    fitting = [cells for way in ways if len(cells := _trimmed([clean(c) for c in way], columns)) == columns]
+    fitting = [cells for way in ways if len(cells := _trim([clean(c) for c in way], columns)) == columns]
     return max(fitting, key=lambda cells: sum(bool(recognise(c).axis) for c in cells), default=[])
 
 
 def _stated_units(comments: list[str]) -> dict[str, str]:
     """Return the units that comments state for a sensor, as "gyro in deg/s, accel in g" or "units: rad/s, m/s^2"."""
-    found: dict[str, str] = {}
+    units: dict[str, str] = {}
     for line in comments:
         text = _single_blanks(line).casefold()
-        said = "unit" in text
+        names_unit = "unit" in text
         for clause in re.split(r"[,;]|\band\b", text):
             about = "gyro" if re.search(r"gyr|angular|omega", clause) else ""
             about = about or ("accel" if re.search(r"acc|specific force", clause) else "")
             about = about or ("time" if re.search(r"\btime|stamp", clause) else "")
             words = re.findall(r"[\w°²/^.\-µμ]+", re.sub(r"(?<=\w) (?=[sh]\^?-)", "", clause))
-            for quantity in (about,) if about else ("gyro", "accel") if said else ():
+            for quantity in (about,) if about else ("gyro", "accel") if names_unit else ():
                 for word in words:
                     unit = unit_of(word.strip(".-"), quantity)
                     if unit and (about or word != "g") and not (quantity == "time" and not _is_clear(word, clause)):
-                        found.setdefault(quantity, unit)
-    return found
+                        units.setdefault(quantity, unit)
+    return units
 
 
 def _stated_rate(comments: list[str]) -> float | None:
     """Return the sampling rate (Hz) if comments state exactly one, as in "// Update Rate: 100.0Hz"; otherwise None."""
     stated = (match for line in comments for match in _RATE.findall(_single_blanks(line)))
-    found = {float(number) * (1e3 if kilo else 1) for number, kilo in stated}
-    return found.pop() if len(found) == 1 and min(found) > 0 else None
+    rates = {float(number) * (1e3 if kilo else 1) for number, kilo in stated}
+    return rates.pop() if len(rates) == 1 and min(rates) > 0 else None
 
 
 def _single_blanks(line: str) -> str:

@@ -38,14 +38,14 @@ class EpsonReader(TextReader):
 
     def layout(self, source: FileSource) -> Layout:
         """Return the columns with Epson's names. The size of a count is the scale of a raw column."""
-        found = super().layout(source)
+        layout = super().layout(source)
         with source.open() as file:
             head = file.read(HEAD_BYTES).decode("latin-1")
         factors = {kind: (float(f) / 2 ** int(p or 0), _UNITS[u]) for kind, f, p, u in _FACTOR.findall(head)}
-        matches = [_COLUMN.fullmatch(channel.name) for channel in found.channels]
+        matches = [_COLUMN.fullmatch(channel.name) for channel in layout.channels]
         directly = {_axis(match) for match in matches if match and not match[1].startswith("D")}
         channels, counts = [], {}
-        for channel, match in zip(found.channels, matches, strict=True):
+        for channel, match in zip(layout.channels, matches, strict=True):
             if match is None or (match[1].startswith("D") and _axis(match) in directly):
                 channels.append(channel)
                 continue
@@ -59,7 +59,7 @@ class EpsonReader(TextReader):
             Remark.of("scaled", kind, factor=scale, unit=unit, source="file") for kind, (scale, unit) in counts.items()
         )
         # `units` is emptied, because the line of factors looks like a comment that states units.
-        return replace(found, channels=tuple(channels), remarks=(*found.remarks, *scaled), units={})
+        return replace(layout, channels=tuple(channels), remarks=(*layout.remarks, *scaled), units={})
 
 
 def _axis(match: re.Match[str]) -> str:

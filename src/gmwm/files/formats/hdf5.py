@@ -53,17 +53,17 @@ class Hdf5Reader(ArraysReader):
 def arrays_in(path: Path) -> list[Array]:
     """Return all arrays of numbers in an HDF5 file, named by their paths without the first slash."""
     library = _library(path)
-    found: list[Array] = []
+    arrays: list[Array] = []
     texts: list[str] = []
     try:
         with library.File(path, "r") as file:
-            _collect(library, file, where="", path=path, found=found, depth=0)
+            _collect(library, file, where="", path=path, found=arrays, depth=0)
             texts = [text for key in file.attrs if isinstance(text := _attribute(file, key, _DESCRIPTION), str)]
     except GmwmError:
         raise
     except Exception as error:  # the library raises any type of error for a damaged file
-        raise _damaged(path, error) from error
-    return with_stated_units(found, texts)
+        raise _incomplete(path, error) from error
+    return with_stated_units(arrays, texts)
 
 
 def _library(path: Path) -> Any:
@@ -103,13 +103,13 @@ def _dataset(node: Any, name: str, path: Path) -> list[Array]:
         return []
     packed = min(node.id.get_storage_size(), path.stat().st_size)  # a damaged file may claim more than there is
     require_ratio(int(np.prod(node.shape, dtype=object)) * node.dtype.itemsize, packed, f"{path}:{name}")
-    found = fields_of(
-        name, node.shape, dtype=node.dtype, rows=_Rows(path, node.name, len(node.shape)), unit=_unit(node)
+    arrays = fields_of(
+        name, node.shape, dtype=node.dtype, rows=_DatasetRows(path, node.name, len(node.shape)), unit=_unit(node)
     )
-    return found + _stated_rates(node, split_path(name)[0])
+    return arrays + _stated_rates(node, split_path(name)[0])
 
 
-class _Rows:
+class _DatasetRows:
     """Rows of a data set. The file is open only while they are read."""
 
     def __init__(self, path: Path, name: str, dimensions: int) -> None:
@@ -124,7 +124,7 @@ class _Rows:
                     return np.asarray(node[()])
                 return np.asarray(node[start:stop] if axis == 0 else node[:, start:stop])
         except Exception as error:
-            raise _damaged(self._path, error) from error
+            raise _incomplete(self._path, error) from error
 
 
 def _unit(node: Any) -> str:
@@ -154,9 +154,9 @@ def _attribute(node: Any, key: str, most: int = _SHORT) -> Any:
     """Return an attribute; None if it has more than `most` bytes, which could take minutes in a damaged file."""
     if key not in node.attrs:
         return None
-    known = node.attrs.get_id(key)
-    return node.attrs[key] if known.shape in ((), (1,)) and known.get_storage_size() <= most else None
+    identifier = node.attrs.get_id(key)
+    return node.attrs[key] if identifier.shape in ((), (1,)) and identifier.get_storage_size() <= most else None
 
 
-def _damaged(path: Path, error: Exception) -> ReadError:
+def _incomplete(path: Path, error: Exception) -> ReadError:
     return damage_error(f"{path} is not a complete HDF5 file ({first_line(error)})", "incomplete")

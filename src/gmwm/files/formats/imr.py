@@ -23,7 +23,6 @@ _SIGNATURE = b"$IMURAW\0"
 _HEADER_BYTES = 512
 # Fields after the signature and the byte order: version, whether angles and velocities are increments, rate, two
 # scales, two types of time, bias of time, and name of the sensor. The rest of the header is not used.
-_FIELDS = "dii3diid32s"
 _ORDERS = {0: "<", 1: ">"}
 _CLOCKS = {1: "UTC", 2: "GPS"}
 
@@ -80,7 +79,7 @@ def _header(path: Path) -> _Header:
     if head[8] not in _ORDERS:
         raise damage_error(f"{path}: the byte order in its header is {head[8]}, expected 0 or 1", "header-damaged")
     order = _ORDERS[head[8]]
-    _, angle, velocity, rate, gyro, accel, clock, _, _, name = struct.unpack_from(order + _FIELDS, head, 9)
+    _, angle, velocity, rate, gyro, accel, clock, _, _, name = struct.unpack_from(order + "dii3diid32s", head, 9)
     for what, value in (("bDeltaTheta", angle), ("bDeltaVelocity", velocity)):
         if value not in (0, 1):
             raise damage_error(f"{path}: {what} in its header is {value}, expected 0 or 1", "header-damaged")

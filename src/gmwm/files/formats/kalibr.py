@@ -29,7 +29,7 @@ class KalibrReader(TextReader):
 
     def layout(self, source: FileSource) -> Layout:
         """Return the columns with Kalibr's units."""
-        found = super().layout(source)
-        channels = tuple(Channel(c.name, _UNITS.get(c.name.partition("_")[0], ""), c.axis) for c in found.channels)
-        known = Remark.of("layout-known", format="Kalibr's imu0.csv")
-        return replace(found, channels=channels, remarks=(*found.remarks, known))
+        layout = super().layout(source)
+        channels = tuple(Channel(c.name, _UNITS.get(c.name.partition("_")[0], ""), c.axis) for c in layout.channels)
+        remark = Remark.of("layout-known", format="Kalibr's imu0.csv")
+        return replace(layout, channels=channels, remarks=(*layout.remarks, remark))

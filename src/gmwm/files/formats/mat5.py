@@ -23,12 +23,9 @@ from gmwm.files.formats.byte_sources import require_ratio
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15
 _STRUCT, _CHAR = 2, 4
-_LOGICAL_OR_COMPLEX = 0x0A
 _STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
-_DEPTH = 4
 _PIECE = 1 << 14  # compressed bytes at a time: they decompress to at most 16 MB
-_MAX_FIELDS = 1000
 
 
 def variables(path: Path) -> Iterator[tuple[str, NDArray[Any]]]:
@@ -65,7 +62,7 @@ def _element(data: memoryview, at: int, order: str, path: Path) -> _Element:
     """Read the element at a position. The bytes of a short element are inside its tag of 8 bytes."""
     tag = data[at : at + 8]
     if len(tag) < 8:
-        raise _cut(path)
+        raise _cut_off(path)
     kind, size = (int(word) for word in np.frombuffer(tag, f"{order}u4"))
     if kind >> 16:
         kind, size = kind & 0xFFFF, kind >> 16
@@ -74,7 +71,7 @@ def _element(data: memoryview, at: int, order: str, path: Path) -> _Element:
         return _Element(kind, tag[4 : 4 + size], at + 8)
     begin, end = at + 8, at + 8 + size
     if end > len(data):
-        raise _cut(path)
+        raise _cut_off(path)
     # All elements except compressed ones end at a multiple of eight bytes.
     return _Element(kind, data[begin:end], end if kind == _COMPRESSED else end + -size % 8)
 
@@ -94,7 +91,7 @@ def _matrix(data: memoryview, order: str, path: Path, where: str, depth: int) ->
         raise damage_error(f"{path} is damaged: a matrix without a class, or of negative size")
     name = f"{where}/{_text(parts[2].data)}" if where and len(parts[2].data) else where or _text(parts[2].data)
     kind = flags[0] & 0xFF
-    if kind in _CLASSES and not (flags[0] >> 8) & _LOGICAL_OR_COMPLEX:
+    if kind in _CLASSES and not (flags[0] >> 8) & 0x0A:  # neither logical nor complex
         yield (
             name,
             _numbers(_element(data, at, order, path), _CLASSES[kind], shape=shape, order=order, path=path, name=name),
@@ -104,10 +101,10 @@ def _matrix(data: memoryview, order: str, path: Path, where: str, depth: int) ->
         wide = len(element.data) == 2 * int(np.prod(shape, dtype=object))
         encoding = ("utf-16-le" if order == "<" else "utf-16-be") if wide else "utf-8"
         yield name, np.array(bytes(element.data).decode(encoding, errors="replace"))
-    elif kind == _STRUCT and shape and int(np.prod(shape, dtype=object)) == 1 and depth < _DEPTH:
+    elif kind == _STRUCT and shape and int(np.prod(shape, dtype=object)) == 1 and depth < 4:
         length = _integers(_element(data, at, order, path), order, path)
         names = _element(data, _element(data, at, order, path).end, order, path)
-        if not length or not 0 < length[0] <= 64 or len(names.data) > _MAX_FIELDS * length[0]:
+        if not length or not 0 < length[0] <= 64 or len(names.data) > 1000 * length[0]:
             raise damage_error(f"{path} is damaged: the names of the fields of {name}")
         at = names.end
         for first in range(0, len(names.data), length[0]):
@@ -120,17 +117,17 @@ def _matrix(data: memoryview, order: str, path: Path, where: str, depth: int) ->
 
 def _numbers(element: _Element, kind: str, shape: tuple[int, ...], order: str, path: Path, name: str) -> NDArray[Any]:
     """Read the numbers of a matrix. They may be stored in a smaller type than the type of the matrix."""
-    values = _stored(element, order, path)
+    values = _read_numbers(element, order, path)
     if values.size != int(np.prod(shape, dtype=object)):
         raise damage_error(f"{path} is damaged: {name} has {values.size} numbers, expected {'×'.join(map(str, shape))}")
     with np.errstate(invalid="ignore", over="ignore"):  # a number that the type cannot hold is an error below
-        found = values.astype(f"{order}{kind}", copy=False)
-    if found.dtype.kind in "iu" and not np.array_equal(found, values):
+        numbers = values.astype(f"{order}{kind}", copy=False)
+    if numbers.dtype.kind in "iu" and not np.array_equal(numbers, values):
         raise damage_error(f"{path} is damaged: {name} has numbers that its type cannot hold")
-    return found.reshape(shape, order="F")
+    return numbers.reshape(shape, order="F")
 
 
-def _stored(element: _Element, order: str, path: Path) -> NDArray[Any]:
+def _read_numbers(element: _Element, order: str, path: Path) -> NDArray[Any]:
     if element.kind not in _STORED:
         raise damage_error(f"{path} is damaged: numbers of the unknown type {element.kind}")
     kind = np.dtype(f"{order}{_STORED[element.kind]}")
@@ -140,7 +137,7 @@ def _stored(element: _Element, order: str, path: Path) -> NDArray[Any]:
 
 
 def _integers(element: _Element, order: str, path: Path) -> list[int]:
-    values = _stored(element, order, path)
+    values = _read_numbers(element, order, path)
     if values.dtype.kind not in "iu":
         raise damage_error(f"{path} is damaged: sizes that are not whole numbers")
     return [int(value) for value in values]
@@ -161,9 +158,9 @@ def _unpack(data: memoryview, packed: int, unpacked: int, path: Path) -> bytes:
     except zlib.error as error:
         raise damage_error(f"{path} is damaged ({error})") from error
     if not unpacker.eof:
-        raise _cut(path)
+        raise _cut_off(path)
     return bytes(out)
 
 
-def _cut(path: Path) -> ReadError:
+def _cut_off(path: Path) -> ReadError:
     return damage_error(f"{path} is not a complete MATLAB file: a part of it ends behind its end", "incomplete")

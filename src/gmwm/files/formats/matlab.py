@@ -47,9 +47,9 @@ class MatlabReader(ArraysReader):
             head = file.read(512 + len(MAGIC))
         texts: list[str] = []
         newer = head[512:] == MAGIC or head.startswith(b"MATLAB 7.3")
-        found = arrays_in(path) if newer else _older(path, texts)
+        stored = arrays_in(path) if newer else _older(path, texts)
         remarks: tuple[Remark, ...] = ()
-        arrays = [_known(array, found) for array in found if not array.name.startswith("#")]
+        arrays = [_with_layout(array, stored) for array in stored if not array.name.startswith("#")]
         arrays = with_stated_units(arrays, texts)
         if any(array.axes for array in arrays):
             navego = any(array.axes in {axes for axes, _ in _NAVEGO.values()} for array in arrays)
@@ -57,30 +57,30 @@ class MatlabReader(ArraysReader):
         return layouts_of(arrays, path, remarks)
 
 
-def _known(array: Array, others: Sequence[Array]) -> Array:
+def _with_layout(array: Array, others: Sequence[Array]) -> Array:
     """Add roles and units to the columns of an array that belongs to one of the known layouts."""
-    where, own = split_path(array.name)
+    where, label = split_path(array.name)
     turned = upright(array)
-    if own == "data_imu" and turned.columns == 7:
+    if label == "data_imu" and turned.columns == 7:
         return replace(turned, axes=_KALIBR_ALLAN[0], units=_KALIBR_ALLAN[1])
     siblings = {split_path(other.name)[1] for other in others if split_path(other.name)[0] == where}
-    if own in _NAVEGO and {"wb", "fb"} <= siblings and turned.columns == len(_NAVEGO[own][0]):
-        return replace(turned, axes=_NAVEGO[own][0], units=_NAVEGO[own][1])
+    if label in _NAVEGO and {"wb", "fb"} <= siblings and turned.columns == len(_NAVEGO[label][0]):
+        return replace(turned, axes=_NAVEGO[label][0], units=_NAVEGO[label][1])
     return array
 
 
 def _older(path: Path, texts: list[str]) -> list[Array]:
     """Return the arrays of a file of versions 5 to 7; append its strings to `texts`."""
-    found: list[Array] = []
+    arrays: list[Array] = []
     for name, value in variables(path):
         if value.dtype.kind == "U":
             texts.append(str(value))
             continue
-        if len(found) == MAX_ARRAYS:
+        if len(arrays) == MAX_ARRAYS:
             raise ReadError(
                 f"{path} holds more than {MAX_ARRAYS} arrays",
                 code="too-many",
                 advice="Save only the arrays of the recording.",
             )
-        found.append(Array(name, value.shape, value.dtype, partial(part_of, value)))
-    return found
+        arrays.append(Array(name, value.shape, value.dtype, partial(part_of, value)))
+    return arrays

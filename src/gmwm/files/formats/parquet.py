@@ -122,18 +122,18 @@ def _numbers(series: pl.Series, path: Path, row: int, first: str) -> NDArray[Any
             advice="Name other columns with {--columns}.",
         )
     if dated:
-        there = series.is_not_null().to_numpy()
-        times = np.full(there.size, MISSING)
-        if there.any():
-            known = times_of(series.drop_nulls(), first)
-            if (unknown := np.isnat(known)).any():
-                at = int(np.flatnonzero(there)[np.argmax(unknown)])
+        present = series.is_not_null().to_numpy()
+        times = np.full(present.size, MISSING)
+        if present.any():
+            stamps = times_of(series.drop_nulls(), first)
+            if (unknown := np.isnat(stamps)).any():
+                at = int(np.flatnonzero(present)[np.argmax(unknown)])
                 raise ReadError(
                     f"{path}: column {series.name!r} holds {what_is_wrong(series[at], first)} in row {row + at + 1}",
                     code="row-invalid",
                     advice="Repair the row, or leave the column out with {--columns=time:none} and pass {--rate}.",
                 )
-            times[there] = known.view(np.int64)
+            times[present] = stamps.view(np.int64)
         return times
     integer = series.dtype.is_integer()
     if integer and series.dtype == pl.UInt64 and series.len() and int(series.max() or 0) >= 1 << 63:  # type: ignore[arg-type]

@@ -31,7 +31,7 @@ from gmwm.files.formats.bag_mcap import McapStorage
 from gmwm.files.formats.bag_ros1 import Ros1Storage
 from gmwm.files.formats.bag_sqlite import SqliteStorage
 from gmwm.files.formats.bag_types import IMU, definition
-from gmwm.files.formats.bagfiles import Batch, Storage, Topic, merged, unpacked_messages
+from gmwm.files.formats.bagfiles import Batch, Storage, Topic, decompress_messages, merge_topics
 from gmwm.files.formats.byte_sources import ZSTD, CompressedSource
 from gmwm.files.formats.cdr import Decoder, Definition
 
@@ -46,14 +46,14 @@ TEMPERATURE = "(temperature)"
 _ELEMENT = re.compile(r"(.*)\[([012])\]")
 _TEMPERATURE_TYPE = "sensor_msgs/msg/Temperature"
 _SENSORS = {"angular_velocity": "gyro", "linear_acceleration": "accel"}
-_PEEK = 64  # first messages that show whether a sensor is always zero; noise is not zero in 64 samples
+# The numbers that a type must have to be sensor_msgs/Imu, in addition to its name.
+_IMU_LEAVES = {STAMP, *(f"{sensor}{part}" for sensor in _SENSORS for part in (".x", ".y", ".z", "_covariance[0]"))}
 _YAML_LIMIT = 1 << 20  # bytes: a metadata.yaml lists one line for each file and topic; a larger one takes 10 s
 _FILES = 10_000  # files of a recording: a bag is split into parts of some hundred MB at least
-_PACKED = (".db3.zstd", ".mcap.zstd")
 
 
 @dataclass(frozen=True)
-class _Stream:
+class _TopicState:
     """The topic of a layout, the type of its messages, and the topic of its temperature if there is one."""
 
     topic: Topic
@@ -73,39 +73,39 @@ class RosbagReader(Reader):
         """Return 1 for the signatures of ROS 1 bags, SQLite and MCAP, and for the first key of a metadata.yaml."""
         if head.startswith((b"#ROSBAG V", bag_sqlite.MAGIC, bag_mcap.MAGIC)) or _is_metadata(head):
             return 1.0
-        return 1.0 if head.startswith(ZSTD) and path.name.lower().endswith(_PACKED) else 0.0
+        return 1.0 if head.startswith(ZSTD) and path.name.lower().endswith((".db3.zstd", ".mcap.zstd")) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return one recording for each topic whose messages contain numbers."""
-        with _opened(path) as storages:
-            topics = merged(topic for storage in storages for topic in storage.topics())
-            found = [layout for topic in topics if (layout := _layout_or_error(topic, storages, path)) is not None]
-            found = _with_temperatures(found, topics)
-        if not found:
-            known = ", ".join(f"{t.name} ({t.type}, {t.encoding})" for t in topics) or "none"
+        with _storages(path) as storages:
+            topics = merge_topics(topic for storage in storages for topic in storage.topics())
+            layouts = [layout for topic in topics if (layout := _layout_or_error(topic, storages, path)) is not None]
+            layouts = _with_temperatures(layouts, topics)
+        if not layouts:
+            described = ", ".join(f"{t.name} ({t.type}, {t.encoding})" for t in topics) or "none"
             raise ReadError(
-                f"{path} has no topic whose messages can be read. Its topics: {known}",
+                f"{path} has no topic whose messages can be read. Its topics: {described}",
                 code="no-inertial-data",
                 advice="Messages must have the encoding cdr or ros1, and a type of ROS itself or one that the "
                 "recording defines (as ROS 1 and MCAP do, and databases since ROS 2 Iron).",
             )
-        return tuple(found)
+        return tuple(layouts)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Yield the numbers of a topic, one chunk for each batch of messages."""
-        stream: _Stream = layout.state
+        stream: _TopicState = layout.state
         names = {k: layout.channels[k].name for k in wanted}
         stamp = next((c.name for c in layout.channels if c.axis == "time"), LOG_TIME)
         warm = stream.temperature is not None and TEMPERATURE in names.values()
         fields = dict.fromkeys([*names.values(), stamp] if warm else names.values())
         decoder = Decoder(stream.definition, [name for name in fields if name not in (LOG_TIME, TEMPERATURE)])
-        with _opened(path) as storages:
+        with _storages(path) as storages:
             slow = _temperatures(stream.temperature if warm else None, stamp, storages, path)
             for times, messages in _batches(storages, stream.topic):
-                numbers = dict(_decoded(decoder, messages, stream.topic, path))
+                numbers = dict(_decode(decoder, messages, stream.topic, path))
                 numbers[LOG_TIME] = np.array(times, dtype=np.int64)
                 if warm:
-                    numbers[TEMPERATURE] = _interpolated(slow, numbers[stamp])
+                    numbers[TEMPERATURE] = _interpolate(slow, numbers[stamp])
                 yield {k: numbers[name] for k, name in names.items()}
 
 
@@ -115,13 +115,13 @@ def _is_metadata(head: bytes) -> bool:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[list[Storage]]:
+def _storages(path: Path) -> Iterator[list[Storage]]:
     """Open the files of a recording; compressed files are unpacked into a temporary folder."""
     with TemporaryDirectory(prefix="gmwm-") as folder:
         try:
             with path.open("rb") as file:
                 head = file.read(1 << 12)
-            files = _listed(path) if _is_metadata(head) else [path]
+            files = _listed_files(path) if _is_metadata(head) else [path]
             yield [_storage(_plain(file, Path(folder))) for file in files]
         except OSError as error:
             raise ReadError(
@@ -166,7 +166,7 @@ def _plain(path: Path, folder: Path) -> Path:
     return target
 
 
-def _listed(path: Path) -> list[Path]:
+def _listed_files(path: Path) -> list[Path]:
     """Return the files that a metadata.yaml lists."""
     from ruamel.yaml import YAML
 
@@ -208,10 +208,10 @@ def _listed(path: Path) -> list[Path]:
 def _batches(storages: Sequence[Storage], topic: Topic) -> Iterator[Batch]:
     """Yield the messages of a topic in all files. The identifiers of the topic can differ between the files."""
     for storage in storages:
-        for own in storage.topics():
-            if (own.name, own.type, own.encoding) == (topic.name, topic.type, topic.encoding):
-                for times, messages in storage.batches(own):
-                    yield times, unpacked_messages(messages, storage.path) if own.encoding == "cdr" else messages
+        for part in storage.topics():
+            if (part.name, part.type, part.encoding) == (topic.name, topic.type, topic.encoding):
+                for times, messages in storage.batches(part):
+                    yield times, decompress_messages(messages, storage.path) if part.encoding == "cdr" else messages
 
 
 def _layout_or_error(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | None:
@@ -225,15 +225,16 @@ def _layout_or_error(topic: Topic, storages: Sequence[Storage], path: Path) -> L
 def _with_temperatures(layouts: Sequence[Layout], topics: Sequence[Topic]) -> list[Layout]:
     """Add each temperature topic to the inertial topic whose name shares the longest beginning with its name."""
     out = list(layouts)
-    inertial = [k for k, layout in enumerate(out) if layout.inertial and isinstance(layout.state, _Stream)]
+    inertial = [k for k, layout in enumerate(out) if layout.inertial and isinstance(layout.state, _TopicState)]
     for topic in topics:
         if topic.type != _TEMPERATURE_TYPE or topic.count == 0 or not inertial:
             continue
-        alike = {k: _letters_in_common(topic.name, out[k].topic) for k in inertial}
+        pairs = {k: zip(topic.name, out[k].topic, strict=False) for k in inertial}
+        alike = {k: sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs[k])) for k in inertial}
         best = [k for k in inertial if alike[k] == max(alike.values())]
         layout = out[best[0]]
-        own = any("temperature" in (c.axis, recognise(c.name).axis) for c in layout.channels)
-        if len(best) == 1 and not own:
+        has_temperature = any("temperature" in (c.axis, recognise(c.name).axis) for c in layout.channels)
+        if len(best) == 1 and not has_temperature:
             remark = Remark.of("temperature-read", topic=topic.name)
             out[best[0]] = replace(
                 layout,
@@ -242,11 +243,6 @@ def _with_temperatures(layouts: Sequence[Layout], topics: Sequence[Topic]) -> li
                 remarks=(*layout.remarks, remark),
             )
     return out
-
-
-def _letters_in_common(one: str, other: str) -> int:
-    """Return the number of letters with which both names begin."""
-    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(one, other, strict=False)))
 
 
 def _temperatures(
@@ -258,23 +254,23 @@ def _temperatures(
     if topic is not None and kind is not None:
         decoder = Decoder(kind, [STAMP, "temperature"])
         for times, messages in _batches(storages, topic):
-            numbers = _decoded(decoder, messages, topic, path)
+            numbers = _decode(decoder, messages, topic, path)
             # The temperatures need times of the same clock as the samples.
             stamps.append(numbers[STAMP] if stamp == STAMP else np.array(times, dtype=np.int64))
             values.append(numbers["temperature"])
-    at, there = np.concatenate(stamps), np.concatenate(values)
+    at, degrees = np.concatenate(stamps), np.concatenate(values)
     order = np.argsort(at, kind="stable")
-    order = order[np.isfinite(there[order])]
-    return at[order], there[order]
+    order = order[np.isfinite(degrees[order])]
+    return at[order], degrees[order]
 
 
-def _interpolated(slow: tuple[NDArray[np.int64], Vector], stamps: NDArray[np.int64]) -> Vector:
+def _interpolate(slow: tuple[NDArray[np.int64], Vector], stamps: NDArray[np.int64]) -> Vector:
     """Return the temperature at some time stamps (ns), interpolated linearly; NaN if none was recorded."""
     at, values = slow
     if not at.size:
         return np.full(stamps.size, np.nan)
-    found: Vector = np.interp((stamps - at[0]).astype(np.float64), (at - at[0]).astype(np.float64), values)
-    return found
+    temperatures: Vector = np.interp((stamps - at[0]).astype(np.float64), (at - at[0]).astype(np.float64), values)
+    return temperatures
 
 
 def _layout(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | None:
@@ -286,7 +282,7 @@ def _layout(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | N
         raise error.at(str(path)) from error
     if kind is None:
         return None
-    if topic.type == IMU and _imu_leaves() <= set(leaves):
+    if topic.type == IMU and set(leaves) >= _IMU_LEAVES:
         return _imu_layout(topic, kind, leaves, storages)
     channels = [Channel(leaf, axis=_axis(leaf)) for leaf in leaves]
     if STAMP in leaves:
@@ -294,7 +290,7 @@ def _layout(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | N
     inertial = any(channel.axis in AXES for channel in channels)
     remarks: tuple[Remark, ...] = (Remark.of("topic-read", topic=topic.name, type=topic.type),)
     timed = any(channel.axis == "time" or recognise(channel.name).axis == "time" for channel in channels)
-    if inertial and STAMP in leaves and not _stamped(topic, kind, storages):
+    if inertial and STAMP in leaves and not np.any(_first(topic, kind, [STAMP], storages)[STAMP]):
         del channels[leaves.index(STAMP)]
         timed = False
     if not timed:
@@ -304,13 +300,8 @@ def _layout(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | N
         return None
     return Layout(
         channels=tuple(channels), topic=topic.name, remarks=remarks,
-        state=_Stream(topic, kind), inertial=inertial,
+        state=_TopicState(topic, kind), inertial=inertial,
     )  # fmt: skip
-
-
-def _imu_leaves() -> set[str]:
-    """Return the names of the numbers that a type must have to be sensor_msgs/Imu, in addition to its name."""
-    return {STAMP, *(f"{sensor}{part}" for sensor in _SENSORS for part in (".x", ".y", ".z", "_covariance[0]"))}
 
 
 def _imu_layout(topic: Topic, kind: Definition, leaves: Sequence[str], storages: Sequence[Storage]) -> Layout:
@@ -336,25 +327,21 @@ def _imu_layout(topic: Topic, kind: Definition, leaves: Sequence[str], storages:
         if sensor not in absent:
             channels.append(Channel(name, axis=f"{_SENSORS[sensor]}_{axis}"))
     channels.append(Channel(LOG_TIME, "ns", "" if stamped else "time"))
-    state = _Stream(topic, kind)
     return Layout(
         channels=tuple(channels), topic=topic.name, remarks=tuple(remarks),
-        state=state, inertial=bool(first[STAMP].size),
+        state=_TopicState(topic, kind), inertial=bool(first[STAMP].size),
     )  # fmt: skip
-
-
-def _stamped(topic: Topic, kind: Definition, storages: Sequence[Storage]) -> bool:
-    return bool(np.any(_first(topic, kind, [STAMP], storages)[STAMP]))
 
 
 def _first(topic: Topic, kind: Definition, names: Sequence[str], storages: Sequence[Storage]) -> dict[str, Any]:
     """Return the numbers `names` of the first messages of a topic; empty arrays if it has no messages."""
     for _, messages in _batches(storages, topic):
-        return _decoded(Decoder(kind, names), messages[:_PEEK], topic, storages[0].path)
+        # First messages that show whether a sensor is always zero; noise is not zero in 64 samples
+        return _decode(Decoder(kind, names), messages[:64], topic, storages[0].path)
     return {name: np.empty(0) for name in names}
 
 
-def _decoded(decoder: Decoder, messages: Sequence[bytes], topic: Topic, path: Path) -> dict[str, Any]:
+def _decode(decoder: Decoder, messages: Sequence[bytes], topic: Topic, path: Path) -> dict[str, Any]:
     try:
         return decoder.decode(messages)
     except ReadError as error:

@@ -40,19 +40,19 @@ class SensorLoggerReader(TextReader):
 
     def layout(self, source: FileSource) -> Layout:
         """Return the columns, with the sensor and unit that the name of the table states."""
-        found = super().layout(source)
+        layout = super().layout(source)
         path = Path(source.member) if isinstance(source, MemberSource) else source.path
-        known = _SENSORS.get(sensor(path))
-        if known is None:  # chosen by the `format` option
-            return found
-        quantity, unit = known
+        columns = _SENSORS.get(sensor(path))
+        if columns is None:  # chosen by the `format` option
+            return layout
+        quantity, unit = columns
         channels = [
             Channel(c.name, "ns", "time") if c.name == "time" else Channel(c.name, unit, f"{quantity}_{c.name}")
             if c.name in ("x", "y", "z") else Channel("(elapsed)")
-            for c in found.channels
+            for c in layout.channels
         ]  # fmt: skip
         removed = (Remark.of("gravity-removed", path.stem),) if sensor(path) == WITHOUT_GRAVITY else ()
-        return replace(found, channels=tuple(channels), topic=path.stem, remarks=(*found.remarks, *removed))
+        return replace(layout, channels=tuple(channels), topic=path.stem, remarks=(*layout.remarks, *removed))
 
 
 def sensor(path: Path) -> str:

@@ -21,9 +21,9 @@ from gmwm.files.clock.lost_samples import MISSING, is_missing
 from gmwm.files.clock.text_stamps import UNIT, is_time_of_day
 from gmwm.files.columns.column_names import recognise, unit_of
 from gmwm.files.columns.known_tables import known_table
-from gmwm.files.contract import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register
+from gmwm.files.contract import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register, without_guests
 from gmwm.files.formats.byte_sources import FileSource
-from gmwm.files.formats.dialect import Dialect, detect, is_number, split
+from gmwm.files.formats.dialect import TextDialect, detect, is_number, split_line
 from gmwm.files.formats.text_rows import OR_SKIP, RowParser
 
 BLOCK_BYTES = 8 << 20
@@ -69,7 +69,7 @@ class TextReader(Reader):
     def layouts_of(self, source: FileSource) -> tuple[Layout, ...]:
         """Return the recordings in text: several if a column states the sensor of each row."""
         layout = self.layout(source)
-        dialect: Dialect = layout.state
+        dialect: TextDialect = layout.state
         if dialect.sensors is None:
             return (layout,)
         column, values = dialect.sensors
@@ -105,12 +105,12 @@ class TextReader(Reader):
         dialect = detect(_head_lines(source), source)
         names = dialect.names or ("",) * dialect.columns
         time, channels = _time_by_content(dialect), []
-        program, known = known_table(names, source.named, dialect.above)
+        program, roles = known_table(names, source.unpacked_path, dialect.above)
         for k, name in enumerate(names):
             unit = dialect.column_units[k] if dialect.column_units else ""
             axis = recognise(name).axis
-            if k in known and not dialect.stamps[k]:
-                channels.append(Channel(name, known[k][1] or unit, known[k][0]))
+            if k in roles and not dialect.stamps[k]:
+                channels.append(Channel(name, roles[k][1] or unit, roles[k][0]))
             elif dialect.stamps[k]:
                 channels.append(Channel(name, UNIT, "time" if k == time else ""))
             else:
@@ -132,7 +132,7 @@ class TextReader(Reader):
         self, source: FileSource, layout: Layout, wanted: Sequence[int], place: Place | None = None
     ) -> Iterator[Rows]:
         """Yield the numbers in text, from the first row or from the block at `place` on."""
-        dialect: Dialect = layout.state
+        dialect: TextDialect = layout.state
         _require_end(source, layout)
         stamp, read = dialect.columns, list(wanted)
         if stamp in wanted and dialect.stamp_parts is not None:
@@ -148,23 +148,30 @@ class TextReader(Reader):
                 )
 
 
-def _stamp(chunk: Rows, dialect: Dialect) -> NDArray[np.int64]:
+def text_reader(path: Path, head: bytes) -> TextReader | None:
+    """Return the reader of text that fits its first bytes best; None if they are not text."""
+    readers = [reader for reader in without_guests() if isinstance(reader, TextReader)]
+    score, best = max(((reader.sniff(path, head), reader) for reader in readers), key=lambda pair: pair[0])
+    return best if score > 0 else None
+
+
+def _stamp(chunk: Rows, dialect: TextDialect) -> NDArray[np.int64]:
     """Return the time stamps (ns) of a table with seconds and nanoseconds in two columns."""
     assert dialect.stamp_parts is not None
     parts = [np.asarray(chunk[k]) for k in dialect.stamp_parts]
     missing = [is_missing(part) for part in parts]
-    away = np.any([np.zeros(parts[0].size, dtype=bool) if one is None else one for one in missing], axis=0)
-    seconds, rest = (np.where(away, 0, part).astype(np.int64) for part in parts)
-    return np.where(away, MISSING, seconds * 10**9 + rest)
+    away = np.any([np.zeros(parts[0].size, dtype=bool) if mask is None else mask for mask in missing], axis=0)
+    seconds, nanoseconds = (np.where(away, 0, part).astype(np.int64) for part in parts)
+    return np.where(away, MISSING, seconds * 10**9 + nanoseconds)
 
 
-def _time_by_content(dialect: Dialect) -> int | None:
+def _time_by_content(dialect: TextDialect) -> int | None:
     """Return the column that contains dates or times of day; None if a name states the time column."""
     timed = dialect.stamp_parts is not None or any(recognise(name).axis == "time" for name in dialect.names)
     if not dialect.names or timed:
         return None
-    found = [k for k, stamped in enumerate(dialect.stamps) if stamped]
-    return min(found, key=lambda k: is_time_of_day(dialect.first_row[k]), default=None)
+    columns = [k for k, stamped in enumerate(dialect.stamps) if stamped]
+    return min(columns, key=lambda k: is_time_of_day(dialect.first_row[k]), default=None)
 
 
 def _head_lines(source: FileSource) -> list[str]:
@@ -207,7 +214,9 @@ def _open_end(source: FileSource, delimiter: str) -> tuple[str, str] | tuple[()]
         *lines, last = file.read().decode("latin-1").split("\n")
     if not last.strip("\r") or last.endswith("\r"):
         return None
-    *others, cut = (split(line.strip("\r"), delimiter)[-1] for line in [*lines[-TAIL_LINES:], last] if line.strip())
+    *others, cut = (
+        split_line(line.strip("\r"), delimiter)[-1] for line in [*lines[-TAIL_LINES:], last] if line.strip()
+    )
     others = [cell for cell in others if is_number(cell)]
     was_cut = len(others) >= _ENOUGH and is_number(cut) and _lacks_digits(cut, others)
     return (cut, others[-1]) if was_cut else ()
@@ -231,7 +240,7 @@ def _lacks_digits(cell: str, others: Sequence[str]) -> bool:
     return len(cell) < min(map(len, others)) or powers[0] < min(powers[1:])
 
 
-def _blocks(source: FileSource, dialect: Dialect, place: Place | None = None) -> Iterator[tuple[Place, bytes]]:
+def _blocks(source: FileSource, dialect: TextDialect, place: Place | None = None) -> Iterator[tuple[Place, bytes]]:
     """Yield blocks of complete lines with their places, from the first row or from the block at `place` on."""
     first = b""
     with source.open() as file:
@@ -257,15 +266,15 @@ def _blocks(source: FileSource, dialect: Dialect, place: Place | None = None) ->
                         code="line-too-long",
                         advice="Check that the file is a table of text with one sample per line.",
                     )
-            rest = b""
+            ending = b""
             if not block.endswith(b"\n"):  # the end of the file
                 end = block.rfind(b"\n") + 1
-                block, rest = block[:end], block[end:]
+                block, ending = block[:end], block[end:]
             if block:
                 yield Place(begin, line), block
             begin, line = begin + len(block), line + _lines(block)
-            if rest and not dialect.cut:
-                yield Place(begin, line), rest
+            if ending and not dialect.cut:
+                yield Place(begin, line), ending
 
 
 def _lines(block: bytes) -> int:

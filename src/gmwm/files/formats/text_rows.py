@@ -23,7 +23,15 @@ from gmwm.files.clock.lost_samples import MISSING
 from gmwm.files.clock.text_stamps import Midnights, is_stamp, is_time_of_day, times_of, what_is_wrong
 from gmwm.files.contract import Layout, Rows
 from gmwm.files.formats.byte_sources import FileSource
-from gmwm.files.formats.dialect import BLANKS, MISSING_WORDS, Dialect, comment_sign, is_grouped, is_number, split
+from gmwm.files.formats.dialect import (
+    BLANKS,
+    MISSING_WORDS,
+    TextDialect,
+    comment_sign,
+    is_grouped,
+    is_number,
+    split_line,
+)
 
 if TYPE_CHECKING:
     import polars as pl
@@ -47,7 +55,7 @@ def _has_words(block: bytes) -> bool:
 class RowParser:
     """Parse blocks of text into arrays."""
 
-    def __init__(self, source: FileSource, dialect: Dialect, layout: Layout, wanted: tuple[int, ...]) -> None:
+    def __init__(self, source: FileSource, dialect: TextDialect, layout: Layout, wanted: tuple[int, ...]) -> None:
         require_threads(source)
         import polars as pl
 
@@ -88,22 +96,22 @@ class RowParser:
             return np.ascontiguousarray(column.fill_null(MISSING).to_numpy())
         if k not in self.stamps:
             return np.ascontiguousarray(column.to_numpy())
-        there = column.is_not_null().to_numpy()
-        times = np.full(there.size, MISSING)
-        if there.any():
-            known = times_of(column.filter(column.is_not_null()), self.stamps[k])
-            if (unknown := np.isnat(known)).any() and not self.layout.skip_bad_lines:
-                self._explain_stamp(block, line, k, int(np.flatnonzero(there)[np.argmax(unknown)]))
-            times[there] = known.view(np.int64)
+        present = column.is_not_null().to_numpy()
+        times = np.full(present.size, MISSING)
+        if present.any():
+            stamps = times_of(column.filter(column.is_not_null()), self.stamps[k])
+            if (unknown := np.isnat(stamps)).any() and not self.layout.skip_bad_lines:
+                self._explain_stamp(block, line, k, int(np.flatnonzero(present)[np.argmax(unknown)]))
+            times[present] = stamps.view(np.int64)
         if k in self.midnights and (placed := times != MISSING).any():
-            times[placed] = self.midnights[k].continued(times[placed])
+            times[placed] = self.midnights[k].continue_days(times[placed])
         return times
 
     def _require_no_thousands(self, block: bytes, line: int) -> None:
         """Raise an error if a number has a point before three digits, in a file with decimal commas."""
         columns = [k for k in self.wanted if k not in self.stamps]
         for number, text in self._lines(block, line):
-            cells = split(text, self.dialect.delimiter)
+            cells = split_line(text, self.dialect.delimiter)
             for k in columns:
                 if k < len(cells) and is_grouped(cells[k]):
                     raise ReadError(
@@ -118,16 +126,16 @@ class RowParser:
         if b'"' in block or (self.sign and self.sign in block):
             frame = self._table(block, line)
             return 0 if frame is None else frame.height
-        again = sum(line.strip() in self.headers for line in block.splitlines()) if self._repeats(block) else 0
+        again = (
+            sum(line.strip() in self.headers for line in block.splitlines())
+            if any(header in block for header in self.headers)
+            else 0
+        )
         begin = _BLANK_BEGIN.match(block)
         blank = sum(run[0].count(b"\n") - 1 for run in _BLANK_RUN.finditer(block, begin.end() if begin else 0))
         blank += begin[0].count(b"\n") if begin else 0
         ended = block.endswith(b"\n") or not block[block.rfind(b"\n") + 1 :].strip()
         return block.count(b"\n") - blank + (not ended) - again
-
-    def _repeats(self, block: bytes) -> bool:
-        """Return whether a header may occur again in a block."""
-        return any(header in block for header in self.headers)
 
     def _table(self, block: bytes, line: int) -> pl.DataFrame | None:
         """Return the columns of a block, with nulls for missing values; None if it has no row."""
@@ -138,15 +146,15 @@ class RowParser:
         with suppress(pl.exceptions.PolarsError):  # a line cannot be parsed
             # Polars finds the number of columns in the first line, even if it is blank.
             frame = self._frame_or_none(_BLANK_BEGIN.sub(b"", block, count=1))
-            if frame is not None and _has_nulls(frame) and _has_blank_lines(block):
+            if frame is not None and _has_nulls(frame) and (b"\n\n" in block or b"\n\r\n" in block):
                 frame = self._frame_or_none(_without_blank_lines(block))
             if frame is not None and _has_nulls(frame):
                 frame = self._frame_or_none(
-                    _without_blank_lines(block if self._even(block) else self._repaired(block, line))
+                    _without_blank_lines(block if self._even(block) else self._repair(block, line))
                 )
             return frame
         try:
-            return self._frame_or_none(_without_blank_lines(self._repaired(block, line)))
+            return self._frame_or_none(_without_blank_lines(self._repair(block, line)))
         except pl.exceptions.PolarsError as error:
             reason = str(error).splitlines()[0]
             raise ReadError(
@@ -181,7 +189,7 @@ class RowParser:
         sign, counts = self.dialect.delimiter.encode(), {self.dialect.fields - 1, self.dialect.columns - 1}
         return all(line.count(sign) in counts for line in _without_blank_lines(block).split(b"\n") if line.strip())
 
-    def _repaired(self, block: bytes, line: int) -> bytes:
+    def _repair(self, block: bytes, line: int) -> bytes:
         """Return the block without repeated headers, and with rows of missing values for bad lines."""
         gap = (b" " if self.dialect.delimiter == BLANKS else self.dialect.delimiter.encode()).join(
             [_GAP] * self.dialect.columns
@@ -213,7 +221,7 @@ class RowParser:
     def _error_in(self, text: str, number: int, block: bytes, line: int) -> ReadError | None:
         """Return the error for a line of a block that begins in `line`; None if the line is a valid row."""
         d = self.dialect
-        cells = split(text, d.delimiter)
+        cells = split_line(text, d.delimiter)
         if len(cells) not in {d.fields, d.columns} and not (len(cells) > d.columns and not any(cells[d.columns :])):
             return ReadError(
                 f"{self.source}, line {number}: {len(cells)} values, expected {d.columns} as in line "
@@ -235,7 +243,7 @@ class RowParser:
     def _explain_stamp(self, block: bytes, line: int, column: int, row: int) -> NoReturn:
         """Raise the error for the invalid time stamp in row number `row` (from 0) of a block."""
         number, text = next(islice(self._lines(block, line), row, None))
-        cell = split(text, self.dialect.delimiter)[column]
+        cell = split_line(text, self.dialect.delimiter)[column]
         raise ReadError(
             f"{self.source}, line {number}: column {self._name(column)!r} holds "
             f"{what_is_wrong(cell, self.stamps[column])}",
@@ -292,10 +300,6 @@ def _advice(block: bytes, line: int, number: int) -> str:
 
 def _has_nulls(frame: pl.DataFrame) -> bool:
     return any(series.null_count() for series in frame)
-
-
-def _has_blank_lines(block: bytes) -> bool:
-    return b"\n\n" in block or (b"\r" in block and b"\n\r\n" in block)
 
 
 def _without_blank_lines(block: bytes) -> bytes:

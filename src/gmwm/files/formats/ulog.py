@@ -16,7 +16,7 @@ from gmwm.base.arrays import Vector
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
 from gmwm.files.contract import Channel, Layout, Reader, Rows, register
-from gmwm.files.formats.ulog_messages import SIGNATURE, Log, Message, Table, column
+from gmwm.files.formats.ulog_messages import SIGNATURE, Log, Table, UlogMessage, column
 
 _AXES = ("x", "y", "z")
 _GYRO = {"x": "gyro_x", "y": "gyro_y", "z": "gyro_z", "temperature": "temperature"}
@@ -33,7 +33,7 @@ _MOST_TEMPERATURES = 1 << 18
 
 
 @dataclass
-class _Summary:
+class _SensorSummary:
     """Result of the first pass over the messages of one sensor."""
 
     count: int = 0  # number of messages
@@ -52,17 +52,17 @@ class _Summary:
             self.device = int(table["device_id"][0])
         self.count += table.size
         for name in set(_STAMPS) & set(names):
-            own = column(table, name)
-            self.edges[name] = self.edges.get(name, (int(own[0]), 0))[0], int(own[-1])
-            if np.any(own):
+            temperatures = column(table, name)
+            self.edges[name] = self.edges.get(name, (int(temperatures[0]), 0))[0], int(temperatures[-1])
+            if np.any(temperatures):
                 self.stamped.add(name)
         if "temperature" in names and "timestamp" in names:
             values = column(table, "temperature")
-            there = np.isfinite(values)
-            self.warm |= bool(np.any(values[there]))
-            self._stamps.append(table["timestamp"][there].astype(np.float64))
-            self._values.append(values[there])
-            while sum(one.size for one in self._values) > _MOST_TEMPERATURES:
+            finite = np.isfinite(values)
+            self.warm |= bool(np.any(values[finite]))
+            self._stamps.append(table["timestamp"][finite].astype(np.float64))
+            self._values.append(values[finite])
+            while sum(batch.size for batch in self._values) > _MOST_TEMPERATURES:
                 self._stamps = [np.concatenate(self._stamps)[::2]]
                 self._values = [np.concatenate(self._values)[::2]]
 
@@ -72,10 +72,10 @@ class _Summary:
 
 
 @dataclass(frozen=True, eq=False)
-class _Selection:
+class _UlogFields:
     """The message and the fields from which the columns of a recording are read."""
 
-    message: Message  # the message to read
+    message: UlogMessage  # the message to read
     names: tuple[str, ...]  # Field of each column. A temperature column from another message has no field
     # temperatures of another message, which are interpolated linearly
     temperatures: tuple[Vector, Vector] | None = None
@@ -92,15 +92,15 @@ class UlogReader(Reader):
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return one recording for each instance of sensor_combined (preferred), sensor_gyro and sensor_accel. The
         temperature of sensor_combined comes from the slower message sensor_gyro."""
-        log, found, selected = Log(path), dict[Message, _Summary](), 0
+        log, summaries, selected = Log(path), dict[UlogMessage, _SensorSummary](), 0
         for message, table in log.tables((*_MESSAGES, _SELECTION)):
             if message.name != _SELECTION:
-                found.setdefault(message, _Summary()).add(table)
+                summaries.setdefault(message, _SensorSummary()).add(table)
             elif "gyro_device_id" in (table.dtype.names or ()):
                 selected = int(table["gyro_device_id"][-1])
         dropouts = (Remark.of("log-dropouts", count=log.dropouts),) if log.dropouts else ()
-        ordered = sorted(found, key=lambda message: (message.name, message.instance))
-        layouts = [layout for message in ordered if (layout := _layout(message, found[message])) is not None]
+        ordered = sorted(summaries, key=lambda message: (message.name, message.instance))
+        layouts = [layout for message in ordered if (layout := _layout(message, summaries[message])) is not None]
         if not layouts:
             raise ReadError(
                 f"{path} holds none of the messages {', '.join(_MESSAGES)}",
@@ -110,26 +110,26 @@ class UlogReader(Reader):
         out = []
         for layout in layouts:
             combined = layout.topic == "sensor_combined_0"
-            whole = _with_temperature(layout, found, selected) if combined else layout
-            out.append(replace(whole, preferred=combined, remarks=(*whole.remarks, *dropouts)))
+            complete = _with_temperature(layout, summaries, selected) if combined else layout
+            out.append(replace(complete, preferred=combined, remarks=(*complete.remarks, *dropouts)))
         return tuple(out)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Yield the numbers, one chunk for each block of the file."""
-        selection: _Selection = layout.state
+        selection: _UlogFields = layout.state
         for message, table in Log(path).tables((selection.message.name,)):
             if message == selection.message:
                 yield {k: _column(table, selection, k) for k in wanted}
 
 
-def _column(table: Table, selection: _Selection, k: int) -> Vector:
+def _column(table: Table, selection: _UlogFields, k: int) -> Vector:
     if k < len(selection.names):
         return column(table, selection.names[k])
     assert selection.temperatures is not None
     return np.interp(column(table, selection.names[0]).astype(np.float64), *selection.temperatures)
 
 
-def _layout(message: Message, found: _Summary) -> Layout | None:
+def _layout(message: UlogMessage, found: _SensorSummary) -> Layout | None:
     """Return the columns of one message, with its temperature if there is one; None if an axis is missing."""
     axes, fields = _MESSAGES[message.name], message.fields.names or ()
     stamp = next((name for name in _STAMPS if name in found.stamped), None)
@@ -142,14 +142,14 @@ def _layout(message: Message, found: _Summary) -> Layout | None:
     return Layout(
         tuple(channels),
         topic=message.topic,
-        state=_Selection(message, (stamp, *names)),
+        state=_UlogFields(message, (stamp, *names)),
         extent=(found.count, (last - first) / 1e6),
     )
 
 
-def _with_temperature(layout: Layout, found: Mapping[Message, _Summary], selected: int) -> Layout:
+def _with_temperature(layout: Layout, found: Mapping[UlogMessage, _SensorSummary], selected: int) -> Layout:
     """Add the temperature of the selected gyroscope, or of another sensor, to the layout of sensor_combined."""
-    sensors = [message for message, own in found.items() if own.warm]
+    sensors = [message for message, summary in found.items() if summary.warm]
     sensors.sort(key=lambda one: (found[one].device != selected, one.name != "sensor_gyro", one.name, one.instance))
     if not sensors:
         return layout

@@ -21,8 +21,6 @@ _HEADER = 16
 _BLOCK = 4 << 20
 _FORMAT, _FLAGS, _ADD, _DATA, _DROPOUT = b"FBADO"
 _OTHER = frozenset(b"IMPQLCSR")
-_LARGEST = 10_000
-"""Largest size (bytes) of a message of an unknown kind; a larger one is taken for damage, as in pyulog."""
 _MOST_FIELDS = 2000
 """Largest number of fields of a message: sensors have about ten; deeply nested types could exhaust the memory."""
 _DEEPEST = 50  # largest depth of nested types
@@ -35,7 +33,7 @@ Table = NDArray[Any]
 
 
 @dataclass(frozen=True)
-class Message:
+class UlogMessage:
     """One instance of a logged message."""
 
     name: str  # name of the message, such as "sensor_gyro"
@@ -55,26 +53,26 @@ class Log:
 
     path: Path  # the file
     # logged messages by their identifiers; None for messages that are not wanted
-    messages: dict[int, Message | None] = field(default_factory=dict)
+    messages: dict[int, UlogMessage | None] = field(default_factory=dict)
     dropouts: int = 0  # number of places where the logger lost data
     _formats: dict[str, list[tuple[str, int, str]]] = field(default_factory=dict)
     _bounds: list[int] = field(default_factory=list)
 
-    def tables(self, names: tuple[str, ...]) -> Iterator[tuple[Message, Table]]:
+    def tables(self, names: tuple[str, ...]) -> Iterator[tuple[UlogMessage, Table]]:
         """Read the file, and yield the messages with the wanted names as tables, one for each message and block."""
-        rest, begin = b"", _HEADER
+        tail, begin = b"", _HEADER
         with self.path.open("rb") as file:
             if len(file.read(_HEADER)) < _HEADER:
-                raise self._damaged("it is too short for a log")
+                raise self._damage("it is too short for a log")
             while data := file.read(_BLOCK):
-                block = rest + data
+                block = tail + data
                 places, used = self._walk(block, begin, names)
                 for number, starts in places.items():
                     message = self.messages[number]
                     assert message is not None
                     yield message, self._table(block, message, np.array(starts))
-                rest, begin = block[used:], begin + used
-        if rest:
+                tail, begin = block[used:], begin + used
+        if tail:
             raise ReadError(
                 f"{self.path} ends within a message",
                 code="cut-off",
@@ -96,7 +94,7 @@ class Log:
                     break
                 bound = self._bounds.pop(0) - begin
                 if bound < at:  # the same messages would be read again and again
-                    raise self._damaged("appended data begin before the messages in front of them")
+                    raise self._damage("appended data begin before the messages in front of them")
                 at = bound
                 continue
             if last > end:
@@ -104,7 +102,7 @@ class Log:
             if kind == _DATA:
                 number = block[at + 3] | block[at + 4] << 8 if size >= 2 else -1
                 if number not in self.messages:
-                    raise self._damaged(f"there is no subscription for message {number}")
+                    raise self._damage(f"there is no subscription for message {number}")
                 if self.messages[number] is not None:
                     places.setdefault(number, []).append(at)
             elif kind == _DROPOUT:
@@ -119,55 +117,56 @@ class Log:
         try:
             if kind == _FORMAT:
                 name, _, fields = body.decode().partition(":")
-                self._formats[name] = [_field(one) for one in fields.split(";") if one]
+                self._formats[name] = [_field(entry) for entry in fields.split(";") if entry]
             elif kind == _FLAGS:
                 if any(body[8:16][1:]) or body[8] & ~1:
-                    raise self._damaged("an incompatible flag is set, so that it cannot be read")
+                    raise self._damage("an incompatible flag is set, so that it cannot be read")
                 self._bounds = [offset for offset in struct.unpack_from("<3Q", body, 16) if offset]
             elif kind == _ADD:
                 instance, number, name = body[0], body[1] | body[2] << 8, body[3:].decode()
                 self.messages[number] = self._message(name, instance) if name in names else None
-            elif not kind or not 0 < len(body) <= _LARGEST:
-                raise self._damaged("a message is invalid")
+            # Largest size (bytes) of a message of an unknown kind; a larger one is taken for damage, as in pyulog
+            elif not kind or not 0 < len(body) <= 10_000:
+                raise self._damage("a message is invalid")
         except ReadError:
             raise
         except (ValueError, IndexError, KeyError, struct.error) as error:
-            raise self._damaged(f"a message of the kind {chr(kind)!r} is invalid: {error}") from error
+            raise self._damage(f"a message of the kind {chr(kind)!r} is invalid: {error}") from error
 
-    def _message(self, name: str, instance: int) -> Message:
+    def _message(self, name: str, instance: int) -> UlogMessage:
         fields = list(self._flat(name, "", (), [_MOST_FIELDS]))
-        sizes = np.dtype([(one, f"<{kind}") for one, kind in fields]).itemsize
+        sizes = np.dtype([(label, f"<{kind}") for label, kind in fields]).itemsize
         while fields and fields[-1][0].startswith("_padding"):
             fields.pop()
-        return Message(name, instance, np.dtype([(one, f"<{kind}") for one, kind in fields]), sizes)
+        return UlogMessage(name, instance, np.dtype([(label, f"<{kind}") for label, kind in fields]), sizes)
 
     def _flat(self, name: str, prefix: str, above: tuple[str, ...], budget: list[int]) -> Iterator[tuple[str, str]]:
         """Yield name and type of each field of a message, also of nested types, for at most `budget[0]` fields."""
         if name in above:
-            raise self._damaged(f"the type {name!r} contains itself", code="type-recursive")
+            raise self._damage(f"the type {name!r} contains itself", code="type-recursive")
         if len(above) > _DEEPEST:
-            raise self._damaged(f"its types are nested more than {_DEEPEST} times")
+            raise self._damage(f"its types are nested more than {_DEEPEST} times")
         for kind, count, label in self._formats[name]:
             for k in range(max(count, 1)):
-                one = f"{prefix}{label}[{k}]" if count else f"{prefix}{label}"
+                path = f"{prefix}{label}[{k}]" if count else f"{prefix}{label}"
                 budget[0] -= 1
                 if budget[0] < 0:
-                    raise self._damaged(f"a message has more than {_MOST_FIELDS} fields", code="too-many")
+                    raise self._damage(f"a message has more than {_MOST_FIELDS} fields", code="too-many")
                 if kind in _TYPES:
-                    yield one, _TYPES[kind]
+                    yield path, _TYPES[kind]
                 else:
-                    yield from self._flat(kind, f"{one}.", (*above, name), budget)
+                    yield from self._flat(kind, f"{path}.", (*above, name), budget)
 
-    def _table(self, block: bytes, message: Message, starts: NDArray[np.int64]) -> Table:
+    def _table(self, block: bytes, message: UlogMessage, starts: NDArray[np.int64]) -> Table:
         """Return the messages that begin at the positions `starts` of a block, as a table."""
         raw = np.frombuffer(block, dtype=np.uint8)
         sizes = raw[starts].astype(np.int64) + (raw[starts + 1].astype(np.int64) << 8) - 2
         if np.any((sizes < message.fields.itemsize) | (sizes > message.largest)):
-            raise self._damaged(f"a message {message.topic} has the wrong size")
+            raise self._damage(f"a message {message.topic} has the wrong size")
         rows = starts[:, None] + np.arange(5, 5 + message.fields.itemsize)
         return np.ascontiguousarray(raw[rows]).view(message.fields)[:, 0]
 
-    def _damaged(self, reason: str, code: ReadCode = "damaged") -> ReadError:
+    def _damage(self, reason: str, code: ReadCode = "damaged") -> ReadError:
         return ReadError(f"{self.path} is damaged: {reason}", code=code, advice="Copy the file again.")
 
 

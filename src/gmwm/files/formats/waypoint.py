@@ -29,9 +29,6 @@ BLOCK = 1 << 18
 # The limits separate the records of every type and byte order in tests/readers/test_waypoint.py and test_imr.py.
 _SLOWEST, _SHORTEST = 10.0, 1e-6
 """Longest and shortest interval (s) between the time stamps of an inertial sensor."""
-_LATEST = 1e10
-"""Upper limit of time stamps (s), for seconds of a week and for seconds since 1970."""
-_IN_ORDER = 0.9  # smallest share of plausible intervals; the other intervals are gaps and resets of the clock
 _NEAR_GRAVITY = 0.2
 """Relative agreement with gravity at rest. The scales of record types are equal or differ by 1.5 or more."""
 
@@ -113,7 +110,7 @@ class ImuReader(RecordsReader):
 
 def _register(of: RecordType) -> None:
     @register
-    class Named(_NamedReader):
+    class NamedType(_NamedReader):
         __doc__ = f".imu records of the type {of.name}."
         name = of.format
         kind = of
@@ -128,11 +125,11 @@ def record_channels(
 ) -> tuple[Channel, ...]:
     """Return the columns of a record: time (s), gyroscopes and accelerometers."""
     sensors = zip(("gyro", "accel"), units, scales, increments, strict=True)
-    found = {name: (unit, flag, scale) for name, unit, scale, flag in sensors}
+    by_sensor = {name: (unit, flag, scale) for name, unit, scale, flag in sensors}
     axes = (
         Channel(axis, unit, axis=axis, increments=flag, scale=scale)
         for axis in AXES
-        for unit, flag, scale in (found[axis_quantity(axis)],)
+        for unit, flag, scale in (by_sensor[axis_quantity(axis)],)
     )
     return (Channel("time", "s", "time"), *axes)
 
@@ -181,9 +178,9 @@ def _layout(path: Path, kind: RecordType, name: str) -> Layout:
     if not _heavy(head, kind):
         better = [other for other in TYPES if other.dtype == kind.dtype and _heavy(head, other)]
         gravity = Quantity(_gravity(head, kind), "m/s²")
-        known = "yes" if better else "no"
+        decided = "yes" if better else "no"
         doubtful = Remark.of(
-            "record-type-doubtful", str(path), type=name, gravity=gravity, better=known, formats=_formats(better)
+            "record-type-doubtful", str(path), type=name, gravity=gravity, better=decided, formats=_formats(better)
         )
         remarks.append(doubtful)
         warnings.warn(GmwmWarning(doubtful), stacklevel=2)
@@ -215,24 +212,22 @@ def _times(head: bytes, kind: RecordType) -> Vector:
 def _plausible(times: NDArray[Any]) -> bool:
     """Return whether numbers can be the time stamps of a recording (s)."""
     with np.errstate(all="ignore"):
-        if not times.size or not np.all(np.abs(times) < _LATEST):
+        # Upper limit of time stamps (s), for seconds of a week and for seconds since 1970
+        if not times.size or not np.all(np.abs(times) < 1e10):
             return False
         steps = np.diff(times)
         possible = np.mean((steps >= 0) & (steps <= _SLOWEST)) if steps.size else 1.0
-        return bool(possible >= _IN_ORDER and (not steps.size or np.median(steps) >= _SHORTEST))
+        # Smallest share of plausible intervals; the other intervals are gaps and resets of the clock
+        return bool(possible >= 0.9 and (not steps.size or np.median(steps) >= _SHORTEST))
 
 
 def _gravity(head: bytes, kind: RecordType) -> float:
     """Return the norm of the mean specific force (m/s²) in the first records if they are of this type."""
     with np.errstate(all="ignore"):  # records of another type may overflow
-        return _mean_norm(head, kind)
-
-
-def _mean_norm(head: bytes, kind: RecordType) -> float:
-    times = _times(head, kind)
-    rate = 1 / float(np.median(np.diff(times))) if times.size > 1 else np.nan
-    means = [float(np.mean(_column(head, kind.dtype, axis))) for axis in AXES[3:]]
-    return float(np.linalg.norm(means)) * kind.accel * rate
+        times = _times(head, kind)
+        rate = 1 / float(np.median(np.diff(times))) if times.size > 1 else np.nan
+        means = [float(np.mean(_column(head, kind.dtype, axis))) for axis in AXES[3:]]
+        return float(np.linalg.norm(means)) * kind.accel * rate
 
 
 def _heavy(head: bytes, kind: RecordType) -> bool:

@@ -20,11 +20,9 @@ from gmwm.base.remarks import Quantity, Remark
 from gmwm.files.clock.lost_samples import MISSING, whole_numbers
 from gmwm.files.contract import Channel, Layout, Mark, Rows, register
 from gmwm.files.formats.byte_sources import FileSource
-from gmwm.files.formats.dialect import Dialect
+from gmwm.files.formats.dialect import TextDialect
 from gmwm.files.formats.text import Place, TextReader
 
-_TICK_US = 100
-_WRAP = 1 << 16
 _SIGNALS = {
     **{f"Acc_{axis}": ("m/s²", f"accel_{axis.lower()}") for axis in "XYZ"},
     **{f"Gyr_{axis}": ("rad/s", f"gyro_{axis.lower()}") for axis in "XYZ"},
@@ -44,17 +42,17 @@ class XsensReader(TextReader):
 
     def sniff(self, path: Path, head: bytes) -> float:
         """Return 0.9 for comments with // above a header with PacketCounter and an inertial column."""
-        known = re.search(rb"(?m)^PacketCounter\b.*\b(Acc_X|Gyr_X|VelInc_X|OriInc_q1)\b", head)
-        return 0.9 if known and head.removeprefix(b"\xef\xbb\xbf").startswith(b"//") else 0.0
+        header = re.search(rb"(?m)^PacketCounter\b.*\b(Acc_X|Gyr_X|VelInc_X|OriInc_q1)\b", head)
+        return 0.9 if header and head.removeprefix(b"\xef\xbb\xbf").startswith(b"//") else 0.0
 
     def layout(self, source: FileSource) -> Layout:
         """Return the layout, with the axes and units that the names of the columns determine."""
-        found = super().layout(source)
-        dialect: Dialect = found.state
-        names = {channel.name for channel in found.channels}
-        time = self._time(found, dialect)
-        channels, remarks = [], [*found.remarks]
-        for channel in found.channels:
+        layout = super().layout(source)
+        dialect: TextDialect = layout.state
+        names = {channel.name for channel in layout.channels}
+        time = self._time(layout, dialect)
+        channels, remarks = [], [*layout.remarks]
+        for channel in layout.channels:
             unit, axis = _SIGNALS.get(channel.name) or _INCREMENTS.get(channel.name, ("", ""))
             increments = channel.name in _INCREMENTS
             if channel.name == time:
@@ -71,7 +69,7 @@ class XsensReader(TextReader):
             remarks += [Remark.of("increments", name, source="file") for name in used]
         if time == "PacketCounter" and dialect.rate is not None:
             remarks.append(Remark.of("time-read", form="packets", rate=Quantity(dialect.rate, "Hz")))
-        return replace(found, channels=tuple(channels), remarks=tuple(remarks))
+        return replace(layout, channels=tuple(channels), remarks=tuple(remarks))
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
         """Return marks for the blocks; none for PacketCounter, whose wraps are counted from the first row."""
@@ -89,23 +87,23 @@ class XsensReader(TextReader):
             for k, name in names.items():
                 if name == "SampleTimeFine":
                     ticks = whole_numbers(chunk[k])
-                    out[k] = np.where(ticks == MISSING, MISSING, ticks * _TICK_US)
+                    out[k] = np.where(ticks == MISSING, MISSING, ticks * 100)  # a tick is 100 µs
                 elif name == "PacketCounter" and layout.channels[k].axis == "time":
                     counter = whole_numbers(chunk[k])
-                    there = counter != MISSING
+                    present = counter != MISSING
                     out[k] = np.full(counter.size, np.nan)
-                    if not there.any():
+                    if not present.any():
                         continue
-                    counter = counter[there]
-                    steps = np.diff(counter, prepend=counter[0] if last is None else last) % _WRAP
+                    counter = counter[present]
+                    steps = np.diff(counter, prepend=counter[0] if last is None else last) % (1 << 16)
                     # A reset of the counter appears as a gap of minutes. Samples were lost there.
                     packets = (packets[-1] if packets is not None else 0) + np.cumsum(steps)
                     last = counter[-1]
-                    out[k][there] = packets / layout.state.rate
+                    out[k][present] = packets / layout.state.rate
             yield out
 
     @staticmethod
-    def _time(found: Layout, dialect: Dialect) -> str:
+    def _time(found: Layout, dialect: TextDialect) -> str:
         """Return the time column: SampleTimeFine, or PacketCounter if SampleTimeFine is empty; else ""."""
         names = [channel.name for channel in found.channels]
         if "SampleTimeFine" in names and dialect.integers[names.index("SampleTimeFine")]:

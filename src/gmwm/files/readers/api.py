@@ -12,7 +12,7 @@ from gmwm.base.errors import ReadError
 from gmwm.files.clock.clock import rows_between
 from gmwm.files.columns.axis_units import time_unit
 from gmwm.files.columns.columns import choose
-from gmwm.files.readers.builder import SampleBuilder, collected
+from gmwm.files.readers.builder import SampleBuilder, collect_samples
 from gmwm.files.readers.interpretation import Interpretation, RowSource, require_time, understand
 from gmwm.files.readers.reading_warnings import of_file, warn
 from gmwm.files.readers.several_files import Source, found_reader, source_words
@@ -192,21 +192,21 @@ def stream(
 def read_file(path: Source, options: ReadOptions) -> Imu:
     """Read the recording in a file into memory, with options that are already checked; see `read`."""
     with np.errstate(all="ignore"):  # checks find damaged numbers, so NumPy need not warn
-        opened = _Opened.of(path, options, in_memory=True)
-        imu = replace(recording_of(opened.found, opened.rows, opened.path), source=source_words(path))
+        source = _OpenFile.of(path, options, in_memory=True)
+        imu = replace(recording_of(source.found, source.rows, source.path), source=source_words(path))
     warn(imu.remarks, stacklevel=3)
     if options.ranges is not None:
-        imu = cut(imu, *opened.times(options))
+        imu = cut(imu, *source.times(options))
     return imu.longest() if options.gaps == "longest" else imu
 
 
 def stream_file(path: Source, options: ReadOptions, chunk: int = CHUNK) -> Stream:
     """Open a recording as a stream, with checked options; see `stream`. The option `gaps` is not applied."""
     with np.errstate(all="ignore"):
-        opened = _Opened.of(path, options, in_memory=False)
-    warn(opened.found.remarks, stacklevel=3)
-    kept = None if options.ranges is None else kept_ranges(*opened.times(options))
-    return Stream(source_words(path), opened.found, opened.rows, size=chunk, kept=kept)
+        source = _OpenFile.of(path, options, in_memory=False)
+    warn(source.found.remarks, stacklevel=3)
+    ranges = None if options.ranges is None else kept_ranges(*source.times(options))
+    return Stream(source_words(path), source.found, source.rows, size=chunk, kept=ranges)
 
 
 def recording_of(found: Interpretation, rows: RowSource, path: object) -> Imu:
@@ -215,11 +215,11 @@ def recording_of(found: Interpretation, rows: RowSource, path: object) -> Imu:
     parts = list(builder.samples(rows))
     summary = builder.summary()
     remarks = (*found.remarks, *of_file(summary.remarks(found), path))
-    return collected(parts, found, summary.time_base(found), remarks)
+    return collect_samples(parts, found, summary.time_base(found), remarks)
 
 
 @dataclass(frozen=True, eq=False)
-class _Opened:
+class _OpenFile:
     """A recording in a file: the source of its rows, and the interpretation of its columns."""
 
     path: Path
@@ -227,7 +227,7 @@ class _Opened:
     found: Interpretation
 
     @classmethod
-    def of(cls, path: Source, options: ReadOptions, *, in_memory: bool) -> _Opened:
+    def of(cls, path: Source, options: ReadOptions, *, in_memory: bool) -> _OpenFile:
         """Open a file."""
         file, reader = found_reader(path, options.format)
         layout = one_layout(reader, file, options.topic)
@@ -235,15 +235,15 @@ class _Opened:
         require_time(layout, choice, options.rate, file)
         layout = replace(layout, skip_bad_lines=options.bad_lines == "skip", stamped="time" in choice.columns)
         origin = FileRows(file, reader, layout, topic=options.topic)
-        rows = origin.held(choice) if in_memory else origin
+        rows = origin.hold(choice) if in_memory else origin
 
-        def opened(rows: FileRows | HeldRows, begin: float = 0.0) -> _Opened:
-            found = understand(layout, choice, rows.first(choice), path=file, options=options, source=rows)
-            timing = replace(found.timing, base=replace(found.timing.base, left=begin))
-            return cls(file, rows, replace(found, timing=timing))
+        def open_rows(rows: FileRows | HeldRows, begin: float = 0.0) -> _OpenFile:
+            interpretation = understand(layout, choice, rows.first(choice), path=file, options=options, source=rows)
+            timing = replace(interpretation.timing, base=replace(interpretation.timing.base, left=begin))
+            return cls(file, rows, replace(interpretation, timing=timing))
 
         try:
-            return opened(rows)
+            return open_rows(rows)
         except ReadError as error:
             if not options.ranges or "when" not in error.facts:
                 raise
@@ -252,7 +252,7 @@ class _Opened:
         stamps = np.concatenate([chunk[column] for chunk in rows.chunks([column])])
         times = options.ranges[0][0], options.ranges[-1][1]
         part, begin = rows_between(stamps, unit, options.rate, begin=times[0], end=times[1])
-        return opened(rows.limited(part.start, part.stop), begin)
+        return open_rows(rows.limit(part.start, part.stop), begin)
 
     def times(self, options: ReadOptions) -> tuple[float, float | None, list[tuple[float, float]]]:
         """Return the options `start`, `stop` and `skip` in seconds from the first row that is read."""

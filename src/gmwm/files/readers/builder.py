@@ -17,7 +17,7 @@ from gmwm.base.remarks import Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import SI_UNIT, beyond_sensors
 from gmwm.files.clock.lost_samples import about_lost, as_floats, gaps_of, sift
-from gmwm.files.clock.running_clock import KnownClock, RunningClock, Settled
+from gmwm.files.clock.running_clock import KnownClock, KnownSegments, RunningClock
 from gmwm.files.contract import Rows
 from gmwm.files.readers.interpretation import TEMPERATURE, Interpretation, RowSource
 from gmwm.files.readers.temperature import with_temperature
@@ -87,51 +87,51 @@ class SampleBuilder:
 
     def add(self, rows: Rows) -> Iterator[Samples]:
         """Add the next rows, and yield the samples whose segments are now known."""
-        found, columns = self._found, self._found.choice.columns
-        sifted = sift(rows, columns, found.choice.axes)
+        interpretation, columns = self._found, self._found.choice.columns
+        sifted = sift(rows, columns, interpretation.choice.axes)
         self._count += sifted.unplaced
         # Rows that were appended to the file after its time stamps were read are ignored.
-        left = None if self._live else self._known.left()
-        rows = {k: column[:left] for k, column in sifted.rows.items()}
+        remaining = None if self._live else self._known.remaining()
+        rows = {k: column[:remaining] for k, column in sifted.rows.items()}
         size = next(iter(rows.values())).size
         cut = np.zeros(size + 1, dtype=bool) if sifted.cut is None else sifted.cut[: size + 1]
         cut[0] |= self._cut[-1]
         self._cut = np.concatenate([self._cut[:-1], cut])
         lost = np.zeros(size, dtype=bool) if sifted.lost is None else sifted.lost[:size]
         impossible = None
-        for role in found.roles:
-            values = self._in_si(as_floats(rows[columns[role]]), found.factors.get(role, ()))
-            self._waiting[role] = _joined(self._waiting[role], values)
-            beyond = beyond_sensors(values) if role in found.choice.axes else None
+        for role in interpretation.roles:
+            values = self._in_si(as_floats(rows[columns[role]]), interpretation.factors.get(role, ()))
+            self._waiting[role] = _append(self._waiting[role], values)
+            beyond = beyond_sensors(values) if role in interpretation.choice.axes else None
             if beyond is not None:
                 impossible = beyond if impossible is None else impossible | beyond
         if impossible is not None:
             self._impossible += int(np.count_nonzero(impossible & ~lost))
             lost = lost | impossible
-        self._lost = _joined(self._lost, lost)
+        self._lost = _append(self._lost, lost)
         self._came += size
-        yield from self._settled(self._live.take(rows[columns["time"]]) if self._live else self._known.take(size))
+        yield from self._settle(self._live.take(rows[columns["time"]]) if self._live else self._known.take(size))
 
     def samples(self, rows: RowSource) -> Iterator[Samples]:
         """Yield the samples of all rows of a source."""
         columns, reading = self._found.choice.columns, self._found.first_temperature
         chunks = rows.chunks(list(columns.values()))
-        for some in chunks if reading is None else with_temperature(chunks, columns, reading):
-            yield from self.add(some)
+        for chunk in chunks if reading is None else with_temperature(chunks, columns, reading):
+            yield from self.add(chunk)
         yield from self.end()
 
     def end(self) -> Iterator[Samples]:
         """Yield the samples that were held back until the end of a live stream."""
         if self._live:
-            yield from self._settled(self._live.end())
+            yield from self._settle(self._live.end())
 
     def summary(self) -> RowSummary:
         """Return the summary of all rows so far."""
         live = None if self._live is None else self._live.base()
         stamped = self._known.gaps(self._first, self._came) if live is None else live.gaps
         # No sample is missing where the clock was set back.
-        known = {row for row, _ in stamped} | self._cuts
-        gaps = [((a, b), sample) for a, b, sample in self._breaks if b - a > 1 or b in known]
+        gap_rows = {row for row, _ in stamped} | self._cuts
+        gaps = [((a, b), sample) for a, b, sample in self._breaks if b - a > 1 or b in gap_rows]
         return RowSummary(
             self._first, self._next, start=self._begun[1] if self._start is None else self._start, parted=self._parted,
             gaps=gaps_of([pair for pair, _ in gaps], [k for _, k in gaps], stamped=stamped, rate=self._found.rate),
@@ -147,7 +147,7 @@ class SampleBuilder:
                 values = values * factor
         return values
 
-    def _settled(self, settled: Settled) -> Iterator[Samples]:
+    def _settle(self, settled: KnownSegments) -> Iterator[Samples]:
         """Yield the waiting samples up to the last one whose segment is known."""
         first = self._came - self._lost.size
         count = settled.stop - first
@@ -169,11 +169,15 @@ class SampleBuilder:
             turns = np.union1d(np.searchsorted(rows, turns), np.flatnonzero(np.diff(rows, prepend=-1) > 1))
             count, rows = rows.size, rows + first
         if count:
-            yield self._samples(ready, turns[turns < count], clock, _Rows(first, count, rows))
+            yield self._samples(ready, turns[turns < count], clock, _RowNumbers(first, count, rows))
         self._broken = bool(lost[-1])
 
     def _samples(
-        self, ready: dict[str, Vector], turns: NDArray[np.int64], clock: tuple[NDArray[np.int64], Vector], rows: _Rows
+        self,
+        ready: dict[str, Vector],
+        turns: NDArray[np.int64],
+        clock: tuple[NDArray[np.int64], Vector],
+        rows: _RowNumbers,
     ) -> Samples:
         """Make `Samples` from values in SI units. `turns` are the positions at which a segment begins."""
         begins = self._broken or bool(turns.size and turns[0] == 0)
@@ -199,7 +203,7 @@ class SampleBuilder:
 
 
 @dataclass(frozen=True)
-class _Rows:
+class _RowNumbers:
     """Row numbers: `count` consecutive rows from `first`, or a list of rows."""
 
     first: int
@@ -211,11 +215,11 @@ class _Rows:
         return places + self.first if self.listed is None else self.listed[places]
 
 
-def _joined(before: NDArray[Any], after: NDArray[Any]) -> NDArray[Any]:
+def _append(before: NDArray[Any], after: NDArray[Any]) -> NDArray[Any]:
     return np.concatenate([before, after]) if before.size else after
 
 
-def collected(parts: Sequence[Samples], found: Interpretation, base: TimeBase, remarks: Sequence[Remark]) -> Imu:
+def collect_samples(parts: Sequence[Samples], found: Interpretation, base: TimeBase, remarks: Sequence[Remark]) -> Imu:
     """Join samples into one recording, from its beginning."""
     if not parts:
         raise DataError(

@@ -18,7 +18,7 @@ from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError
 from gmwm.base.units import SI_UNIT
 from gmwm.files.columns.column_names import named_unit, unit_of
-from gmwm.files.columns.columns import Choice, choose
+from gmwm.files.columns.columns import ColumnChoice, choose
 from gmwm.files.contract import Layout
 from gmwm.files.formats.arrays import Array, chunks_of, fields_of, layouts_of, part_of
 from gmwm.files.readers.api import recording_of
@@ -54,7 +54,7 @@ def _has_missing(values: Any) -> bool:
 def read_table(data: Any, rate: float | None, units: Mapping[str, str] | None, source: str) -> Imu:
     """Read the recording in a table, with names as in a file. Without a stated unit, rad/s and m/s² are assumed."""
     options = ReadOptions(rate=rate, units={} if units is None else units)
-    arrays = [one for name, values in _columns(data) for one in _arrays(str(name), values)]
+    arrays = [entry for name, values in _columns(data) for entry in _arrays(str(name), values)]
     layouts = layouts_of(arrays, _NAME)
     if len(layouts) > 1:
         raise DataError(
@@ -66,17 +66,17 @@ def read_table(data: Any, rate: float | None, units: Mapping[str, str] | None, s
     layout = layouts[0]
     choice = choose(layout, options.columns, _NAME)
     require_time(layout, choice, options.rate, _NAME)
-    wanted = list(choice.columns.values())
-    parts = list(chunks_of(layout, wanted, _NAME))
-    held = HeldRows({k: np.concatenate([part[k] for part in parts]) for k in wanted})
-    options = replace(options, units={**_unstated(layout, choice), **options.units})
-    found = understand(layout, choice, held.rows, path=_NAME, options=options, source=held)
-    imu = recording_of(found, held, _NAME)
+    columns = list(choice.columns.values())
+    parts = list(chunks_of(layout, columns, _NAME))
+    held = HeldRows({k: np.concatenate([part[k] for part in parts]) for k in columns})
+    options = replace(options, units={**_default_units(layout, choice), **options.units})
+    interpretation = understand(layout, choice, held.rows, path=_NAME, options=options, source=held)
+    imu = recording_of(interpretation, held, _NAME)
     warn(imu.remarks, stacklevel=3)
     return replace(imu, source=source)
 
 
-def _unstated(layout: Layout, choice: Choice) -> dict[str, str]:
+def _default_units(layout: Layout, choice: ColumnChoice) -> dict[str, str]:
     """Return SI units for the sensors whose columns state no unit."""
     stated = {
         axis_quantity(axis)

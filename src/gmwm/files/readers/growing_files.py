@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import BinaryIO, cast
 
 from gmwm.base.errors import ReadError
-from gmwm.files.columns.columns import Choice, choose
-from gmwm.files.contract import Layout, Rows, without_guests
+from gmwm.files.columns.columns import ColumnChoice, choose
+from gmwm.files.contract import Layout, Rows
 from gmwm.files.formats.byte_sources import FileSource
-from gmwm.files.formats.text import TextReader
+from gmwm.files.formats.text import TextReader, text_reader
 from gmwm.files.readers.interpretation import require_time, understand
 from gmwm.files.readers.reading_warnings import warn
 from gmwm.files.readers.streams import Stream, first_rows
@@ -63,19 +63,19 @@ class GrowingFile:
             self._taken += len(data)
             return data
         else:
-            self.trouble = self._replaced(here)
+            self.trouble = self._replacement(here)
         return None if self.trouble else b""
 
     def close(self) -> None:
         """Close the file."""
         self._file.close()
 
-    def _replaced(self, here: os.stat_result) -> str:
+    def _replacement(self, here: os.stat_result) -> str:
         try:
-            there = self.path.stat()
+            status = self.path.stat()
         except OSError:
             return f"{self.path} was removed while it was watched"
-        if not os.path.samestat(here, there):
+        if not os.path.samestat(here, status):
             return f"{self.path} was replaced by another file while it was watched"
         return ""
 
@@ -179,27 +179,11 @@ class _Live(io.RawIOBase):
 
 
 @dataclass(frozen=True)
-class _Head(FileSource):
-    """The first bytes of a growing text."""
-
-    bytes: bytes
-
-    @property
-    def seekable(self) -> bool:
-        """False, because the end is not known yet."""
-        return False
-
-    def open(self) -> BinaryIO:
-        """Open these bytes."""
-        return io.BytesIO(self.bytes)
-
-
-@dataclass(frozen=True)
-class _Whole(FileSource):
-    """The first bytes of a growing text and all that follow. They can be read only once."""
+class _GrowingText(FileSource):
+    """The first bytes of a growing text, and all that follow unless `lines` is None. They can be read only once."""
 
     begin: bytes
-    lines: Lines
+    lines: Lines | None
 
     @property
     def seekable(self) -> bool:
@@ -208,7 +192,7 @@ class _Whole(FileSource):
 
     def open(self) -> BinaryIO:
         """Open the text from its first byte on."""
-        return cast("BinaryIO", _Live(self.begin, self.lines))
+        return io.BytesIO(self.begin) if self.lines is None else cast("BinaryIO", _Live(self.begin, self.lines))
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +200,7 @@ class _LiveRows:
     """The rows of a growing text."""
 
     reader: TextReader
-    text: _Whole
+    text: _GrowingText
     layout: Layout
 
     def chunks(self, wanted: Sequence[int]) -> Iterator[Rows]:
@@ -234,15 +218,21 @@ def growing_stream(lines: Lines, path: Path, options: ReadOptions | None = None,
         raise ReadError(
             f"{path} holds no whole line", code="empty", advice="Check whether the recording was interrupted."
         )
-    reader, layout = _text_layout(path, head)
+    reader = text_reader(path, head)
+    if reader is None:
+        raise ReadError(
+            f"{path} is not a text file, and only text can be watched", code="not-text",
+            advice="Read it when it is complete.",
+        )  # fmt: skip
+    layout = reader.layout(_GrowingText(path, head, None))
     choice = choose(layout, options.columns, path)
-    choice = Choice({role: k for role, k in choice.columns.items() if role != "temperature"}, choice.remarks)
+    choice = ColumnChoice({role: k for role, k in choice.columns.items() if role != "temperature"}, choice.remarks)
     require_time(layout, choice, options.rate, path)
     layout = replace(layout, skip_bad_lines=options.bad_lines == "skip")
-    first = first_rows(reader.rows(_Head(path, head), layout, list(choice.columns.values())), choice)
-    found = understand(layout, choice, first, path=path, options=options, source=None)
-    warn(found.remarks, stacklevel=2)
-    return Stream(str(path), found, _LiveRows(reader, _Whole(path, head, lines), layout), BLOCK)
+    first = first_rows(reader.rows(_GrowingText(path, head, None), layout, list(choice.columns.values())), choice)
+    interpretation = understand(layout, choice, first, path=path, options=options, source=None)
+    warn(interpretation.remarks, stacklevel=2)
+    return Stream(str(path), interpretation, _LiveRows(reader, _GrowingText(path, head, lines), layout), BLOCK)
 
 
 def _first_lines(lines: Lines, patience: float) -> bytes:
@@ -259,16 +249,3 @@ def _first_lines(lines: Lines, patience: float) -> bytes:
         elif not lines.ended:
             time.sleep(POLL)
     return b"".join(parts)
-
-
-def _text_layout(path: Path, head: bytes) -> tuple[TextReader, Layout]:
-    """Return the reader for the text dialect of the first lines, and their columns."""
-    readers = [reader for reader in without_guests() if isinstance(reader, TextReader)]
-    best = max(readers, key=lambda reader: reader.sniff(path, head))
-    if best.sniff(path, head) <= 0:
-        raise ReadError(
-            f"{path} is not a text file, and only text can be watched",
-            code="not-text",
-            advice="Read it when it is complete.",
-        )
-    return best, best.layout(_Head(path, head))

@@ -19,9 +19,9 @@ from gmwm.files.clock.clock import clock_of
 from gmwm.files.clock.lost_samples import Sifted, as_floats, dead_axes, is_missing, sift
 from gmwm.files.clock.running_clock import Pace
 from gmwm.files.clock.text_stamps import holds_stamps, require_readable
-from gmwm.files.clock.time_stamps import Timing, as_stamps, beside_stated, unstamped
+from gmwm.files.clock.time_stamps import Timing, as_stamps, beside_stated, timing_without_stamps
 from gmwm.files.columns.axis_units import resolve, time_unit
-from gmwm.files.columns.columns import Choice, described
+from gmwm.files.columns.columns import ColumnChoice, describe_columns
 from gmwm.files.columns.scale_factors import multiply
 from gmwm.files.contract import Layout, Rows
 from gmwm.files.readers.reading_warnings import STAMPS, of_file
@@ -39,7 +39,7 @@ TEMPERATURE = "temperature"
 class Interpretation:
     """Columns, units and clock of a recording."""
 
-    choice: Choice  # the columns to read: the axes, the temperature, and the time if it is needed to place rows
+    choice: ColumnChoice  # the columns to read: the axes, the temperature, and the time if it is needed to place rows
     words: Mapping[str, str]  # name of each column in messages
     # factors by which the numbers in the file are multiplied, one after the other
     factors: Mapping[str, tuple[float, ...]]
@@ -63,7 +63,7 @@ class Interpretation:
     def without_temperature(self) -> Interpretation:
         """Return it without the temperature, which a part of a recording cannot interpolate at its ends."""
         columns = {role: k for role, k in self.choice.columns.items() if role != TEMPERATURE}
-        return replace(self, choice=Choice(columns, self.choice.remarks), first_temperature=None)
+        return replace(self, choice=ColumnChoice(columns, self.choice.remarks), first_temperature=None)
 
 
 class RowSource(Protocol):
@@ -74,7 +74,7 @@ class RowSource(Protocol):
 
 
 def understand(
-    layout: Layout, choice: Choice, rows: Rows, *, path: Path, options: ReadOptions, source: RowSource | None
+    layout: Layout, choice: ColumnChoice, rows: Rows, *, path: Path, options: ReadOptions, source: RowSource | None
 ) -> Interpretation:
     """Find the working axes, the units and the clock of a recording. `rows` are all rows of a recording in memory, or
     its first `HEAD`. `source` is None for a live stream: its clock begins with the first rows, and no axis is left out,
@@ -89,10 +89,10 @@ def understand(
         raise constant(words[axis], axis, value, size)
     sifted = sift(rows, choice.columns, axes)
     count = next(iter(sifted.rows.values())).size
-    left = count if sifted.lost is None else count - int(np.count_nonzero(sifted.lost))
-    if 2 * left < count:
+    remaining = count if sifted.lost is None else count - int(np.count_nonzero(sifted.lost))
+    if 2 * remaining < count:
         raise _apart_in_rows(sifted, choice, axes, layout=layout, path=path)
-    require_samples(left, words[axes[0]])
+    require_samples(remaining, words[axes[0]])
     clock = partial(_timing, layout, choice, options, count)
     stamped, pace = "time" in choice.columns, None
     column = None
@@ -115,7 +115,10 @@ def understand(
     reading = None
     if TEMPERATURE in choice.columns:
         reading = _first_reading(rows, choice.columns[TEMPERATURE], source)
-    remarks = [*layout.remarks, *choice.remarks, *_about_dead(constants)]
+    remarks = [*layout.remarks, *choice.remarks]
+    for axis, (value, size) in constants.items():
+        kind = "missing" if np.isnan(value) else "constant"
+        remarks.append(Remark.of("axis-dead", axis, kind=kind, value=value, rows=size))
     if column is not None and column.other:
         remarks.append(Remark.of("rows-of-others", count=column.other, rows=column.rows))
     remarks += [*about_scale, *scales.remarks, *about_time]
@@ -129,7 +132,7 @@ def understand(
     )  # fmt: skip
 
 
-def _read_columns(choice: Choice, rows: Rows, column: TimeColumn | None, *, temperature: bool) -> Choice:
+def _read_columns(choice: ColumnChoice, rows: Rows, column: TimeColumn | None, *, temperature: bool) -> ColumnChoice:
     """Return the columns to read; time stamps only if segments or a temperature depend on them."""
     columns = dict(choice.columns)
     if not temperature:
@@ -137,40 +140,34 @@ def _read_columns(choice: Choice, rows: Rows, column: TimeColumn | None, *, temp
     sparse = temperature and is_missing(rows[columns[TEMPERATURE]][:HEAD]) is not None
     if column is not None and column.alone and not sparse:
         del columns["time"]
-    return Choice(columns, choice.remarks)
+    return ColumnChoice(columns, choice.remarks)
 
 
-def _first_samples(rows: Rows, choice: Choice, axes: Sequence[str]) -> dict[str, Vector]:
+def _first_samples(rows: Rows, choice: ColumnChoice, axes: Sequence[str]) -> dict[str, Vector]:
     """Return the values of each axis in the first rows, without rows that lack one of `axes`."""
     head = sift({k: column[:HEAD] for k, column in rows.items()}, choice.columns, axes)
-    kept = slice(None) if head.lost is None else ~head.lost
-    return {axis: as_floats(head.rows[choice.columns[axis]])[kept] for axis in choice.axes}
+    usable = slice(None) if head.lost is None else ~head.lost
+    return {axis: as_floats(head.rows[choice.columns[axis]])[usable] for axis in choice.axes}
 
 
-def _dead(rows: Rows, choice: Choice, source: RowSource) -> dict[str, tuple[float, int]]:
+def _dead(rows: Rows, choice: ColumnChoice, source: RowSource) -> dict[str, tuple[float, int]]:
     """Return the axes that are constant over all rows of a recording, with their value and the number of rows."""
     columns, size = choice.columns, next(iter(rows.values())).size
-    found = {axis: (value, size) for axis, value in dead_axes(rows, columns, choice.axes).items()}
-    if not found or size < HEAD:
-        return found
+    constants = {axis: (value, size) for axis, value in dead_axes(rows, columns, choice.axes).items()}
+    if not constants or size < HEAD:
+        return constants
     count = 0
-    for chunk in source.chunks([columns[axis] for axis in found]):
+    for chunk in source.chunks([columns[axis] for axis in constants]):
         count += next(iter(chunk.values())).size
-        still = dead_axes(chunk, columns, found)
-        found = {
+        still = dead_axes(chunk, columns, constants)
+        constants = {
             axis: (still[axis] if np.isnan(value) else value, count)
-            for axis, (value, _) in found.items()
+            for axis, (value, _) in constants.items()
             if axis in still and (still[axis] == value or np.isnan(still[axis]) or np.isnan(value))
         }
-        if not found:
+        if not constants:
             break
-    return found
-
-
-def _about_dead(constants: Mapping[str, tuple[float, int]]) -> Iterator[Remark]:
-    """Yield a remark for each constant axis, which is left out."""
-    for axis, (value, rows) in constants.items():
-        yield Remark.of("axis-dead", axis, kind="missing" if np.isnan(value) else "constant", value=value, rows=rows)
+    return constants
 
 
 def _first_reading(rows: Rows, column: int, source: RowSource | None) -> float | None:
@@ -178,31 +175,31 @@ def _first_reading(rows: Rows, column: int, source: RowSource | None) -> float |
     blocks = [rows] if source is None or rows[column].size < HEAD else source.chunks([column])
     for block in blocks:
         missing = is_missing(block[column])
-        known = block[column] if missing is None else block[column][~missing]
-        if known.size:
-            return float(known[0])
+        readings = block[column] if missing is None else block[column][~missing]
+        if readings.size:
+            return float(readings[0])
     return None
 
 
 def _timing(
-    layout: Layout, choice: Choice, options: ReadOptions, samples: int, stamps: Iterable[NDArray[Any]] | None
+    layout: Layout, choice: ColumnChoice, options: ReadOptions, samples: int, stamps: Iterable[NDArray[Any]] | None
 ) -> tuple[Timing, tuple[Remark, ...]]:
     """Return the time base, and remarks on the unit or form of the time stamps. Without `stamps`, the recording is one
     segment of `samples` rows."""
     if stamps is None:
-        return unstamped(as_rate(layout.rate if options.rate is None else options.rate), samples), ()
+        return timing_without_stamps(as_rate(layout.rate if options.rate is None else options.rate), samples), ()
     unit, about_unit = time_unit(layout, choice, options.units)
-    found, about_form = clock_of(stamps, unit, options.rate)
+    timing, about_form = clock_of(stamps, unit, options.rate)
     if options.rate is None and layout.rate is not None and layout.rate_of_samples:
-        found = beside_stated(found, layout.rate)
-    return found, tuple(remark for remark in (about_unit, about_form) if remark is not None)
+        timing = beside_stated(timing, layout.rate)
+    return timing, tuple(remark for remark in (about_unit, about_form) if remark is not None)
 
 
 class TimeColumn:
     """The time stamps of all rows that the clock counts, in chunks. If the first rows have all values, only the time
     column is read, because gmwm assumes that no row lacks all values."""
 
-    def __init__(self, source: RowSource, choice: Choice, axes: Sequence[str]) -> None:
+    def __init__(self, source: RowSource, choice: ColumnChoice, axes: Sequence[str]) -> None:
         self._source, self._columns, self._axes = source, choice.columns, axes
         self.alone, self.rows, self.other, self.unplaced = True, 0, 0, 0
 
@@ -237,7 +234,7 @@ class _UnplacedRowsError(Exception):
     """Raised if a row has no time stamp."""
 
 
-def require_time(layout: Layout, choice: Choice, rate: float | None, path: Path) -> None:
+def require_time(layout: Layout, choice: ColumnChoice, rate: float | None, path: Path) -> None:
     """Require time stamps or a rate; time stamps are numbers, dates with times, or times of day."""
     for role, column in choice.columns.items():
         if role != "time" and holds_stamps(layout, column):
@@ -256,7 +253,7 @@ def require_time(layout: Layout, choice: Choice, rate: float | None, path: Path)
             )
         if rate is None and layout.rate is None:
             raise ReadError(
-                f"{path} has no time column. Its columns: {described(layout)}",
+                f"{path} has no time column. Its columns: {describe_columns(layout)}",
                 code="no-time",
                 advice="Pass the samples per second with {--rate}, or name the time column with {--columns}.",
             )
@@ -266,7 +263,7 @@ def require_time(layout: Layout, choice: Choice, rate: float | None, path: Path)
         require_readable(layout.first_row[k], path)
 
 
-def _apart_in_rows(sifted: Sifted, choice: Choice, axes: Sequence[str], layout: Layout, path: Path) -> DataError:
+def _apart_in_rows(sifted: Sifted, choice: ColumnChoice, axes: Sequence[str], layout: Layout, path: Path) -> DataError:
     """Make the error for a file in which most rows lack some axes, as sensors of different rates write it."""
     size = next(iter(sifted.rows.values())).size
     counts = {}
@@ -302,7 +299,7 @@ def constant(what: str, role: str, value: float, rows: int) -> DataError:
     )
 
 
-def column_words(layout: Layout, choice: Choice, role: str, path: Path) -> str:
+def column_words(layout: Layout, choice: ColumnChoice, role: str, path: Path) -> str:
     """Return the name of a column for messages, from the file, the role, and the name in the file."""
     k = choice.columns[role]
     name = layout.channels[k].name or f"number {k}"

@@ -7,7 +7,6 @@ part is read, a few rows before it are read too, to find out whether the sample 
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -17,15 +16,15 @@ import numpy as np
 
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.files.clock.lost_samples import Sifted, sift
-from gmwm.files.contract import Layout, Mark, Reader, existing_file, find_reader
+from gmwm.files.contract import Layout, Mark, Reader, existing_file
 from gmwm.files.readers.builder import RowSummary, SampleBuilder
 from gmwm.files.readers.interpretation import Interpretation
 from gmwm.files.readers.several_files import SeveralFiles
 from gmwm.files.readers.streams import FileRows, Stream
-from gmwm.files.readers.topics import one_layout
+from gmwm.files.readers.topics import reopen
 from gmwm.recording.chunks import Chunk, Samples
 
-SHORTEST = 4096
+SHORTEST_PART = 4096
 """Smallest number of rows of a part. Reading fewer rows takes less time than opening the file."""
 
 
@@ -100,13 +99,13 @@ class PartReader:
     def samples(self) -> Iterator[Samples]:
         """Iterate over the samples of the part."""
         part = self._part
-        self._reader, self._layout = _opened(part)
-        wanted = list(part.found.choice.columns.values())
+        self._reader, self._layout = _open(part)
+        columns = list(part.found.choice.columns.values())
         builder = SampleBuilder(part.found, part.first, self._lost_before())
         if part.whole:
-            chunks = self._reader.chunks(part.path, self._layout, wanted)
+            chunks = self._reader.chunks(part.path, self._layout, columns)
         else:
-            chunks = self._reader.chunks_from(part.path, self._layout, wanted, part.begin)
+            chunks = self._reader.chunks_from(part.path, self._layout, columns, part.begin)
         row = part.first
         for rows in chunks:
             row += next(iter(rows.values())).size
@@ -134,13 +133,13 @@ class PartReader:
     def _rows(self, mark: Mark, stop: int) -> Sifted:
         """Return the rows from a mark up to row `stop`."""
         choice, row, taken = self._part.found.choice, mark.row, []
-        wanted = list(choice.columns.values())
-        for chunk in self._reader.chunks_from(self._part.path, self._layout, wanted, mark):
+        columns = list(choice.columns.values())
+        for chunk in self._reader.chunks_from(self._part.path, self._layout, columns, mark):
             taken.append({k: column[: stop - row] for k, column in chunk.items()})
             row += next(iter(chunk.values())).size
             if row >= stop:
                 break
-        rows = {k: np.concatenate([one[k] for one in taken]) if taken else np.empty(0) for k in wanted}
+        rows = {k: np.concatenate([rows_of[k] for rows_of in taken]) if taken else np.empty(0) for k in columns}
         return sift(rows, choice.columns, choice.axes)
 
 
@@ -166,16 +165,17 @@ def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
     # If rows are left out, the row numbers of the clock differ from those of the file. The recording is then one part.
     marks = () if stream._found.sparse else origin.reader.marks(origin.path, origin.layout)
     cuts = _cuts(marks, int(count))
-    whole = Part(
+    recording = Part(
         path=origin.path, bytes=origin.path.stat().st_size, format=origin.reader.name, topic=origin.topic,
         found=stream._found.without_temperature(), size=stream._size, back=Mark(0), begin=Mark(0), end=Mark(0),
         whole=True, skip_bad_lines=origin.layout.skip_bad_lines,
     )  # fmt: skip
     if not cuts:
-        return (whole,)
+        return (recording,)
     edges = [0, *cuts, len(marks) - 1]
     return tuple(
-        replace(whole, back=marks[max(a - 1, 0)], begin=marks[a], end=marks[b], whole=False) for a, b in pairwise(edges)
+        replace(recording, back=marks[max(a - 1, 0)], begin=marks[a], end=marks[b], whole=False)
+        for a, b in pairwise(edges)
     )
 
 
@@ -184,15 +184,15 @@ def _cuts(marks: Sequence[Mark], count: int) -> list[int]:
     rows = [mark.row for mark in marks]
     cuts, last = list[int](), 0
     for k in range(1, count) if rows else ():
-        wanted = rows[-1] * k / count
-        nearest = min(range(len(rows)), key=lambda m: abs(rows[m] - wanted))
-        if rows[nearest] - rows[last] >= SHORTEST and rows[-1] - rows[nearest] >= SHORTEST:
+        target = rows[-1] * k / count
+        nearest = min(range(len(rows)), key=lambda m: abs(rows[m] - target))
+        if rows[nearest] - rows[last] >= SHORTEST_PART and rows[-1] - rows[nearest] >= SHORTEST_PART:
             cuts.append(nearest)
             last = nearest
     return cuts
 
 
-def _opened(part: Part) -> tuple[Reader, Layout]:
+def _open(part: Part) -> tuple[Reader, Layout]:
     """Return the reader and the layout of the file, after a check that the file has not changed."""
     try:
         path = existing_file(part.path)
@@ -209,7 +209,4 @@ def _opened(part: Part) -> tuple[Reader, Layout]:
             code="changed",
             advice="Divide the recording again.",
         )
-    reader = find_reader(path, part.format)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the warnings were given when the stream was made
-        return reader, replace(one_layout(reader, path, part.topic), skip_bad_lines=part.skip_bad_lines)
+    return reopen(path, part.format, part.topic, part.skip_bad_lines)

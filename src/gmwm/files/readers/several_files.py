@@ -41,8 +41,8 @@ def files_of(path: Any) -> list[Any]:
         return [path]
     pattern = Path(os.fsdecode(path))
     anchor = Path(pattern.anchor) if pattern.anchor else Path()
-    found = anchor.glob(str(pattern.relative_to(pattern.anchor) if pattern.anchor else pattern))
-    return sorted(found, key=_in_order) or [path]
+    matches = anchor.glob(str(pattern.relative_to(pattern.anchor) if pattern.anchor else pattern))
+    return sorted(matches, key=_in_order) or [path]
 
 
 def _in_order(path: Path) -> list[tuple[int, str]]:
@@ -84,19 +84,19 @@ class SeveralFiles(Reader):
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Yield the rows of all files."""
         for k, (file, reader) in enumerate(zip(self._files, self._readers, strict=True)):
-            own = layout if k == 0 else self._alike(file, reader, layout, wanted)
+            file_layout = layout if k == 0 else self._alike(file, reader, layout, wanted)
             cut = k > 0 and not layout.stamped
-            for rows in reader.chunks(file, own, wanted):
+            for rows in reader.chunks(file, file_layout, wanted):
                 yield _cut_before(rows) if cut else rows
                 cut = False
 
     def _alike(self, file: Path, reader: Reader, layout: Layout, wanted: Sequence[int]) -> Layout:
         """Return the recording of another file that continues the recording of the first file."""
-        for own in reader.layouts(file):
-            names = [channel.name for channel in own.channels]
+        for candidate in reader.layouts(file):
+            names = [channel.name for channel in candidate.channels]
             same = len(names) == len(layout.channels) and all(names[k] == layout.channels[k].name for k in wanted)
-            if own.topic == layout.topic and same:
-                return replace(own, skip_bad_lines=layout.skip_bad_lines)
+            if candidate.topic == layout.topic and same:
+                return replace(candidate, skip_bad_lines=layout.skip_bad_lines)
         shown = ", ".join(layout.channels[k].name or f"number {k}" for k in wanted)
         raise ReadError(
             f"{file} does not continue {self._files[0]}: it has no recording with the same columns, {shown}",

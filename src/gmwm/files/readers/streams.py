@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,14 +11,14 @@ import numpy as np
 
 from gmwm.base.remarks import Remark
 from gmwm.files.clock.lost_samples import CUT, as_floats
-from gmwm.files.columns.columns import Choice
-from gmwm.files.contract import Layout, Reader, Rows, existing_file, find_reader
+from gmwm.files.columns.columns import ColumnChoice
+from gmwm.files.contract import Layout, Reader, Rows
 from gmwm.files.readers import interpretation
 from gmwm.files.readers.builder import RowSummary, SampleBuilder
 from gmwm.files.readers.interpretation import Interpretation, RowSource
 from gmwm.files.readers.reading_warnings import of_file, warn
 from gmwm.files.readers.several_files import SeveralFiles, files_of, source_words
-from gmwm.files.readers.topics import one_layout
+from gmwm.files.readers.topics import reopen
 from gmwm.recording.chunks import Chunk, Samples
 from gmwm.recording.time_ranges import Trimmer, range_texts
 
@@ -74,23 +73,23 @@ class FileRows:
         chunks = without_float_warnings(self.reader.chunks(self.path, self.layout, wanted))
         return chunks if self.limits is None else _between(chunks, *self.limits)
 
-    def first(self, choice: Choice) -> Rows:
+    def first(self, choice: ColumnChoice) -> Rows:
         """Return at least `HEAD` rows of each column, or all rows of a shorter recording."""
         return first_rows(self.chunks(list(choice.columns.values())), choice)
 
-    def limited(self, begin: int, end: int) -> FileRows:
+    def limit(self, begin: int, end: int) -> FileRows:
         """Return the rows `begin` to `end` − 1."""
         return replace(self, limits=(begin, end))
 
-    def held(self, choice: Choice) -> HeldRows:
+    def hold(self, choice: ColumnChoice) -> HeldRows:
         """Read the chosen columns into memory, as float64 except the time stamps, which need the precision."""
-        wanted = list(choice.columns.values())
-        parts: dict[int, list[Any]] = {k: [] for k in wanted}
+        columns = list(choice.columns.values())
+        parts: dict[int, list[Any]] = {k: [] for k in columns}
         cuts, marked = [], False
-        for chunk in self.chunks(wanted):
-            for k in wanted:
+        for chunk in self.chunks(columns):
+            for k in columns:
                 parts[k].append(chunk[k])
-            cuts.append(chunk.get(CUT, np.zeros(chunk[wanted[0]].size, dtype=bool)))
+            cuts.append(chunk.get(CUT, np.zeros(chunk[columns[0]].size, dtype=bool)))
             marked |= CUT in chunk
         rows = {CUT: np.concatenate(cuts)} if marked else {}
         for role, k in choice.columns.items():
@@ -110,21 +109,21 @@ class HeldRows:
         """Yield all rows of the wanted columns, at once."""
         yield {k: self.rows[k] for k in (*wanted, *([CUT] if CUT in self.rows else []))}
 
-    def first(self, choice: Choice) -> Rows:
+    def first(self, choice: ColumnChoice) -> Rows:
         """Return all rows."""
         return self.rows
 
-    def limited(self, begin: int, end: int) -> HeldRows:
+    def limit(self, begin: int, end: int) -> HeldRows:
         """Return the rows `begin` to `end` − 1."""
         return HeldRows({k: column[begin:end] for k, column in self.rows.items()})
 
 
-def first_rows(chunks: Iterator[Rows], choice: Choice) -> Rows:
+def first_rows(chunks: Iterator[Rows], choice: ColumnChoice) -> Rows:
     """Return at least `HEAD` rows of each column, or all rows of a shorter recording."""
     parts, count = [], 0
-    for some in chunks:
-        parts.append(some)
-        count += next(iter(some.values())).size
+    for chunk in chunks:
+        parts.append(chunk)
+        count += next(iter(chunk.values())).size
         if count >= interpretation.HEAD:
             break
     return {k: np.concatenate([part[k] for part in parts] or [np.empty(0)]) for k in choice.columns.values()}
@@ -327,20 +326,20 @@ class Stream:
 
     def samples(self) -> Iterator[Samples]:
         """Iterate over the samples as they are read, in `Samples` objects that state the gaps between them."""
-        found, trimmer = self._found, None if self._kept is None else Trimmer(self._kept, self.rate)
-        builder = SampleBuilder(found)
-        for some in without_float_warnings(builder.samples(self._rows)):
-            part = some if trimmer is None else trimmer.take(some)
+        interpretation, trimmer = self._found, None if self._kept is None else Trimmer(self._kept, self.rate)
+        builder = SampleBuilder(interpretation)
+        for samples in without_float_warnings(builder.samples(self._rows)):
+            part = samples if trimmer is None else trimmer.take(samples)
             if part is not None:
                 yield part
             if trimmer is not None and trimmer.done:
                 break
         else:
-            self._ended(builder.summary(), stacklevel=2)
+            self._complete(builder.summary(), stacklevel=2)
         if trimmer is not None:
             self.time_base = trimmer.time_base(self.time_base)
 
-    def _ended(self, summary: RowSummary, *, stacklevel: int) -> None:
+    def _complete(self, summary: RowSummary, *, stacklevel: int) -> None:
         """Complete the time base and the remarks when all rows were read."""
         self.time_base = summary.time_base(self._found)
         remarks = of_file(summary.remarks(self._found), self.source)
@@ -370,9 +369,6 @@ def _again(
     size: int, kept: Kept | None,
 ) -> Stream:  # fmt: skip
     """Restore a pickled stream, without repeating its warnings."""
-    reader = find_reader(existing_file(path), format)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        layout = replace(one_layout(reader, path, topic), skip_bad_lines=skip)
+    reader, layout = reopen(path, format, topic, skip)
     rows = FileRows(path, reader, layout, topic=topic, limits=limits)
     return Stream(source_words(path), found, rows, size=size, kept=kept)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,7 @@ from gmwm.base.axis_names import AXES
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.text import counted, duration_text
-from gmwm.files.contract import Layout, Reader
+from gmwm.files.contract import Layout, Reader, existing_file, find_reader
 from gmwm.files.readers.several_files import Source, found_reader
 
 
@@ -20,7 +21,7 @@ def one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
     if topic is not None:
         # The number of the first instance of a message, and the slash of a ROS topic, can be left out.
         spelled = ((topic,), (f"{topic}_0", f"/{topic}"))
-        named = next((found for names in spelled if (found := [x for x in layouts if x.topic in names])), [])
+        named = next((matches for names in spelled if (matches := [x for x in layouts if x.topic in names])), [])
         if len(named) == 1:
             return _readable(named[0], path)
         what = f"{len(named)} topics {topic!r}" if named else f"no topic {topic!r}"
@@ -46,6 +47,14 @@ def one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
     )
 
 
+def reopen(path: Path, format: str, topic: str | None, skip_bad_lines: bool) -> tuple[Reader, Layout]:
+    """Find the reader and the layout of a file again, in another process, without repeating warnings."""
+    reader = find_reader(existing_file(path), format)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return reader, replace(one_layout(reader, path, topic), skip_bad_lines=skip_bad_lines)
+
+
 def inertial_topics(path: Source, format: str | None = None) -> tuple[str, ...]:
     """Return the names of the inertial recordings in a file, in their order."""
     file, reader = found_reader(path, format)
@@ -59,8 +68,8 @@ def sensor_topics(path: Source, format: str | None = None) -> tuple[str, ...]:
     if reader.single:
         return ()
     layouts = [layout for layout in reader.layouts(file) if layout.inertial]
-    whole = [layout for layout in layouts if set(AXES) <= {channel.axis for channel in layout.channels}]
-    return tuple(layout.topic for layout in whole or layouts)
+    complete = [layout for layout in layouts if set(AXES) <= {channel.axis for channel in layout.channels}]
+    return tuple(layout.topic for layout in complete or layouts)
 
 
 def topic_folder(topic: str) -> str:

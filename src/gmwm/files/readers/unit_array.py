@@ -79,18 +79,18 @@ def numbered_columns(layout: Layout) -> dict[str, dict[str, int]]:
     index in gyro[0], gyro[1], gyro[2] is an axis, not a unit."""
     units: dict[str, dict[str, int]] = {}
     for k, channel in enumerate(layout.channels):
-        found = _numbered(channel.name)
-        if found is not None:
-            unit, axis = found
+        numbered = _unit_axis(channel.name)
+        if numbered is not None:
+            unit, axis = numbered
             units.setdefault(unit, {}).setdefault(axis, k)
     return dict(sorted(units.items(), key=lambda item: int(item[0]))) if len(units) > 1 else {}
 
 
-def _numbered(name: str) -> tuple[str, str] | None:
+def _unit_axis(name: str) -> tuple[str, str] | None:
     """Split a column name into the number of the unit and the axis; None if it has none.
 
-    >>> _numbered("gyro_x[3] [rad/s]"), _numbered("imu12.acc_y_mps2"), _numbered("acc_x [m/s2]"), _numbered("gyro[2]")
-    (('3', 'gyro_x'), ('12', 'accel_y'), None, None)
+    >>> [_unit_axis(name) for name in ("gyro_x[3] [rad/s]", "imu12.acc_y_mps2", "acc_x [m/s2]", "gyro[2]")]
+    [('3', 'gyro_x'), ('12', 'accel_y'), None, None]
     """
     for pattern in _NUMBERS:
         match = pattern.search(name)

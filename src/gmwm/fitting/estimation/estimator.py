@@ -23,7 +23,7 @@ from gmwm.measuring.regression.against import Against, Asked
 from gmwm.measuring.regression.api import regressed_variance
 from gmwm.measuring.variance.api import signal_wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY, require_robust
-from gmwm.measuring.variance.pooling import pooled
+from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
 from gmwm.theory.processes.base import Process
@@ -234,14 +234,14 @@ def measure(
         return _measure(cast("Curve", data), rate, robust, efficiency, asked=conditions)
     if not several:
         raise DataError(argument="data", expected="at least one recording", got=data)
-    if any(term.measured for term in conditions.terms):
+    if any(term.is_measured for term in conditions.terms):
         raise OptionError(
             "against has an array, which belongs to one recording, but there are several",
             argument="against",
             advice="Remove its effect from each recording by `wavelet_variance(x, against=…)`, and pass the curves.",
         )
     curves = [_measure(recording, rate, robust, efficiency, asked=conditions) for recording in several]
-    return pooled({str(k): wv for k, wv in enumerate(curves, start=1)})
+    return pool({str(k): wv for k, wv in enumerate(curves, start=1)})
 
 
 def _several(data: object) -> list[Curve] | None:

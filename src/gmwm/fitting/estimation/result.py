@@ -239,9 +239,9 @@ class Fit(Documented, Plotted, KalmanMethods):
         >>> found.differs, found["N"].apart < 0.05
         (False, True)
         """
-        from gmwm.choosing.replicates.compare import compared
+        from gmwm.choosing.replicates.compare import compare_recordings
 
-        return compared(self)
+        return compare_recordings(self)
 
     def datasheet(self, level: float = 0.95) -> Datasheet:
         """Convert the fit to datasheet numbers N, Q, B, K, R, T_c and q_c, with confidence intervals.
@@ -331,9 +331,9 @@ class Fit(Documented, Plotted, KalmanMethods):
         MissingTheoryError
             If a term has no state-space form.
         """
-        from gmwm.applications.navigation.api import budget_of_fit
+        from gmwm.applications.navigation.api import budget
 
-        return budget_of_fit(self, duration, rest=rest, level=level)
+        return budget({self.wavelet_variance.axis: self}, duration, rest=rest, level=level)
 
     def to_frame(self, level: float = 0.95) -> DataFrame:
         """Return the estimates as a Polars data frame with the columns parameter, value, low, high and unit.

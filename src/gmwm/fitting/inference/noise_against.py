@@ -17,9 +17,9 @@ from gmwm.fitting.estimation import fit
 from gmwm.measuring.covariance import Design, covariance
 from gmwm.measuring.covariance.mixture import mixture
 from gmwm.measuring.covariance.tails import excess_covariance
-from gmwm.measuring.regression.against import TIME, Against, Asked, Term
+from gmwm.measuring.regression.against import TIME, Against, Asked, CovariateTerm
 from gmwm.measuring.regression.api import regress, without
-from gmwm.measuring.regression.blocks import Clock
+from gmwm.measuring.regression.blocks import BlockClock
 from gmwm.measuring.regression.columns import HOUR
 from gmwm.measuring.regression.covariates import Covariates
 from gmwm.measuring.regression.least_squares import haar
@@ -179,8 +179,8 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
     residual = without(signal, regress(signal, covariates), covariates)
     # Smallest length (samples) of the blocks in which knocks are clipped.
     length = max(covariates.clock.length, 16)
-    blocks = Clock.of(signal.rate, signal.segments, signal.starts, length=length)
-    residual = replace(residual, values=blocks.clipped(residual.values))
+    blocks = BlockClock.of(signal.rate, signal.segments, signal.starts, length=length)
+    residual = replace(residual, values=blocks.clip(residual.values))
     wv = signal_wavelet_variance(residual)
     design = Design.of(wv)
     used = _slow(residual, values, design)
@@ -221,7 +221,7 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
     )  # fmt: skip
 
 
-def _condition(signal: Signal, condition: Against) -> tuple[Term, Covariates, Vector]:
+def _condition(signal: Signal, condition: Against) -> tuple[CovariateTerm, Covariates, Vector]:
     """Return the condition, the regression of the mean on it, and its value at each sample."""
     conditions = Asked.of(condition)
     term = conditions.terms[0] if len(conditions.terms) == 1 else None
@@ -236,7 +236,7 @@ def _condition(signal: Signal, condition: Against) -> tuple[Term, Covariates, Ve
             got=condition,
         )  # fmt: skip
     covariates = Covariates.slow(term, arrays[term.name], signal)
-    smooth = covariates.clock.interpolated(covariates.smooth[term.name], 0, len(signal))
+    smooth = covariates.clock.interpolate(covariates.smooth[term.name], 0, len(signal))
     return term, covariates, arrays[term.name] if term.exact else smooth
 
 

@@ -17,7 +17,7 @@ from gmwm.fitting.likelihood.problem import LikelihoodProblem
 from gmwm.fitting.likelihood.record import Record
 from gmwm.fitting.likelihood.search import Maximum
 from gmwm.measuring.regression.against import Asked
-from gmwm.measuring.regression.api import regress, restated
+from gmwm.measuring.regression.api import regress, restate
 from gmwm.measuring.regression.covariates import Covariates
 from gmwm.measuring.regression.result import Regression
 from gmwm.recording.signals import Signal
@@ -69,7 +69,7 @@ class Regressed:
         if information.shape == (len(found.active),) * 2:
             spread = np.einsum("ia,ab,ib->i", relative, np.linalg.pinv(information, hermitian=True), relative)
         freedoms = 2 / np.clip(spread, 2e-6, 2.0)
-        return restated(
+        return restate(
             self.first, self.signal, self.covariates, estimates, covariance=covariance,
             freedoms=tuple(freedoms[:-1].tolist()), freedom=float(freedoms[-1]),
         )  # fmt: skip

@@ -1,8 +1,10 @@
 """Covariance of the Haar wavelet variance of a model, summed over all lags, exact to rounding.
 
 The coefficients are second differences of a running sum. Their covariances are closed forms that are smooth functions
-of the lag between a few kinks. Sums over lags use a Gauss rule for sums over integers between two kinks. For a process
-with short memory, every lag within its memory of a kink is summed individually.
+of the lag between a few kinks. For a classical estimate and a sum of exponentials, white noise, random walks and
+tables, the sums over lags are closed forms too; see `gmwm.theory.processes.exponential_sum`. Power-law noise and robust
+estimates use a Gauss rule for sums over integers between two kinks. Every lag within the memory of a process from a
+kink is then summed individually.
 """
 
 from __future__ import annotations
@@ -18,10 +20,10 @@ from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.robust import hermite_weights
-from gmwm.measuring.covariance.short_memory_sums import ShapeSums, exponential_part, has_fixed_shape, shape_sums
 from gmwm.theory.processes import haar_covariance
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.haar_covariance import LagGrid
+from gmwm.theory.processes.exponential_sum import ExponentialSum, lag_sums
+from gmwm.theory.processes.haar_covariance import WANDERING, WHITE, LagGrid
 from gmwm.theory.processes.model import Model
 
 KEPT = 1024
@@ -40,12 +42,21 @@ RECENT = 1_050_000
 """Largest number of values that are cached for the shapes of a grid that are not fixed."""
 
 
+_COVARIANCES = {
+    "coefficient_covariance", "autocovariance", "generalised_covariance", "running_sum_covariance", "exponential_sum",
+}  # fmt: skip
+"""Methods that define the covariance of a process."""
+
+
 def knows(model: Model, design: Design) -> bool:
     """Return whether this module can compute the covariance.
 
     This requires the maximal-overlap Haar transform, and a closed form or a short memory for every process.
     """
-    return design.running_sum and all(p.memory(design.rate) is not None for p in model.processes if p.scale > 0)
+    present = [process for process in model.processes if process.scale > 0]
+    if not design.running_sum:
+        return False
+    return _split(present, design) is not None or all(p.memory(design.rate) is not None for p in present)
 
 
 def covariance(model: Model, design: Design) -> Matrix:
@@ -102,12 +113,12 @@ def _entries(model: Model, design: Design, *, diagonal: bool) -> Vector:
     coarser, finer = np.diag_indices(size) if diagonal else np.tril_indices(size)
     pairs = _Pairs(finer, coarser, half, design.counts.astype(np.float64))
     present = [process for process in model.processes if process.scale > 0]
-    shared = _shared(present, design)
-    if shared is None:
+    split = _split(present, design)
+    if split is None:
         out = _over_lags(model, design, pairs, *_lags(present, design, diagonal=diagonal))
     else:
-        sums = shape_sums(shared, design, diagonal=diagonal)
-        out = _beside(shared, sums, model, design, pairs=pairs, diagonal=diagonal)
+        first, second = split.sums(design, diagonal=diagonal)
+        out = _of_sums(model, design, pairs, first=first, second=second)
     for place, stride in enumerate(design.strides):
         if stride > 1:
             mine = (finer == place) & (coarser == place if diagonal else True)
@@ -128,10 +139,16 @@ def _strided(model: Model, design: Design, place: int, stride: int) -> Vector:
         design, levels=levels - int(np.log2(stride)), samples=design.samples // stride,
         rate=design.rate / stride, strides=(), segments=(),
     )  # fmt: skip
-    count = levels.size
-    coarser, finer = np.tril_indices(count)
+    coarser, finer = np.tril_indices(levels.size)
     first = np.flatnonzero(finer == 0)
+    counts = design.counts.astype(np.float64)
+    counts[place:] = within.counts
+    pairs = _Pairs(finer[first] + place, coarser[first] + place, np.ldexp(1.0, design.levels - 1), counts)
     present = [process for process in model.processes if process.scale > 0]
+    split = _split(present, design)
+    if split is not None:
+        sums = split.strided(stride).sums(within, diagonal=False)
+        return _of_sums(model, design, pairs, first=sums[0][first], second=sums[1][first], stride=stride)
     at, weight, starts = _lags(present, within, diagonal=False, decays_of=design.rate, stride=stride)
     ends = np.append(starts[1:], weight.size)
     kept = np.concatenate([np.arange(starts[k], ends[k]) for k in first])
@@ -139,11 +156,78 @@ def _strided(model: Model, design: Design, place: int, stride: int) -> Vector:
     # At multiples of an even number of samples, an alternating covariance does not alternate.
     odd = np.zeros(kept.size, dtype=np.uint8) if _alternates(present, design.rate) else None
     grid = LagGrid(stride * at.fine[kept], stride * at.coarse[kept], stride * at.lag[kept], odd)
-    counts = design.counts.astype(np.float64)
-    counts[place:] = within.counts
-    pairs = _Pairs(finer[first] + place, coarser[first] + place, np.ldexp(1.0, design.levels - 1), counts)
     begins = np.concatenate([[0], np.cumsum(sizes)[:-1]])
     return _over_lags(model, design, pairs=pairs, at=grid, weight=weight[kept], starts=begins, stride=stride)
+
+
+@dataclass(frozen=True, eq=False)
+class _Split:
+    """The processes of a model: a sum of exponentials, and smooth processes that are approximately such a sum.
+
+    Attributes
+    ----------
+    terms : ExponentialSum
+        All processes of this form together.
+    smooth : list of Process
+        The other processes.
+    mixtures : list of ExponentialSum
+        Approximations of the smooth processes.
+    rate : float
+        Sampling rate (Hz).
+    """
+
+    terms: ExponentialSum
+    smooth: list[Process]
+    mixtures: list[ExponentialSum]
+    rate: float
+
+    def sums(self, design: Design, *, diagonal: bool) -> tuple[Vector, Vector]:
+        """Compute Σ n Cov and Σ n Cov² for all pairs of levels, or for all levels if `diagonal`.
+
+        Products of smooth processes are summed over the nodes of Gauss rules. Their products with the exponentials
+        oscillate and are computed from the approximation.
+        """
+        first, second = lag_sums(design.levels, design.samples, self.terms, None, diagonal=diagonal)
+        if self.smooth:
+            mixture = ExponentialSum.joined(self.mixtures)
+            both = lag_sums(design.levels, design.samples, self.terms, mixture, diagonal=diagonal)[1]
+            at, weight, starts = _lags(self.smooth, design, diagonal=diagonal)
+            own = _sums(self.smooth, at, weight, starts, rate=self.rate)
+            first, second = first + own[0], second + 2 * both + own[1]
+        return first, second
+
+    def strided(self, stride: int) -> _Split:
+        """Return the processes with lags in steps of `stride` samples."""
+        return _Split(ExponentialSum.joined([self.terms, *self.mixtures]).strided(stride), [], [], self.rate)
+
+
+def _split(present: list[Process], design: Design) -> _Split | None:
+    """Return the processes as a sum of exponentials and smooth processes.
+
+    It is None if the estimate is robust, if a process has another form, or if no covariance oscillates beside a smooth
+    process: a Gauss rule then needs few nodes for all of them together.
+    """
+    if design.efficiency is not None:
+        return None
+    sums = [_exponential_sum(process, design.rate) for process in present]
+    smooth = [process for process, term in zip(present, sums, strict=True) if term is None]
+    terms = ExponentialSum.joined([term for term in sums if term is not None])
+    if smooth and not terms.oscillates and all(p.memory(design.rate) == 0 for p in present):
+        return None
+    mixtures = [process.exponential_mixture(design.rate, design.samples) for process in smooth]
+    if any(mixture is None for mixture in mixtures):
+        return None
+    return _Split(terms, smooth, [mixture for mixture in mixtures if mixture is not None], design.rate)
+
+
+def _exponential_sum(process: Process, rate: float) -> ExponentialSum | None:
+    """Return the `exponential_sum` of the class that defines the covariance of the process.
+
+    A subclass may have another covariance than the class from which it inherits `exponential_sum`.
+    """
+    kind = next(kind for kind in type(process).__mro__ if _COVARIANCES & vars(kind).keys())
+    terms: ExponentialSum | None = vars(kind).get("exponential_sum", Process.exponential_sum)(process, rate)
+    return terms
 
 
 def _over_lags(
@@ -169,7 +253,7 @@ def _over_lags(
         covariance = _combined(shapes, scales, at)
         robust = _robust_sum(present, pairs, design=design, covariance=covariance, weight=weight, starts=starts)
         second = np.where(design.few[pairs.finer] | design.few[pairs.coarser], second, robust)
-    return _of_sums(model, design, pairs, first=first if _slope(model) else None, second=second, stride=stride)
+    return _of_sums(model, design, pairs, first=first, second=second, stride=stride)
 
 
 def _slope(model: Model) -> float:
@@ -177,47 +261,21 @@ def _slope(model: Model) -> float:
     return sum(float(process.mean(1.0) - process.mean(0.0)) for process in model.processes)
 
 
-def _of_sums(
-    model: Model, design: Design, pairs: _Pairs, *, first: Vector | None, second: Vector, stride: int = 1
-) -> Vector:
+def _of_sums(model: Model, design: Design, pairs: _Pairs, *, first: Vector, second: Vector, stride: int = 1) -> Vector:
     """Compute V_jk for pairs of levels from the sums `first` = Σ n Cov and `second` = Σ n Cov² over lags.
 
-    n is the number of pairs of coefficients at a lag, and Cov their covariance. `first` is None without a drift.
+    n is the number of pairs of coefficients at a lag, and Cov their covariance.
     """
     scale = 4 * pairs.outer(pairs.half)
     total = 2 / scale**2 * second
-    if first is not None:
-        total += _slope(model) ** 2 * pairs.outer(pairs.half) / scale * first
+    if slope := _slope(model):
+        total += slope**2 * pairs.outer(pairs.half) / scale * first
     present = [process for process in model.processes if process.scale > 0]
     if design.efficiency is None and (cumulant := sum(process.error_cumulant for process in present)):
         # The term is left out for a robust estimate: its variance is smaller too, but its mean is larger, and both
         # effects nearly cancel in the relative variance.
         total += cumulant * _excess(pairs, design.samples) / stride / scale**2
     return np.asarray(total / pairs.outer(pairs.counts))
-
-
-def _shared(present: list[Process], design: Design) -> Process | None:
-    """Return the process whose sums over lags are cached, or None.
-
-    It is the only process with short memory, if its shape is fixed.
-    """
-    if design.efficiency is not None or any(stride > 1 for stride in design.strides):
-        return None
-    short = [process for process in present if process.memory(design.rate)]
-    return short[0] if len(short) == 1 and has_fixed_shape(short[0]) and not _alternates(present, design.rate) else None
-
-
-def _beside(short: Process, sums: ShapeSums, model: Model, design: Design, pairs: _Pairs, *, diagonal: bool) -> Vector:
-    """Compute V_jk for a model with a process `short` whose sums over lags are cached."""
-    count = pairs.finer.size
-    others = [process for process in model.processes if process.scale > 0 and process is not short]
-    first, second = short.scale * sums.first[:count], short.scale**2 * sums.second[:count]
-    if others:
-        second += 2 * short.scale * sums.mixed(others, design.rate)[:count]
-        at, weight, starts = _lags(others, design, diagonal=diagonal)
-        sums_of_others = _sums(others, at, weight, starts, rate=design.rate)
-        first, second = first + sums_of_others[0], second + sums_of_others[1]
-    return _of_sums(model, design, pairs, first=first if _slope(model) else None, second=second)
 
 
 def _lags(
@@ -342,7 +400,7 @@ def _sums(
     An exponential autocovariance is computed pair by pair, which avoids large arrays. If its shape is needed a second
     time, its covariances at all nodes are cached.
     """
-    parts = [None if at.pieces is None else exponential_part(process, rate) for process in present]
+    parts = [None if at.pieces is None else _exponential_part(process, rate) for process in present]
     exponential = [part for part in parts if part is not None]
     shapes, scales = _shapes([p for p, part in zip(present, parts, strict=True) if part is None], at, rate)
     factors = np.array([*scales, *(variance for variance, _ in exponential)], dtype=np.float64)
@@ -391,7 +449,7 @@ def _shapes(present: list[Process], at: LagGrid, rate: float) -> tuple[list[Vect
     for process in present:
         # The shape does not depend on the scale. Models that are compared share fixed shapes. Other shapes are shared
         # by the weights and the covariance of a fit, and by the fits that determine an upper limit.
-        fixed = has_fixed_shape(process)
+        fixed = _has_fixed_shape(process)
         if not fixed and at.lag.size > RECENT // 2:
             shapes.append(process.coefficient_covariance(at, rate))
             scales.append(1.0)
@@ -407,6 +465,27 @@ def _shapes(present: list[Process], at: LagGrid, rate: float) -> tuple[list[Vect
         shapes.append(shape)
         scales.append(process.scale)
     return shapes, scales
+
+
+def _has_fixed_shape(process: Process) -> bool:
+    """Return whether every parameter that changes the shape of the process is fixed."""
+    return all(process.is_fixed(p.name) for p in process.nonlinear_parameters())
+
+
+def _exponential_part(process: Process, rate: float) -> tuple[float, float] | None:
+    """Return the variance and the decay λ of an autocovariance e^(−λ|k|), if the process has one; otherwise None."""
+    terms = None if _has_fixed_shape(process) else _exponential_sum(process, rate)
+    if (
+        terms is None
+        or terms.decays.size != 1
+        or terms.decays[0].imag
+        or terms.white
+        or terms.walk
+        or terms.spikes.size
+    ):
+        return None
+    decay = float(terms.decays[0].real)
+    return (float(terms.amplitudes[0].real), decay) if WANDERING <= decay <= WHITE else None
 
 
 def _robust_sum(

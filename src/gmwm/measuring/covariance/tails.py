@@ -73,7 +73,7 @@ class TailSums:
 
     def update(self, values: Vector) -> None:
         """Add the next samples of the current segment."""
-        for panel in self._panels.cut(values):
+        for panel in self._panels.divide(values):
             self._add(panel)
 
     def gap(self) -> None:

@@ -91,10 +91,10 @@ def inspect(recording: Imu | Streamed, *, against: Against = AUTO) -> Inspection
     """
     if not isinstance(recording, Imu | Streamed):
         raise _not_a_recording(recording)
-    return inspected(recording, Conditions.of_recording(recording, Asked.of(against)))
+    return inspect_with(recording, Conditions.of_recording(recording, Asked.of(against)))
 
 
-def inspected(recording: Imu | Streamed, conditions: Conditions) -> Inspection:
+def inspect_with(recording: Imu | Streamed, conditions: Conditions) -> Inspection:
     """Inspect a recording whose axes are regressed on conditions."""
     batches = Batches(recording)
     first_pass = FirstPass(batches)
@@ -104,15 +104,15 @@ def inspected(recording: Imu | Streamed, conditions: Conditions) -> Inspection:
     return statistics.result(conditions)
 
 
-def _not_a_recording(given: object) -> OptionError:
+def _not_a_recording(value: object) -> OptionError:
     """Return the error for an argument that is neither an Imu nor a Stream."""
     facts: dict[str, Any] = {}
     advice = "Make one from arrays: `inspect(Imu.from_arrays(arrays, rate=100.0))`."
-    if isinstance(given, str | os.PathLike):
-        advice, facts = "Read the file first: `inspect(read({path}))`.", {"path": repr(os.fspath(given))}
-    elif isinstance(given, Signal):
-        advice, facts = 'Wrap the signal: `inspect(Imu({{"{axis}": signal}}))`.', {"axis": given.axis or "gyro_x"}
-    name = type(given).__name__
+    if isinstance(value, str | os.PathLike):
+        advice, facts = "Read the file first: `inspect(read({path}))`.", {"path": repr(os.fspath(value))}
+    elif isinstance(value, Signal):
+        advice, facts = 'Wrap the signal: `inspect(Imu({{"{axis}": signal}}))`.', {"axis": value.axis or "gyro_x"}
+    name = type(value).__name__
     return OptionError(
         f"recording must be an Imu or a Stream; got {name}", argument="recording", advice=advice, **facts
     )
@@ -132,9 +132,9 @@ class FirstPass:
         """Add the next batch."""
         self._segments.update(batch)
         if batch.temperature is not None:
-            own = float(np.min(batch.temperature)), float(np.max(batch.temperature))
-            low, high = own if self._temperature is None else self._temperature
-            self._temperature = min(low, own[0]), max(high, own[1])
+            temperatures = float(np.min(batch.temperature)), float(np.max(batch.temperature))
+            low, high = temperatures if self._temperature is None else self._temperature
+            self._temperature = min(low, temperatures[0]), max(high, temperatures[1])
         for axis, sample in self._samples.items():
             sample.update(batch.signals[axis].values)
 
@@ -179,35 +179,37 @@ class RecordingStatistics:
         self._units = {axis: signal.unit for axis, signal in batch.signals.items()}
         in_threads(lambda axis, one: one.update(batch.signals[axis].values), self._axes)
         if self._base.duplicates:
-            self._same += _repeated(batch)
+            self._same += _repetitions(batch)
 
     def result(self, conditions: Conditions = NOTHING) -> Inspection:
         """Return the inspection, after the last batch. The effect of the conditions is removed before the test for
         trends."""
         extent, statistics = self._extent, self._axes
-        axes = {axis: self._axis(axis, one) for axis, one in statistics.items()}
+        axes = {axis: self._axis(axis, sums) for axis, sums in statistics.items()}
         gravity, tilt, tilt_noise = _gravity(statistics, axes, extent.samples)
-        knocks = knocks_of({axis: one.outliers() for axis, one in statistics.items()}, extent)
+        knocks = knocks_of({axis: sums.outliers() for axis, sums in statistics.items()}, extent)
         steps = sorted(
             (
                 step
-                for axis, one in statistics.items()
+                for axis, sums in statistics.items()
                 for step in steps_of(
-                    axis, one.levels(), extent=extent, resolution=self._resolutions[axis] or 0.0,
+                    axis, sums.levels(), extent=extent, resolution=self._resolutions[axis] or 0.0,
                     values=partial(self._values, axis),
                 )
             ),
             key=lambda step: (step.time, step.axis),
         )  # fmt: skip
-        sought = (trend_of(axis, _noise(axis, one, conditions), extent) for axis, one in statistics.items())
-        trends = tuple(found for found in sought if found is not None)
-        restless = {axis: found for axis, one in statistics.items() if (found := _restless(one, extent)) is not None}
-        still = {axis: self._stuck(axis, one) for axis, one in statistics.items()}
+        candidates = (trend_of(axis, _noise(axis, sums, conditions), extent) for axis, sums in statistics.items())
+        trends = tuple(trend for trend in candidates if trend is not None)
+        restless = {
+            axis: motion for axis, sums in statistics.items() if (motion := _restless(sums, extent)) is not None
+        }
+        stuck = {axis: self._stuck(axis, sums) for axis, sums in statistics.items()}
         turned = tilt is not None and tilt > max(_TURN, _UNEXPLAINED * tilt_noise)
         moved = tilt is not None and turned and tilt > MOVED
         remarks = (
             *of_time(extent, self._base, self._same),
-            *of_stuck(still),
+            *of_stuck(stuck),
             *of_motion(restless, tilt if turned else None, knocks),
             *of_steps(tuple(steps)),
             *of_trends(trends, self._units, extent, self._base.left > 0),
@@ -225,41 +227,41 @@ class RecordingStatistics:
             temperature=self._temperature, regressions=dict(conditions.found), remarks=remarks,
         )  # fmt: skip
 
-    def _axis(self, axis: str, one: AxisStatistics) -> AxisInspection:
-        noise = float(np.sqrt(one.differences.means[0] / 2))
-        wander = float(np.ptp(one.windows.means))
-        mean, sd = float(one.all.means[0]), float(np.sqrt(one.all.variances()[0]))
+    def _axis(self, axis: str, sums: AxisStatistics) -> AxisInspection:
+        noise = float(np.sqrt(sums.differences.means[0] / 2))
+        wander = float(np.ptp(sums.windows.means))
+        mean, sd = float(sums.all.means[0]), float(np.sqrt(sums.all.variances()[0]))
         step = self._resolutions[axis]
-        counts = one.calm.counts
-        rest = float(counts @ one.calm.means / np.sum(counts)) if np.any(counts) else mean
+        counts = sums.calm.counts
+        mean_at_rest = float(counts @ sums.calm.means / np.sum(counts)) if np.any(counts) else mean
         return AxisInspection(
-            unit=self._units[axis], mean=mean, sd=sd, rest=rest, noise=noise, lsb=step,
-            before_rounding=None if step is None else before_rounding(one.runs(), step), wander=wander,
+            unit=self._units[axis], mean=mean, sd=sd, rest=mean_at_rest, noise=noise, lsb=step,
+            before_rounding=None if step is None else before_rounding(sums.runs(), step), wander=wander,
         )  # fmt: skip
 
-    def _stuck(self, axis: str, one: AxisStatistics) -> tuple[float, float] | None:
+    def _stuck(self, axis: str, sums: AxisStatistics) -> tuple[float, float] | None:
         """Return the first time (s) at which the output of an axis is constant for a window, and the share of such
         windows. The result is None if there are none, or if rounding explains them."""
-        there = one.steps.counts > 0
-        still, step = there & (one.steps.means == 0), self._resolutions[axis] or 0.0
-        moving = there & ~still
+        measured = sums.steps.counts > 0
+        still, step = measured & (sums.steps.means == 0), self._resolutions[axis] or 0.0
+        moving = measured & ~still
         # The mean square of the differences is step² times the share of samples at which the output changes, or more.
-        if not np.any(still) or not np.any(moving) or np.median(one.steps.means[moving]) < _CHANGES * step**2:
+        if not np.any(still) or not np.any(moving) or np.median(sums.steps.means[moving]) < _CHANGES * step**2:
             return None
         first, _ = self._extent.windows()[int(np.argmax(still))]
-        return float(self._extent.times([first])[0]), float(np.mean(still[there]))
+        return float(self._extent.times([first])[0]), float(np.mean(still[measured]))
 
     def _densities(self) -> dict[str, float]:
         """Return the noise density of each gyroscope (rad/s/√Hz): the median over the windows, which ignores knocks."""
-        found = {}
-        for axis, one in self._axes.items():
-            some = one.steps.counts > 0
-            if self._units[axis] == SI_UNIT["gyro"] and np.any(some):
-                found[axis] = float(np.sqrt(np.median(one.steps.means[some]) / 2 / self._extent.rate))
-        return found
+        densities = {}
+        for axis, sums in self._axes.items():
+            measured = sums.steps.counts > 0
+            if self._units[axis] == SI_UNIT["gyro"] and np.any(measured):
+                densities[axis] = float(np.sqrt(np.median(sums.steps.means[measured]) / 2 / self._extent.rate))
+        return densities
 
 
-def _repeated(batch: Batch) -> int:
+def _repetitions(batch: Batch) -> int:
     """Return the number of samples that equal the sample before on all axes."""
     same: Any = True
     for signal in batch.signals.values():
@@ -269,14 +271,14 @@ def _repeated(batch: Batch) -> int:
     return int(np.sum(same))
 
 
-def _noise(axis: str, one: AxisStatistics, conditions: Conditions) -> list[tuple[int, Vector]]:
+def _noise(axis: str, sums: AxisStatistics, conditions: Conditions) -> list[tuple[int, Vector]]:
     """Return block means of an axis without the effect of the conditions."""
-    if conditions.applied(axis) is None:
-        return one.means()
-    length = one.length
+    if conditions.applied_regression(axis) is None:
+        return sums.means()
+    length = sums.length
     return [
         (first, means - conditions.effect(axis, range(first + length // 2, first + length * means.size, length)))
-        for first, means in one.means()
+        for first, means in sums.means()
     ]
 
 
@@ -300,12 +302,12 @@ def _gravity(
     return norm, tilt, float(np.degrees(np.arctan2(noise, norm)))
 
 
-def _restless(one: AxisStatistics, extent: Extent) -> tuple[float, float, float] | None:
+def _restless(sums: AxisStatistics, extent: Extent) -> tuple[float, float, float] | None:
     """Return the begin and length (s) of the window with the largest standard deviation without outliers, and its ratio
     to the median of all windows; None if the ratio is usual.
     """
-    spreads = np.sqrt(one.calm.variances())
-    changing = spreads[one.steps.means > 0]  # windows in which the output is not stuck
+    spreads = np.sqrt(sums.calm.variances())
+    changing = spreads[sums.steps.means > 0]  # windows in which the output is not stuck
     usual, worst = float(np.median(changing)) if changing.size else 0.0, int(np.argmax(spreads))
     if usual > 0 and spreads[worst] > _RESTLESS * usual:
         first, last = extent.windows()[worst]

@@ -8,9 +8,6 @@ from gmwm.base.arrays import Vector, row_medians
 from gmwm.measuring.inspection.knocks import BLOCK, FEWEST, Indices, Outliers, level_length, outliers_of
 from gmwm.measuring.inspection.time_grid import Extent
 
-_RUN = 256
-"""Number of consecutive samples in which the mean hardly changes, for the noise before rounding
-(tests/test_rounding.py)."""
 _SLAB = 256 * BLOCK  # samples that are processed together; it affects memory and speed only
 
 
@@ -39,11 +36,11 @@ class AxisStatistics:
     def update(self, values: Vector) -> None:
         """Add the next samples. They may extend over several ranges without gaps."""
         while values.size:
-            _, last = self._extent.joined[self._segment]
-            rest = last - self._row - self._waiting.size
-            size = min(rest, _SLAB)  # so that only a slab is copied to join it with the waiting samples
+            _, last = self._extent.unbroken[self._segment]
+            missing = last - self._row - self._waiting.size
+            size = min(missing, _SLAB)  # so that only a slab is copied to join it with the waiting samples
             part, values = values[:size], values[size:]
-            self._gather(part, part.size == rest)
+            self._gather(part, part.size == missing)
 
     @property
     def length(self) -> int:
@@ -73,12 +70,12 @@ class AxisStatistics:
             self._waiting = np.concatenate([self._waiting, part])
             return
         values = np.concatenate([self._waiting, part]) if self._waiting.size else part
-        first, last = self._extent.joined[self._segment]
-        whole = values.size if ends else values.size - values.size % BLOCK
-        for k in range(0, whole, _SLAB):
-            slab = values[k : min(k + _SLAB, whole)]
+        first, last = self._extent.unbroken[self._segment]
+        end = values.size if ends else values.size - values.size % BLOCK
+        for k in range(0, end, _SLAB):
+            slab = values[k : min(k + _SLAB, end)]
             self._work(slab, first, last)
-        self._waiting = values[whole:].copy()
+        self._waiting = values[end:].copy()
         if ends:
             self._segment, self._tail = self._segment + 1, np.empty(0)
             self._unlevelled = self._unaveraged = np.empty(0)
@@ -96,20 +93,20 @@ class AxisStatistics:
 
     def _unusual(self, slab: Vector, first: int, last: int) -> Outliers:
         length = min(BLOCK, last - first)
-        found = [(np.empty(0, dtype=np.int64), np.empty(0))]
+        outliers = [(np.empty(0, dtype=np.int64), np.empty(0))]
         if length >= FEWEST:
-            whole = slab.size - slab.size % length
-            if whole:
-                at, size = outliers_of(slab[:whole].reshape(-1, length), self._resolution)
-                found.append((self._row + at, size))
-            if whole < slab.size:
+            end = slab.size - slab.size % length
+            if end:
+                at, size = outliers_of(slab[:end].reshape(-1, length), self._resolution)
+                outliers.append((self._row + at, size))
+            if end < slab.size:
                 # The remainder of a range is tested in a block that ends with the range.
                 block = np.concatenate([self._tail, slab])[-length:]
                 at, size = outliers_of(block.reshape(1, -1), self._resolution)
                 begin = self._row + slab.size - length
-                new = begin + at >= self._row + whole
-                found.append((begin + at[new], size[new]))
-        index, sizes = zip(*found, strict=True)
+                new = begin + at >= self._row + end
+                outliers.append((begin + at[new], size[new]))
+        index, sizes = zip(*outliers, strict=True)
         return np.concatenate(index), np.concatenate(sizes)
 
     def _count(self, slab: Vector, outliers: Indices, first: int) -> None:
@@ -129,11 +126,12 @@ class AxisStatistics:
             inside = outliers[(outliers >= low) & (outliers < high)] - low
             calm = np.delete(part, inside) if inside.size else part
             self.calm.add(k, calm)
-            if (missing := _RUN - sum(run.size for run in self._runs[k])) > 0:
+            # The mean hardly changes over 256 samples. The noise before rounding is estimated from them.
+            if (missing := 256 - sum(run.size for run in self._runs[k])) > 0:
                 self._runs[k].append(calm[:missing].copy())
             # The difference that ends at the first sample of a window belongs to no window.
-            own = max(low, a - begin + 1)
-            self.steps.add_squares(k, steps[max(own - shift, 0) : high - shift])
+            second = max(low, a - begin + 1)
+            self.steps.add_squares(k, steps[max(second - shift, 0) : high - shift])
 
     def _level(self, slab: Vector, outliers: Indices, first: int) -> None:
         """Append the medians of the blocks, and their means without outliers."""
@@ -145,20 +143,20 @@ class AxisStatistics:
             clean = slab.copy()
             clean[outliers] = np.nan
         values, clean = np.concatenate([self._unlevelled, slab]), np.concatenate([self._unaveraged, clean])
-        whole = values.size - values.size % self._length
-        if whole:
-            medians = row_medians(values[:whole].reshape(-1, self._length))
+        end = values.size - values.size % self._length
+        if end:
+            medians = row_medians(values[:end].reshape(-1, self._length))
             self._levels[-1][1].append(medians)
-            self._means[-1][1].append(_means(clean[:whole].reshape(-1, self._length), medians))
-        self._unlevelled, self._unaveraged = values[whole:].copy(), clean[whole:].copy()
+            self._means[-1][1].append(_means(clean[:end].reshape(-1, self._length), medians))
+        self._unlevelled, self._unaveraged = values[end:].copy(), clean[end:].copy()
 
 
 def _means(blocks: Vector, medians: Vector) -> Vector:
     """Return the means of blocks whose outliers are NaN; for a block with outliers only, its median."""
     means = np.mean(blocks, axis=1)
     for k in np.flatnonzero(np.isnan(means)):
-        kept = blocks[k][~np.isnan(blocks[k])]
-        means[k] = np.mean(kept) if kept.size else medians[k]
+        calm = blocks[k][~np.isnan(blocks[k])]
+        means[k] = np.mean(calm) if calm.size else medians[k]
     return np.asarray(means)
 
 

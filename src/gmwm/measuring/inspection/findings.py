@@ -41,10 +41,6 @@ _LATE = 0.5
 (docs/howto/record.md)."""
 OF_STAMPS = ("stamps-backward", "stamps-repeated", "stamps-jitter")
 """Remarks of a reader on the time stamps. `of_time` makes them again."""
-AFFECTED = ("B", "K", "R")
-"""Symbols of the numbers that are estimated at long scales, where a trend looks like noise."""
-ALL = ("N", "B", "K", "Q", "q_c")
-"""Symbols of the numbers that rounding affects: all noise densities."""
 _COARSE = 2.0
 """Largest quantization step (standard deviations of the noise) at which the rounding error is white noise of variance
 step²/12. N is then known to 2 %, and slow changes of the mean to 3 % (docs/validation/rounding.md)."""
@@ -54,13 +50,13 @@ _ROUNDED = 0.7
 
 def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
     """Yield remarks on gaps and time stamps. `same` is the number of samples that equal the one before on all axes."""
-    filled, count = extent.filled
-    if len(extent.joined) > 1:
+    filled, count = extent.filled_samples
+    if len(extent.unbroken) > 1:
         lost = lost_samples([duration - 1 / base.rate for _, duration in base.gaps], base.rate)
         missing = (int(lost.sum()) - filled) / base.rate
         length = "known" if missing > 0.5 / extent.rate else "unknown"
         span = Quantity(max(missing, 0.0), "s")
-        yield Remark.of("gaps", segments=len(extent.joined), missing=span, length=length)
+        yield Remark.of("gaps", segments=len(extent.unbroken), missing=span, length=length)
     if count:
         yield Remark.of("gaps-filled", share=filled / (extent.samples + filled), count=count)
     if base.lost:
@@ -75,12 +71,12 @@ def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
         yield Remark.of("stamps-jitter", share=float(base.jitter * base.rate))
 
 
-def of_stuck(still: Mapping[str, tuple[float, float] | None]) -> Iterator[Remark]:
+def of_stuck(stuck: Mapping[str, tuple[float, float] | None]) -> Iterator[Remark]:
     """Yield remarks on axes whose output stops changing, with the first such time (s) and the share of the
     recording."""
-    for axis, found in still.items():
-        if found is not None:
-            yield Remark.of("axis-stuck", axis, time=Quantity(found[0], "s"), share=found[1])
+    for axis, finding in stuck.items():
+        if finding is not None:
+            yield Remark.of("axis-stuck", axis, time=Quantity(finding[0], "s"), share=finding[1])
 
 
 def of_motion(
@@ -103,82 +99,86 @@ def of_steps(steps: tuple[Step, ...]) -> Iterator[Remark]:
     """Yield remarks on lasting jumps of the mean, at most two for each axis."""
     for axis in dict.fromkeys(step.axis for step in steps):
         for code, at_gap in (("level-steps", False), ("restarts", True)):
-            own = [step for step in steps if step.axis == axis and step.at_gap == at_gap]
-            if own:
-                yield Remark.of(code, axis, count=len(own), first=Quantity(own[0].time, "s"))
+            jumps = [step for step in steps if step.axis == axis and step.at_gap == at_gap]
+            if jumps:
+                yield Remark.of(code, axis, count=len(jumps), first=Quantity(jumps[0].time, "s"))
 
 
 def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Extent, cut: bool) -> Iterator[Remark]:
     """Yield remarks on trends, one for each axis. `cut` tells whether the beginning of the file is already left out."""
-    longest = max((found.until for found in trends if found.until is not None), default=0.0)
+    longest = max((trend.until for trend in trends if trend.until is not None), default=0.0)
     duration = extent.samples / extent.rate
     way = "late" if longest > _LATE * duration else "again" if cut else "start"
-    for found in trends:
-        unit = units[found.axis]
+    for trend in trends:
+        unit = units[trend.axis]
         facts: dict[str, Fact] = {
-            "size": in_datasheet_units(abs(found.size), 0.0, unit),
-            "walk": in_datasheet_units(found.walk_with_trend, -0.5, unit),
-            "limit": in_datasheet_units(found.walk_limit, -0.5, unit),
-            "numbers": AFFECTED,
+            "size": in_datasheet_units(abs(trend.size), 0.0, unit),
+            "walk": in_datasheet_units(trend.walk_with_trend, -0.5, unit),
+            "limit": in_datasheet_units(trend.walk_limit, -0.5, unit),
+            # The numbers that are estimated at long scales, where a trend looks like noise.
+            "numbers": ("B", "K", "R"),
         }
-        if found.tau is not None and found.until is not None:
-            tau, until = Quantity(found.tau, "s"), Quantity(longest, "s")
+        if trend.tau is not None and trend.until is not None:
+            tau, until = Quantity(trend.tau, "s"), Quantity(longest, "s")
             first = Quantity(round_up(longest), "s")
-            yield Remark.of("warm-up", found.axis, **facts, tau=tau, duration=until, first=first, way=way)
-        elif found.kind == "linear":
-            yield Remark.of("linear-trend", found.axis, **facts)
+            yield Remark.of("warm-up", trend.axis, **facts, tau=tau, duration=until, first=first, way=way)
+        elif trend.kind == "linear":
+            yield Remark.of("linear-trend", trend.axis, **facts)
         else:
-            yield Remark.of("trend", found.axis, **facts)
+            yield Remark.of("trend", trend.axis, **facts)
 
 
-def of_conditions(found: Mapping[str, Regression], unknown: str) -> Iterator[Remark]:
+def of_conditions(regressions: Mapping[str, Regression], unknown: str) -> Iterator[Remark]:
     """Yield remarks on the axes that depend on conditions, and on those that do not. `unknown` is the reason why the
     temperature cannot be used, or ""."""
     if unknown:
         yield Remark.of("temperature-unknown", reason=unknown)
-    for axis, one in found.items():
-        if one.coarse is not None:
-            long, _, tau = one.coarse
-            (name, *_) = one
+    for axis, regression in regressions.items():
+        if regression.coarse is not None:
+            long, _, tau = regression.coarse
+            (name, *_) = regression
             yield Remark.of(
-                "conditions-attenuated", axis, against=covariates_text(one), tau=Quantity(tau, "s"),
-                ratio=one[name].value / long,
+                "conditions-attenuated", axis, against=covariates_text(regression), tau=Quantity(tau, "s"),
+                ratio=regression[name].value / long,
             )  # fmt: skip
-        if one.applied:
-            yield removed(axis, one)
+        if regression.applied:
+            yield removal_remark(axis, regression)
         else:
-            yield Remark.of("conditions-without-effect", axis, against=covariates_text(one), pvalue=one.pvalue)
+            yield Remark.of(
+                "conditions-without-effect", axis, against=covariates_text(regression), pvalue=regression.pvalue
+            )
 
 
-def removed(axis: str, found: Regression, left_in: str = "") -> Remark:
+def removal_remark(axis: str, regression: Regression, left_in: str = "") -> Remark:
     """Make the remark on an effect that is removed. `left_in` is a phrase about the effect if it were not removed; by
     default about the Allan deviation three octaves below the longest averaging time."""
-    level = max(found.share.size - 3, 1)
-    times = 1 / math.sqrt(max(1 - float(found.share[level - 1]), 1e-4))
-    time = duration_text(2.0 ** (level - 1) / found.rate)
+    level = max(regression.share.size - 3, 1)
+    times = 1 / math.sqrt(max(1 - float(regression.share[level - 1]), 1e-4))
+    time = duration_text(2.0 ** (level - 1) / regression.rate)
     return Remark.of(
-        "conditions-removed", axis, against=covariates_text(found), effect=effect_text(found), pvalue=found.pvalue,
+        "conditions-removed", axis, against=covariates_text(regression), effect=effect_text(regression),
+        pvalue=regression.pvalue,
         left_in=left_in or f"the Allan deviation at {time} would be {rounded(times)} times as large",
     )  # fmt: skip
 
 
-def covariates_text(found: Regression) -> str:
+def covariates_text(regression: Regression) -> str:
     """Return the names of the covariates of a regression, for a sentence."""
     words = {"temperature": "the temperature", "time": "a trend in time", "warmup": "a warm-up"}
-    return " and ".join(words.get(term.name, term.name) for term in found.terms)
+    return " and ".join(words.get(term.name, term.name) for term in regression.terms)
 
 
-def effect_text(found: Regression) -> str:
+def effect_text(regression: Regression) -> str:
     """Format the first coefficient with half its 95 % interval in the unit of a datasheet, as "0.0123 ± 0.0009
     (deg/s)/°C"."""
-    column = found.columns[0]
-    one = found[column.name]
-    half = (one.interval()[1] - one.interval()[0]) / 2
-    value, error = (in_datasheet_units(number, 0.0, found.unit) for number in (one.value, half))
+    column = regression.columns[0]
+    coefficient = regression[column.name]
+    half = (coefficient.interval()[1] - coefficient.interval()[0]) / 2
+    value, error = (in_datasheet_units(number, 0.0, regression.unit) for number in (coefficient.value, half))
     unit = per(value.unit, column.power)
-    digits = max(1, min(6, 1 + math.floor(math.log10(abs(one.value) / half) + 1))) if one.value else 2
+    digits = max(1, min(6, 1 + math.floor(math.log10(abs(coefficient.value) / half) + 1))) if coefficient.value else 2
     text = f"{value.value:.{digits}g} ± {error.value:.2g} {unit}".rstrip()
-    more = len(found.columns) - 1
+    more = len(regression.columns) - 1
     return text if not more else f"{text} and {counted(more, 'further coefficient')}"
 
 
@@ -223,7 +223,7 @@ def of_rounding(axes: Mapping[str, AxisInspection], rate: float) -> Iterator[Rem
         ratio = axis.lsb / axis.before_rounding if axis.before_rounding else math.inf
         step = _as_printed(axis.lsb, axis.unit)
         if ratio > _COARSE:
-            yield Remark.of("coarse-output", name, step=step, ratio=ratio, numbers=ALL)
+            yield Remark.of("coarse-output", name, step=step, ratio=ratio, numbers=("N", "B", "K", "Q", "q_c"))
         elif ratio > _ROUNDED:
             density = in_datasheet_units(axis.lsb / math.sqrt(12 * rate), 0.5, axis.unit)
             yield Remark.of("output-rounded", name, step=step, ratio=ratio, density=density)
@@ -238,7 +238,7 @@ def _as_printed(value: float, unit: str) -> Quantity:
 def of_units(densities: Mapping[str, float]) -> Iterator[Remark]:
     """Yield remarks on gyroscopes whose noise density (rad/s/√Hz) makes the unit doubtful. If deg/s is read as rad/s,
     the noise is 57 times as large."""
-    found = {axis: degrees for axis, density in densities.items() if (degrees := math.degrees(density)) > _NOISY}
+    noisy = {axis: degrees for axis, density in densities.items() if (degrees := math.degrees(density)) > _NOISY}
     limit = Quantity(_NOISY, "deg/s/√Hz")
-    for axis in found:
-        yield Remark.of("gyro-too-noisy", axis, density=Quantity(max(found.values()), "deg/s/√Hz"), limit=limit)
+    for axis in noisy:
+        yield Remark.of("gyro-too-noisy", axis, density=Quantity(max(noisy.values()), "deg/s/√Hz"), limit=limit)

@@ -69,7 +69,7 @@ def knocks_of(outliers: Mapping[str, Outliers], extent: Extent) -> tuple[Knock, 
     """Group the outliers of all axes into knocks."""
     axes = tuple(outliers)
     index, deviation = (np.concatenate(column) for column in zip(*outliers.values(), strict=True))
-    axis_number = np.repeat(np.arange(len(axes)), [found.size for found, _ in outliers.values()])
+    axis_number = np.repeat(np.arange(len(axes)), [places.size for places, _ in outliers.values()])
     if index.size == 0:
         return ()
     order = np.argsort(index, kind="stable")
@@ -142,11 +142,11 @@ def steps_of(
         return []
     usual = float(np.median(everything))
     spread = max(float(np.median(np.abs(everything - usual))) / 0.67449, 0.5 * resolution)
-    found = []
+    steps = []
     for (first, level), change in zip(levels, changes, strict=True):
-        beside = np.abs(np.diff(level))
+        neighbours = np.abs(np.diff(level))
         # Changes just before and just after the two blocks. At the ends of a segment a warm-up looks like a jump.
-        before, behind = np.append(np.inf, beside[:-2]), np.append(beside[2:], np.inf)
+        before, behind = np.append(np.inf, neighbours[:-2]), np.append(neighbours[2:], np.inf)
         size = np.abs(change - usual)
         least = np.maximum(_STEP * spread, _ISOLATED * np.maximum(before, behind))
         at = np.flatnonzero((size > least) & (spread > 0))
@@ -154,10 +154,10 @@ def steps_of(
         for group in np.split(at, np.flatnonzero(np.diff(at) > 2) + 1) if at.size else []:
             i = int(group[np.argmax(size[group])])
             begin = first + i * length
-            some = values(begin, begin + 3 * length)
-            place = begin + _corner(some, level[i], level[i + 2])
-            reach = 1 + _REACH * float(np.median(np.diff(some) ** 2)) / change[i] ** 2
-            found.append(
+            part = values(begin, begin + 3 * length)
+            place = begin + _corner(part, level[i], level[i + 2])
+            reach = 1 + _REACH * float(np.median(np.diff(part) ** 2)) / change[i] ** 2
+            steps.append(
                 Step(
                     time=float(extent.times([place])[0]),
                     axis=axis,
@@ -166,7 +166,7 @@ def steps_of(
                     at_gap=extent.has_short_gap(place, reach),
                 )
             )
-    return found
+    return steps
 
 
 def _corner(values: Vector, before: float, after: float) -> int:

@@ -94,7 +94,7 @@ class Inspection(Summarised):
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as dicts, lists, numbers and strings, ready for JSON."""
         content = {name: _plain(value) for name, value in asdict(replace(self, remarks=(), regressions={})).items()}
-        content["regressions"] = {axis: found.to_dict() for axis, found in self.regressions.items()}
+        content["regressions"] = {axis: regression.to_dict() for axis, regression in self.regressions.items()}
         return content | {"remarks": [remark.to_dict() for remark in self.remarks]}
 
     def summary(self, *, every: bool = False) -> str:
@@ -118,43 +118,44 @@ REST: Mapping[Dialect, str] = {
 """The option that shows the remarks that the text does not contain."""
 
 
-def text(found: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bool = False) -> str:
+def text(inspection: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bool = False) -> str:
     """Describe the result of an inspection as text, with options as in Python or in the shell; see
     `Inspection.summary`."""
     lines = [
-        f"{found.source or 'recording'}: {found.samples} samples at {found.rate:.10g} Hz, "
-        f"{duration_text(found.duration)}" + (f" in {found.segments} segments" if found.segments > 1 else ""),
+        f"{inspection.source or 'recording'}: {inspection.samples} samples at {inspection.rate:.10g} Hz, "
+        f"{duration_text(inspection.duration)}"
+        + (f" in {inspection.segments} segments" if inspection.segments > 1 else ""),
         f"{'axis':<8} {'mean':>11} {'sd':>11} {'noise':>11} {'LSB':>11} {'wander':>11}  unit",
     ]
-    for name, axis in found.axes.items():
+    for name, axis in inspection.axes.items():
         lsb = "-" if axis.lsb is None else f"{axis.lsb:.4g}"
         numbers = f"{axis.mean:>11.4g} {axis.sd:>11.4g} {axis.noise:>11.4g} {lsb:>11} {axis.wander:>11.4g}"
         lines.append(f"{name:<8} {numbers}  {axis.unit}")
-    if found.gravity is not None:
-        turned = "" if found.tilt is None else f", turned by at most {found.tilt:.3g}°"
-        lines.append(f"specific force: {found.gravity:.5g} m/s²{turned}")
-    if found.temperature is not None:
-        lines.append(f"temperature: {found.temperature[0]:.4g} to {found.temperature[1]:.4g} °C")
-    if found.time_base.stamped:
-        gaps = counted(len(found.time_base.gaps), "gap")
-        lines.append(f"time stamps: jitter {found.time_base.jitter:.3g} s rms, {gaps}")
-    for knock in found.knocks[:5]:
+    if inspection.gravity is not None:
+        turned = "" if inspection.tilt is None else f", turned by at most {inspection.tilt:.3g}°"
+        lines.append(f"specific force: {inspection.gravity:.5g} m/s²{turned}")
+    if inspection.temperature is not None:
+        lines.append(f"temperature: {inspection.temperature[0]:.4g} to {inspection.temperature[1]:.4g} °C")
+    if inspection.time_base.stamped:
+        gaps = counted(len(inspection.time_base.gaps), "gap")
+        lines.append(f"time stamps: jitter {inspection.time_base.jitter:.3g} s rms, {gaps}")
+    for knock in inspection.knocks[:5]:
         what = f"{', '.join(knock.axes)}, {knock.peak:.0f} sd"
         long = f"for {knock.duration:.3g} s" if knock.duration > 0 else "of one sample"
         lines.append(f"knock at {moment(knock.time)} {long} ({what})")
-    if len(found.knocks) > 5:
-        lines.append(f"and {counted(len(found.knocks) - 5, 'more knock')}")
-    for step in found.steps[:5]:
-        change = f"{step.size:+.3g} {found.axes[step.axis].unit}, {step.times:.0f} sd"
+    if len(inspection.knocks) > 5:
+        lines.append(f"and {counted(len(inspection.knocks) - 5, 'more knock')}")
+    for step in inspection.steps[:5]:
+        change = f"{step.size:+.3g} {inspection.axes[step.axis].unit}, {step.times:.0f} sd"
         lines.append(f"jump of {step.axis} at {moment(step.time)} ({change})")
-    if len(found.steps) > 5:
-        lines.append(f"and {counted(len(found.steps) - 5, 'more jump')}")
-    if (found.knocks or found.steps) and (found.time_base.start or found.time_base.left):
+    if len(inspection.steps) > 5:
+        lines.append(f"and {counted(len(inspection.steps) - 5, 'more jump')}")
+    if (inspection.knocks or inspection.steps) and (inspection.time_base.start or inspection.time_base.left):
         lines.append(render("times are measured from the first sample of the file, as in {--skip}", {}, dialect))
-    lines += [_trend_line(one, found.axes[one.axis].unit) for one in found.trends]
-    groups = with_groups(found.remarks, dialect, codes=True)
+    lines += [_trend_line(trend, inspection.axes[trend.axis].unit) for trend in inspection.trends]
+    groups = with_groups(inspection.remarks, dialect, codes=True)
     shown = groups if every or len(groups) <= MOST + 1 else groups[:MOST]
-    lines += [f"{group[0].severity.label}: {said}" for group, said in shown]
+    lines += [f"{group[0].severity.label}: {sentence}" for group, sentence in shown]
     if len(shown) < len(groups):
         lines.append(f"and {len(groups) - len(shown)} more remarks ({REST[dialect]})")
     return "\n".join(lines)

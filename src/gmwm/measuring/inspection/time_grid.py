@@ -40,20 +40,20 @@ class Extent:
         return cls(rate, tuple(segments), tuple(left + begin for begin in begins), gaps_known)
 
     @cached_property
-    def joined(self) -> tuple[Range, ...]:
+    def unbroken(self) -> tuple[Range, ...]:
         """Index ranges between the gaps that are too long to fill. Means and outliers do not depend on shorter gaps."""
         return joined_ranges(self.rate, self.segments, self.starts) if self.gaps_known else self.segments
 
     def has_short_gap(self, index: int, reach: float) -> bool:
         """Return whether a gap that may be filled is at most `reach` samples from the sample with this index."""
-        short = np.setdiff1d([first for first, _ in self.segments], [first for first, _ in self.joined])
+        short = np.setdiff1d([first for first, _ in self.segments], [first for first, _ in self.unbroken])
         return bool(np.any(np.abs(short - index) <= reach))
 
     @property
-    def filled(self) -> tuple[int, int]:
+    def filled_samples(self) -> tuple[int, int]:
         """Number of lost samples in gaps that are filled, and number of these gaps."""
         lost = lost_before(self.rate, self.segments, self.starts)
-        filled = ~np.isin([first for first, _ in self.segments[1:]], [first for first, _ in self.joined])
+        filled = ~np.isin([first for first, _ in self.segments[1:]], [first for first, _ in self.unbroken])
         return int(np.sum(lost[filled])), int(np.count_nonzero(filled))
 
     @property
@@ -72,7 +72,7 @@ class Extent:
         length = max(self.samples // _WINDOWS, 1)
         ranges: list[Range] = []
         joined = False  # whether the last range consists of short segments and may still grow
-        for first, last in self.joined:
+        for first, last in self.unbroken:
             short = 2 * (last - first) < length
             if short and joined and ranges[-1][1] - ranges[-1][0] < length:
                 ranges[-1] = (ranges[-1][0], last)

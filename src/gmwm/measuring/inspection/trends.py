@@ -12,16 +12,12 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.measuring.inspection.knocks import level_length
 from gmwm.measuring.inspection.time_grid import Extent
-from gmwm.measuring.inspection.wander import Likelihood, Profile
+from gmwm.measuring.inspection.wander import CourseProfile, Likelihood
 
 Kind = Literal["exponential", "linear", "quadratic"]
 
 _FEWEST = 48
 """Smallest number of blocks for the test; tests/test_inspection_trends.py counts false alarms at 70 and 256 blocks."""
-_TIMES = 18
-"""Number of time constants on the first grid; a second grid refines the best one."""
-_FIRST_STEP = 3
-"""First block in which a jump is distinguished from a warm-up. An earlier jump is treated as a warm-up."""
 _SIZE = 0.01
 """Significance level of the test (docs/validation/trends.md)."""
 _TAIL = (8.5, 0.4)
@@ -29,8 +25,6 @@ _TAIL = (8.5, 0.4)
 is most often mistaken for a trend (docs/validation/trends.md)."""
 _EXTRA = 2.0
 """Improvement of −2 log L that is subtracted for a second parameter, as in Akaike's criterion."""
-_VISIBLE = 1.0
-"""Largest size of a remaining trend that does not matter, as the square of a number of standard errors of the noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,12 +88,12 @@ def trend_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> 
         return None
     step = length / extent.rate
     scale = 1 / math.sqrt(step)
-    walk, limit, whole = test.walks()
+    walk, limit, walk_with_trend = test.walks()
     until = test.until()
     return Trend(
         axis=axis, kind=test.kind, size=test.size(), tau=None if test.kind != "exponential" else test.tau * step,
         pvalue=test.pvalue, until=None if until is None else start + until * step, walk=math.sqrt(walk) * scale,
-        walk_limit=math.sqrt(limit) * scale, walk_with_trend=math.sqrt(whole) * scale,
+        walk_limit=math.sqrt(limit) * scale, walk_with_trend=math.sqrt(walk_with_trend) * scale,
     )  # fmt: skip
 
 
@@ -107,16 +101,16 @@ def _longest(means: Sequence[tuple[int, Vector]], extent: Extent, length: int) -
     """Return the start (s) and the block means of the longest part whose gaps are shorter than a block."""
     parts: list[tuple[float, list[Vector]]] = []
     ends = -math.inf
-    last_of = dict(extent.joined)
-    for first, own in means:
+    last_of = dict(extent.unbroken)
+    for first, block_means in means:
         start, end = extent.times([first, last_of[first] - 1])
         if start - ends > length / extent.rate:
             parts.append((start - extent.starts[0], []))
-        parts[-1][1].append(own)
+        parts[-1][1].append(block_means)
         ends = end + 1 / extent.rate
     if not parts:
         return 0.0, np.empty(0)
-    start, most = max(parts, key=lambda part: sum(own.size for own in part[1]))
+    start, most = max(parts, key=lambda part: sum(block_means.size for block_means in part[1]))
     return start, np.concatenate(most)
 
 
@@ -131,18 +125,18 @@ class TrendTest:
         self._likelihood = likelihood = Likelihood(means)
         self._none = likelihood.without()
         at = (np.arange(n) + 0.5) / n
-        times = np.geomspace(1.0, 1.5 * n, _TIMES)
-        decays, kept = self._decays(times)
+        times = np.geomspace(1.0, 1.5 * n, 18)
+        decays, courses = self._decays(times)
         j = _best(decays)
         # A second grid around the best time constant.
         ratio = times[1] / times[0]
         finer = times[j] * np.geomspace(1 / ratio, ratio, 9)
-        decays, kept = self._decays(finer[finer <= times[-1]])
+        decays, courses = self._decays(finer[finer <= times[-1]])
         j = _best(decays)
         self.tau = float(finer[j])
-        self._decay = kept[j]
-        lines = likelihood.transformed(np.vstack([at, at**2]))
-        self._exponential = Profile(decays.values[:, [j]], decays.squares[:, [j]])
+        self._decay = courses[j]
+        lines = likelihood.transform(np.vstack([at, at**2]))
+        self._exponential = CourseProfile(decays.values[:, [j]], decays.squares[:, [j]])
         self._line, self._lines = likelihood.with_one(lines[:1]), lines
         self._parabola = likelihood.with_two(lines[0], lines[1])
         base = np.min(self._none.values)
@@ -157,7 +151,8 @@ class TrendTest:
         near = [kind for kind, gain in gains.items() if gain >= self.statistic - _EXTRA]
         self.kind: Kind | None = "linear" if "linear" in near else near[0]
         models = np.array([int(np.argmin(p.values)) for p in (self._none, self._profile())])
-        if base - likelihood.with_step(models, _FIRST_STEP) - _EXTRA > self.statistic:
+        # A jump in the first three blocks is treated as a warm-up.
+        if base - likelihood.with_step(models, 3) - _EXTRA > self.statistic:
             self.kind = None
         self.pvalue = min(1.0, 0.1 * math.exp(-_TAIL[1] * (self.statistic - _TAIL[0])))
 
@@ -174,7 +169,7 @@ class TrendTest:
         courses = self._lines if self.kind == "quadratic" else self._lines[:1]
         if self.kind == "exponential":
             decay = np.exp(-at / self.tau)
-            courses = likelihood.transformed(np.vstack([decay, at / self.tau * decay]))
+            courses = likelihood.transform(np.vstack([decay, at / self.tau * decay]))
         walk, limit = likelihood.walk(courses)
         return walk, limit, likelihood.walk(courses[:0], alone=True)[0]
 
@@ -189,10 +184,10 @@ class TrendTest:
         # The transform of the rest of the trend after block s is a sum over its differences from s on.
         parts = self._likelihood.grid.transform * np.diff(self._course())
         rests = np.cumsum(parts[:, ::-1], axis=1)[:, ::-1]
-        visible = np.flatnonzero(weights @ rests**2 > _VISIBLE)
+        visible = np.flatnonzero(weights @ rests**2 > 1.0)
         return float(visible[-1] + 1) if visible.size else 0.0
 
-    def _profile(self) -> Profile:
+    def _profile(self) -> CourseProfile:
         return {"exponential": self._exponential, "linear": self._line}.get(self.kind or "", self._parabola)
 
     @property
@@ -212,14 +207,14 @@ class TrendTest:
         line, curve = np.linalg.lstsq((self._lines * root).T, likelihood.z * root, rcond=None)[0]
         return np.asarray(line * at / n + curve * (at / n) ** 2)
 
-    def _decays(self, times: Vector) -> tuple[Profile, Matrix]:
+    def _decays(self, times: Vector) -> tuple[CourseProfile, Matrix]:
         """Return the profile likelihoods with an exponential of each time constant, and the transformed
         exponentials."""
         at = np.arange(self._means.size) + 0.5
-        courses = self._likelihood.transformed(np.exp(-at / times[:, None]))
+        courses = self._likelihood.transform(np.exp(-at / times[:, None]))
         return self._likelihood.with_one(courses), courses
 
 
-def _best(profile: Profile) -> int:
+def _best(profile: CourseProfile) -> int:
     """Return the index of the time constant with the largest likelihood."""
     return int(np.argmin(np.min(profile.values, axis=0)))

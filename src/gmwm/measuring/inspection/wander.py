@@ -22,8 +22,6 @@ _TIMES = (1.5, 5.0, 16.0)
 walk."""
 _PLATEAUS = np.geomspace(1e-2, 1e4, 13)
 """Spectral density of the Gauss-Markov process at low frequency, relative to the density of the white noise."""
-_FINER = np.geomspace(0.67, 1.5, 17)
-"""Factors for a finer search of the random walk, between two neighbours of `_WALKS`, whose ratio is 1.48."""
 _LIMIT = 3.841
 """Rise of −2 log L at the upper limit of a random walk: the 95 % quantile of χ² with one degree of freedom. The 90 %
 quantile, which is usual for a one-sided limit of 95 %, gives limits that are too low in 10 to 20 % of recordings,
@@ -31,7 +29,7 @@ because a Gauss-Markov process can replace a random walk (docs/validation/trends
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class NoiseGrid:
     """Noise models on a grid, relative to the white noise of a block mean. `transform` (n − 1, n − 1) is the sine
     transform of the differences. `weights` (G, n − 1) are 1/λ_k of each model for σ² = 1, `logs` Σ log λ_k, and `walks`
     γ²/σ². `rest` (G, n − 1) is λ_k without the walk, and `walk` λ_k of γ² = 1 alone."""
@@ -45,7 +43,7 @@ class Grid:
 
 
 @lru_cache(maxsize=4)
-def grid_of(blocks: int) -> Grid:
+def grid_of(blocks: int) -> NoiseGrid:
     """Return the grid for a number of block means."""
     k = np.arange(1, blocks)
     transform = np.sqrt(2 / blocks) * np.sin(np.pi * np.outer(k, k) / blocks)
@@ -61,10 +59,11 @@ def grid_of(blocks: int) -> Grid:
             # below 2.2.
             walks.append(_WALKS[::2])
             rests.append(np.repeat((white + plateau / (2 * time) * markov)[None, :], walks[-1].size, axis=0))
-    ratios, rest = np.concatenate(walks), np.vstack(rests)
-    variances = rest + ratios[:, None] * walk
-    return Grid(
-        transform=transform, weights=1 / variances, logs=np.sum(np.log(variances), axis=1), walks=ratios, rest=rest,
+    ratios, variances_without = np.concatenate(walks), np.vstack(rests)
+    variances = variances_without + ratios[:, None] * walk
+    return NoiseGrid(
+        transform=transform, weights=1 / variances, logs=np.sum(np.log(variances), axis=1), walks=ratios,
+        rest=variances_without,
         walk=walk,
     )  # fmt: skip
 
@@ -94,7 +93,7 @@ def _crossing(walks: Vector, excess: Vector) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Profile:
+class CourseProfile:
     """−2 log L, up to a constant, of block means for G noise models and C courses c with the best coefficient a of
     each. `squares` (G, C) are Σ (z − a c)²/λ for σ² = 1; divided by the number of differences they estimate σ²."""
 
@@ -110,21 +109,21 @@ class Likelihood:
         self.z = self.grid.transform @ np.diff(means)
         self._flat = self.grid.weights @ self.z**2
 
-    def transformed(self, courses: Matrix) -> Matrix:
+    def transform(self, courses: Matrix) -> Matrix:
         """Return the transformed differences of courses (C, n), with one course in each row."""
         return np.asarray(np.diff(courses, axis=1) @ self.grid.transform)
 
-    def without(self) -> Profile:
+    def without(self) -> CourseProfile:
         """Return the profile likelihood without a course."""
         return self._profile(self._flat[:, None])
 
-    def with_one(self, courses: Matrix) -> Profile:
+    def with_one(self, courses: Matrix) -> CourseProfile:
         """Return the profile likelihood with one course; the result has a column for each of C transformed courses."""
         cross = self.grid.weights @ (courses * self.z).T
-        own = self.grid.weights @ (courses**2).T
-        return self._profile(self._flat[:, None] - cross**2 / own)
+        squares = self.grid.weights @ (courses**2).T
+        return self._profile(self._flat[:, None] - cross**2 / squares)
 
-    def with_two(self, first: Vector, second: Vector) -> Profile:
+    def with_two(self, first: Vector, second: Vector) -> CourseProfile:
         """Return the profile likelihood with two transformed courses together."""
         weights, z = self.grid.weights, self.z
         a, b, c = weights @ first**2, weights @ (first * second), weights @ second**2
@@ -147,19 +146,20 @@ class Likelihood:
         otherwise the walk would be underestimated. For an exponential, its derivative with respect to the time constant
         is a course too. With `alone`, the noise model has no Gauss-Markov process, which can replace a random walk."""
         grid, used = self.grid, _WALKS.size if alone else len(self.grid.walks)
-        values, scales = self._restricted(grid.weights[:used], grid.logs[:used], courses)
+        values, scales = self._restricted_likelihood(grid.weights[:used], grid.logs[:used], courses)
         best = int(np.argmin(values))
         limit = _crossing(grid.walks[:used] * scales, values - values[best] - _LIMIT)
         if not grid.walks[best]:
             return 0.0, limit
-        ratios = grid.walks[best] * _FINER
+        # Between two neighbours of `_WALKS`, whose ratio is 1.48.
+        ratios = grid.walks[best] * np.geomspace(0.67, 1.5, 17)
         variances = grid.rest[best] + ratios[:, None] * grid.walk
-        values, scales = self._restricted(1 / variances, np.sum(np.log(variances), axis=1), courses)
+        values, scales = self._restricted_likelihood(1 / variances, np.sum(np.log(variances), axis=1), courses)
         finer = int(np.argmin(values))
-        found = float(ratios[finer] * scales[finer])
-        return found, max(limit, found)
+        best_walk = float(ratios[finer] * scales[finer])
+        return best_walk, max(limit, best_walk)
 
-    def _restricted(self, weights: Matrix, logs: Vector, courses: Matrix) -> tuple[Vector, Vector]:
+    def _restricted_likelihood(self, weights: Matrix, logs: Vector, courses: Matrix) -> tuple[Vector, Vector]:
         """Return −2 log of the restricted likelihood, up to a constant, and σ², for each noise model."""
         squares, free = weights @ self.z**2, self.z.size - len(courses)
         if len(courses):
@@ -175,8 +175,8 @@ class Likelihood:
         weights = self.grid.weights[model]
         return float(weights @ (course * self.z) / (weights @ course**2))
 
-    def _profile(self, squares: Matrix) -> Profile:
-        return Profile(self._minus2(squares, self.grid.logs[:, None]), squares)
+    def _profile(self, squares: Matrix) -> CourseProfile:
+        return CourseProfile(self._minus2(squares, self.grid.logs[:, None]), squares)
 
     def _minus2(self, squares: Matrix, logs: Matrix) -> Matrix:
         # Differences that are all equal have no variance; log 0 would be −inf in every model.

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base import _core
 from gmwm.base.arrays import Vector, as_rate, as_vector, freeze
+from gmwm.measuring.variance.biweight import NORMAL_QUARTILE
 from gmwm.measuring.variance.panels import Panels, panel_length
 from gmwm.recording.resolution import Sample, step_of
 from gmwm.recording.signals import Signal
@@ -46,9 +47,6 @@ _PIECES = 64
 """Smallest number of coefficients for a local standard deviation; its relative error is about 15 %."""
 Indices = NDArray[np.int64]
 Ranges = NDArray[np.int64]
-_QUARTILE = 0.6744897501960817
-_ROUNDING = 12**-0.5
-"""Standard deviation of the rounding error, in quantization steps."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -113,7 +111,7 @@ class BurstFinder:
     def update(self, values: Vector) -> None:
         """Add the next samples of the segment."""
         self._sample.update(values)
-        for panel in self.panels.cut(values):
+        for panel in self.panels.divide(values):
             self._add(panel)
 
     def gap(self) -> None:
@@ -137,9 +135,9 @@ class BurstFinder:
     def _add(self, panel: Vector) -> None:
         step = step_of(self._sample.values()) or 0.0
         for level in coefficients(panel, self.rate, step):
-            found = _bursts(level, small=False)
-            occupied, count = int(np.sum(found.last - found.first + 1)), found.first.size
-            sums = level.energy, float(found.energy.sum()), level.size, occupied, count
+            bursts = _bursts(level, small=False)
+            occupied, count = int(np.sum(bursts.last - bursts.first + 1)), bursts.first.size
+            sums = level.energy, float(bursts.energy.sum()), level.size, occupied, count
             self._sums[:, level.number - 1] += sums
 
 
@@ -179,7 +177,7 @@ def find_bursts(x: Signal | ArrayLike, rate: float | None = None) -> Bursts:
     return finder.result()
 
 
-class Coefficients(NamedTuple):
+class BurstCoefficients(NamedTuple):
     """The coefficients of a panel at one level, half a scale apart, and those of them that may be in a burst. `path` (n
     + 2,) are the sums of the samples up to each half scale; the coefficients are its second differences times `unit`.
     `at` and `w` (k,) are indices and values of the coefficients beyond `_SMALL` local standard deviations. `piece`
@@ -209,7 +207,7 @@ class Coefficients(NamedTuple):
         return np.asarray(size / self.limit(np.arange(first, first + size.size)))
 
 
-def coefficients(panel: Vector, rate: float, step: float) -> Iterator[Coefficients]:
+def coefficients(panel: Vector, rate: float, step: float) -> Iterator[BurstCoefficients]:
     """Yield the coefficients of a panel at each level at which bursts are searched. `step` is the quantization step, or
     0."""
     path = _core.running_sum(panel)
@@ -217,26 +215,27 @@ def coefficients(panel: Vector, rate: float, step: float) -> Iterator[Coefficien
         if path.size - 2 < _PIECES // 2:
             return
         unit, piece = 0.5 ** (k + 1), max(_PIECES, round(NEIGHBOURHOOD * rate / 2**k))
-        least = _ROUNDING * step * 2.0 ** (-0.5 * (k + 1))
+        # The standard deviation of the rounding error is step / √12.
+        least = 12**-0.5 * step * 2.0 ** (-0.5 * (k + 1))
         at, w, spread, energy = _core.large_coefficients(path, unit, piece, least=least, limit=_SMALL)
-        yield Coefficients(
+        yield BurstCoefficients(
             number=k + 1, path=path, unit=unit, at=at, w=w, piece=piece, spread=spread, energy=energy
         )  # fmt: skip
         path = np.ascontiguousarray(path[::2])
 
 
-def burst_ranges(levels: Iterable[Coefficients], *, small: bool = False) -> Ranges:
+def burst_ranges(levels: Iterable[BurstCoefficients], *, small: bool = False) -> Ranges:
     """Return index ranges (k, 2) of the samples in bursts of one panel, ordered and without overlap. A burst is left
     out if it overlaps a burst of a finer level, at which its position is known better. With `small`, bursts of
     coefficients below `LARGE` that are large for this noise are found too."""
-    found = np.empty((0, 2), dtype=np.int64)
+    ranges = np.empty((0, 2), dtype=np.int64)
     for level in levels:
         bursts = _bursts(level, small)
         new = np.stack([bursts.first << level.number - 1, (bursts.last + 2) << level.number - 1], axis=1)
-        new = new[np.searchsorted(found[:, 0], new[:, 1]) == np.searchsorted(found[:, 1], new[:, 0], side="right")]
-        found = np.concatenate([found, new])
-        found = found[np.argsort(found[:, 0])]
-    return found
+        new = new[np.searchsorted(ranges[:, 0], new[:, 1]) == np.searchsorted(ranges[:, 1], new[:, 0], side="right")]
+        ranges = np.concatenate([ranges, new])
+        ranges = ranges[np.argsort(ranges[:, 0])]
+    return ranges
 
 
 def _levels(rate: float) -> int:
@@ -245,7 +244,7 @@ def _levels(rate: float) -> int:
     return min(reach, int(np.log2(panel_length(rate) // _PIECES)))
 
 
-class _Found(NamedTuple):
+class _LevelBursts(NamedTuple):
     """Bursts at one level of a panel: first and last large coefficient of each, and the sum of their squares."""
 
     first: Indices
@@ -253,10 +252,10 @@ class _Found(NamedTuple):
     energy: Vector
 
 
-_NO_BURSTS = _Found(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0))
+_NO_BURSTS = _LevelBursts(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0))
 
 
-def _bursts(level: Coefficients, small: bool) -> _Found:
+def _bursts(level: BurstCoefficients, small: bool) -> _LevelBursts:
     """Return the bursts among the coefficients of one level of a panel."""
     if level.at.size < FEW:
         return _NO_BURSTS
@@ -266,26 +265,26 @@ def _bursts(level: Coefficients, small: bool) -> _Found:
         share = (_FALSE / (level.size * APART ** (FEWEST - 1))) ** (1 / FEWEST)
         ranked = np.append(np.sort(ratio)[::-1], _SMALL)
         large = min(LARGE, float(np.interp(share * (level.size - 1), np.arange(ranked.size), ranked)))
-    kept = ratio > large
-    at, w, ratio = at[kept], w[kept], ratio[kept]
+    chosen = ratio > large
+    at, w, ratio = at[chosen], w[chosen], ratio[chosen]
     if at.size < FEW:
         return _NO_BURSTS
     begins = np.concatenate([[0], np.flatnonzero(np.diff(at) > APART) + 1])
     counts = np.diff(np.append(begins, at.size))
     positive = np.add.reduceat((w > 0).astype(np.int64), begins)
     huge = np.maximum.reduceat(ratio, begins) > HUGE
-    kept = (counts >= np.where(huge, FEW, FEWEST)) & (positive > 0) & (positive < counts)
+    chosen = (counts >= np.where(huge, FEW, FEWEST)) & (positive > 0) & (positive < counts)
     if small:
-        for k in np.flatnonzero(kept).tolist():
-            kept[k] = _is_alone(level, int(at[begins[k]]), int(at[begins[k] + counts[k] - 1]) + 1)
+        for k in np.flatnonzero(chosen).tolist():
+            chosen[k] = _is_alone(level, int(at[begins[k]]), int(at[begins[k] + counts[k] - 1]) + 1)
     energy = np.add.reduceat(w**2, begins)
-    return _Found(at[begins[kept]], at[(begins + counts - 1)[kept]], energy[kept])
+    return _LevelBursts(at[begins[chosen]], at[(begins + counts - 1)[chosen]], energy[chosen])
 
 
-def _is_alone(level: Coefficients, first: int, last: int) -> bool:
+def _is_alone(level: BurstCoefficients, first: int, last: int) -> bool:
     """Return whether the noise next to a burst is usual. If the variance of the noise varies, it is larger there."""
     margin = max(last - first, APART)
     length = max(margin, _BESIDE)
-    beside = [(first - margin - length, first - margin), (last + margin, last + margin + length)]
-    relative = [level.relative(max(a, 0), max(b, 0)) for a, b in beside]
-    return all(float(np.median(part)) < _ALONE * _QUARTILE for part in relative if part.size >= APART)
+    surroundings = [(first - margin - length, first - margin), (last + margin, last + margin + length)]
+    relative = [level.relative(max(a, 0), max(b, 0)) for a, b in surroundings]
+    return all(float(np.median(part)) < _ALONE * NORMAL_QUARTILE for part in relative if part.size >= APART)

@@ -24,8 +24,6 @@ LONGEST = 30.0
 """Longest time (s) that is replaced, including the margins of the knock."""
 MOST = 0.1
 """Largest share of the samples that is replaced. A longer change is a state of the sensor, not a disturbance."""
-_PASSES = 6
-"""Number of searches. Each follows the replacement of the knocks found so far, because weak ends are found last."""
 _BESIDE = 32
 """Smallest number of samples on each side of a knock from which its samples are replaced during the search."""
 
@@ -58,7 +56,7 @@ def cleaned(x: Signal) -> Cleaned:
     knocks = _knocks(signal.values, x.rate)
     if knocks.size:
         # Knocks hide the tails of the noise from the search for spikes.
-        spikes = find_spikes(replace(x, values=_mirrored(x.values, knocks)))
+        spikes = find_spikes(replace(x, values=_mirror(x.values, knocks)))
         present = _outside(knocks, len(x))
         present[spikes.indices] = False
         signal = replace(x, values=drawn(x.values, present))
@@ -78,8 +76,8 @@ def cleaned(x: Signal) -> Cleaned:
 def _knocks(values: Vector, rate: float) -> Ranges:
     """Return the index ranges of the knocks."""
     step, length = lsb(values) or 0.0, panel_length(rate)
-    found = [_of_panel(values[begin : begin + length], rate, step) + begin for begin in range(0, values.size, length)]
-    ranges = _joined(np.concatenate(found))
+    panels = [_of_panel(values[begin : begin + length], rate, step) + begin for begin in range(0, values.size, length)]
+    ranges = _union(np.concatenate(panels))
     ranges = ranges[ranges[:, 1] - ranges[:, 0] <= LONGEST * rate]
     return ranges if np.sum(ranges[:, 1] - ranges[:, 0]) <= MOST * values.size else ranges[:0]
 
@@ -88,28 +86,32 @@ def _of_panel(values: Vector, rate: float, step: float) -> Ranges:
     """Return the index ranges of the knocks in consecutive samples that form one panel."""
     levels, ranges = list(coefficients(values, rate, step)), np.empty((0, 2), dtype=np.int64)
     for small in [False, True]:
-        for _ in range(_PASSES):
-            found = burst_ranges(levels, small=small)
-            wider = _joined(np.concatenate([ranges, _widened(found, values.size)]))
+        # Each search follows the replacement of the knocks found so far, because weak ends are found last.
+        for _ in range(6):
+            bursts = burst_ranges(levels, small=small)
+            wider = _union(np.concatenate([ranges, _widen(bursts, values.size)]))
             if np.array_equal(wider, ranges):
                 break
-            ranges, levels = wider, list(coefficients(_mirrored(values, wider), rate, step))
+            ranges, levels = wider, list(coefficients(_mirror(values, wider), rate, step))
     return ranges
 
 
-def _mirrored(values: Vector, ranges: Ranges) -> Vector:
+def _mirror(values: Vector, ranges: Ranges) -> Vector:
     """Replace each range by the mirrored samples next to it on a straight line, for the search for weak parts of
     knocks."""
     out = values.copy()
     for first, last in ranges.tolist():
         size, half = last - first, (last - first) // 2
-        left = values[max(first - max(half, _BESIDE), 0) : first]
-        right = values[last : last + max(half, _BESIDE)]
-        if not left.size + right.size:
+        before = values[max(first - max(half, _BESIDE), 0) : first]
+        after = values[last : last + max(half, _BESIDE)]
+        if not before.size + after.size:
             continue
-        left, right = (one if one.size else other for one, other in ((left, right), (right, left)))
-        line = np.linspace(np.median(left), np.median(right), size)
-        echoes = np.resize((left - np.median(left))[::-1], half), np.resize(right - np.median(right), size - half)[::-1]
+        before, after = (side if side.size else other for side, other in ((before, after), (after, before)))
+        line = np.linspace(np.median(before), np.median(after), size)
+        echoes = (
+            np.resize((before - np.median(before))[::-1], half),
+            np.resize(after - np.median(after), size - half)[::-1],
+        )
         out[first:last] = line + np.concatenate(echoes)
     return out
 
@@ -122,14 +124,14 @@ def _outside(ranges: Ranges, size: int) -> NDArray[np.bool_]:
     return outside
 
 
-def _widened(ranges: Ranges, size: int) -> Ranges:
+def _widen(ranges: Ranges, size: int) -> Ranges:
     """Extend each range by the margins in which the knock is weak."""
     margin = np.maximum(LEAST, np.ceil(MARGIN * (ranges[:, 1] - ranges[:, 0]))).astype(np.int64)
     first, last = ranges[:, 0] - margin, ranges[:, 1] + margin
     return np.stack([np.maximum(first, 0), np.minimum(last, size)], axis=1)
 
 
-def _joined(ranges: Ranges) -> Ranges:
+def _union(ranges: Ranges) -> Ranges:
     """Return the union of the ranges, in order."""
     if not ranges.size:
         return ranges

@@ -24,8 +24,6 @@ from gmwm.recording.options import as_size
 from gmwm.recording.signals import Signal
 from gmwm.theory.processes.model import ModelLike
 
-HUGE = 10.0
-"""Excess (ratio minus 1) from which messages state a factor instead of a percentage."""
 LEAST_FREEDOM = 30.0
 """Number of degrees of freedom M_j / 2^j up to which a level is not tested, because the tail of the distribution of the
 ratio is not known well enough (docs/validation/contamination-test.md)."""
@@ -197,9 +195,9 @@ class Verdict(Summarised):
             name: np.array(values[name], dtype=np.float64) for name in _ARRAYS if name != "levels"
         }
         left_out = {int(level): reason for level, reason in values["left_out"].items()}
-        known = get_args(Reason)
-        if wrong := [reason for reason in left_out.values() if reason not in known]:
-            raise DataError(argument="left_out", expected=f"a mapping of levels to {', '.join(known)}", got=wrong[0])
+        reasons = get_args(Reason)
+        if wrong := [reason for reason in left_out.values() if reason not in reasons]:
+            raise DataError(argument="left_out", expected=f"a mapping of levels to {', '.join(reasons)}", got=wrong[0])
         levels, bursts = np.array(values["levels"], dtype=np.int64), values["bursts"]
         depends = values["dependence"]
         scalars = {name: values[name] for name in _SCALARS}
@@ -375,9 +373,9 @@ def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVarianc
 def _left_out(robust: WaveletVariance) -> dict[int, Reason]:
     """Return the levels that are not tested, with the reason."""
     freedom = Design.of(robust).degrees_of_freedom
-    found = robust.diagnostics.get("robust", {})
-    outcomes = found.get("outcome", ["root"] * len(robust))
-    zeros = np.array(found.get("zeros", np.zeros(len(robust))))
+    diagnostics = robust.diagnostics.get("robust", {})
+    outcomes = diagnostics.get("outcome", ["root"] * len(robust))
+    zeros = np.array(diagnostics.get("zeros", np.zeros(len(robust))))
     # If there are few coefficients, one that is zero by chance is a large share.
     rounded = _ruled_by_steps(np.where(freedom > LEAST_FREEDOM, zeros, 0.0))
     left_out: dict[int, Reason] = {}
@@ -411,13 +409,13 @@ def excess_text(excess: float) -> str:
         f"by {100 * excess:.2g} %"
         if excess < 1
         else f"by {100 * excess:.0f} %"
-        if excess < HUGE
+        if excess < 10
         else (f"by a factor of {rounded(1 + excess)}")
     )
 
 
 def _scales(tau: Vector) -> tuple[Quantity, ...]:
-    return tuple(Quantity(float(one), "s") for one in tau)
+    return tuple(Quantity(float(seconds), "s") for seconds in tau)
 
 
 def _plain(value: float) -> float | None:

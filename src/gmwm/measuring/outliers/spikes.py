@@ -16,6 +16,7 @@ from gmwm.base import _core
 from gmwm.base.arrays import Vector, freeze, row_medians
 from gmwm.base.errors import DataError, OptionError
 from gmwm.measuring.outliers.bursts import NEIGHBOURHOOD
+from gmwm.measuring.variance.biweight import NORMAL_QUARTILE
 from gmwm.recording.gaps import drawn
 from gmwm.recording.resolution import lsb
 from gmwm.recording.signals import Signal
@@ -45,18 +46,13 @@ _REACHES = (3, 12)
 """Numbers of neighbours on each side: the nearest predict best behind a low-pass filter, many in white noise."""
 _FEW = 12
 """Number of spikes below which no residual may be between θ / 2 and θ."""
-_TAIL = APART**-3.0
-"""Share of the residuals beyond θ / 1.5 that are beyond θ, if their tail decays as θ⁻³ (infinite third moment)."""
 _BULK = 50_000
 """Number of residuals from which the spread and the tails of the bulk are estimated."""
 _PRECISE = 500_000
 """The same number for a recording with spikes: 0.3 % of samples at 6 standard deviations add 10 % to the variance."""
-_LOWEST = 3.0
-"""Smallest residual that can be replaced."""
 _BIN, _NONE = 0.25, 0.005
 _PASSES, _SETTLED = 5, 0.01
 """Largest number of repetitions of the search, and relative change of the number of spikes at which they end."""
-_QUARTILE = 0.6744897501960817
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -125,13 +121,13 @@ def find_spikes(x: Signal) -> Spikes:
     deviation = np.abs(_core.neighbour_residuals(values, values, candidates, _REACHES[0]))
     deviation /= _at(candidates, scale, length)
     threshold = _threshold(deviation, values.size, tail)
-    found = candidates[deviation >= threshold]
-    if not 0 < found.size <= MOST * values.size:
+    spikes = candidates[deviation >= threshold]
+    if not 0 < spikes.size <= MOST * values.size:
         return none
     # Repeat the search without the spikes. They shift the median of their neighbours, and make the tails of the bulk
     # heavier.
     for _ in range(_PASSES):
-        filled, right = _filled(values, found)
+        filled, right = _interpolate(values, spikes)
         reach = _best_reach(filled, right)
         scale, length, tail, usual = _bulk(filled, x.rate, step, most=_PRECISE, right=right, reach=reach)
         if not scale.min() > 0:
@@ -139,13 +135,13 @@ def find_spikes(x: Signal) -> Spikes:
         limit = _at(candidates, scale, length)
         deviations = np.abs(_core.neighbour_residuals(values, filled, candidates, reach)) / limit
         threshold = _threshold(deviations, values.size, tail, FALSE)
-        clear = np.flatnonzero(_clear(candidates, _crowded(candidates[deviations >= threshold], values.size)))
+        clear = np.flatnonzero(_clear(candidates, _in_crowds(candidates[deviations >= threshold], values.size)))
         spiky = clear[_surplus(deviations[clear], threshold, values.size, usual)]
-        before, found, deviation, limit = found.size, candidates[spiky], deviations[spiky], limit[spiky]
-        if abs(found.size - before) <= _SETTLED * before:
+        before, spikes, deviation, limit = spikes.size, candidates[spiky], deviations[spiky], limit[spiky]
+        if abs(spikes.size - before) <= _SETTLED * before:
             break
-    kept = _returns(values, filled, found, np.minimum(threshold, deviation) * limit)
-    return Spikes(indices=found[kept], deviations=deviation[kept])
+    isolated = _returns(values, filled, spikes, np.minimum(threshold, deviation) * limit)
+    return Spikes(indices=spikes[isolated], deviations=deviation[isolated])
 
 
 def repaired(x: Signal, spikes: Spikes) -> Signal:
@@ -190,13 +186,13 @@ def repaired(x: Signal, spikes: Spikes) -> Signal:
 
 def _best_reach(values: Vector, right: NDArray[np.bool_]) -> int:
     """Return the number of neighbours on each side whose median predicts a sample best."""
-    places, _ = _sampled(values.size, _BULK)
+    places, _ = _sample_places(values.size, _BULK)
     places = places[right[places]]
     errors = [np.median(np.abs(_core.neighbour_residuals(values, values, places, reach))) for reach in _REACHES]
     return _REACHES[int(np.argmin(errors))]
 
 
-def _sampled(samples: int, most: int) -> tuple[NDArray[np.int64], int]:
+def _sample_places(samples: int, most: int) -> tuple[NDArray[np.int64], int]:
     """Return positions at a regular distance (stride), about `most` of them, and this distance."""
     stride = max(1, samples // most)
     # Vary the offset within each stride, so that a period of the signal is not sampled at one phase.
@@ -210,11 +206,11 @@ def _bulk(
     """Return the local standard deviation of the residuals in each block, the length of a block, and a lower limit and
     an estimate of the degrees of freedom of the tails. About `most` residuals are used at most. The tails are estimated
     from the samples that are `right`."""
-    places, stride = _sampled(values.size, most)
+    places, stride = _sample_places(values.size, most)
     residual = np.abs(_core.neighbour_residuals(values, values, places, reach))
     piece = min(max(round(NEIGHBOURHOOD * rate / stride), 128), residual.size)
     count = residual.size // piece
-    local = row_medians(residual[: count * piece].reshape(count, piece)) / _QUARTILE
+    local = row_medians(residual[: count * piece].reshape(count, piece)) / NORMAL_QUARTILE
     local = np.maximum(local, np.maximum(np.median(local), step * 12**-0.5))
     if not local.min() > 0:
         return local, values.size, np.inf, np.inf
@@ -258,9 +254,9 @@ def _threshold(deviation: Vector, samples: int, freedom: float, false: float = 1
     double = np.searchsorted(-ordered, -theta / 2, side="right")
     expected = samples * _beyond(theta, freedom)
     # Residuals that Gaussian noise explains are not counted, because small spikes are among its tails.
-    own = np.minimum(samples * 2 * ndtr(-theta / APART), beyond - ks)
-    good = (pdtrc(ks - 1, expected) <= CERTAIN) & (expected <= false * ks) & (beyond - own <= MORE * ks)
-    good &= np.where(ks < _FEW, double == ks, bdtrc(ks - 1, beyond - own.astype(np.int64), _TAIL) <= CERTAIN)
+    gaussian = np.minimum(samples * 2 * ndtr(-theta / APART), beyond - ks)
+    good = (pdtrc(ks - 1, expected) <= CERTAIN) & (expected <= false * ks) & (beyond - gaussian <= MORE * ks)
+    good &= np.where(ks < _FEW, double == ks, bdtrc(ks - 1, beyond - gaussian.astype(np.int64), APART**-3.0) <= CERTAIN)
     return float(theta[good][-1]) if np.any(good) else np.inf
 
 
@@ -268,7 +264,7 @@ def _beyond(deviation: Vector, freedom: float) -> Vector:
     """Return the probability that a residual of the bulk exceeds each of the deviations."""
     from scipy.special import stdtr, stdtrit
 
-    return np.asarray(2 * stdtr(freedom, -deviation * (stdtrit(freedom, 0.75) / _QUARTILE)))
+    return np.asarray(2 * stdtr(freedom, -deviation * (stdtrit(freedom, 0.75) / NORMAL_QUARTILE)))
 
 
 def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) -> NDArray[np.bool_]:
@@ -283,7 +279,8 @@ def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) 
     low = threshold
     while samples * _beyond(np.array([low]), freedom)[0] > _NONE:
         low += _BIN
-    while low >= _LOWEST:
+    # the smallest residual that can be replaced
+    while low >= 3.0:
         here = np.flatnonzero((deviation >= low) & (deviation < high))
         expected = samples * float(np.subtract(*_beyond(np.array([low, high]), freedom)))
         surplus = here.size - expected
@@ -295,7 +292,7 @@ def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) 
     return chosen
 
 
-def _crowded(at: NDArray[np.int64], samples: int) -> NDArray[np.int64]:
+def _in_crowds(at: NDArray[np.int64], samples: int) -> NDArray[np.int64]:
     """Return those of the ascending positions that are in a cluster or in a long run."""
     from scipy.special import bdtrc
 
@@ -327,7 +324,7 @@ def _returns(values: Vector, filled: Vector, at: NDArray[np.int64], limit: Vecto
     return np.asarray(apart > 0.5 * limit)
 
 
-def _filled(values: Vector, at: NDArray[np.int64]) -> tuple[Vector, NDArray[np.bool_]]:
+def _interpolate(values: Vector, at: NDArray[np.int64]) -> tuple[Vector, NDArray[np.bool_]]:
     """Interpolate the values at some ascending positions from all others. Return also a mask of the others."""
     good = np.ones(values.size, dtype=np.bool_)
     good[at] = False

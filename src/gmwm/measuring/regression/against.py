@@ -26,7 +26,7 @@ Against = str | ArrayLike | Signal | Mapping[str, ArrayLike | Signal] | None
 
 
 @dataclass(frozen=True)
-class Term:
+class CovariateTerm:
     """One covariate of a regression, with the form of its effect.
 
     Attributes
@@ -60,26 +60,26 @@ class Term:
         return _UNITS.get(self.name, "")
 
     @property
-    def measured(self) -> bool:
+    def is_measured(self) -> bool:
         """Whether the covariate is measured data, in contrast to a function of time."""
         return self.name not in (TIME, WARM_UP)
 
     @classmethod
-    def parse(cls, text: str) -> Term:
+    def parse(cls, text: str) -> CovariateTerm:
         """Parse a term; raise OptionError if the text is not a name with known options.
 
-        >>> Term.parse("temperature:2,lag")
-        Term(name='temperature', degree=2, lag=True, knots=0, exact=False)
+        >>> CovariateTerm.parse("temperature:2,lag")
+        CovariateTerm(name='temperature', degree=2, lag=True, knots=0, exact=False)
         """
-        name, _, rest = text.strip().partition(":")
+        name, _, options = text.strip().partition(":")
         if not re.fullmatch(r"[A-Za-z_]\w*", name) or name in (AUTO, NONE):
             raise OptionError(argument="against", expected=_EXPECTED, got=text)
         degree, knots, words = 1, 0, set()
-        for word in filter(None, (part.strip() for part in rest.split(","))):
+        for word in filter(None, (part.strip() for part in options.split(","))):
             if word.isdigit() and 1 <= int(word) <= MOST_DEGREES:
                 degree = int(word)
-            elif (found := re.fullmatch(r"knots=(\d+)", word)) and 1 <= int(found[1]) <= MOST_KNOTS:
-                knots = int(found[1])
+            elif (match := re.fullmatch(r"knots=(\d+)", word)) and 1 <= int(match[1]) <= MOST_KNOTS:
+                knots = int(match[1])
             elif word in ("lag", "exact"):
                 words.add(word)
             else:
@@ -88,7 +88,7 @@ class Term:
                     expected=f"a degree from 1 to {MOST_DEGREES}, knots=1 to {MOST_KNOTS}, lag or exact after {name!r}",
                     got=word,
                 )
-        if (name == WARM_UP and rest) or (name == TIME and words) or (knots and degree > 1):
+        if (name == WARM_UP and options) or (name == TIME and words) or (knots and degree > 1):
             raise OptionError(
                 f"against: {text!r} has options that do not apply",
                 argument="against",
@@ -103,7 +103,7 @@ class Asked:
     """A requested regression: its terms, and the arrays of covariates that are not part of the recording. With
     `automatic`, the temperature of the recording is used only if a test finds that the axis depends on it."""
 
-    terms: tuple[Term, ...] = ()
+    terms: tuple[CovariateTerm, ...] = ()
     arrays: Mapping[str, Vector] | None = None
     automatic: bool = False
 
@@ -123,14 +123,14 @@ class Asked:
                 return cls(automatic=True)
             if text == NONE:
                 return cls()
-            return cls(_distinct(Term.parse(part) for part in text.split("+")))
-        given = against if isinstance(against, Mapping) else {"covariate": against}
-        if not given:
+            return cls(_distinct(CovariateTerm.parse(part) for part in text.split("+")))
+        arrays_by_text = against if isinstance(against, Mapping) else {"covariate": against}
+        if not arrays_by_text:
             raise OptionError(argument="against", expected=_EXPECTED, got="an empty mapping")
         arrays, terms = {}, []
-        for text, values in given.items():
-            term = Term.parse(str(text))
-            if not term.measured:
+        for text, values in arrays_by_text.items():
+            term = CovariateTerm.parse(str(text))
+            if not term.is_measured:
                 raise OptionError(
                     f"against: {term.name} is computed from the clock, and needs no array",
                     argument="against",
@@ -142,20 +142,20 @@ class Asked:
         return cls(_distinct(terms), arrays)
 
 
-def _distinct(terms: Iterable[Term]) -> tuple[Term, ...]:
-    found = tuple(terms)
-    names = [term.name for term in found]
+def _distinct(terms: Iterable[CovariateTerm]) -> tuple[CovariateTerm, ...]:
+    distinct = tuple(terms)
+    names = [term.name for term in distinct]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise OptionError(argument="against", expected="each covariate once", got=twice)
-    if TIME in names and WARM_UP in names and next(t for t in found if t.name == TIME).degree > 1:
+    if TIME in names and WARM_UP in names and next(t for t in distinct if t.name == TIME).degree > 1:
         raise OptionError(
             "against: a curved trend in time and a warm-up describe the same course",
             argument="against",
-            got=" + ".join(map(str, found)),
+            got=" + ".join(map(str, distinct)),
             advice="Use one of them.",
         )
-    return found
+    return distinct
 
 
 def is_given(asked: Asked) -> bool:

@@ -14,7 +14,7 @@ from gmwm.measuring.regression.against import WARM_UP, Asked
 from gmwm.measuring.regression.columns import HOUR
 from gmwm.measuring.regression.covariates import Covariates
 from gmwm.measuring.regression.least_squares import COLLINEAR, RegressionDesign, Weighted
-from gmwm.measuring.regression.noise import Noise
+from gmwm.measuring.regression.noise import NoiseMixtures
 from gmwm.measuring.regression.result import Points, Regression
 from gmwm.measuring.variance.api import signal_wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY
@@ -37,10 +37,6 @@ data can neither show nor exclude a slow process; an effect of five standard err
 _ROUNDS = 4
 """Number of rounds that estimate noise, weights and coefficients in turn. The third one changes a standard error by
 less than 1 % (tests/regression)."""
-POINTS = 256
-"""Number of parts of the recording whose means are kept for a plot."""
-_TIMES = 24
-_LEAST_KEPT = 0.1
 
 
 def regress(signal: Signal, covariates: Covariates, *, automatic: bool = False) -> Regression:
@@ -76,18 +72,22 @@ def regress_axis(
     DataError
         If the columns are collinear, or if the axis is constant.
     """
-    found = regress_means(means, covariates, axis=axis, unit=unit)
+    regression = regress_means(means, covariates, axis=axis, unit=unit)
     if automatic:
-        found = replace(found, applied=False) if found.pvalue >= FOLLOWS else _extended(found, means, covariates)
-    return replace(found, coarse=_coarse(found, means, covariates.having(found.terms)))
+        regression = (
+            replace(regression, applied=False)
+            if regression.pvalue >= FOLLOWS
+            else _extend(regression, means, covariates)
+        )
+    return replace(regression, coarse=_coarse(regression, means, covariates.having(regression.terms)))
 
 
-def _coarse(found: Regression, means: Vector, covariates: Covariates) -> tuple[float, float, float] | None:
+def _coarse(regression: Regression, means: Vector, covariates: Covariates) -> tuple[float, float, float] | None:
     """Return the first coefficient from the longer half of the scales, its standard error, and the shortest of them
     (s). The result is None unless this coefficient is significantly farther from zero than the coefficient from all
     scales. Reading errors that are correlated in time are not detected as errors; they make it too small at short
     scales."""
-    if not found.terms[0].measured or found.terms[0].exact:
+    if not regression.terms[0].is_measured or regression.terms[0].exact:
         return None
     clock = covariates.clock
     levels = max(int(np.count_nonzero(clock.present())).bit_length() - 1, 0)
@@ -96,54 +96,54 @@ def _coarse(found: Regression, means: Vector, covariates: Covariates) -> tuple[f
         other = regress_means(means, replace(covariates, lowest=clock.length.bit_length() + first))
     except DataError:
         return None
-    (name, *_) = found
-    own, long = found[name], other[name]
+    (name, *_) = regression
+    coefficient, long = regression[name], other[name]
     # The coefficient from all scales is efficient, so the difference has a smaller variance than the other coefficient.
-    differ = abs(long.value - own.value) > DIFFERS * long.error
-    if not differ or abs(long.value) < abs(own.value):
+    differ = abs(long.value - coefficient.value) > DIFFERS * long.error
+    if not differ or abs(long.value) < abs(coefficient.value):
         return None
     return long.value, long.error, clock.length * 2**first / clock.rate
 
 
-def _extended(found: Regression, means: Vector, covariates: Covariates) -> Regression:
+def _extend(regression: Regression, means: Vector, covariates: Covariates) -> Regression:
     """Add the square, the rate of change and the cube of the temperature if they are significant."""
     for change in ({"degree": 2}, {"lag": True}, {"degree": 3}):
-        term = found.terms[0]
+        term = regression.terms[0]
         if change.get("degree") == 3 and term.degree != 2:
             continue
         larger = covariates.having((replace(term, **change),))
         try:
-            wider = regress_means(means, larger, axis=found.axis, unit=found.unit)
+            wider = regress_means(means, larger, axis=regression.axis, unit=regression.unit)
         except DataError:
             continue
         new = "temperature lag" if "lag" in change else f"temperature^{change['degree']}"
         if wider[new].pvalue < FURTHER:
-            found = wider
-    return found
+            regression = wider
+    return regression
 
 
 def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit: str = "") -> Regression:
     """Regress block means (n,) of an axis on covariates, without the automatic choice; see `regress_axis`."""
     clock = covariates.clock
     present = clock.present()
-    solved = _solved(means, covariates, present, clock.whole())
+    solved = _iterate(means, covariates, present, clock.whole())
     weighted, noise, design = solved.weighted, solved.noise, solved.weighted.design
     beta, lags = weighted.estimate(means), noise.covariances(len(means))
-    parts = [weighted.covariances(own) for own in lags]
+    parts = [weighted.covariances(part) for part in lags]
     covariance = noise.average(parts)
-    freedoms = [max(noise.freedom_of([own[:, k, k] for own in parts]), FEWEST) for k in range(beta.size)]
+    freedoms = [max(noise.freedom_of([part[:, k, k] for part in parts]), FEWEST) for k in range(beta.size)]
     factors = np.sqrt(1 + OPTIMISM / (3 + np.array(freedoms)))
     covariance = covariance * np.outer(factors, factors)
     inverse = np.linalg.pinv(covariance, hermitian=True)
-    freedom = max(noise.freedom_of([np.einsum("ab,kba->k", inverse, own) for own in parts]), FEWEST)
+    freedom = max(noise.freedom_of([np.einsum("ab,kba->k", inverse, part) for part in parts]), FEWEST)
     statistic = float(beta @ inverse @ beta) / beta.size
-    residuals = means - covariates.removed(solved.tau) @ beta
-    raw, left = design.variances(means), design.variances(residuals)
+    residuals = means - covariates.smooth_matrix(solved.tau) @ beta
+    raw, remaining = design.variances(means), design.variances(residuals)
     counts = clock.counts()[present]
     inside = clock.length.bit_length() - 1
     name = covariates.basis.terms[0].name
     at = covariates.means.get(name, clock.times / HOUR)
-    points = Points(at=_thinned(at[present]), before=_thinned(means[present]), after=_thinned(residuals[present]))
+    points = Points(at=_thin(at[present]), before=_thin(means[present]), after=_thin(residuals[present]))
     tau, tau_error = solved.tau, None
     if tau is not None:
         k = [column.name for column in covariates.basis.columns].index(WARM_UP)
@@ -154,22 +154,22 @@ def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit
         pvalue=_f_tail(statistic, beta.size, freedom), ranges=dict(covariates.ranges),
         mean=float(np.average(residuals[present], weights=counts)), tau=tau, tau_error=tau_error,
         block=covariates.block / clock.rate, rate=clock.rate, kept=np.concatenate([np.ones(inside), solved.kept]),
-        points=points, share=np.concatenate([np.zeros(inside), np.clip(1 - left / raw, 0.0, 1.0)]),
+        points=points, share=np.concatenate([np.zeros(inside), np.clip(1 - remaining / raw, 0.0, 1.0)]),
     )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
-class _Solved:
+class _Iteration:
     """Result of the iteration: the weighted regression, the noise, the share of it that is left, and tau of a warm-up
     (s)."""
 
     weighted: Weighted
-    noise: Noise
+    noise: NoiseMixtures
     kept: Vector
     tau: float | None
 
 
-def _solved(means: Vector, covariates: Covariates, present: np.ndarray, whole: np.ndarray) -> _Solved:
+def _iterate(means: Vector, covariates: Covariates, present: np.ndarray, whole: np.ndarray) -> _Iteration:
     """Estimate noise, weights and coefficients in turn. The first estimate of the noise includes the effects."""
     warm = any(term.name == WARM_UP for term in covariates.basis.terms)
     times = covariates.clock.times[present]
@@ -180,11 +180,11 @@ def _solved(means: Vector, covariates: Covariates, present: np.ndarray, whole: n
     highest = 0.5 ** (unknown + 1.5) if unknown else 0.5
     scales = 2.0 ** np.arange(1, design.levels + 1)
     freedom = np.maximum(design.counts / scales, 1.0)
-    kept, variances = np.ones(design.levels), design.variances(means)
+    shares, variances = np.ones(design.levels), design.variances(means)
     for _ in range(_ROUNDS):
         if not np.all(variances > 0):
             raise DataError("the signal is constant at some scale, so that it cannot be regressed", argument="against")
-        noise = Noise.of(variances / kept, freedom * kept, len(means))
+        noise = NoiseMixtures.of(variances / shares, freedom * shares, len(means))
         weights = design.weights(noise.psd, highest)
         if warm:
             tau = _time_constant(means, covariates, design, weights)
@@ -199,10 +199,10 @@ def _solved(means: Vector, covariates: Covariates, present: np.ndarray, whole: n
                 advice="Use fewer of them.",
             )
         beta = weighted.estimate(means)
-        spread = weighted.spread(noise.average(noise.covariances(len(means))))
-        kept = np.clip(1 - weighted.removed(spread) / noise.curve, _LEAST_KEPT, 1.0)
-        variances = design.variances(means - covariates.removed(tau) @ beta)
-    return _Solved(weighted, noise, kept, tau)
+        spread = weighted.covariance_rows(noise.average(noise.covariances(len(means))))
+        shares = np.clip(1 - weighted.removed_variance(spread) / noise.curve, 0.1, 1.0)
+        variances = design.variances(means - covariates.smooth_matrix(tau) @ beta)
+    return _Iteration(weighted, noise, shares, tau)
 
 
 def _time_constant(means: Vector, covariates: Covariates, design: RegressionDesign, weights: Sequence[Vector]) -> float:
@@ -218,7 +218,7 @@ def _time_constant(means: Vector, covariates: Covariates, design: RegressionDesi
         beta = under.estimate(means)
         return float(beta @ under.information @ beta)
 
-    grid = np.geomspace(4 * step, 1.5 * span, _TIMES)
+    grid = np.geomspace(4 * step, 1.5 * span, 24)
     best = int(np.argmax([gain(tau) for tau in grid]))
     ratio = grid[1] / grid[0]
     finer = grid[best] * np.geomspace(1 / ratio, ratio, 13)
@@ -247,13 +247,13 @@ def regressed_variance(
     if rate is not None and rate != data.rate:
         raise OptionError(argument="rate", expected=f"{data.rate:g}, the sampling rate of the signal (Hz)", got=rate)
     covariates = Covariates.of(asked.terms, dict(asked.arrays or {}), data)
-    found = regress(data, covariates)
-    rest = without(data, found, covariates)
-    return found.corrected(signal_wavelet_variance(rest, robust=robust, efficiency=efficiency))
+    regression = regress(data, covariates)
+    residuals = without(data, regression, covariates)
+    return regression.corrected(signal_wavelet_variance(residuals, robust=robust, efficiency=efficiency))
 
 
-def restated(
-    found: Regression,
+def restate(
+    regression: Regression,
     signal: Signal,
     covariates: Covariates,
     estimates: Vector,
@@ -267,19 +267,19 @@ def restated(
     clock = covariates.clock
     present = clock.present()
     means = clock.means(signal.values, clipped=True)
-    residuals = means - covariates.having(found.terms).removed(found.tau) @ estimates
+    residuals = means - covariates.having(regression.terms).smooth_matrix(regression.tau) @ estimates
     statistic = float(estimates @ np.linalg.pinv(covariance, hermitian=True) @ estimates) / estimates.size
     return replace(
-        found, estimates=tuple(estimates.tolist()), covariance=covariance, freedoms=freedoms, freedom=freedom,
+        regression, estimates=tuple(estimates.tolist()), covariance=covariance, freedoms=freedoms, freedom=freedom,
         statistic=statistic, pvalue=_f_tail(statistic, estimates.size, freedom),
         mean=float(np.average(residuals[present], weights=clock.counts()[present])),
-        points=replace(found.points, after=_thinned(residuals[present])),
+        points=replace(regression.points, after=_thin(residuals[present])),
     )  # fmt: skip
 
 
-def _thinned(values: Vector) -> Vector:
+def _thin(values: Vector) -> Vector:
     """Return the means of up to `POINTS` consecutive parts of nearly equal length."""
-    edges = np.linspace(0, values.size, min(POINTS, values.size) + 1).astype(np.int64)
+    edges = np.linspace(0, values.size, min(256, values.size) + 1).astype(np.int64)
     return np.asarray(np.add.reduceat(values, edges[:-1]) / np.diff(edges))
 
 
@@ -289,12 +289,12 @@ def _f_tail(statistic: float, size: int, freedom: float) -> float:
     return float(fdtrc(size, freedom, statistic))
 
 
-def effect_of(found: Regression, covariates: Covariates, first: int, last: int) -> Vector:
+def effect_of(regression: Regression, covariates: Covariates, first: int, last: int) -> Vector:
     """Return the effect of the covariates at the samples first … last − 1."""
-    return covariates.having(found.terms).effect(np.array(found.estimates), found.tau, first, last)
+    return covariates.having(regression.terms).effect(np.array(regression.estimates), regression.tau, first, last)
 
 
-def without(signal: Signal, found: Regression, covariates: Covariates, first: int = 0) -> Signal:
+def without(signal: Signal, regression: Regression, covariates: Covariates, first: int = 0) -> Signal:
     """Subtract the effect of the covariates, zero at their reference values, from a part that begins at `first`."""
-    values = signal.values - effect_of(found, covariates, first, first + len(signal))
+    values = signal.values - effect_of(regression, covariates, first, first + len(signal))
     return replace(signal, values=values)

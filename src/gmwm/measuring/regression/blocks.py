@@ -20,7 +20,6 @@ MOST = 1 << 17
 CLIPPED = 8.0
 """Distance from the median of the block, in standard deviations, at which samples are clipped, so that a shock changes
 a block mean only slightly. Gaussian noise reaches it once in 10¹⁵ samples."""
-_SLAB = 1 << 20
 
 
 def usual_length(samples: int, end: int) -> int:
@@ -29,7 +28,7 @@ def usual_length(samples: int, end: int) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class Clock:
+class BlockClock:
     """Times of the samples of a recording, divided into blocks of `length` samples, a power of two. `segments` are
     index ranges (first, last) without gaps, and `offsets` the time of the first sample of each, in sampling intervals
     since the first sample of the recording."""
@@ -42,7 +41,7 @@ class Clock:
     @classmethod
     def of(
         cls, rate: float, segments: tuple[tuple[int, int], ...], starts: tuple[float, ...], length: int | None = None
-    ) -> Clock:
+    ) -> BlockClock:
         """Divide a recording into at least `BLOCKS` blocks, or into blocks of a given length."""
         begins = begins_of(rate, segments, starts)
         offsets, end = [], 0
@@ -70,7 +69,7 @@ class Clock:
             begin = first
             while begin < last:
                 # Each piece ends at the end of a block.
-                stop = min(begin + _SLAB - (offset + begin - first) % self.length, last)
+                stop = min(begin + (1 << 20) - (offset + begin - first) % self.length, last)
                 pieces.append((begin, stop, offset + begin - first))
                 begin = stop
         return pieces
@@ -101,22 +100,24 @@ class Clock:
         """Return the mask of the blocks with all of their samples."""
         return np.asarray(self.counts() == self.length)
 
-    def part(self, first: int, last: int) -> Clock:
+    def part(self, first: int, last: int) -> BlockClock:
         """Return the clock of the samples first … last − 1, with the same blocks."""
-        kept = [
+        ranges = [
             (max(begin, first) - first, min(end, last) - first, offset + max(first - begin, 0))
             for (begin, end), offset in zip(self.segments, self.offsets, strict=True)
             if begin < last and end > first
         ]
-        return replace(self, segments=tuple((a, b) for a, b, _ in kept), offsets=tuple(offset for _, _, offset in kept))
+        return replace(
+            self, segments=tuple((a, b) for a, b, _ in ranges), offsets=tuple(offset for _, _, offset in ranges)
+        )
 
     def means(self, values: Vector, *, clipped: bool = False) -> Vector:
         """Return the mean of the samples in each block; 0 for empty blocks. If `clipped`, without outlying samples."""
         sums = np.zeros(self.blocks)
         for first in range(0, values.size, BATCH):
             part = self.part(first, min(first + BATCH, values.size)) if values.size > BATCH else self
-            own = part.sums(values[first : first + BATCH], clipped=clipped)
-            sums[: own.size] += own
+            part_sums = part.sums(values[first : first + BATCH], clipped=clipped)
+            sums[: part_sums.size] += part_sums
         return self.mean_of(sums)
 
     def mean_of(self, sums: Vector) -> Vector:
@@ -131,39 +132,39 @@ class Clock:
         for first, last, place in self.places():
             part, at = values[first:last], place // self.length
             head = min((-place) % self.length, part.size)
-            whole = (part.size - head) // self.length
-            edge = head + whole * self.length
+            count = (part.size - head) // self.length
+            edge = head + count * self.length
             rows = part[head:edge].reshape(-1, self.length)
             begin = at + (head > 0)
-            sums[begin : begin + whole] += np.sum(_clipped(rows, spread) if spread else rows, axis=1)
-            for rest, k in ((part[:head], at), (part[edge:], begin + whole)):
-                if rest.size:
-                    sums[k] += np.sum(_clipped(rest[None, :], spread) if spread else rest)
+            sums[begin : begin + count] += np.sum(_clip(rows, spread) if spread else rows, axis=1)
+            for margin, k in ((part[:head], at), (part[edge:], begin + count)):
+                if margin.size:
+                    sums[k] += np.sum(_clip(margin[None, :], spread) if spread else margin)
         return sums
 
-    def clipped(self, values: Vector) -> Vector:
+    def clip(self, values: Vector) -> Vector:
         """Return the values with samples clipped that are far from the median of their block; see `CLIPPED`."""
         spread, out = self._usual_spread(values), values.copy()
         for first, last, place in self.places():
             head = min((-place) % self.length, last - first)
             edge = last - (last - first - head) % self.length
-            out[first + head : edge] = _clipped(out[first + head : edge].reshape(-1, self.length), spread).ravel()
+            out[first + head : edge] = _clip(out[first + head : edge].reshape(-1, self.length), spread).ravel()
             for low, high in ((first, first + head), (edge, last)):
                 if low < high:
-                    out[low:high] = _clipped(out[None, low:high], spread)[0]
+                    out[low:high] = _clip(out[None, low:high], spread)[0]
         return out
 
     def _usual_spread(self, values: Vector) -> float:
         """Return the median of the standard deviations within blocks, over every eighth piece of the recording."""
-        found = []
+        spreads = []
         for first, last, place in self.places()[::8]:
             part = values[first + min((-place) % self.length, last - first) : last]
             rows = part[: part.size - part.size % self.length].reshape(-1, self.length)
-            found.append(np.std(rows, axis=1))
-        every = np.concatenate(found) if found else np.empty(0)
+            spreads.append(np.std(rows, axis=1))
+        every = np.concatenate(spreads) if spreads else np.empty(0)
         return float(np.median(every)) if every.size else 0.0
 
-    def interpolated(self, means: Vector, first: int, last: int) -> Vector:
+    def interpolate(self, means: Vector, first: int, last: int) -> Vector:
         """Return block means interpolated linearly between the centres of non-empty blocks, at the samples first … last
         − 1."""
         at, curve = self._lines(means)
@@ -172,7 +173,7 @@ class Clock:
         places = samples + (offsets - begins)[np.searchsorted(begins, samples, side="right") - 1]
         return np.asarray(np.interp(places, at, curve))
 
-    def onto(self, means: Vector, finer: Clock) -> Vector:
+    def onto(self, means: Vector, finer: BlockClock) -> Vector:
         """Return means over the blocks of a finer clock, interpolated so that the means over the present blocks are
         kept. The interpolating curve is the derivative of a cubic spline through the running sum. Linear interpolation
         between the centres would reduce the amplitude of a daily cycle with 16 blocks per day by 2 %."""
@@ -183,18 +184,18 @@ class Clock:
             return np.asarray(np.interp((np.arange(finer.blocks) + 0.5) * finer.length - 0.5, at, curve))
         first, last = self.segments[-1]
         edges = np.append(np.arange(self.blocks) * float(self.length), self.offsets[-1] + last - first)
-        whole = np.interp((np.arange(self.blocks) + 0.5) * self.length - 0.5, at, curve)
-        sums = np.concatenate([[0.0], np.cumsum(whole * np.diff(edges))])
+        middles = np.interp((np.arange(self.blocks) + 0.5) * self.length - 0.5, at, curve)
+        sums = np.concatenate([[0.0], np.cumsum(middles * np.diff(edges))])
         at = np.append(np.arange(finer.blocks) * float(finer.length), edges[-1])
         return np.asarray(np.diff(CubicSpline(edges, sums)(at)) / np.diff(at))
 
     def _lines(self, means: Vector) -> tuple[Vector, Vector]:
         """Return the times (sampling intervals) and values of the nodes of a line through the means of non-empty
         blocks."""
-        known = np.flatnonzero(self.present() if np.any(self.present()) else self.counts() > 0)
-        at = np.asarray((known + 0.5) * self.length - 0.5, dtype=np.float64)
-        curve = means[known]
-        if known.size > 1 and self.length > 1:
+        filled = np.flatnonzero(self.present() if np.any(self.present()) else self.counts() > 0)
+        at = np.asarray((filled + 0.5) * self.length - 0.5, dtype=np.float64)
+        curve = means[filled]
+        if filled.size > 1 and self.length > 1:
             # Extend the curve linearly to the first and to the last sample.
             rise = (curve[[1, -1]] - curve[[0, -2]]) / (at[[1, -1]] - at[[0, -2]]) * self.length
             curve = np.concatenate([[curve[0] - rise[0]], curve, [curve[-1] + rise[1]]])
@@ -202,7 +203,7 @@ class Clock:
         return at, curve
 
 
-def _clipped(rows: Matrix, spread: float) -> Matrix:
+def _clip(rows: Matrix, spread: float) -> Matrix:
     """Clip samples that are far from the median of their block. Each row is a block."""
     far = np.flatnonzero(np.ptp(rows, axis=1) > CLIPPED * spread)
     if not far.size:
@@ -210,7 +211,7 @@ def _clipped(rows: Matrix, spread: float) -> Matrix:
     out = rows.copy()
     middle = np.median(rows[far], axis=1, keepdims=True)
     # 1.4826 times the median distance is the standard deviation of Gaussian noise.
-    own = 1.4826 * np.median(np.abs(rows[far] - middle), axis=1, keepdims=True)
-    reach = CLIPPED * np.maximum(own, spread)
+    spreads = 1.4826 * np.median(np.abs(rows[far] - middle), axis=1, keepdims=True)
+    reach = CLIPPED * np.maximum(spreads, spread)
     out[far] = np.clip(rows[far], middle - reach, middle + reach)
     return out

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.measuring.regression.against import TIME, WARM_UP, Term
+from gmwm.measuring.regression.against import TIME, WARM_UP, CovariateTerm
 
 HOUR = 3600.0
 _SIGNS = {2: "²", 3: "³", 4: "⁴", 5: "⁵"}
@@ -31,7 +31,7 @@ class Basis:
     covariates (time in hours) at which their effect is zero, and `knots` the knots of the splines, including the outer
     ones."""
 
-    terms: tuple[Term, ...]
+    terms: tuple[CovariateTerm, ...]
     references: Mapping[str, float]
     knots: Mapping[str, tuple[float, ...]]
 
@@ -48,43 +48,43 @@ class Basis:
     def along(self, name: str, points: Vector) -> Matrix:
         """Return the columns (m, p) for values of one covariate; those of other covariates and of rates of change are
         zero."""
-        found = []
+        parts = []
         for term in self.terms:
             if term.name == name:
                 points_or_times = points * HOUR if name == TIME else points
-                found.append(self._of_term(replace(term, lag=False), points_or_times, points, None))
-                found += [np.zeros((points.size, 1))] * term.lag
+                parts.append(self._of_term(replace(term, lag=False), points_or_times, points, None))
+                parts += [np.zeros((points.size, 1))] * term.lag
             else:
-                found.append(np.zeros((points.size, len(_columns(term)))))
-        return np.hstack(found)
+                parts.append(np.zeros((points.size, len(_columns(term)))))
+        return np.hstack(parts)
 
-    def _of_term(self, term: Term, values: Vector, times: Vector, tau: float | None) -> Matrix:
+    def _of_term(self, term: CovariateTerm, values: Vector, times: Vector, tau: float | None) -> Matrix:
         if term.name == WARM_UP:
             assert tau is not None
             decay = np.exp(-times / tau)
             return np.column_stack([decay, times / tau * decay])
-        whole = values / HOUR if term.name == TIME else values
-        own = whole - self.references[term.name]
-        found = [own**power for power in range(1, term.degree + 1)]
+        covariate = values / HOUR if term.name == TIME else values
+        offsets = covariate - self.references[term.name]
+        columns = [offsets**power for power in range(1, term.degree + 1)]
         if term.knots:
             at_reference = _spline(np.array([self.references[term.name]]), self.knots[term.name])
-            curved = _spline(whole, self.knots[term.name])
-            found += [curve - zero for curve, zero in zip(curved, at_reference, strict=True)]
+            curved = _spline(covariate, self.knots[term.name])
+            columns += [curve - zero for curve, zero in zip(curved, at_reference, strict=True)]
         if term.lag:
-            found.append(np.gradient(values, times))
-        return np.column_stack(found)
+            columns.append(np.gradient(values, times))
+        return np.column_stack(columns)
 
 
-def _columns(term: Term) -> list[Column]:
+def _columns(term: CovariateTerm) -> list[Column]:
     name, unit = term.name, term.unit
     if name == WARM_UP:
         return [Column(name, name), Column(f"{name} tau", name)]
-    found = [Column(name, name, unit)]
-    found += [Column(f"{name}^{k}", name, unit and unit + _SIGNS[k]) for k in range(2, term.degree + 1)]
-    found += [Column(f"{name} knot {k}", name, unit) for k in range(1, term.knots + 1)]
+    columns = [Column(name, name, unit)]
+    columns += [Column(f"{name}^{k}", name, unit and unit + _SIGNS[k]) for k in range(2, term.degree + 1)]
+    columns += [Column(f"{name} knot {k}", name, unit) for k in range(1, term.knots + 1)]
     if term.lag:
-        found.append(Column(f"{name} lag", name, unit and f"{unit}/s"))
-    return found
+        columns.append(Column(f"{name} lag", name, unit and f"{unit}/s"))
+    return columns
 
 
 def _spline(values: Vector, knots: tuple[float, ...]) -> list[Vector]:

@@ -12,9 +12,9 @@ from gmwm.base.axis_names import axis_quantity
 from gmwm.base.errors import DataError, GmwmError, OptionError
 from gmwm.base.threads import in_threads
 from gmwm.base.units import SI_UNIT
-from gmwm.measuring.regression.against import TEMPERATURE, Asked, Term
+from gmwm.measuring.regression.against import TEMPERATURE, Asked, CovariateTerm
 from gmwm.measuring.regression.api import effect_of, regress_axis, without
-from gmwm.measuring.regression.blocks import Clock, usual_length
+from gmwm.measuring.regression.blocks import BlockClock, usual_length
 from gmwm.measuring.regression.covariates import Covariates
 from gmwm.measuring.regression.result import Regression
 from gmwm.measuring.streaming.passes import curves_of, measure, shown
@@ -50,10 +50,10 @@ class Seen:
             segments.update(batch)
             if batch.temperature is not None:
                 parts.append(batch.temperature)
-            clock = Clock.of(recording.rate, tuple(segments.ranges), tuple(segments.starts), length=length)
-            own = clock.part(batch.first, batch.stop)
+            clock = BlockClock.of(recording.rate, tuple(segments.ranges), tuple(segments.starts), length=length)
+            part = clock.part(batch.first, batch.stop)
             for axis, signal in batch.signals.items():
-                added = own.sums(signal.values, clipped=True)
+                added = part.sums(signal.values, clipped=True)
                 added[: sums[axis].size] += sums[axis]
                 sums[axis] = added
 
@@ -62,13 +62,13 @@ class Seen:
         count = segments.ranges[-1][1]
         values = np.zeros(count) if temperature is None else temperature
         like = Signal(values, recording.rate, segments=segments.ranges, starts=segments.starts)
-        found = in_threads(lambda _, one: one.classical(), measured, threads=threads)
-        return cls(recording, like, temperature, length=length, sums=sums, curves=found)
+        classical = in_threads(lambda _, stream: stream.classical(), measured, threads=threads)
+        return cls(recording, like, temperature, length=length, sums=sums, curves=classical)
 
-    def means(self, clock: Clock) -> dict[str, Vector]:
+    def means(self, clock: BlockClock) -> dict[str, Vector]:
         """Return the block means of all axes. For blocks of another length, the recording is read again."""
         sums = self.sums if clock.length == self.length else Seen.of(self.recording, clock.length).sums
-        return {axis: clock.mean_of(own) for axis, own in sums.items()}
+        return {axis: clock.mean_of(axis_sums) for axis, axis_sums in sums.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,12 +99,12 @@ class Conditions:
         """Regress the axes of a recording, which were sampled at the same times. With the automatic choice, axes that
         cannot be regressed are left out. Raises OptionError or DataError if a requested covariate is missing or cannot
         be used."""
-        if not signals or not _wanted(asked, temperature is not None):
+        if not signals or not _is_requested(asked, temperature is not None):
             return cls()
         clock = next(iter(signals.values()))
         units = {axis: signal.unit for axis, signal in signals.items()}
 
-        def means(clock: Clock) -> dict[str, Vector]:
+        def means(clock: BlockClock) -> dict[str, Vector]:
             return in_threads(lambda _, one: clock.means(one.values, clipped=True), signals, threads=threads)
 
         return cls._of(clock, asked, temperature, means=means, units=units, threads=threads)
@@ -118,7 +118,7 @@ class Conditions:
         is read the first time. Raises OptionError also if an exact covariate needs the samples of such a recording."""
         if isinstance(recording, Imu):
             return cls.of(recording.signals, asked, recording.temperature, threads=threads)
-        if not _wanted(asked, recording.has_temperature):
+        if not _is_requested(asked, recording.has_temperature):
             return cls()
         exact = next((term for term in asked.terms if term.exact), None)
         if exact is not None:
@@ -129,13 +129,13 @@ class Conditions:
             )
         seen = Seen.of(recording, usual_length(recording.rows, 0), curves=curves, threads=threads)
         units = {axis: SI_UNIT[axis_quantity(axis)] for axis in recording.axes}
-        found = cls._of(seen.clock, asked, seen.temperature, means=seen.means, units=units, threads=threads)
-        return replace(found, raw=seen.curves)
+        conditions = cls._of(seen.clock, asked, seen.temperature, means=seen.means, units=units, threads=threads)
+        return replace(conditions, raw=seen.curves)
 
     @classmethod
     def _of(
-        cls, clock: Signal, asked: Asked, temperature: Vector | None, *, means: Callable[[Clock], Mapping[str, Vector]],
-        units: Mapping[str, str], threads: int | None,
+        cls, clock: Signal, asked: Asked, temperature: Vector | None, *,
+        means: Callable[[BlockClock], Mapping[str, Vector]], units: Mapping[str, str], threads: int | None,
     ) -> Conditions:  # fmt: skip
         """Regress the block means of the axes. The function `means` returns the block means for a clock."""
         if asked.automatic and temperature is not None and np.ptp(temperature) == 0:
@@ -143,7 +143,7 @@ class Conditions:
         arrays = dict(asked.arrays or {})
         if temperature is not None:
             arrays.setdefault(TEMPERATURE, temperature)
-        terms = (Term(TEMPERATURE),) if asked.automatic else asked.terms
+        terms = (CovariateTerm(TEMPERATURE),) if asked.automatic else asked.terms
         try:
             covariates = Covariates.of(terms, arrays, clock)
         except DataError as error:
@@ -151,9 +151,9 @@ class Conditions:
                 raise
             return cls(unknown=error.reason)
 
-        def work(axis: str, own: Vector) -> Regression | None:
+        def work(axis: str, axis_means: Vector) -> Regression | None:
             try:
-                return regress_axis(own, covariates, axis=axis, unit=units[axis], automatic=asked.automatic)
+                return regress_axis(axis_means, covariates, axis=axis, unit=units[axis], automatic=asked.automatic)
             except OptionError:
                 raise
             except GmwmError:
@@ -161,45 +161,45 @@ class Conditions:
                     raise
                 return None
 
-        found = in_threads(work, means(covariates.clock), threads=threads)
-        return cls(covariates, {axis: one for axis, one in found.items() if one is not None})
+        regressions = in_threads(work, means(covariates.clock), threads=threads)
+        return cls(covariates, {axis: regression for axis, regression in regressions.items() if regression is not None})
 
-    def applied(self, axis: str) -> Regression | None:
+    def applied_regression(self, axis: str) -> Regression | None:
         """Return the regression of an axis if it is applied, otherwise None."""
-        found = self.found.get(axis)
-        return found if found is not None and found.applied else None
+        regression = self.found.get(axis)
+        return regression if regression is not None and regression.applied else None
 
     def without(self, axis: str, signal: Signal) -> Signal:
         """Return the signal of an axis minus the effect of the conditions."""
-        found = self.applied(axis)
-        return signal if found is None or self.covariates is None else without(signal, found, self.covariates)
+        regression = self.applied_regression(axis)
+        return signal if regression is None or self.covariates is None else without(signal, regression, self.covariates)
 
     def batch(self, batch: Batch) -> Batch:
         """Return the samples of a batch minus the effect of the conditions."""
-        if self.covariates is None or not any(found.applied for found in self.found.values()):
+        if self.covariates is None or not any(regression.applied for regression in self.found.values()):
             return batch
         signals = {}
         for axis, signal in batch.signals.items():
-            found = self.applied(axis)
-            signals[axis] = signal if found is None else without(signal, found, self.covariates, batch.first)
+            regression = self.applied_regression(axis)
+            signals[axis] = signal if regression is None else without(signal, regression, self.covariates, batch.first)
         return replace(batch, signals=signals)
 
     def curve(self, axis: str, signal: Signal, robust: bool = False, efficiency: float = EFFICIENCY) -> WaveletVariance:
         """Return the wavelet variance of an axis after the effect of the conditions is subtracted."""
-        found = self.applied(axis)
+        regression = self.applied_regression(axis)
         wv = signal_wavelet_variance(self.without(axis, signal), robust=robust, efficiency=efficiency)
-        return wv if found is None else found.corrected(wv)
+        return wv if regression is None else regression.corrected(wv)
 
     def effect(self, axis: str, indices: Sequence[int]) -> Vector:
         """Return the effect of the conditions on an axis at the samples with the given indices."""
-        found = self.applied(axis)
-        if found is None or self.covariates is None:
+        regression = self.applied_regression(axis)
+        if regression is None or self.covariates is None:
             return np.zeros(len(indices))
-        at = [effect_of(found, self.covariates, k, k + 1)[0] for k in indices]
+        at = [effect_of(regression, self.covariates, k, k + 1)[0] for k in indices]
         return np.array(at, dtype=np.float64)
 
 
-def _wanted(asked: Asked, temperature: bool) -> bool:
+def _is_requested(asked: Asked, temperature: bool) -> bool:
     """Return whether a regression is requested and, for the automatic choice, a temperature exists."""
     return bool(asked.terms) or (asked.automatic and temperature)
 

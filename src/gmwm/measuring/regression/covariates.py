@@ -10,8 +10,8 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.time_base import times_of
-from gmwm.measuring.regression.against import TEMPERATURE, TIME, WARM_UP, Term
-from gmwm.measuring.regression.blocks import Clock
+from gmwm.measuring.regression.against import TEMPERATURE, TIME, WARM_UP, CovariateTerm
+from gmwm.measuring.regression.blocks import BlockClock
 from gmwm.measuring.regression.columns import HOUR, Basis
 from gmwm.measuring.variance.api import signal_wavelet_variance
 from gmwm.recording.resolution import lsb
@@ -20,13 +20,9 @@ from gmwm.recording.signals import Signal
 KNOWN = 10.0
 """A scale is used if the wavelet variance of the covariate is at least this number times that of its reading error. The
 error makes a coefficient from all used scales too small by less than 1 % (docs/validation/regression.md)."""
-STEPS = 1 / 12
-"""Variance of the rounding error of a covariate with quantization step q, in units of q²."""
 LARGE_STEPS = 2.5
 """A covariate with quantization step q must have a wavelet variance of at least this number times q² at some scale. If
 it changes by four steps in all, a coefficient is too small by 4 % (docs/validation/regression.md)."""
-RETURNS = 0.3
-"""A quantized series is smoothed if at most this share of its changes go back to the previous value."""
 WINDOWS = 256
 """Number of windows; a quantized covariate that moves up and down in nearly all of them is dithered."""
 FEWEST_BLOCKS = 32
@@ -41,7 +37,7 @@ class Covariates:
 
     Attributes
     ----------
-    basis, clock : Basis, Clock
+    basis, clock : Basis, BlockClock
         The terms with the constants of their columns, and the blocks.
     means, smooth : mappings of name to (n,) array
         Block means of the measured covariates, interpolated where a block is empty. The subtracted effect is computed
@@ -56,7 +52,7 @@ class Covariates:
     """
 
     basis: Basis
-    clock: Clock
+    clock: BlockClock
     means: Mapping[str, Vector]
     smooth: Mapping[str, Vector]
     exact: Mapping[str, Vector]
@@ -65,16 +61,16 @@ class Covariates:
     block: int
 
     @classmethod
-    def of(cls, terms: Sequence[Term], arrays: Mapping[str, Vector], signal: Signal) -> Covariates:
+    def of(cls, terms: Sequence[CovariateTerm], arrays: Mapping[str, Vector], signal: Signal) -> Covariates:
         """Prepare the covariates of a recording. `signal` is one of its signals and states the times of the samples.
         Raises DataError if a covariate is missing, is constant, has another length, or has too large errors at all
         scales."""
         usual = 1 if any(term.exact for term in terms) else None
-        clock = Clock.of(signal.rate, signal.segments, signal.starts, length=usual)
-        block, lowest, known, smooth = clock.length, 1, dict(arrays), dict(arrays)
+        clock = BlockClock.of(signal.rate, signal.segments, signal.starts, length=usual)
+        block, lowest, values_by_name, smooth = clock.length, 1, dict(arrays), dict(arrays)
         for term in terms:
-            if term.measured:
-                values = _checked(term, known, signal)
+            if term.is_measured:
+                values = _require_usable(term, values_by_name, signal)
                 if not term.exact:
                     level, step = as_known(term.name, values, signal)
                     # The mean over a block has a smaller reading error, but not if the error is a rounding error.
@@ -84,19 +80,19 @@ class Covariates:
                     block = max(block, least)
                     smooth[term.name] = without_steps(values, step) if step else values
         coarse = replace(clock, length=block)
-        names = [term.name for term in terms if term.measured]
-        means = {name: coarse.onto(coarse.means(known[name]), clock) for name in names}
-        made = cls.on(clock, terms, means, known, lowest=lowest, block=block)
-        return replace(made, smooth={name: coarse.onto(coarse.means(smooth[name]), clock) for name in names})
+        names = [term.name for term in terms if term.is_measured]
+        means = {name: coarse.onto(coarse.means(values_by_name[name]), clock) for name in names}
+        covariates = cls.on(clock, terms, means, values_by_name, lowest=lowest, block=block)
+        return replace(covariates, smooth={name: coarse.onto(coarse.means(smooth[name]), clock) for name in names})
 
     @classmethod
-    def slow(cls, term: Term, values: Vector, signal: Signal) -> Covariates:
+    def slow(cls, term: CovariateTerm, values: Vector, signal: Signal) -> Covariates:
         """Prepare one covariate that changes slowly. Only its block means are used, even if it is exact. Errors are as
         for `of`."""
         if not term.exact:
             return cls.of([term], {term.name: values}, signal)
-        _checked(term, {term.name: values}, signal)
-        clock = Clock.of(signal.rate, signal.segments, signal.starts)
+        _require_usable(term, {term.name: values}, signal)
+        clock = BlockClock.of(signal.rate, signal.segments, signal.starts)
         # An empty block gets an interpolated value.
         means = {term.name: clock.onto(clock.means(values), clock)}
         return cls.on(clock, [replace(term, exact=False)], means, {}, lowest=1, block=clock.length)
@@ -104,8 +100,8 @@ class Covariates:
     @classmethod
     def on(
         cls,
-        clock: Clock,
-        terms: Sequence[Term],
+        clock: BlockClock,
+        terms: Sequence[CovariateTerm],
         means: Mapping[str, Vector],
         arrays: Mapping[str, Vector],
         *,
@@ -124,16 +120,17 @@ class Covariates:
         at = clock.times
         references, ranges = {}, {}
         for term in terms:
-            own = means.get(term.name, at / HOUR if term.name == TIME else at)
-            low, high = float(np.min(own[present])), float(np.max(own[present]))
+            covariate = means.get(term.name, at / HOUR if term.name == TIME else at)
+            low, high = float(np.min(covariate[present])), float(np.max(covariate[present]))
             # The reference is rounded to three digits of the range, so that it is a short number in reports.
             digits = 2 - int(np.floor(np.log10(high - low))) if high > low else 3
-            references[term.name] = 0.0 if term.name == WARM_UP else round(float(np.mean(own[present])), digits)
+            references[term.name] = 0.0 if term.name == WARM_UP else round(float(np.mean(covariate[present])), digits)
             ranges[term.name] = (low, high)
         exact = {term.name: arrays[term.name] for term in terms if term.exact}
         bare = cls(
-            basis=Basis((), references, {}), clock=clock, means={name: freeze(own) for name, own in means.items()},
-            smooth=dict(means), exact=exact, ranges=ranges, lowest=lowest, block=block,
+            basis=Basis((), references, {}), clock=clock,
+            means={name: freeze(covariate) for name, covariate in means.items()}, smooth=dict(means),
+            exact=exact, ranges=ranges, lowest=lowest, block=block,
         )  # fmt: skip
         return bare.having(tuple(terms))
 
@@ -142,7 +139,7 @@ class Covariates:
         """Number of finest levels of the block means that are not used because of reading errors of the covariates."""
         return max(self.lowest - self.clock.length.bit_length(), 0)
 
-    def having(self, terms: tuple[Term, ...]) -> Covariates:
+    def having(self, terms: tuple[CovariateTerm, ...]) -> Covariates:
         """Return the same covariates with other terms (forms of their effects)."""
         knots = {
             term.name: tuple(np.linspace(*self.ranges[term.name], term.knots + 2).tolist())
@@ -155,30 +152,30 @@ class Covariates:
         """Return the columns (n, p) of the regression at the blocks. A warm-up has the time constant `tau` (s)."""
         return self.basis.matrix(self.means, self.clock.times, tau)
 
-    def removed(self, tau: float | None = None) -> Matrix:
+    def smooth_matrix(self, tau: float | None = None) -> Matrix:
         """Return the columns (n, p) from smoothed covariates, from which the subtracted effect is computed."""
         return self.basis.matrix(self.smooth, self.clock.times, tau)
 
     def effect(self, coefficients: Vector, tau: float | None, first: int, last: int) -> Vector:
         """Return the effect X β of coefficients β with the columns X at the samples first … last − 1."""
         if not self.exact:
-            return self.clock.interpolated(self.removed(tau) @ coefficients, first, last)
+            return self.clock.interpolate(self.smooth_matrix(tau) @ coefficients, first, last)
         clock = self.clock
         starts = [place / clock.rate for place in clock.offsets]
         times = times_of(np.arange(first, last), clock.rate, clock.segments, starts)
         values = {
-            name: self.exact[name][first:last] if name in self.exact else clock.interpolated(own, first, last)
-            for name, own in self.smooth.items()
+            name: self.exact[name][first:last] if name in self.exact else clock.interpolate(covariate, first, last)
+            for name, covariate in self.smooth.items()
         }
         return np.asarray(self.basis.matrix(values, times, tau) @ coefficients)
 
 
-def _checked(term: Term, arrays: Mapping[str, Vector], signal: Signal) -> Vector:
+def _require_usable(term: CovariateTerm, arrays: Mapping[str, Vector], signal: Signal) -> Vector:
     values = arrays.get(term.name)
     if values is None:
-        known = ", ".join([*arrays, TIME, WARM_UP])
+        names = ", ".join([*arrays, TIME, WARM_UP])
         raise OptionError(
-            f"against: there is no {term.name!r} beside {signal.axis or 'the signal'}; known are {known}",
+            f"against: there is no {term.name!r} beside {signal.axis or 'the signal'}; known are {names}",
             argument="against",
             got=term.name,
             advice="Pass the samples: `against={{{name}: values}}`." if term.name != TEMPERATURE else
@@ -207,7 +204,7 @@ def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
     The step is 0 if noise makes a quantized reading jump up and down, because its means are then accurate. Raises
     DataError if there is no such level, or if the recording has too few blocks of its scale."""
     step = lsb(values)
-    step = 0.0 if step is None or _dithered(values) else step
+    step = 0.0 if step is None or _is_dithered(values) else step
     level = known_level(values, signal, step)
     if level is None or len(signal) >> (level - 1) < FEWEST_KNOWN:
         raise DataError(
@@ -232,7 +229,7 @@ def known_level(values: Vector, signal: Signal, step: float) -> int | None:
     if np.max(curve) < LARGE_STEPS * step**2:
         return None
     at = np.arange(curve.size)
-    error = np.maximum(STEPS * step**2, curve[valley] * 2.0 ** (valley - at))
+    error = np.maximum(1 / 12 * step**2, curve[valley] * 2.0 ** (valley - at))
     passed = (curve >= KNOWN * error) & (at > valley)
     return int(np.argmax(passed)) + 1 if np.any(passed) else None
 
@@ -244,13 +241,13 @@ def without_steps(values: Vector, step: float) -> Vector:
 
     at = np.flatnonzero(values[1:] != values[:-1])
     middle = (values[at] + values[at + 1]) / 2
-    if at.size < 4 or np.count_nonzero(middle[1:] == middle[:-1]) > RETURNS * at.size:
+    if at.size < 4 or np.count_nonzero(middle[1:] == middle[:-1]) > 0.3 * at.size:
         return values
     places = np.clip(np.arange(values.size, dtype=np.float64), at[0] + 0.5, at[-1] + 0.5)
     return np.clip(CubicSpline(at + 0.5, middle)(places), values - step / 2, values + step / 2)
 
 
-def _dithered(values: Vector) -> bool:
+def _is_dithered(values: Vector) -> bool:
     """Return whether a quantized reading jumps up and down in nearly all windows, so that its mean is not quantized."""
     changes = np.flatnonzero(values[1:] != values[:-1])
     rises = values[changes + 1] > values[changes]

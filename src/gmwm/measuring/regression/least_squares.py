@@ -38,28 +38,28 @@ class RegressionDesign:
         return longest.bit_length() - 1
 
     @cached_property
-    def used(self) -> list[np.ndarray]:
+    def masks(self) -> list[np.ndarray]:
         """For each level j, mask (n − 2^j + 1,) of the coefficients without missing values."""
         return [_complete(self.present, 1 << j) for j in range(1, self.levels + 1)]
 
     @cached_property
-    def counted(self) -> list[np.ndarray]:
+    def residual_masks(self) -> list[np.ndarray]:
         """For each level, mask of the coefficients that are used for the wavelet variance of the residuals."""
         return [_complete(self.whole, 1 << j) for j in range(1, self.levels + 1)]
 
     @cached_property
     def counts(self) -> Vector:
         """Number (J,) of coefficients without missing values at each level."""
-        return np.array([np.count_nonzero(used) for used in self.used], dtype=np.float64)
+        return np.array([np.count_nonzero(used) for used in self.masks], dtype=np.float64)
 
     @cached_property
     def coefficients(self) -> list[Matrix]:
         """Haar coefficients D_j of the columns at each level; 0 where a value is missing."""
-        return [haar(self.columns, j) * used[:, None] for j, used in enumerate(self.used, 1)]
+        return [haar(self.columns, j) * used[:, None] for j, used in enumerate(self.masks, 1)]
 
     def variances(self, values: Vector) -> Vector:
         """Compute the mean squares of the Haar coefficients of values (n,) at each level (J,)."""
-        squares = [float(np.sum(haar(values, j)[used] ** 2)) for j, used in enumerate(self.used, 1)]
+        squares = [float(np.sum(haar(values, j)[used] ** 2)) for j, used in enumerate(self.masks, 1)]
         return np.asarray(np.array(squares) / self.counts)
 
     @cached_property
@@ -70,13 +70,13 @@ class RegressionDesign:
     def weights(self, density: Callable[[Vector], Vector], highest: float = 0.5) -> list[Vector]:
         """Compute, for each run, the weights 1/S(f) at the frequencies (cycles per value) of its cosine transform. They
         are zero above `highest`, where the errors of the columns are too large."""
-        found: dict[int, Vector] = {}
+        weights: dict[int, Vector] = {}
         for size in {last - first for first, last in self.runs}:
             at = np.arange(1, size) / (2 * size)
             grid = at if size <= GRID else np.geomspace(at[0], at[-1], GRID)
             inverse = np.exp(np.interp(np.log(at), np.log(grid), -np.log(density(grid))))
-            found[size] = np.concatenate([[0.0], np.where(at <= highest, inverse, 0.0)])
-        return [found[last - first] for first, last in self.runs]
+            weights[size] = np.concatenate([[0.0], np.where(at <= highest, inverse, 0.0)])
+        return [weights[last - first] for first, last in self.runs]
 
     def under(self, weights: Sequence[Vector]) -> Weighted:
         """Return the regression with given weights for each run."""
@@ -91,20 +91,20 @@ class Weighted:
     weights: Sequence[Vector]
 
     @cached_property
-    def whitened(self) -> Matrix:
+    def whitened_columns(self) -> Matrix:
         """U (n, p): the columns after weighting each frequency of the cosine transform of each run."""
         from scipy import fft
 
         total = np.zeros_like(self.design.columns)
         for (first, last), weights in zip(self.design.runs, self.weights, strict=True):
-            own = fft.dct(self.design.columns[first:last], axis=0, norm="ortho")
-            total[first:last] = fft.idct(weights[:, None] * own, axis=0, norm="ortho")
+            transform = fft.dct(self.design.columns[first:last], axis=0, norm="ortho")
+            total[first:last] = fft.idct(weights[:, None] * transform, axis=0, norm="ortho")
         return total
 
     @cached_property
     def information(self) -> Matrix:
         """Information matrix P (p, p)."""
-        product = self.design.columns.T @ self.whitened
+        product = self.design.columns.T @ self.whitened_columns
         return np.asarray((product + product.T) / 2)
 
     @property
@@ -124,13 +124,13 @@ class Weighted:
     @cached_property
     def rows(self) -> Matrix:
         """Bᵀ = U P⁻¹ (n, p), with B the matrix that computes the estimate from the values."""
-        return np.asarray(self.whitened @ self.inverse)
+        return np.asarray(self.whitened_columns @ self.inverse)
 
     def estimate(self, values: Vector) -> Vector:
         """Estimate β̂ (p,) from values (n,); values at missing times must be finite."""
         return np.asarray(self.rows.T @ np.where(self.design.present, values, 0.0))
 
-    def spread(self, lags: Vector) -> Matrix:
+    def covariance_rows(self, lags: Vector) -> Matrix:
         """Compute Σ Bᵀ (n, p), for noise with the generalised covariance `lags` at the lags 0 … n − 1. The columns of U
         sum to zero in every run, so each run may have its own offset, and a random walk is allowed."""
         from scipy import fft
@@ -152,26 +152,28 @@ class Weighted:
         size = fft.next_fast_len(2 * n, real=True)
         rows = fft.rfft(self.rows, size, axis=0)
         cross = fft.irfft(np.conj(rows)[:, :, None] * rows[:, None, :], size, axis=0)
-        found = cross[:n].copy()
-        found[1:] += cross[size - n + 1 :][::-1]
-        return np.asarray((found + found.transpose(0, 2, 1)) / 2)
+        products = cross[:n].copy()
+        products[1:] += cross[size - n + 1 :][::-1]
+        return np.asarray((products + products.transpose(0, 2, 1)) / 2)
 
     def covariances(self, lags: Matrix) -> Matrix:
         """Compute Cov β̂ (K, p, p) for K processes with the generalised covariances `lags` (K, n)."""
         return np.asarray(np.tensordot(lags, self.lag_products, axes=1))
 
-    def removed(self, spread: Matrix) -> Vector:
+    def removed_variance(self, spread: Matrix) -> Vector:
         """Compute the part (J,) of the wavelet variance ν_j² of the noise that the regression removes. With W_j for the
         Haar coefficients of level j and D_j = W_j X, E ‖W_j (y − X β̂)‖² = M_j ν_j² − 2 tr(D_jᵀ W_j Σ Bᵀ) + tr(D_jᵀ D_j
         Cov β̂). The mean is over the coefficients for the wavelet variance, or over all if there are none."""
         covariance = self.rows.T @ spread
-        found = np.zeros(self.design.levels)
-        for j, (d, counted) in enumerate(zip(self.design.coefficients, self.design.counted, strict=True), 1):
-            wanted = counted if np.any(counted) else self.design.used[j - 1]
-            own = d[wanted]
-            cross = float(np.sum(own * haar(spread, j)[wanted]))
-            found[j - 1] = (2 * cross - float(np.sum((own.T @ own) * covariance))) / len(own)
-        return found
+        shares = np.zeros(self.design.levels)
+        for j, (d, counted) in enumerate(zip(self.design.coefficients, self.design.residual_masks, strict=True), 1):
+            mask = counted if np.any(counted) else self.design.masks[j - 1]
+            haar_columns = d[mask]
+            cross = float(np.sum(haar_columns * haar(spread, j)[mask]))
+            shares[j - 1] = (2 * cross - float(np.sum((haar_columns.T @ haar_columns) * covariance))) / len(
+                haar_columns
+            )
+        return shares
 
 
 def haar(values: Matrix, level: int) -> Matrix:

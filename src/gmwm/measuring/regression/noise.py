@@ -35,7 +35,7 @@ class Mixture:
 
 
 @dataclass(frozen=True, eq=False)
-class Noise:
+class NoiseMixtures:
     """Weighted average of mixtures of processes that describe a wavelet variance. `curve` (J,) is the wavelet variance
     of the average, and `freedom` (J,) the degrees of freedom of the measured one."""
 
@@ -44,13 +44,13 @@ class Noise:
     freedom: Vector
 
     @classmethod
-    def of(cls, variance: Vector, freedom: Vector, samples: int) -> Noise:
+    def of(cls, variance: Vector, freedom: Vector, samples: int) -> NoiseMixtures:
         """Estimate the noise of `samples` values with a wavelet variance (J,) that has `freedom` (J,) degrees of
         freedom."""
         design = Design(np.arange(1, variance.size + 1), samples=samples, rate=1.0)
-        found = [mixture(variance, freedom, design, within=share * samples) for share in LONGEST]
+        fits = [mixture(variance, freedom, design, within=share * samples) for share in LONGEST]
         # −2 log L, with a Gamma distribution for the wavelet variance of each level.
-        loss = np.array([float(np.sum(freedom * (variance / curve + np.log(curve)))) for curve, _ in found])
+        loss = np.array([float(np.sum(freedom * (variance / curve + np.log(curve)))) for curve, _ in fits])
         loss[1:] += SLOWER
         weights = np.exp(-(loss - loss.min()) / 2)
         weights /= weights.sum()
@@ -58,36 +58,36 @@ class Noise:
             Mixture(
                 model.processes, np.array([p.wavelet_variance(variance.size, 1.0) for p in model.processes]), float(w)
             )
-            for (_, model), w in zip(found, weights, strict=True)
+            for (_, model), w in zip(fits, weights, strict=True)
         )
-        return cls(mixtures, sum(w * curve for (curve, _), w in zip(found, weights, strict=True)), freedom)
+        return cls(mixtures, sum(w * curve for (curve, _), w in zip(fits, weights, strict=True)), freedom)
 
     def covariances(self, lags: int) -> list[Matrix]:
         """Return, for each mixture, the generalised covariances of its processes (K, n) at the lags 0 … n − 1."""
         at = np.arange(lags)
-        return [np.array([p.generalised_covariance(at, 1.0) for p in one.processes]) for one in self.mixtures]
+        return [np.array([p.generalised_covariance(at, 1.0) for p in parts.processes]) for parts in self.mixtures]
 
     def psd(self, frequencies: Vector) -> Vector:
         """Return the power spectral density of the average at frequencies in cycles per value."""
-        found = np.zeros(frequencies.shape)
-        for one in self.mixtures:
-            found += one.weight * sum(p.psd(frequencies, 1.0) for p in one.processes)
-        return found
+        density = np.zeros(frequencies.shape)
+        for parts in self.mixtures:
+            density += parts.weight * sum(p.psd(frequencies, 1.0) for p in parts.processes)
+        return density
 
     def average(self, of_mixtures: Sequence[Matrix]) -> Matrix:
         """Return the weighted average over the mixtures of sums over their processes, the first axis of each array."""
-        return np.asarray(sum(m.weight * own.sum(axis=0) for m, own in zip(self.mixtures, of_mixtures, strict=True)))
+        return np.asarray(sum(m.weight * part.sum(axis=0) for m, part in zip(self.mixtures, of_mixtures, strict=True)))
 
     def freedom_of(self, shares: Sequence[Vector]) -> float:
         """Return the degrees of freedom 2 C²/Var Ĉ of an estimated variance C, by Satterthwaite's approximation.
         `shares` has, for each mixture, the contributions of its K processes to C, which is linear in their scales."""
-        totals = np.array([float(np.sum(own)) for own in shares])
-        weights = np.array([one.weight for one in self.mixtures])
+        totals = np.array([float(np.sum(part)) for part in shares])
+        weights = np.array([mixed.weight for mixed in self.mixtures])
         mean = float(weights @ totals)
         variance = float(weights @ (totals - mean) ** 2)
-        for one, own in zip(self.mixtures, shares, strict=True):
+        for mixed, part in zip(self.mixtures, shares, strict=True):
             # The scales are treated as a weighted least-squares fit to independent levels with variance 2 ν⁴/η each.
-            rows = one.parts * np.sqrt(self.freedom / 2) / np.sum(one.parts, axis=0)
+            rows = mixed.parts * np.sqrt(self.freedom / 2) / np.sum(mixed.parts, axis=0)
             relative = np.linalg.pinv(rows @ rows.T, rcond=1e-10, hermitian=True)
-            variance += one.weight * float(own @ relative @ own)
+            variance += mixed.weight * float(part @ relative @ part)
         return float(np.clip(2 * mean**2 / variance, 1.0, 1e6)) if variance > 0 else 1e6

@@ -14,7 +14,7 @@ from gmwm.base.errors import DataError, OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised, duration_text
 from gmwm.measuring.confidence_limits import chi_square_limits
-from gmwm.measuring.regression.against import TEMPERATURE, WARM_UP, Term
+from gmwm.measuring.regression.against import TEMPERATURE, WARM_UP, CovariateTerm
 from gmwm.measuring.regression.columns import Basis, Column
 from gmwm.measuring.variance.result import WaveletVariance
 
@@ -163,7 +163,7 @@ class Regression(Summarised, Plotted, Mapping[str, Coefficient]):
         return self.basis.columns
 
     @property
-    def terms(self) -> tuple[Term, ...]:
+    def terms(self) -> tuple[CovariateTerm, ...]:
         """The covariates, with the forms of their effects."""
         return self.basis.terms
 
@@ -180,11 +180,11 @@ class Regression(Summarised, Plotted, Mapping[str, Coefficient]):
     @property
     def lag(self) -> dict[str, float]:
         """Delay (s) of the axis behind each covariate that has a lag column."""
-        found = {}
+        lags = {}
         for term in self.terms:
             if term.lag and self[term.name].value:
-                found[term.name] = -self[f"{term.name} lag"].value / self[term.name].value
-        return found
+                lags[term.name] = -self[f"{term.name} lag"].value / self[term.name].value
+        return lags
 
     def curve(self, at: ArrayLike, name: str | None = None, *, confidence: float = 0.95) -> Effect:
         """Compute the effect of a covariate at given values, relative to its reference value.
@@ -205,19 +205,19 @@ class Regression(Summarised, Plotted, Mapping[str, Coefficient]):
         """
         from scipy.special import stdtrit
 
-        wanted = self.terms[0].name if name is None else name
-        if wanted not in self.references or wanted == WARM_UP:
-            known = ", ".join(n for n in self.references if n != WARM_UP)
-            raise OptionError(argument="name", expected=f"one of {known or 'none'}", got=wanted)
+        covariate = self.terms[0].name if name is None else name
+        if covariate not in self.references or covariate == WARM_UP:
+            names = ", ".join(n for n in self.references if n != WARM_UP)
+            raise OptionError(argument="name", expected=f"one of {names or 'none'}", got=covariate)
         points = as_vector(np.atleast_1d(np.asarray(at, dtype=np.float64)), "at")
-        low, high = self.ranges[wanted]
+        low, high = self.ranges[covariate]
         reach = 0.05 * (high - low)
         if np.any(points < low - reach) or np.any(points > high + reach):
             raise OptionError(
                 argument="at", expected=f"from {low:.4g} to {high:.4g}, the range of the recording", got=at,
                 advice="Record over a larger range; the curve is not known outside.",
             )  # fmt: skip
-        rows = self.basis.along(wanted, points)
+        rows = self.basis.along(covariate, points)
         value = rows @ np.array(self.estimates)
         error = np.sqrt(np.maximum(np.einsum("ma,ab,mb->m", rows, self.covariance, rows), 0.0))
         width = float(stdtrit(min(self.freedoms), (1 + confidence) / 2)) * error
@@ -251,13 +251,15 @@ class Regression(Summarised, Plotted, Mapping[str, Coefficient]):
                 argument="reference",
                 advice="Use {--against=temperature:3}.",
             )
-        own = [self.mean] + [self[c.name].value for c in self.columns if c.term == term.name and "lag" not in c.name]
+        coefficients = [self.mean] + [
+            self[c.name].value for c in self.columns if c.term == term.name and "lag" not in c.name
+        ]
         at = self.references[TEMPERATURE]
         away = 0.0 if reference is None else reference - at
-        shifted = np.polynomial.Polynomial(own)(np.polynomial.Polynomial([away, 1.0]))
-        found = np.zeros(len(own))
-        found[: shifted.coef.size] = shifted.coef
-        return found
+        shifted = np.polynomial.Polynomial(coefficients)(np.polynomial.Polynomial([away, 1.0]))
+        result = np.zeros(len(coefficients))
+        result[: shifted.coef.size] = shifted.coef
+        return result
 
     def corrected(self, wv: WaveletVariance) -> WaveletVariance:
         """Return the wavelet variance of the noise, computed from the wavelet variance `wv` of the residuals.
@@ -266,13 +268,13 @@ class Regression(Summarised, Plotted, Mapping[str, Coefficient]):
         level is divided by the remaining share, and its relative covariance is increased accordingly. From the first
         level on at which less than half of the noise is left, the levels are dropped.
         """
-        kept = np.concatenate([self.kept, np.zeros(len(wv))])[: len(wv)]
-        count = int(np.argmax(kept < LEFT)) if np.any(kept < LEFT) else kept.size
+        shares = np.concatenate([self.kept, np.zeros(len(wv))])[: len(wv)]
+        count = int(np.argmax(shares < LEFT)) if np.any(shares < LEFT) else shares.size
         eta = wv.degrees_of_freedom[:count]
-        kept, excess = kept[:count], None if wv.excess is None else wv.excess[:count, :count]
-        lost = np.diag(2 / eta * (1 / kept - 1))
-        variance = wv.variance[:count] / kept
-        lower, upper = chi_square_limits(variance, np.maximum(eta * kept, 1.0), wv.confidence)
+        shares, excess = shares[:count], None if wv.excess is None else wv.excess[:count, :count]
+        lost = np.diag(2 / eta * (1 / shares - 1))
+        variance = wv.variance[:count] / shares
+        lower, upper = chi_square_limits(variance, np.maximum(eta * shares, 1.0), wv.confidence)
         robust = {
             name: list(value)[:count] if isinstance(value, Sequence) and len(value) == len(wv) else value
             for name, value in wv.diagnostics.get("robust", {}).items()
@@ -287,16 +289,19 @@ class Regression(Summarised, Plotted, Mapping[str, Coefficient]):
     def summary(self) -> str:
         """Write the coefficients with 95 % confidence intervals, and the joint test."""
         lines = [f"{self.axis or 'signal'} against {self.against}" + ("" if self.applied else " (not removed)")]
-        for name, one in self.items():
-            low, high = one.interval()
-            lines.append(f"  {name:<18} {one.value:12.5g} ± {one.error:.2g} {one.unit}  [{low:.5g}, {high:.5g}]")
+        for name, coefficient in self.items():
+            low, high = coefficient.interval()
+            value = f"{coefficient.value:12.5g} ± {coefficient.error:.2g} {coefficient.unit}"
+            lines.append(f"  {name:<18} {value}  [{low:.5g}, {high:.5g}]")
         if self.tau is not None:
             spread = "" if self.tau_error is None else f" ± {duration_text(self.tau_error)}"
             lines.append(f"  time constant      {duration_text(self.tau)}{spread}")
         for name, lag in self.lag.items():
             lines.append(f"  lag behind {name}: {'-' * (lag < 0)}{duration_text(abs(lag))}")
         at = ", ".join(
-            f"{name} {value:g} {Term(name).unit}".rstrip() for name, value in self.references.items() if name != WARM_UP
+            f"{name} {value:g} {CovariateTerm(name).unit}".rstrip()
+            for name, value in self.references.items()
+            if name != WARM_UP
         )
         lines.append(f"  F({len(self)}, {self.freedom:.0f}) = {self.statistic:.4g}, p = {self.pvalue:.2g}")
         if at:
@@ -309,15 +314,15 @@ class Regression(Summarised, Plotted, Mapping[str, Coefficient]):
             "axis": self.axis, "unit": self.unit, "against": self.against,
             "coefficients": {
                 name: {
-                    "value": one.value, "standard_error": one.error, "unit": one.unit, "df": one.freedom,
-                    "pvalue": one.pvalue, "interval": list(one.interval()),
+                    "value": coefficient.value, "standard_error": coefficient.error, "unit": coefficient.unit,
+                    "df": coefficient.freedom, "pvalue": coefficient.pvalue, "interval": list(coefficient.interval()),
                 }
-                for name, one in self.items()
+                for name, coefficient in self.items()
             },
             "covariance": self.covariance.tolist(),
             "statistic": self.statistic, "df": self.freedom, "pvalue": self.pvalue,
-            "references": dict(self.references), "ranges": {name: list(own) for name, own in self.ranges.items()},
-            "knots": {name: list(own) for name, own in self.basis.knots.items()},
+            "references": dict(self.references), "ranges": {name: list(values) for name, values in self.ranges.items()},
+            "knots": {name: list(values) for name, values in self.basis.knots.items()},
             "mean": self.mean, "tau": self.tau, "tau_error": self.tau_error, "block": self.block, "rate": self.rate,
             "kept": self.kept.tolist(), "share": self.share.tolist(),
             "points": {name: getattr(self.points, name).tolist() for name in ("at", "before", "after")},
@@ -329,21 +334,21 @@ class Regression(Summarised, Plotted, Mapping[str, Coefficient]):
     def from_dict(cls, content: Mapping[str, Any]) -> Regression:
         """Create a regression from `content`, the result of `to_dict`."""
         knots = {name: tuple(map(float, values)) for name, values in content["knots"].items()}
-        terms = tuple(map(Term.parse, content["against"].split("+")))
-        own = list(content["coefficients"].values())
+        terms = tuple(map(CovariateTerm.parse, content["against"].split("+")))
+        coefficients = list(content["coefficients"].values())
         coarse = content["coarse"]
         return cls(
             axis=content["axis"], unit=content["unit"], basis=Basis(terms, content["references"], knots),
-            estimates=tuple(float(one["value"]) for one in own),
+            estimates=tuple(float(entry["value"]) for entry in coefficients),
             covariance=np.array(content["covariance"], dtype=np.float64),
-            freedoms=tuple(float(one["df"]) for one in own),
+            freedoms=tuple(float(entry["df"]) for entry in coefficients),
             statistic=content["statistic"], freedom=content["df"], pvalue=content["pvalue"],
             ranges={name: (float(low), float(high)) for name, (low, high) in content["ranges"].items()},
             mean=content["mean"], tau=content["tau"], tau_error=content["tau_error"], block=content["block"],
             rate=content["rate"],
             kept=np.array(content["kept"], dtype=np.float64), share=np.array(content["share"], dtype=np.float64),
             points=Points(
-                **{name: np.array(own, dtype=np.float64) for name, own in content["points"].items()},
+                **{name: np.array(coefficients, dtype=np.float64) for name, coefficients in content["points"].items()},
             ),
             applied=content["applied"],
             coarse=None if coarse is None else (float(coarse[0]), float(coarse[1]), float(coarse[2])),

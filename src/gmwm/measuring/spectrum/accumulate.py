@@ -29,7 +29,7 @@ FOLD = 1 << 18
 
 
 @dataclass(frozen=True, eq=False)
-class _Sums:
+class _BlockSums:
     """Sums over the blocks of one length. `pairs` is the number of blocks that overlap with the previous block. `first`
     and `last` are the first samples of the first and the last block."""
 
@@ -42,13 +42,13 @@ class _Sums:
     def blocks(self) -> int:
         return self.sums.blocks
 
-    def followed_by(self, later: _Sums, half: int) -> _Sums:
+    def followed_by(self, later: _BlockSums, half: int) -> _BlockSums:
         if not later.blocks:
             return self
         if not self.blocks:
             return later
         pairs = self.pairs + later.pairs + (later.first - self.last == half)
-        return _Sums(self.sums.plus(later.sums), pairs, self.first, later.last)
+        return _BlockSums(self.sums.plus(later.sums), pairs, self.first, later.last)
 
 
 class SpectrumAccumulator(OneAtATime):
@@ -106,7 +106,7 @@ class SpectrumAccumulator(OneAtATime):
         powers = range(LONGEST.bit_length() - 1, SHORTEST.bit_length() - 2, -1)
         lengths = [1 << power for power in powers] if self.length is None else [self.length]
         # Sums by length of the blocks, the longest first.
-        self._sums = {n: _Sums(Periodograms.none(n)) for n in lengths}
+        self._sums = {n: _BlockSums(Periodograms.none(n)) for n in lengths}
         self._segments: list[int] = []
         self._open = False
         # The samples that blocks across either end of this part need.
@@ -161,10 +161,10 @@ class SpectrumAccumulator(OneAtATime):
         if not isinstance(following, SpectrumAccumulator):
             raise OptionError(argument="following", expected="a SpectrumAccumulator", got=following)
         for name in ("rate", "length", "detrend", "unit"):
-            own, other = getattr(self, name), getattr(following, name)
-            if own != other:
+            value, other = getattr(self, name), getattr(following, name)
+            if value != other:
                 raise OptionError(
-                    f"both parts must have the same {name}; got {own!r} and {other!r}", argument=name, got=other
+                    f"both parts must have the same {name}; got {value!r} and {other!r}", argument=name, got=other
                 )
         if following.start != self.stop:
             raise OptionError(
@@ -176,7 +176,7 @@ class SpectrumAccumulator(OneAtATime):
             )
         self._fold()
         following._fold()
-        return self._joined(following)
+        return self._join(following)
 
     @one_at_a_time
     def beside(self, other: SpectrumAccumulator) -> SpectrumAccumulator:
@@ -186,7 +186,7 @@ class SpectrumAccumulator(OneAtATime):
         """
         self.gap()
         other.gap()
-        return self._joined(other)
+        return self._join(other)
 
     @one_at_a_time
     def result(self, confidence: float = 0.95) -> PowerSpectrum:
@@ -197,8 +197,8 @@ class SpectrumAccumulator(OneAtATime):
         self._fold()
         longest = max(self._segments, default=0)
         least = LEAST_SAMPLES if self.length is None else self.length
-        found = [n for n, sums in self._sums.items() if sums.blocks >= ENOUGH]
-        length = max(found) if found else max(self._sums, key=lambda n: (self._sums[n].blocks, n))
+        lengths = [n for n, sums in self._sums.items() if sums.blocks >= ENOUGH]
+        length = max(lengths) if lengths else max(self._sums, key=lambda n: (self._sums[n].blocks, n))
         sums = self._sums[length]
         if longest < least or not sums.blocks:
             raise DataError(
@@ -248,9 +248,9 @@ class SpectrumAccumulator(OneAtATime):
             half = n // 2
             first = -(-max(begin, boundary - n + 1) // half) * half
             stop = after + n - 1 if crossing else values.size
-            own = periodograms(values[first - begin : stop], n, self.detrend)
-            if own.blocks:
-                fresh = _Sums(own, own.blocks - 1, first, first + (own.blocks - 1) * half)
+            part = periodograms(values[first - begin : stop], n, self.detrend)
+            if part.blocks:
+                fresh = _BlockSums(part, part.blocks - 1, first, first + (part.blocks - 1) * half)
                 self._sums[n] = sums.followed_by(fresh, half)
             if self._sums[n].blocks >= ENOUGH:
                 break
@@ -261,14 +261,14 @@ class SpectrumAccumulator(OneAtATime):
         enough = max((n for n, sums in self._sums.items() if sums.blocks >= ENOUGH), default=0)
         self._sums = {n: sums for n, sums in self._sums.items() if n >= enough}
 
-    def _joined(self, following: SpectrumAccumulator) -> SpectrumAccumulator:
+    def _join(self, following: SpectrumAccumulator) -> SpectrumAccumulator:
         """Return the accumulator of both parts. It shares their arrays, which never change."""
         joint = SpectrumAccumulator(
             self.rate, length=self.length, detrend=self.detrend, start=self.start, unit=self.unit,
             axis=self.axis or following.axis,
         )  # fmt: skip
-        kept = [n for n in self._sums if n in following._sums]
-        joint._sums = {n: self._sums[n] for n in kept}
+        lengths = [n for n in self._sums if n in following._sums]
+        joint._sums = {n: self._sums[n] for n in lengths}
         if not following._segments:
             joint._sums = dict(self._sums)
         joint._segments, joint._open = list(self._segments), self._open
@@ -287,8 +287,8 @@ class SpectrumAccumulator(OneAtATime):
         joint._open = following._open
         if len(self._segments) <= self._open:
             joint._head = np.concatenate([self._head, following._head])[: self._reach]
-        whole = self._open and following._open and len(following._segments) == 1
-        joint._tail = np.concatenate([self._tail, following._tail])[-self._reach :] if whole else following._tail
+        unbroken = self._open and following._open and len(following._segments) == 1
+        joint._tail = np.concatenate([self._tail, following._tail])[-self._reach :] if unbroken else following._tail
         return joint
 
 

@@ -42,19 +42,19 @@ def flanks(values: Vector, freedom: Vector, nearest: int, farthest: int, *, leas
     width = farthest - nearest + 1
     padded = np.concatenate([np.full(farthest, np.nan), values, np.full(farthest, np.nan)])
     windows = sliding_window_view(padded, width)
-    known = np.count_nonzero(~np.isnan(windows), axis=1)
+    counts = np.count_nonzero(~np.isnan(windows), axis=1)
     medians = np.full(len(windows), np.nan)
-    full = known == width
+    full = counts == width
     medians[full] = row_medians(windows[full])
-    some = np.flatnonzero((known >= least) & ~full)
+    partial = np.flatnonzero((counts >= least) & ~full)
     # NaN are last in sorted rows.
-    ordered, number = np.sort(windows[some], axis=1), known[some]
-    rows = np.arange(some.size)
-    medians[some] = (ordered[rows, (number - 1) // 2] + ordered[rows, number // 2]) / 2
+    ordered, number = np.sort(windows[partial], axis=1), counts[partial]
+    rows = np.arange(partial.size)
+    medians[partial] = (ordered[rows, (number - 1) // 2] + ordered[rows, number // 2]) / 2
     shift = farthest + nearest
-    left, right = medians[: values.size], medians[shift : shift + values.size]
+    before, after = medians[: values.size], medians[shift : shift + values.size]
     factor = median_factor(freedom)
-    return Flanks(left / factor, right / factor)
+    return Flanks(before / factor, after / factor)
 
 
 def median_factor(freedom: Vector) -> Vector:
@@ -70,9 +70,9 @@ def p_values(ratio: Vector, freedom: Vector, below: float) -> Vector:
     # With fewer degrees of freedom, a ratio of the same significance is larger.
     most = float(np.nanmax(freedom, initial=1.0))
     large = ratio >= (1 - 1e-6) * float(fdtri(most, FLANK_SHARE * most, 1 - below))
-    found = np.where(np.isnan(ratio), np.nan, 1.0)
-    found[large] = fdtrc(freedom[large], FLANK_SHARE * freedom[large], ratio[large])
-    return np.asarray(found)
+    p = np.where(np.isnan(ratio), np.nan, 1.0)
+    p[large] = fdtrc(freedom[large], FLANK_SHARE * freedom[large], ratio[large])
+    return np.asarray(p)
 
 
 def effective_freedom(density: Vector, freedom: Vector) -> Vector:
@@ -84,13 +84,13 @@ def effective_freedom(density: Vector, freedom: Vector) -> Vector:
         logs = np.log(density)
     firsts = np.arange(2, density.size - GROUP // 4, GROUP)
     expected = np.sqrt(polygamma(1, freedom[firsts + 1] / 2))
-    whole = np.count_nonzero(firsts + GROUP <= density.size)
-    scatter = _scatter(logs[2 : 2 + whole * GROUP].reshape(whole, GROUP))
-    if whole < firsts.size:
+    complete = np.count_nonzero(firsts + GROUP <= density.size)
+    scatter = _scatter(logs[2 : 2 + complete * GROUP].reshape(complete, GROUP))
+    if complete < firsts.size:
         scatter = np.append(scatter, _scatter(logs[None, firsts[-1] :]))
-    for first, own, usual in zip(firsts.tolist(), scatter.tolist(), expected.tolist(), strict=True):
+    for first, spread, usual in zip(firsts.tolist(), scatter.tolist(), expected.tolist(), strict=True):
         part = reduced[first : first + GROUP]
-        excess = own / usual / (1 + 3 * 1.6 / np.sqrt(part.size))
+        excess = spread / usual / (1 + 3 * 1.6 / np.sqrt(part.size))
         if part.size >= 16 and excess > 1:  # not where the scatter is NaN
             part /= excess**2
     return np.maximum(reduced, 1.0)
@@ -111,5 +111,5 @@ def _scatter(logs: Matrix) -> Vector:
 def pooled_freedom(freedom: Vector, count: Vector) -> Vector:
     """Return the degrees of freedom of the mean of `count` neighbouring densities with `freedom` each, for a Hann
     window."""
-    one, two = NEIGHBOURS
-    return freedom * count / (1 + 2 * one * (1 - 1 / count) + 2 * two * np.maximum(1 - 2 / count, 0))
+    first, second = NEIGHBOURS
+    return freedom * count / (1 + 2 * first * (1 - 1 / count) + 2 * second * np.maximum(1 - 2 / count, 0))

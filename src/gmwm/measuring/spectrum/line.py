@@ -108,8 +108,6 @@ WINDOW_MOMENT = 1 / 3
 """
 TRUNCATION = 3e-4
 """Largest error (bins) of the mean frequency over seven bins, from the side lobes outside these bins."""
-GAUSSIAN_WIDTH = 2 * math.sqrt(2 * math.log(2))
-"""Width of a Gaussian shape at half its height, in units of its standard deviation."""
 
 
 def measured_line(
@@ -142,7 +140,8 @@ def measured_line(
     return Line(
         frequency=middle * spacing, frequency_error=spacing * math.hypot(scatter["frequency"], TRUNCATION),
         amplitude=amplitude, amplitude_error=scatter["power"] * spacing / amplitude,
-        width=GAUSSIAN_WIDTH * math.sqrt(spread) * spacing if wandering else 0.0, height=height, p_value=p_value,
+        width=2 * math.sqrt(2 * math.log(2)) * math.sqrt(spread) * spacing if wandering else 0.0, height=height,
+        p_value=p_value,
     )  # fmt: skip
 
 
@@ -156,20 +155,18 @@ def _variance(
     # The level is the mean of two medians of 16 bins each, so it has ten times the degrees of freedom of a bin.
     total = (float(weights.sum()) * level) ** 2 / 10
     for lag, correlation in enumerate(CORRELATIONS):
-        one, two = slice(0, weights.size - lag), slice(lag, None)
+        heads, tails = slice(0, weights.size - lag), slice(lag, None)
         if wandering:
             values = weights * (level + line)
-            part = correlation**2 * float(values[one] @ values[two])
+            part = correlation**2 * float(values[heads] @ values[tails])
         else:
-            noise = correlation**2 * level**2 * float(weights[one] @ weights[two])
+            noise = correlation**2 * level**2 * float(weights[heads] @ weights[tails])
             root = weights * np.sqrt(line)
-            part = noise + overlap * 2 * correlation * level * float(root[one] @ root[two])
+            part = noise + overlap * 2 * correlation * level * float(root[heads] @ root[tails])
         total += part if lag == 0 else 2 * part
     return max(2 / freedom * total, 0.0)
 
 
-LEAST_POINTS = 8
-"""Smallest number of densities to which the five parameters of the shape are fitted."""
 WITHIN = 3.0
 """Largest factor by which a fit may change the width; beyond, it describes another feature of the spectrum."""
 
@@ -182,9 +179,10 @@ def lorentz_fit(
     `width` the start of w (Hz). Returns the fitted f₀ and w (Hz), or None if the fit fails."""
     from scipy.optimize import least_squares
 
-    known = density > 0
-    frequencies, density, freedom = frequencies[known], density[known], freedom[known]
-    if density.size < LEAST_POINTS:
+    positive = density > 0
+    frequencies, density, freedom = frequencies[positive], density[positive], freedom[positive]
+    # The shape has five parameters.
+    if density.size < 8:
         return None
     level, top = float(np.median(density[np.argsort(density)[: density.size // 2]])), float(density.max())
     start = np.array([math.log(level), 0.0, math.log(max(top - level, level / 10)), 0.0, math.log(width)])
@@ -198,8 +196,8 @@ def lorentz_fit(
         deviance = np.maximum(ratio - 1 - np.log(ratio), 0.0)
         return np.asarray(weights * np.sign(ratio - 1) * np.sqrt(deviance))
 
-    found = least_squares(residuals, start, method="lm", max_nfev=400)
-    shift, size = float(found.x[3]), math.exp(float(np.clip(found.x[4], -200, 200)))
-    if not found.success or abs(shift) > 1 or not width / WITHIN <= size <= width * WITHIN:
+    fit = least_squares(residuals, start, method="lm", max_nfev=400)
+    shift, size = float(fit.x[3]), math.exp(float(np.clip(fit.x[4], -200, 200)))
+    if not fit.success or abs(shift) > 1 or not width / WITHIN <= size <= width * WITHIN:
         return None
     return center + shift * width, size

@@ -44,10 +44,10 @@ def narrow_lines(
     # The density at half the rate is not doubled in a one-sided spectrum and is left out.
     shown = np.concatenate([density[FIRST_BIN:size], density[size - 1 : size - 1 - FAR : -1]])
     of_each = np.concatenate([freedom[FIRST_BIN:size], freedom[size - 1 : size - 1 - FAR : -1]])
-    found = flanks(shown, of_each, NEAR, FAR, least=LEAST_FLANK)
+    surroundings = flanks(shown, of_each, NEAR, FAR, least=LEAST_FLANK)
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = shown / found.level
-    tested = ~np.isnan(ratios) & (found.level > 0)
+        ratios = shown / surroundings.level
+    tested = ~np.isnan(ratios) & (surroundings.level > 0)
     tested[size - FIRST_BIN :] = False
     tested[: size - FIRST_BIN] &= testable[FIRST_BIN:size]
     level /= max(int(np.count_nonzero(tested)), 1)
@@ -58,7 +58,7 @@ def narrow_lines(
     for k in sorted(hits.tolist(), key=lambda k: -shown[k]):
         if not free[k + FIRST_BIN]:
             continue
-        between = float(found.between[k])
+        between = float(surroundings.between[k])
         half = _half_width(shown, k, between, between * math.sqrt(2 / float(of_each[k])))
         if half is None:
             continue
@@ -92,12 +92,12 @@ def _resonance_width(spectrum: PowerSpectrum, line: Line, freedom: Vector) -> fl
     spacing = spectrum.rate / spectrum.length
     part = np.abs(spectrum.frequencies - line.frequency) <= FAR * spacing
     part[:FIRST_BIN] = part[-1] = False
-    found = lorentz_fit(
+    fit = lorentz_fit(
         spectrum.frequencies[part], spectrum.density[part], freedom[part], center=line.frequency, width=line.width
     )
-    if found is None:
+    if fit is None:
         return None
-    seen, window = found[1], HALF_POWER_WIDTH * spacing
+    seen, window = fit[1], HALF_POWER_WIDTH * spacing
     a = 0.5346**2 - 0.2166
     b = 2 * 0.5346 * seen
     width = (b - math.sqrt(max(b**2 - 4 * a * (seen**2 - window**2), 0.0))) / (2 * a)

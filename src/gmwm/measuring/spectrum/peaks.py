@@ -42,14 +42,10 @@ def find_peaks(spectrum: PowerSpectrum) -> tuple[tuple[Line, ...], tuple[Bump, .
     lines, sharp, free = narrow_lines(spectrum, freedom, testable, level=FALSE_ALARMS / 2)
     wandering, broad = wide_peaks(spectrum, freedom, free, narrow=(lines, sharp), level=FALSE_ALARMS / 2)
     bumps = sorted([*sharp, *broad], key=lambda bump: bump.frequency)
-    return grouped([*lines, *wandering], spectrum.resolution), tuple(bumps)
+    return group_harmonics([*lines, *wandering], spectrum.resolution), tuple(bumps)
 
 
-HIGHEST = 40
-"""Highest harmonic that the search considers."""
-
-
-def grouped(lines: Iterable[Line], resolution: float) -> tuple[Line, ...]:
+def group_harmonics(lines: Iterable[Line], resolution: float) -> tuple[Line, ...]:
     """Return the lines sorted by frequency, with the harmonic k and the fundamental f₀ of the lines of a group. The
     frequency of such a line differs from k f₀ by at most the resolution (Hz) plus three standard errors. The
     fundamental with the most harmonics is chosen first."""
@@ -57,7 +53,7 @@ def grouped(lines: Iterable[Line], resolution: float) -> tuple[Line, ...]:
     done: list[Line] = []
     while waiting:
         first, members = max(
-            ((one, _multiples(one, waiting, resolution)) for one in waiting), key=lambda found: len(found[1])
+            ((line, _multiples(line, waiting, resolution)) for line in waiting), key=lambda group: len(group[1])
         )
         if len(members) < 2:
             break
@@ -69,14 +65,14 @@ def grouped(lines: Iterable[Line], resolution: float) -> tuple[Line, ...]:
 
 def _multiples(first: Line, lines: Iterable[Line], resolution: float) -> list[tuple[Line, int]]:
     """Return the lines at multiples of the frequency of `first`, including `first`, each with its multiple k."""
-    found = []
+    multiples = []
     for line in lines:
         k = round(line.frequency / first.frequency)
         tolerance = resolution + 3 * (line.frequency_error + k * first.frequency_error)
         # A tolerance above a quarter of f₀ would find a multiple for any line.
-        if 1 <= k <= HIGHEST and abs(line.frequency - k * first.frequency) <= tolerance < first.frequency / 4:
-            found.append((line, k))
-    return found
+        if 1 <= k <= 40 and abs(line.frequency - k * first.frequency) <= tolerance < first.frequency / 4:
+            multiples.append((line, k))
+    return multiples
 
 
 def detectable_amplitude(spectrum: PowerSpectrum, frequency: ArrayLike, power: float = 0.9) -> Vector:
@@ -91,25 +87,25 @@ def detectable_amplitude(spectrum: PowerSpectrum, frequency: ArrayLike, power: f
     if spectrum.frequencies[0] != 0:
         raise DataError("the amplitude needs the whole spectrum, not a smoothed one", argument="spectrum", got=spectrum)
     size, spacing = spectrum.density.size - 1, spectrum.rate / spectrum.length
-    wanted = np.asarray(frequency, dtype=np.float64)
-    place = wanted / spacing
+    hertz = np.asarray(frequency, dtype=np.float64)
+    place = hertz / spacing
     nearest = np.clip(np.round(place), 0, size - 1).astype(np.int64)
-    beside = flanks(
+    surroundings = flanks(
         spectrum.density[FIRST_BIN:size], spectrum.degrees_of_freedom[FIRST_BIN:size], NEAR, FAR, least=LEAST_FLANK
     )
     tests = size - 2 * FIRST_BIN - NEAR - LEAST_FLANK + 1
     # Frequencies close to half the rate have only a left flank, which is used for both sides.
-    left, right = beside.left, np.where(np.isnan(beside.right), beside.left, beside.right)
+    before, after = surroundings.left, np.where(np.isnan(surroundings.right), surroundings.left, surroundings.right)
     level, higher = np.full((2, size), np.nan)
-    level[FIRST_BIN:], higher[FIRST_BIN:] = np.sqrt(left * right), np.maximum(left, right)
+    level[FIRST_BIN:], higher[FIRST_BIN:] = np.sqrt(before * after), np.maximum(before, after)
     with np.errstate(invalid="ignore", divide="ignore"):
         excess = higher / level
     freedom = spectrum.degrees_of_freedom[nearest]
     threshold = fdtri(freedom, FLANK_SHARE * freedom, 1 - FALSE_ALARMS / 2 / tests) * excess[nearest]
     ratio = chndtrinc(freedom * threshold, freedom, 1 - power) / freedom
     away = place - nearest
-    found = np.sqrt(2 * ENERGY_WIDTH * spacing * ratio * level[nearest] / _gain(away))
-    return np.asarray(np.where((wanted > 0) & (place <= size), found, np.nan))
+    amplitude = np.sqrt(2 * ENERGY_WIDTH * spacing * ratio * level[nearest] / _gain(away))
+    return np.asarray(np.where((hertz > 0) & (place <= size), amplitude, np.nan))
 
 
 def _gain(away: Vector) -> Vector:

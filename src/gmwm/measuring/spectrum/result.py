@@ -24,8 +24,6 @@ from gmwm.recording.options import as_confidence, as_whole_number
 
 if TYPE_CHECKING:
     from polars import DataFrame
-AROUND = 6
-"""Number of bins on each side of a line that are not averaged: four that the window affects, and some of the level."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -137,7 +135,7 @@ class PowerSpectrum(Summarised, Plotted):
             center = round(line.frequency / spacing)
             # Around a line of varying frequency, there are four bins per width of the line.
             step = max(1, round(line.width / spacing / 4))
-            edges |= set(range(center - AROUND * step, center + AROUND * step + 2, step))
+            edges |= set(range(center - 6 * step, center + 6 * step + 2, step))
         begins = np.array(sorted(edge for edge in edges if 1 <= edge < last), dtype=np.int64)
         count = np.diff(np.append(begins, last)).astype(np.float64)
         density, frequencies, freedom = (
@@ -245,8 +243,8 @@ class PowerSpectrum(Summarised, Plotted):
         return "\n".join(lines)
 
     def __repr__(self) -> str:
-        found = f"{counted(len(self.lines), 'line')}, {counted(len(self.bumps), 'bump')}"
-        return f"PowerSpectrum({self.axis or 'unnamed'}, {self.extent}, {found})"
+        peaks = f"{counted(len(self.lines), 'line')}, {counted(len(self.bumps), 'bump')}"
+        return f"PowerSpectrum({self.axis or 'unnamed'}, {self.extent}, {peaks})"
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

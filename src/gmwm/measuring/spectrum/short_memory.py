@@ -39,8 +39,6 @@ LEAST_KNOWN = 1e-3
 LIKELY = 0.01
 """Smallest weight for which a process of another order is reported in addition to the best process."""
 _ITERATIONS, _FIRST, _KEPT = 40, 6, 2
-_NEAR = 1e-4
-_SMOOTH = 5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -125,47 +123,47 @@ def short_memory(
     # At first the known part is fixed, because it could replace the shape of the filter. Then its factor is fitted too.
     tried = _grown(data, white, price, free=False)
     each, before = _best_of_each_order(tried), min(tried, key=lambda point: _score(point, price))
-    best = _freed(data, before)
+    best = _free(data, before)
     moved = _score(before, price) - _score(best, price) > price
     near = _score(before, price) - 2 * math.log(LIKELY)
     others = [p for p in each if p is not before and (moved or _score(p, price) <= near)]
-    tried = _supported(data, (best, *(_freed(data, point) for point in others)))
+    tried = _supportable(data, (best, *(_free(data, point) for point in others)))
     if moved:
         tried += _grown(data, min(tried, key=lambda point: _score(point, price), default=white), price, free=True)
     sure = [point for point in tried if _error_at_zero(point, data) <= SURE]
     if not sure:
         # The best orders do not determine the density at 0; smaller orders do.
-        tried = _supported(data, (_freed(data, point) for point in each))
+        tried = _supportable(data, (_free(data, point) for point in each))
         sure = [point for point in tried if _error_at_zero(point, data) <= SURE]
     chosen = min(sure, key=lambda point: _score(point, price), default=white)
-    return _reported(data, chosen, _alternatives(data, chosen, sure, price))
+    return _report(data, chosen, _alternatives(data, chosen, sure, price))
 
 
-def _supported(data: _Data, points: Iterable[_Point]) -> list[_Point]:
+def _supportable(data: _Data, points: Iterable[_ArmaPoint]) -> list[_ArmaPoint]:
     """Return the points whose density does not change much between the lowest frequency of the data and 0."""
     return [point for point in points if abs(_bend(data, point)) <= FLAT]
 
 
-def _freed(data: _Data, point: _Point) -> _Point:
+def _free(data: _Data, point: _ArmaPoint) -> _ArmaPoint:
     """Return the optimum from this point if the factor on the known part is also fitted."""
     return _descend(data, point.a, point.b, point.scale, free=True)
 
 
-def _grown(data: _Data, best: _Point, price: float, *, free: bool) -> list[_Point]:
+def _grown(data: _Data, best: _ArmaPoint, price: float, *, free: bool) -> list[_ArmaPoint]:
     """Add roots to the best process repeatedly; return all processes that were tried."""
     tried = [best]
     while True:
         orders = [m for m in STEPS if best.a.size + m[0] <= HIGHEST and best.b.size + m[1] <= HIGHEST]
-        found = [_best_start(data, best, more, free=free) for more in orders]
-        found = _supported(data, found)
-        tried += found
-        next_best = min(found, key=lambda point: _score(point, price), default=best)
+        candidates = [_best_start(data, best, more, free=free) for more in orders]
+        candidates = _supportable(data, candidates)
+        tried += candidates
+        next_best = min(candidates, key=lambda point: _score(point, price), default=best)
         if _score(next_best, price) >= _score(best, price):
             return tried
         best = next_best
 
 
-def _best_start(data: _Data, best: _Point, more: tuple[int, int], *, free: bool) -> _Point:
+def _best_start(data: _Data, best: _ArmaPoint, more: tuple[int, int], *, free: bool) -> _ArmaPoint:
     """Return the optimum with more roots: a few steps from all starting points, then all steps from the best of
     them."""
     # Starting points can be equal, because a real root does not depend on the angle, and both residuals can be largest
@@ -176,8 +174,8 @@ def _best_start(data: _Data, best: _Point, more: tuple[int, int], *, free: bool)
     return min((_descend(data, p.a, p.b, p.scale, slow=p.slow, free=free) for p in first), key=lambda point: point.loss)
 
 
-def _best_of_each_order(tried: Sequence[_Point]) -> list[_Point]:
-    best: dict[tuple[int, int], _Point] = {}
+def _best_of_each_order(tried: Sequence[_ArmaPoint]) -> list[_ArmaPoint]:
+    best: dict[tuple[int, int], _ArmaPoint] = {}
     for point in tried:
         orders = (point.a.size, point.b.size)
         if orders not in best or point.loss < best[orders].loss:
@@ -210,7 +208,7 @@ class _Data:
         return cls(np.array([np.cos(phases), -np.sin(phases)]), angles, np.array([known, logs, weights]), floor)
 
     @property
-    def known(self) -> Vector:
+    def known_part(self) -> Vector:
         """The known part."""
         return np.asarray(self.rows[0])
 
@@ -231,7 +229,7 @@ class _Data:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Point:
+class _ArmaPoint:
     """Process with the density e^scale |b|²/|a|²; `slow` is the logarithm of the factor on the known part. `a` and `b`
     are the coefficients of the two polynomials without the leading 1."""
 
@@ -256,12 +254,12 @@ class _Point:
         """The own density, the known part with its factor, and the total, at each frequency."""
         below, above = self.data.polynomial(self.a), self.data.polynomial(self.b)
         with np.errstate(all="ignore"):
-            own = np.exp(self.scale) * (above.real**2 + above.imag**2) / (below.real**2 + below.imag**2)
-            beside = np.exp(self.slow) * self.data.known
-            return own, beside, own + beside + self.data.floor
+            shape = np.exp(self.scale) * (above.real**2 + above.imag**2) / (below.real**2 + below.imag**2)
+            slow_part = np.exp(self.slow) * self.data.known_part
+            return shape, slow_part, shape + slow_part + self.data.floor
 
     @cached_property
-    def left(self) -> Vector:
+    def residuals(self) -> Vector:
         """Logarithms of the measured density divided by the total."""
         with np.errstate(all="ignore"):
             return np.asarray(self.data.logs - np.log(self.parts[2]))
@@ -269,41 +267,44 @@ class _Point:
     @cached_property
     def loss(self) -> float:
         """Weighted sum of squares, with the prior of `slow`."""
-        loss = float(self.data.weights @ self.left**2) + (self.slow / KNOWN) ** 2
+        loss = float(self.data.weights @ self.residuals**2) + (self.slow / KNOWN) ** 2
         return loss if math.isfinite(loss) else math.inf
 
     @cached_property
     def jacobian(self) -> Matrix:
         """Derivatives (n, 2 + p + q) of the logarithm of the density with respect to `scale`, `a`, `b` and `slow`."""
-        own, beside, total = self.parts
-        found = [own / total]
+        shape, slow_part, total = self.parts
+        rows = [shape / total]
         for tail, sign in ((self.a, -2), (self.b, 2)):
-            factor = sign * found[0] / self.data.polynomial(tail)
+            factor = sign * rows[0] / self.data.polynomial(tail)
             real, imaginary = self.data.waves[:, : tail.size]
-            found += list(real * factor.real - imaginary * factor.imag)
-        return np.array([*found, beside / total]).T
+            rows += list(real * factor.real - imaginary * factor.imag)
+        return np.array([*rows, slow_part / total]).T
 
 
 def _descend(
     data: _Data, a: Vector, b: Vector, scale: float, *, slow: float = 0.0, free: bool = False, steps: int = _ITERATIONS
-) -> _Point:
+) -> _ArmaPoint:
     """Find the local optimum by the Levenberg-Marquardt method, with all roots inside the unit circle. If `free`, the
     factor on the known part is fitted too."""
-    found = np.concatenate([[scale], a, b, [slow]])
+    parameters = np.concatenate([[scale], a, b, [slow]])
     _core.spectral_descent(
-        data.waves, data.rows, floor=data.floor, prior=KNOWN, p=a.size, free=free, steps=steps, near=_NEAR,
-        parameters=found,
+        data.waves, data.rows, floor=data.floor, prior=KNOWN, p=a.size, free=free, steps=steps, near=1e-4,
+        parameters=parameters,
     )  # fmt: skip
-    (inner_a, gain_a), (inner_b, gain_b) = _inside(found[1 : 1 + a.size], POLE), _inside(found[1 + a.size : -1], ZERO)
-    scale, slow = float(found[0]) - gain_a + gain_b, float(found[-1])
-    return _Point(data=data, a=inner_a, b=inner_b, scale=scale, slow=slow)
+    (inner_a, gain_a), (inner_b, gain_b) = (
+        _inside(parameters[1 : 1 + a.size], POLE),
+        _inside(parameters[1 + a.size : -1], ZERO),
+    )
+    scale, slow = float(parameters[0]) - gain_a + gain_b, float(parameters[-1])
+    return _ArmaPoint(data=data, a=inner_a, b=inner_b, scale=scale, slow=slow)
 
 
-def _score(point: _Point, price: float, spread: float = 1.0) -> float:
+def _score(point: _ArmaPoint, price: float, spread: float = 1.0) -> float:
     return point.loss / spread + price * point.order
 
 
-def _error_at_zero(point: _Point, data: _Data) -> float:
+def _error_at_zero(point: _ArmaPoint, data: _Data) -> float:
     """Return the standard error of the logarithm of the density at frequency 0."""
     slopes = np.concatenate([
         [1.0], -2 / (1 + point.a.sum()) * np.ones(point.a.size), 2 / (1 + point.b.sum()) * np.ones(point.b.size), [0.0]
@@ -311,7 +312,7 @@ def _error_at_zero(point: _Point, data: _Data) -> float:
     return math.sqrt(max(float(slopes @ _scatter(point, data) @ slopes), 0.0))
 
 
-def _scatter(point: _Point, data: _Data) -> Matrix:
+def _scatter(point: _ArmaPoint, data: _Data) -> Matrix:
     """Return the covariance (2 + p + q, 2 + p + q) of the errors of `scale`, `a`, `b` and `slow`."""
     root = np.sqrt(data.weights)[:, None] * point.jacobian
     root = np.vstack([root, np.append(np.zeros(root.shape[1] - 1), 1 / KNOWN)])
@@ -324,7 +325,7 @@ def _scatter(point: _Point, data: _Data) -> Matrix:
     return np.asarray(max(point.loss / max(data.logs.size - length.size, 1), 1.0) * inverse)
 
 
-def _bend(data: _Data, point: _Point) -> float:
+def _bend(data: _Data, point: _ArmaPoint) -> float:
     """Return the logarithm of the ratio of the density at the frequency 0 to that at the lowest frequency of the
     data."""
     below, above = (abs(data.polynomial(tail)[0]) / max(abs(1 + tail.sum()), 1e-12) for tail in (point.a, point.b))
@@ -345,41 +346,43 @@ def _inside(tail: Vector, most: float) -> tuple[Vector, float]:
     return np.real(np.poly(roots))[1:], gain
 
 
-def _starts(data: _Data, best: _Point, more: tuple[int, int]) -> Iterator[tuple[Vector, Vector]]:
+def _starts(data: _Data, best: _ArmaPoint, more: tuple[int, int]) -> Iterator[tuple[Vector, Vector]]:
     """Yield starting points: the best process so far, with roots at the largest residuals, and at high and low
     frequencies."""
-    scaled = np.sqrt(data.weights) * best.left
-    smooth = np.convolve(scaled, np.ones(_SMOOTH) / _SMOOTH, mode="same")
+    scaled = np.sqrt(data.weights) * best.residuals
+    smooth = np.convolve(scaled, np.ones(5) / 5, mode="same")
     for residual in (smooth, scaled):
         worst = int(np.argmax(np.abs(residual)))
         for radii in ((0.97, 0.9), (0.8, 0.6)):
             above, below = radii if residual[worst] > 0 else radii[::-1]
             yield (
-                _widened(best.a, more[0], data.angles[worst], above),
-                _widened(best.b, more[1], data.angles[worst], below),
+                _add_roots(best.a, more[0], data.angles[worst], above),
+                _add_roots(best.b, more[1], data.angles[worst], below),
             )
-    yield _widened(best.a, more[0], math.pi, 0.6), _widened(best.b, more[1], math.pi, 0.6)
+    yield _add_roots(best.a, more[0], math.pi, 0.6), _add_roots(best.b, more[1], math.pi, 0.6)
     if sum(more) <= 2:
-        yield _widened(best.a, more[0], 0.5, 0.6), _widened(best.b, more[1], 0.5, 0.5)
+        yield _add_roots(best.a, more[0], 0.5, 0.6), _add_roots(best.b, more[1], 0.5, 0.5)
 
 
-def _widened(tail: Vector, count: int, angle: float, radius: float) -> Vector:
+def _add_roots(tail: Vector, count: int, angle: float, radius: float) -> Vector:
     """Return the coefficients of the polynomial with `count` additional roots at a radius and an angle."""
-    whole = np.concatenate([[1.0], tail])
+    polynomial = np.concatenate([[1.0], tail])
     for _ in range(count // 2):
-        whole = np.convolve(whole, [1.0, -2 * radius * math.cos(angle), radius**2])
+        polynomial = np.convolve(polynomial, [1.0, -2 * radius * math.cos(angle), radius**2])
     if count % 2:
-        whole = np.convolve(whole, [1.0, -math.copysign(radius, math.cos(angle))])
-    return whole[1:]
+        polynomial = np.convolve(polynomial, [1.0, -math.copysign(radius, math.cos(angle))])
+    return polynomial[1:]
 
 
-def _alternatives(data: _Data, chosen: _Point, tried: Sequence[_Point], price: float) -> tuple[Alternative, ...]:
+def _alternatives(
+    data: _Data, chosen: _ArmaPoint, tried: Sequence[_ArmaPoint], price: float
+) -> tuple[Alternative, ...]:
     """Return the best process of each other order with a weight of at least `LIKELY`. The weight is proportional to
     exp(−d/2), with d the information criterion minus that of the chosen process."""
     best = {(point.a.size, point.b.size): point for point in (*_best_of_each_order(tried), chosen)}
     spread = max(chosen.loss / max(data.logs.size - chosen.order - 1, 1), 1.0)
-    own = _score(chosen, price, spread)
-    weights = {at: math.exp(min(own - _score(point, price, spread), 0.0) / 2) for at, point in best.items()}
+    score = _score(chosen, price, spread)
+    weights = {at: math.exp(min(score - _score(point, price, spread), 0.0) / 2) for at, point in best.items()}
     total = sum(weights.values())
     return tuple(
         Alternative(phi=-point.a, theta=point.b.copy(), density=point.density, weight=weights[at] / total)
@@ -388,7 +391,7 @@ def _alternatives(data: _Data, chosen: _Point, tried: Sequence[_Point], price: f
     )
 
 
-def _reported(data: _Data, point: _Point, alternatives: tuple[Alternative, ...]) -> SpectralShape:
+def _report(data: _Data, point: _ArmaPoint, alternatives: tuple[Alternative, ...]) -> SpectralShape:
     sign = np.concatenate([-np.ones(point.a.size), np.ones(point.b.size)])
     return SpectralShape(
         phi=-point.a, theta=point.b.copy(), innovation=math.exp(point.scale),

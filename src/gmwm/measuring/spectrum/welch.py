@@ -14,19 +14,12 @@ from gmwm.base.arrays import Vector, freeze
 
 Detrend = Literal["constant", "linear"]
 """Trend that is subtracted from each block: the mean, or the least-squares line."""
-OVERLAP_CORRELATION = (1 / 6) ** 2
-"""Correlation of the periodograms of two half-overlapping Hann blocks, (Σ w_t w_{t+L/2} / Σ w_t²)² (Percival and Walden
-1993, chapter 6.17)."""
 ENERGY_WIDTH = 1.5
 """Equivalent noise bandwidth of the Hann window, L Σ w² / (Σ w)², in bins (Harris 1978, table 1)."""
 HALF_POWER_WIDTH = 1.44
 """Width of a line at half its power with a Hann window, in bins (Harris 1978, table 1)."""
 BATCH = 1 << 17
 """Number of samples that are transformed at once: 1 MB, which stays in the cache of the processor."""
-ROUNDING = 8 * float(np.finfo(np.float64).eps)
-"""Largest relative rounding error of the mean of a constant block, with a safety factor of eight."""
-TINY = 1e-300
-"""Smallest value of the periodogram whose logarithm is used. The periodogram of a constant signal is 0."""
 
 
 @lru_cache(maxsize=16)
@@ -73,29 +66,29 @@ def periodograms(values: Vector, length: int, detrend: Detrend) -> Periodograms:
     """Return the sums over all blocks of `values` that begin at multiples of length / 2."""
     from scipy.fft import rfft
 
-    found = Periodograms.none(length)
+    sums = Periodograms.none(length)
     if values.size < length:
-        return found
+        return sums
     blocks, window = sliding_window_view(values, length)[:: length // 2], hann(length)
     edges = band_edges(length)
     sizes = np.diff(np.append(edges, length // 2 + 1))
-    total, levels, squares = found[:3]
+    total, levels, squares = sums[:3]
     step = max(1, BATCH // length)
     for first in range(0, len(blocks), step):
-        some = blocks[first : first + step]
-        mean = some.mean(axis=1, keepdims=True)
-        some = some - mean
+        batch = blocks[first : first + step]
+        mean = batch.mean(axis=1, keepdims=True)
+        batch = batch - mean
         # For a constant block, only the rounding error of the mean remains. It is set to zero.
-        some[np.abs(some).max(axis=1) <= ROUNDING * np.abs(mean[:, 0])] = 0.0
+        batch[np.abs(batch).max(axis=1) <= 8 * float(np.finfo(np.float64).eps) * np.abs(mean[:, 0])] = 0.0
         if detrend == "linear":
             line = _centred_time(length)
-            some -= (some @ line)[:, None] * line
-        some *= window
-        parts = rfft(some, axis=1, overwrite_x=True).view(np.float64)
+            batch -= (batch @ line)[:, None] * line
+        batch *= window
+        parts = rfft(batch, axis=1, overwrite_x=True).view(np.float64)
         np.multiply(parts, parts, out=parts)
         power = parts[:, ::2] + parts[:, 1::2]
         total += power.sum(axis=0)
-        logs = np.log(np.maximum(power, TINY, out=power), out=power)
+        logs = np.log(np.maximum(power, 1e-300, out=power), out=power)
         means = np.exp(np.add.reduceat(logs, edges, axis=1) / sizes)
         levels += means.sum(axis=0)
         squares += (means**2).sum(axis=0)
@@ -119,7 +112,7 @@ def one_sided_density(sums: Periodograms, length: int, rate: float) -> Vector:
 def nominal_freedom(blocks: int, pairs: int) -> float:
     """Return the edf 2 K² / (K + 2 P r) of the mean of K periodograms of stationary noise (Welch 1967). P is the number
     of pairs of overlapping blocks, and r the correlation of the periodograms of a pair."""
-    return 2 * blocks**2 / (blocks + 2 * pairs * OVERLAP_CORRELATION)
+    return 2 * blocks**2 / (blocks + 2 * pairs * (1 / 6) ** 2)
 
 
 def degrees_of_freedom(sums: Periodograms, pairs: int, length: int) -> Vector:

@@ -20,17 +20,11 @@ if TYPE_CHECKING:
 
 RESOLUTIONS = tuple(6 * 2**k for k in range(9, -1, -1))
 """Number of bins per octave of each grid, the finest first, for widths from 0.02 % to 50 % of the frequency."""
-LEAST_BINS = 2
-"""Smallest number of frequencies of the spectrum in a bin of a grid."""
 NEAR, FAR = 4, 11
 """Distances, in bins of the grid, at which the flanks begin and end. A flank has 8 bins."""
-LEAST_FLANK = 3
-"""Smallest number of bins of a flank at the ends of the grid."""
 INNER, OUTER = 1, 5
 """Distances (bins of the grid) for the test whether a grid is coarse enough: the excess at 2 to 5 bins must be less
 than half of that within one bin, so that the flanks are outside the peak."""
-SHARP = 3.0
-"""Smallest Q factor of a resonance whose frequency and width are fitted with a Lorentz shape."""
 AROUND, PER_WIDTH = 3.0, 6.0
 """The fit uses the frequencies within three widths on each side, and bins of at most a sixth of the width."""
 LEAST_HEIGHT = 1.25
@@ -38,7 +32,7 @@ LEAST_HEIGHT = 1.25
 """
 
 
-class Grid(NamedTuple):
+class DensityGrid(NamedTuple):
     """Means of the density over bins of a constant relative width; NaN in bins that contain only lines."""
 
     frequencies: Vector
@@ -64,24 +58,24 @@ class WidePeak(NamedTuple):
         return self.density / self.level
 
 
-def grid_of(spectrum: PowerSpectrum, freedom: Vector, free: NDArray[np.bool_], per_octave: int) -> Grid:
+def grid_of(spectrum: PowerSpectrum, freedom: Vector, free: NDArray[np.bool_], per_octave: int) -> DensityGrid:
     """Return the means of the density over bins of 1 / per_octave octaves, each with at least two frequencies."""
     size = spectrum.density.size - 1
-    lowest = max(FIRST_BIN, math.ceil(LEAST_BINS * per_octave / math.log(2)))
+    lowest = max(FIRST_BIN, math.ceil(2 * per_octave / math.log(2)))
     count = int(per_octave * math.log2(size / lowest)) + 1 if lowest < size else 0
     edges = np.round(lowest * 2.0 ** (np.arange(count + 1) / per_octave)).astype(np.int64)
     edges = edges[(np.diff(edges, prepend=0) > 0) & (edges <= size)]
     if edges.size < 2:
         empty = np.empty(0)
-        return Grid(empty, empty, empty, per_octave)
+        return DensityGrid(empty, empty, empty, per_octave)
     sums = [
         np.add.reduceat(np.where(free, values, 0.0)[: edges[-1]], edges[:-1])
         for values in (spectrum.density, spectrum.frequencies, freedom, np.ones(free.size))
     ]
     with np.errstate(invalid="ignore", divide="ignore"):
-        density, frequencies, own = (one / sums[3] for one in sums[:3])
-        freedom = pooled_freedom(own, sums[3])
-    return Grid(frequencies, density, freedom, per_octave)
+        density, frequencies, mean_freedom = (total / sums[3] for total in sums[:3])
+        freedom = pooled_freedom(mean_freedom, sums[3])
+    return DensityGrid(frequencies, density, freedom, per_octave)
 
 
 def wide_peaks(
@@ -97,47 +91,47 @@ def wide_peaks(
     bumps in `narrow` is not reported as another peak."""
     grids = [grid_of(spectrum, freedom, free, resolution) for resolution in RESOLUTIONS]
     tests = max(1, sum(grid.density.size for grid in grids))
-    found: list[WidePeak] = []
+    peaks: list[WidePeak] = []
     wider: list[WidePeak] = []
     for grid in grids:
         for peak in _peaks(grid, level / tests):
-            if _is_known(peak, *narrow) or any(_overlap(peak, one, grid) for one in found):
+            if _is_known(peak, *narrow) or any(_overlap(peak, other, grid) for other in peaks):
                 continue
-            (found if peak.compact else wider).append(peak)
+            (peaks if peak.compact else wider).append(peak)
     # The remaining peaks are so close to an end of the spectrum that no coarser grid can measure them.
     for peak in reversed(wider):
-        if not any(_overlap(peak, one, None) for one in found):
-            found.append(peak)
-    found = [_fitted(peak, grids) for peak in found]
-    lines = [_line(spectrum, peak) for peak in found if peak.frequency >= LEAST_QUALITY * peak.width]
+        if not any(_overlap(peak, other, None) for other in peaks):
+            peaks.append(peak)
+    peaks = [_fit_shape(peak, grids) for peak in peaks]
+    lines = [_line(spectrum, peak) for peak in peaks if peak.frequency >= LEAST_QUALITY * peak.width]
     bumps = [
         Bump(
             frequency=peak.frequency, width=peak.width, height=peak.height, density=peak.density, p_value=peak.p_value
         )
-        for peak in found
+        for peak in peaks
         if peak.frequency < LEAST_QUALITY * peak.width
     ]  # fmt: skip
     return lines, bumps
 
 
-def _peaks(grid: Grid, level: float) -> list[WidePeak]:
+def _peaks(grid: DensityGrid, level: float) -> list[WidePeak]:
     """Return the significant peaks of one grid, the most significant first."""
     if grid.density.size < 2 * NEAR:
         return []
     with np.errstate(invalid="ignore", divide="ignore"):
-        beside = flanks(grid.density, grid.freedom, NEAR, FAR, least=LEAST_FLANK)
-        ratio = grid.density / beside.level
+        surroundings = flanks(grid.density, grid.freedom, NEAR, FAR, least=3)
+        ratio = grid.density / surroundings.level
         p = p_values(ratio, grid.freedom, level)
     top = np.ones(ratio.size, dtype=bool)
     top[1:] &= ~(grid.density[1:] < grid.density[:-1])
     top[:-1] &= ~(grid.density[:-1] < grid.density[1:])
     (hits,) = np.nonzero(top & np.isfinite(p) & (p < level) & (ratio >= LEAST_HEIGHT))
-    found = []
+    peaks = []
     for k in sorted(hits.tolist(), key=lambda k: -ratio[k]):
-        between = float(beside.between[k])
+        between = float(surroundings.between[k])
         width = _width(grid, k, (float(grid.density[k]) + between) / 2)
         if width is not None:
-            found.append(
+            peaks.append(
                 WidePeak(
                     frequency=_summit(grid, k),
                     width=width,
@@ -148,12 +142,12 @@ def _peaks(grid: Grid, level: float) -> list[WidePeak]:
                     compact=_is_compact(grid, k, between),
                 )
             )
-    return found
+    return peaks
 
 
-def _fitted(peak: WidePeak, grids: Sequence[Grid]) -> WidePeak:
+def _fit_shape(peak: WidePeak, grids: Sequence[DensityGrid]) -> WidePeak:
     """Return the peak with the frequency and the width of a fitted Lorentz shape; a peak with a low Q is unchanged."""
-    if peak.frequency < SHARP * peak.width:
+    if peak.frequency < 3.0 * peak.width:
         return peak
     fine = [grid for grid in grids if peak.frequency * math.log(2) / grid.per_octave <= peak.width / PER_WIDTH]
     # The coarsest of the fine grids that reach down to the peak is used, or else the finest grid that reaches it.
@@ -163,13 +157,13 @@ def _fitted(peak: WidePeak, grids: Sequence[Grid]) -> WidePeak:
         return peak
     grid = usable[-1]
     part = (np.abs(grid.frequencies - peak.frequency) < AROUND * peak.width) & (grid.density > 0)
-    found = lorentz_fit(
+    fit = lorentz_fit(
         grid.frequencies[part], grid.density[part], grid.freedom[part], center=peak.frequency, width=peak.width
     )
-    return peak if found is None else peak._replace(frequency=found[0], width=found[1])
+    return peak if fit is None else peak._replace(frequency=fit[0], width=fit[1])
 
 
-def _width(grid: Grid, k: int, half: float) -> float | None:
+def _width(grid: DensityGrid, k: int, half: float) -> float | None:
     """Return the width (Hz) of the peak at bin k where its density falls to `half`; None if it does not on one side.
     The width of the bins is subtracted in quadrature."""
     ends = []
@@ -182,20 +176,20 @@ def _width(grid: Grid, k: int, half: float) -> float | None:
         inside, outside = grid.density[j], grid.density[j + step]
         share = (inside - half) / (inside - outside)
         ends.append(grid.frequencies[j] + share * (grid.frequencies[j + step] - grid.frequencies[j]))
-    width, own = ends[1] - ends[0], grid.frequencies[k] * math.log(2) / grid.per_octave
-    return float(math.sqrt(max(width**2 - own**2, own**2 / 4)))
+    width, bin_width = ends[1] - ends[0], grid.frequencies[k] * math.log(2) / grid.per_octave
+    return float(math.sqrt(max(width**2 - bin_width**2, bin_width**2 / 4)))
 
 
-def _summit(grid: Grid, k: int) -> float:
+def _summit(grid: DensityGrid, k: int) -> float:
     """Return the frequency (Hz) of the peak at bin k, by a parabola through the logarithms of three bins."""
     with np.errstate(divide="ignore"):
-        left, top, right = np.log(grid.density[k - 1 : k + 2])
-    curve = left - 2 * top + right
-    shift = 0.5 * (left - right) / curve if np.isfinite(curve) and curve < 0 else 0.0
+        before, top, after = np.log(grid.density[k - 1 : k + 2])
+    curve = before - 2 * top + after
+    shift = 0.5 * (before - after) / curve if np.isfinite(curve) and curve < 0 else 0.0
     return float(grid.frequencies[k] * 2 ** (np.clip(shift, -0.5, 0.5) / grid.per_octave))
 
 
-def _is_compact(grid: Grid, k: int, level: float) -> bool:
+def _is_compact(grid: DensityGrid, k: int, level: float) -> bool:
     """Return whether most of the excess of the peak at bin k over `level` is within one bin."""
     first = max(k - OUTER, 0)
     excess = np.nan_to_num(grid.density[first : k + OUTER + 1] - level)
@@ -203,11 +197,11 @@ def _is_compact(grid: Grid, k: int, level: float) -> bool:
     return float(excess[~near].sum()) <= float(excess[near].sum()) / 2
 
 
-def _overlap(one: WidePeak, other: WidePeak, grid: Grid | None) -> bool:
+def _overlap(peak: WidePeak, other: WidePeak, grid: DensityGrid | None) -> bool:
     """Return whether two peaks are closer than the width of the wider one, or than two bins of `grid`, and so the
     same."""
     bin_width = 0.0 if grid is None else 2 * other.frequency * math.log(2) / grid.per_octave
-    return abs(one.frequency - other.frequency) <= max(one.width, other.width, bin_width)
+    return abs(peak.frequency - other.frequency) <= max(peak.width, other.width, bin_width)
 
 
 def _is_known(peak: WidePeak, lines: Sequence[Line], bumps: Sequence[Bump]) -> bool:

@@ -121,7 +121,7 @@ def spread(
         )
         for axis, axis_curves in again.items():
             axis_curves.second = second[axis]
-    stream._ended(crew.summary, stacklevel=6)
+    stream._complete(crew.summary, stacklevel=6)
 
 
 @dataclass(frozen=True, eq=False)

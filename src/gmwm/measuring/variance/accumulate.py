@@ -108,7 +108,7 @@ class WaveletAccumulator(SegmentedAccumulator):
         joint = self._copy()
         joint.axis = self.axis or following.axis
         joint._append(following)
-        joint._thinned = joint._thinned.joined(following._thinned)
+        joint._thinned = joint._thinned.join(following._thinned)
         return joint
 
     @one_at_a_time
@@ -145,7 +145,7 @@ class WaveletAccumulator(SegmentedAccumulator):
             return replace(wv, rise=self.rise)
         if not robust:
             return self._curve(confidence)
-        return self._curve(confidence, robust_variances(self._sketched(), efficiency), efficiency)
+        return self._curve(confidence, robust_variances(self._sketches(), efficiency), efficiency)
 
     @one_at_a_time
     def second_pass(self, efficiency: float = EFFICIENCY, *, start: int | None = None) -> SecondPass:
@@ -177,41 +177,41 @@ class WaveletAccumulator(SegmentedAccumulator):
         """
         biweight(efficiency)
         self._require_counts()
-        kept = self._copy()
-        sketched = kept._sketched()
+        record = self._copy()
+        sketched = record._sketches()
         request = sum_request(sketched, robust_variances(sketched, efficiency), efficiency)
-        winsorised = kept._thinned.winsorised_rise(self.start, kept.lengths)
+        winsorised = record._thinned.winsorised_rise(self.start, record.lengths)
         return SecondPass(
-            kept, request, winsorised=winsorised, start=self.start if start is None else start, efficiency=efficiency
+            record, request, winsorised=winsorised, start=self.start if start is None else start, efficiency=efficiency
         )
 
-    def _sketched(self) -> SketchCoefficients:
+    def _sketches(self) -> SketchCoefficients:
         """Return the sketches of the coefficients so far; raise DataError if there are fewer than 8 samples without a
         gap."""
         self._fold()
-        reach = self._measured()[1].size
+        reach = self._variances()[1].size
         sketches: Sketches = self._all_statistics()
         return SketchCoefficients.of(sketches, reach)
 
     def _curve(
         self,
         confidence: float = 0.95,
-        found: RobustVariances | None = None,
+        robust: RobustVariances | None = None,
         efficiency: float | None = None,
         slope: float | None = None,
     ) -> WaveletVariance:
         """Return the result for the samples so far, with classical variances or with the robust variances `found`."""
         self._fold()
-        variance, counts = self._measured()
+        variance, counts = self._variances()
         lengths = self.lengths
-        if found is not None:
-            variance = found.variance
+        if robust is not None:
+            variance = robust.variance
         wv = WaveletVariance(
             levels=np.arange(1, counts.size + 1, dtype=np.int64), variance=variance, lower=variance, upper=variance,
             counts=counts, rate=self.rate, samples=sum(lengths), unit=self.unit, axis=self.axis, confidence=confidence,
-            slope=self._slope() if found is None else slope, segments=lengths if len(lengths) > 1 else (),
-            filled=self.filled, rise=self.rise, strides=_strides(self.exact, counts.size), robust=found is not None,
-            efficiency=efficiency, diagnostics={} if found is None else {"robust": found.diagnostics},
+            slope=self._slope() if robust is None else slope, segments=lengths if len(lengths) > 1 else (),
+            filled=self.filled, rise=self.rise, strides=_strides(self.exact, counts.size), robust=robust is not None,
+            efficiency=efficiency, diagnostics={} if robust is None else {"robust": robust.diagnostics},
         )  # fmt: skip
         lower, upper = chi_square_limits(variance, wv.degrees_of_freedom, confidence)
         return replace(wv, lower=lower, upper=upper)
@@ -222,7 +222,7 @@ class WaveletAccumulator(SegmentedAccumulator):
     def to_dict(self) -> dict[str, Any]:
         """Return the whole state as numbers, strings and arrays, for pickle, `numpy.savez`, or (as lists) JSON."""
         self._fold()
-        kept: Any = self._statistics if self.robust else Sketches()
+        sketches: Any = self._statistics if self.robust else Sketches()
         return {
             "rate": self.rate, "levels": self.levels, "exact": self.exact, "start": self.start, "unit": self.unit,
             "axis": self.axis, "squares": self._squares, "counts": self._counts,
@@ -230,7 +230,7 @@ class WaveletAccumulator(SegmentedAccumulator):
             "line": np.array(self._line),
             "robust": self.robust, "every": self._thinned.every, "some": self._thinned.values,
             "some_first": self._thinned.first,
-            **dict(zip(("bins", "resolutions"), kept.to_arrays(), strict=True)),
+            **dict(zip(("bins", "resolutions"), sketches.to_arrays(), strict=True)),
             **({} if self._first is None else self._first.arrays("first_")),
             **({} if self._last is None else self._last.arrays("last_")),
         }  # fmt: skip
@@ -239,25 +239,25 @@ class WaveletAccumulator(SegmentedAccumulator):
     def from_dict(cls, values: Mapping[str, Any]) -> WaveletAccumulator:
         """Restore an accumulator from the result of its `to_dict`; raise ReadError if `values` is not such a state."""
         try:
-            made = cls(
+            result = cls(
                 float(values["rate"]), levels=int(values["levels"]), exact=int(values["exact"]),
                 start=int(values["start"]), unit=str(values["unit"]), axis=str(values["axis"]),
                 robust=bool(values["robust"]),
             )  # fmt: skip
-            made._squares = np.array(values["squares"], dtype=np.float64).reshape(made.levels)
-            made._counts = np.array(values["counts"], dtype=np.int64).reshape(made.levels)
-            if not np.all((made._squares >= 0) & (made._squares < LARGEST_SUM**2)) or np.any(made._counts < 0):
+            result._squares = np.array(values["squares"], dtype=np.float64).reshape(result.levels)
+            result._counts = np.array(values["counts"], dtype=np.int64).reshape(result.levels)
+            if not np.all((result._squares >= 0) & (result._squares < LARGEST_SUM**2)) or np.any(result._counts < 0):
                 raise ValueError("sums of squares and counts must be finite and not negative")
-            made._lengths = [as_count(length) for length in values["lengths"]]
-            made._rises = float(values["rises"])
-            made.filled, made._line = as_count(values["filled"]), RiseSums(*map(float, values["line"]))
-            if made.robust:
-                made._statistics = Sketches.from_arrays(values["bins"], values["resolutions"])
-            some = np.array(values["some"], dtype=np.float64)
-            made._thinned = ThinnedValues(as_count(values["every"], 1), as_count(values["some_first"]), some)
-            made._first = SegmentState.restored("first_", made.exact, made.levels, values)
-            made._last = SegmentState.restored("last_", made.exact, made.levels, values)
-            made._count = as_count(sum(made._lengths) + sum(part.count for part in made._open()))
+            result._lengths = [as_count(length) for length in values["lengths"]]
+            result._rises = float(values["rises"])
+            result.filled, result._line = as_count(values["filled"]), RiseSums(*map(float, values["line"]))
+            if result.robust:
+                result._statistics = Sketches.from_arrays(values["bins"], values["resolutions"])
+            thinned = np.array(values["some"], dtype=np.float64)
+            result._thinned = ThinnedValues(as_count(values["every"], 1), as_count(values["some_first"]), thinned)
+            result._first = SegmentState.restore("first_", result.exact, result.levels, values)
+            result._last = SegmentState.restore("last_", result.exact, result.levels, values)
+            result._count = as_count(sum(result._lengths) + sum(part.count for part in result._open()))
         except KeyError as error:
             raise ReadError(
                 f"this is not the state of an accumulator: {error.args[0]!r} is missing",
@@ -267,7 +267,7 @@ class WaveletAccumulator(SegmentedAccumulator):
             raise ReadError(
                 f"this is not the state of an accumulator: {error}", advice="Save the state again with `to_dict()`."
             ) from error
-        return made
+        return result
 
     def __getstate__(self) -> dict[str, Any]:
         return self.to_dict()
@@ -283,13 +283,13 @@ class WaveletAccumulator(SegmentedAccumulator):
     def _copy(self) -> WaveletAccumulator:
         """Return a copy of the accumulator, which shares the data of closed segments, because they never change."""
         self._fold()
-        made = WaveletAccumulator(
+        copy = WaveletAccumulator(
             self.rate, levels=self.levels, exact=self.exact, start=self.start, unit=self.unit, axis=self.axis,
             robust=self.robust, held=self.held,
         )  # fmt: skip
-        made._take_state(self)
-        made._thinned = self._thinned
-        return made
+        copy._take_state(self)
+        copy._thinned = self._thinned
+        return copy
 
     def _require_usable(self, x: Vector) -> None:
         if self.robust and x.size:
@@ -298,7 +298,7 @@ class WaveletAccumulator(SegmentedAccumulator):
     def _grow(self, x: Vector) -> None:
         """Add samples to the open segment."""
         if self.robust:
-            self._thinned = self._thinned.joined(ThinnedValues.of(x, self.stop))
+            self._thinned = self._thinned.join(ThinnedValues.of(x, self.stop))
         super()._grow(x)
 
     def _require_counts(self) -> None:
@@ -312,7 +312,7 @@ class WaveletAccumulator(SegmentedAccumulator):
 
     def _signal(self) -> Signal:
         """Return all samples so far as a Signal; this requires that all of them are stored."""
-        values = self._held.joined()
+        values = self._held.segments()
         ends = np.cumsum([0, *map(len, values)]).tolist()
         x = values[0] if len(values) == 1 else np.concatenate(values)
         return Signal(x, self.rate, unit=self.unit, axis=self.axis, segments=list(pairwise(ends)), filled=self.filled)
@@ -327,7 +327,7 @@ class WaveletAccumulator(SegmentedAccumulator):
                 advice="Record longer, or read more samples before you call `result()`.",
             )
 
-    def _measured(self) -> tuple[Vector, Counts]:
+    def _variances(self) -> tuple[Vector, Counts]:
         """Return the variances and the numbers of coefficients of the levels that have coefficients."""
         self._require_samples()
         squares, counts = self._sums()

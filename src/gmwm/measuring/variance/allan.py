@@ -15,9 +15,6 @@ from gmwm.measuring.variance.phase import Clusters, Data, Progress, cluster_size
 from gmwm.recording.options import as_confidence, one_of
 from gmwm.recording.signals import Signal
 
-REDDEST = -2
-"""Exponent α of random walk FM, the reddest noise with a finite Allan variance (NIST SP 1065)."""
-
 
 def allan_variance(
     x: Signal | ArrayLike,
@@ -109,7 +106,8 @@ def allan_variance(
             step = 1 if kind == "overlapping" else 0
             squares = mean_squares(lambda n: _core.second_differences(p, n, step or n), sizes, counts, progress)
     variance = squares / (2.0 * scale * sizes * sizes)
-    noise = noise_types(p, sizes, variance, reddest=REDDEST)
+    # Random walk FM (α = −2) is the reddest noise with a finite Allan variance (NIST SP 1065).
+    noise = noise_types(p, sizes, variance, reddest=-2)
     freedom = degrees_of_freedom(
         exponents(noise), sizes, p.size, order=2, overlapping=kind != "nonoverlapping", modified=modified
     )

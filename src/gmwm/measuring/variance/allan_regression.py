@@ -115,8 +115,6 @@ class SlopeLine:
 
 _Reason = Literal["slope", "chance", "few", "rising"]
 """Reason why a term is not found."""
-OCTAVE = 1.9
-"""Smallest ratio of neighbouring averaging times for which a slope is computed."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -164,7 +162,7 @@ class AllanRegression(Summarised, Plotted):
              "si": line.coefficient * coefficient_unit(line.term, unit)[1]}
             for line in self.lines
         ]  # fmt: skip
-        return {"allan": self.allan.to_dict(), "lines": lines, "remarks": [one.to_dict() for one in self.remarks]}
+        return {"allan": self.allan.to_dict(), "lines": lines, "remarks": [remark.to_dict() for remark in self.remarks]}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> AllanRegression:
@@ -270,8 +268,8 @@ def avlr(
         )
     if isinstance(x, ClusterVariance) and rate is not None and rate != allan.rate:
         raise contradicting_rate(rate, allan.rate, "curve")
-    wanted = list(terms)
-    for term in (*wanted, *(ranges or {})):
+    requested = list(terms)
+    for term in (*requested, *(ranges or {})):
         if term not in LAWS:
             raise OptionError(argument="terms", expected=f"among {', '.join(LAWS)}", got=term)
     if not 0 < tolerance <= 0.5:
@@ -280,36 +278,36 @@ def avlr(
     tau, deviation = allan.tau[used], allan.deviation[used]
     lines: list[SlopeLine] = []
     remarks: list[Remark] = []
-    for term in (term for term in LAWS if term in wanted):
+    for term in (term for term in LAWS if term in requested):
         if ranges and term in ranges:
-            found = _line(term, tau, deviation, _inside(term, ranges[term], tau))
+            fit = _line(term, tau, deviation, _inside(term, ranges[term], tau))
         elif term == "B":
-            found = _minimum(tau, deviation)
+            fit = _minimum(tau, deviation)
         else:
-            found = _line(
+            fit = _line(
                 term, tau, deviation, _fitted_range(np.log(tau), np.log(deviation), LAWS[term].slope, tolerance)
             )
-        if isinstance(found, SlopeLine) and not (ranges and term in ranges) and _contradicted(found, allan):
-            found = "chance"
-        if isinstance(found, SlopeLine):
-            lines.append(found)
+        if isinstance(fit, SlopeLine) and not (ranges and term in ranges) and _exceeds_limits(fit, allan):
+            fit = "chance"
+        if isinstance(fit, SlopeLine):
+            lines.append(fit)
         else:
-            remarks.append(Remark.of("slope-line-missing", term, reason=found, slope=LAWS[term].slope))
+            remarks.append(Remark.of("slope-line-missing", term, reason=fit, slope=LAWS[term].slope))
     return AllanRegression(allan=allan, lines=tuple(lines), remarks=tuple(remarks))
 
 
-def _contradicted(line: SlopeLine, allan: ClusterVariance) -> bool:
+def _exceeds_limits(line: SlopeLine, allan: ClusterVariance) -> bool:
     """Return whether the line exceeds 1.5 times the upper confidence limit of the curve at some averaging time."""
     return bool(np.any(line.deviation(allan.tau) > 1.5 * allan.upper_deviation))
 
 
 def _octaves(tau: Vector, usable: NDArray[np.bool_]) -> list[int]:
     """Return indices of usable values that are about an octave apart; slopes between closer values are too noisy."""
-    kept: list[int] = []
+    indices: list[int] = []
     for k in np.flatnonzero(usable).tolist():
-        if not kept or tau[k] >= OCTAVE * tau[kept[-1]]:
-            kept.append(k)
-    return kept
+        if not indices or tau[k] >= 1.9 * tau[indices[-1]]:
+            indices.append(k)
+    return indices
 
 
 def _inside(term: Term, bounds: tuple[float, float], tau: Vector) -> NDArray[np.bool_]:

@@ -218,9 +218,9 @@ def signal_wavelet_variance(
     diagnostics: dict[str, Any] = {}
     if robust:
         _slope(segments)  # raises an error if a value is not finite
-        found = _robust(segments, wavelet, transform=transform, levels=levels, efficiency=efficiency)
-        variance, diagnostics["robust"] = found.variance, found.diagnostics
-        slope = _slope([_clipped(segment) for segment in segments])
+        estimate = _robust(segments, wavelet, transform=transform, levels=levels, efficiency=efficiency)
+        variance, diagnostics["robust"] = estimate.variance, estimate.diagnostics
+        slope = _slope([_clip(segment) for segment in segments])
         eta = eta * efficiency
     else:
         variance, rises = _classical(segments, wavelet, transform, levels)
@@ -254,20 +254,20 @@ def _classical(
     """Compute the mean square, at each level, over all coefficients of all segments. The kernel of the Haar filter also
     returns the mean rise of each segment with two samples or more."""
     numbers = np.arange(1, levels + 1, dtype=np.int64)
-    found, rises = [], []
+    estimates, rises = [], []
     for segment, reach in _reaching(segments, filter, transform, levels):
         if _by_running_sum(filter, transform):
             variance, rise = _core.haar_variance(segment, reach)
             rises.append(rise)
         else:
             variance = variances(segment, filter, transform, reach)
-        found.append((variance, coefficient_counts(segment.size, numbers[:reach], filter, transform)))
+        estimates.append((variance, coefficient_counts(segment.size, numbers[:reach], filter, transform)))
     if len(segments) == 1:
-        return found[0][0], rises
+        return estimates[0][0], rises
     total, counts = np.zeros(levels), np.zeros(levels)
-    for variance, own in found:
-        total[: own.size] += own * variance
-        counts[: own.size] += own
+    for variance, numbers_used in estimates:
+        total[: numbers_used.size] += numbers_used * variance
+        counts[: numbers_used.size] += numbers_used
     return np.asarray(total / counts), rises
 
 
@@ -309,8 +309,8 @@ def _slope(segments: Sequence[Vector], rises: Sequence[float] = ()) -> float:
     the squared lengths of the segments, between those for a random walk (lengths) and for white noise (cubes). `rises`
     are slopes of the segments from the kernel; they are not finite if a value or a sum is not."""
     long = [segment for segment in segments if segment.size > 1]
-    known = rises or [math.nan] * len(long)
-    slopes = [rise if math.isfinite(rise) else _rise(values) for rise, values in zip(known, long, strict=True)]
+    kernel_rises = rises or [math.nan] * len(long)
+    slopes = [rise if math.isfinite(rise) else _rise(values) for rise, values in zip(kernel_rises, long, strict=True)]
     if len(long) == 1:
         return slopes[0]
     return float(np.average(slopes, weights=[float(segment.size) ** 2 for segment in long]))
@@ -328,9 +328,9 @@ def _rise(values: Vector) -> float:
     return (second / (values.size - half) - first / half) / (values.size / 2)
 
 
-def _clipped(values: Vector) -> Vector:
+def _clip(values: Vector) -> Vector:
     """Clip values to 10 MAD from the median, so that outliers do not determine the slope."""
-    some = values[:: values.size // 4096 + 1]
-    middle = float(np.median(some))
-    spread = float(np.median(np.abs(some - middle)))
+    sample = values[:: values.size // 4096 + 1]
+    middle = float(np.median(sample))
+    spread = float(np.median(np.abs(sample - middle)))
     return np.clip(values, middle - 10 * spread, middle + 10 * spread) if spread > 0 else values

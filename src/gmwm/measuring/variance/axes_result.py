@@ -49,10 +49,10 @@ class WaveletVariances(AxisResults[WaveletVariance]):
         lines = [f"{name} {first.transform.upper()} wavelet variance: {first.extent}{robust}"]
         for _, group in groupby(self.curves, key=lambda axis: axis.rpartition("_")[0] or axis):
             axes = list(group)
-            one = self.curves[axes[0]]
-            unit = f"variance in ({one.unit})²" if one.unit else "variance"
+            curve = self.curves[axes[0]]
+            unit = f"variance in ({curve.unit})²" if curve.unit else "variance"
             lines += ["", unit, f"{'level':>5} {'tau [s]':>12} " + " ".join(f"{axis:>14}" for axis in axes)]
-            for k, (j, tau) in enumerate(zip(one.levels, one.tau, strict=True)):
+            for k, (j, tau) in enumerate(zip(curve.levels, curve.tau, strict=True)):
                 values = " ".join(f"{self.curves[axis].variance[k]:14.6e}" for axis in axes)
                 lines.append(f"{j:5d} {tau:12.6g} {values}")
         remarks = texts(remark.about(axis) for axis, wv in self.curves.items() for remark in wv.remarks)

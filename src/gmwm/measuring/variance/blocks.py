@@ -110,7 +110,7 @@ class Blocks:
         # If the boundary is not a multiple of the step, the remainders before and after it form one block.
         middle = [] if self.last == later.first else [self.after + later.before]
         joint = np.concatenate([self.tails, middle, later.heads])
-        squares, count, part, resolution = measured(joint, self.step, collector)
+        squares, count, part, resolution = block_statistics(joint, self.step, collector)
         if part is not None and self.part is not None and later.part is not None:
             part = self.part.merge(later.part).merge(part)
         heads, tails = self.heads, later.tails
@@ -154,7 +154,7 @@ class Blocks:
         ]  # fmt: skip
 
     @classmethod
-    def restored(cls, step: int, numbers: list[float], heads: Vector, tails: Vector) -> Blocks:
+    def restore(cls, step: int, numbers: list[float], heads: Vector, tails: Vector) -> Blocks:
         """Restore the blocks from the output of `numbers` and the sums of the first and last blocks."""
         first, last, before, after, squares, count, total, moment, _ = numbers
         return cls(
@@ -162,7 +162,7 @@ class Blocks:
             tails=tails.copy(), squares=squares, count=int(count), total=total, moment=moment,
         )  # fmt: skip
 
-    def raised(self, offset: float, start: int, stop: int) -> Blocks:
+    def shift(self, offset: float, start: int, stop: int) -> Blocks:
         """Return the blocks of the segment from `start` to `stop` with `offset` added to every sample."""
         if self.open:
             return replace(self, before=self.before + offset * (stop - start))
@@ -175,7 +175,7 @@ class Blocks:
         )  # fmt: skip
 
 
-def measured(
+def block_statistics(
     blocks: Vector, step: int, collector: StatisticsCollector | None
 ) -> tuple[float, int, LevelStatistic | None, float]:
     """Compute `squares`, `count`, `part` and `resolution` of `Blocks` from the sums of consecutive blocks."""
@@ -227,7 +227,7 @@ def _of(step: int, start: int, stop: int, marks: Vector, total: float, collector
     if first > last:
         return Blocks(step, first, last, total, part=_empty(collector, step))
     blocks = np.diff(marks)
-    squares, count, part, resolution = measured(blocks, step, collector)
+    squares, count, part, resolution = block_statistics(blocks, step, collector)
     return Blocks(
         step=step, first=first, last=last, before=float(marks[0]), after=total - float(marks[-1]),
         heads=blocks[:_KEPT].copy(), tails=blocks[-_KEPT:].copy(), squares=squares, count=count,

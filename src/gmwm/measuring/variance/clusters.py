@@ -120,12 +120,12 @@ class ClusterVariance(Summarised, Plotted):
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> ClusterVariance:
         """Restore a result from `values`, the output of `to_dict`."""
-        known = {field.name: values[field.name] for field in fields(cls)}
+        content = {field.name: values[field.name] for field in fields(cls)}
         for name in ("clusters", "counts"):
-            known[name] = np.asarray(known[name], dtype=np.int64)
+            content[name] = np.asarray(content[name], dtype=np.int64)
         for name in ("variance", "lower", "upper", "degrees_of_freedom"):
-            known[name] = np.asarray(known[name], dtype=np.float64)
-        return cls(**(known | {"noise": tuple(known["noise"])}))
+            content[name] = np.asarray(content[name], dtype=np.float64)
+        return cls(**(content | {"noise": tuple(content["noise"])}))
 
     def summary(self) -> str:
         """Format a table of the averaging time, deviation, limits, degrees of freedom and noise type of each cluster

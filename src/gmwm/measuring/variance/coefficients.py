@@ -64,10 +64,10 @@ rounding error of the running sum exceeds 1e-4 of a typical coefficient."""
 
 def require_digits(x: Vector) -> None:
     """Raise DataError if a value is so large that the running sum loses the digits of the other values."""
-    some = x[:: max(1, x.size // SAMPLE)]
-    middle = float(np.median(some))
+    sample = x[:: max(1, x.size // SAMPLE)]
+    middle = float(np.median(sample))
     largest = max(float(x.max()) - middle, middle - float(x.min()))
-    sizes = np.abs(some - middle)
+    sizes = np.abs(sample - middle)
     if not sizes.any():
         sizes = np.abs(x - middle)
     typical = float(np.median(sizes[sizes > 0])) if largest > 0 else 0.0
@@ -177,8 +177,8 @@ class PooledCoefficients(CoefficientSource):
 
     def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
         """Combine the counts and values of all segments."""
-        found = [source.between(k, low, high) for source in self._reaching(k)]
-        return sum(below for below, _ in found), np.concatenate([kept for _, kept in found])
+        parts = [source.between(k, low, high) for source in self._reaching(k)]
+        return sum(below for below, _ in parts), np.concatenate([sizes for _, sizes in parts])
 
     def resolution(self, k: int) -> float:
         """Return the largest resolution of the segments."""

@@ -14,8 +14,6 @@ MOST_TERMS = 240
 LARGEST_FINITE = 100
 """Largest product of the cluster size and d + 1 for which the covariance of the sampled process is used; for larger
 products, that of the process in continuous time."""
-CHUNK = 2048
-"""Number of cluster sizes processed together, to bound the memory."""
 
 
 def degrees_of_freedom(
@@ -61,8 +59,9 @@ def degrees_of_freedom(
     kinds = {*zip(exponents.tolist(), averaged.tolist(), endless.tolist(), strict=True)}
     for alpha, mean, without_end in kinds:
         where = np.flatnonzero((exponents == alpha) & (averaged == mean) & (endless == without_end))
-        for start in range(0, where.size, CHUNK):
-            part = where[start : start + CHUNK]
+        # Cluster sizes are processed in parts, to bound the memory.
+        for start in range(0, where.size, 2048):
+            part = where[start : start + 2048]
             result[part] = _of_one_noise(
                 alpha, clusters[part], points=points, d=order, overlapping=overlapping, modified=mean
             )
@@ -117,11 +116,11 @@ def _covariance(t: Vector, filter_factor: Vector, alpha: int, d: int, modified: 
     """Compute s_z(t) up to a factor, as the difference of order 2d of s_x with a step of one cluster."""
     result = np.zeros(np.broadcast_shapes(t.shape, filter_factor.shape))
     for k in range(-d, d + 1):
-        result += (-1) ** k * comb(2 * d, d + k) * _averaged(t + k, filter_factor, alpha, modified)
+        result += (-1) ** k * comb(2 * d, d + k) * _phase_covariance(t + k, filter_factor, alpha, modified)
     return result
 
 
-def _averaged(t: Vector, filter_factor: Vector, alpha: int, modified: bool) -> Vector:
+def _phase_covariance(t: Vector, filter_factor: Vector, alpha: int, modified: bool) -> Vector:
     """Compute s_x(t), the generalised autocovariance of the phase, at a lag of t clusters. s_x is −F² times the second
     difference, with a step of 1/F, of the kernel s_w for α, with F = `filter_factor`. For F → ∞ it is the kernel for α
     + 2. For running sums of white and random-walk samples it is |t| and |t|³ − |t|/n²."""

@@ -15,9 +15,6 @@ from gmwm.measuring.variance.phase import Clusters, Data, Progress, cluster_size
 from gmwm.recording.options import as_confidence, one_of
 from gmwm.recording.signals import Signal
 
-REDDEST = -4
-"""Exponent α of random run FM, the reddest noise with a finite Hadamard variance (NIST SP 1065)."""
-
 
 def hadamard_variance(
     x: Signal | ArrayLike,
@@ -75,7 +72,8 @@ def hadamard_variance(
     step = 1 if overlapping else 0
     squares = mean_squares(lambda n: _core.third_differences(p, n, step or n), sizes, counts, progress)
     variance = squares / (6.0 * sizes * sizes)
-    noise = noise_types(p, sizes, variance, reddest=REDDEST)
+    # Random run FM (α = −4) is the reddest noise with a finite Hadamard variance (NIST SP 1065).
+    noise = noise_types(p, sizes, variance, reddest=-4)
     freedom = degrees_of_freedom(exponents(noise), sizes, p.size, order=3, overlapping=overlapping)
     values = {"clusters": sizes, "variance": variance, "counts": counts, "degrees_of_freedom": freedom}
     return cluster_variance(phase, noise, confidence, family="hadamard", kind=kind, **values)

@@ -23,7 +23,7 @@ class HeldSamples:
     >>> held.add(np.array([1.0, 2.0]))
     >>> held.gap()
     >>> held.add(np.array([3.0]))
-    >>> held.joined(), held.lengths, held.ended
+    >>> held.segments(), held.lengths, held.ends_with_gap
     ([array([1., 2.]), array([3.])], (2, 1), False)
     """
 
@@ -51,7 +51,7 @@ class HeldSamples:
         return (*self._lengths[:-1], self._lengths[-1] + self.inbox.used)
 
     @property
-    def ended(self) -> bool:
+    def ends_with_gap(self) -> bool:
         """Whether the last sample is followed by a gap."""
         return len(self._lengths) > 1 and not self.lengths[-1]
 
@@ -64,7 +64,7 @@ class HeldSamples:
             self._place(np.empty(self._small))
             self.inbox.append(x, self._small)
         else:
-            self._stored(x.copy() if x.flags.writeable else x)
+            self._store(x.copy() if x.flags.writeable else x)
 
     def gap(self) -> None:
         """End the current segment."""
@@ -73,7 +73,7 @@ class HeldSamples:
             self._segments.append([])
             self._lengths.append(0)
 
-    def joined(self) -> list[Vector]:
+    def segments(self) -> list[Vector]:
         """Return the samples of each segment as one array."""
         self._flush()
         self._segments = [segment if len(segment) < 2 else [np.concatenate(segment)] for segment in self._segments]
@@ -83,14 +83,14 @@ class HeldSamples:
         """Move the used part of the buffer to the segment, without a copy."""
         used = self.inbox.used
         if used:
-            self._stored(self._buffer[:used])
+            self._store(self._buffer[:used])
             self._place(self._buffer[used:])
 
     def _place(self, buffer: Vector) -> None:
         """Use another buffer for small chunks."""
         self._buffer, self.inbox = buffer, _core.Inbox(buffer)
 
-    def _stored(self, x: Vector) -> None:
+    def _store(self, x: Vector) -> None:
         self._segments[-1].append(x)
         self._lengths[-1] += x.size
         self._size += x.size

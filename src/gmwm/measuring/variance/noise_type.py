@@ -50,19 +50,6 @@ AUTOCORRELATION = {
 _BY_EXPONENT = {noise.exponent: noise for noise in NOISE_TYPES}
 _BY_NAME = {noise.name: noise for noise in (*NOISE_TYPES, DRIFT, UNDETERMINED)}
 
-LEAST_AUTOCORRELATION = 30
-"""Smallest number of values of the decimated phase for the lag 1 autocorrelation method (Riley and Greenhall)."""
-LEAST_RATIO = 10
-"""Smallest number of cluster means for the ratio B1; with fewer, the type of the next smaller cluster is used."""
-LEAST_DRIFT = 16
-"""Smallest number of clusters in the recording for which a drift can be distinguished from a random walk."""
-LEAST_PHASE_RATIO = 8
-"""Smallest cluster size at which the modified Allan variance distinguishes white from flicker PM."""
-LEAST_FREQUENCY_RATIO = 64
-"""Smallest cluster size at which this ratio also distinguishes white FM from flicker PM."""
-MOST_VALUES = 1024
-MOST_DIFFERENCES = 3
-
 
 def noise_type(name: str) -> NoiseType:
     """Return the noise type with this name."""
@@ -100,28 +87,29 @@ def noise_types(
     Source: Riley and Greenhall (2004), Power law noise identification using the lag 1 autocorrelation, 18th EFTF. B1
     and R(n): NIST Special Publication 1065 (2008), section 5.5.
     """
-    found = []
+    types = []
     last = UNDETERMINED
     for n, measured in zip(clusters.tolist(), variance.tolist(), strict=True):
         taken = phase[::n]
         means = taken.size - 1
         taken = _middle(taken)
-        if reddest == DRIFT.exponent and means >= LEAST_DRIFT and _drift_variance(phase, n) > measured / 2:
+        # With fewer than 16 clusters, a drift cannot be distinguished from a random walk.
+        if reddest == DRIFT.exponent and means >= 16 and _drift_variance(phase, n) > measured / 2:
             last = DRIFT
-        elif taken.size >= LEAST_AUTOCORRELATION:
+        elif taken.size >= 30:
             last = _by_autocorrelation(taken, n, reddest) or last
-        elif means >= LEAST_RATIO and last is not DRIFT:
+        elif means >= 10 and last is not DRIFT:
             last = _by_ratio(taken, reddest) or last
-        if last.exponent > 0 and n >= LEAST_PHASE_RATIO and means >= LEAST_RATIO:
+        if last.exponent > 0 and n >= 8 and means >= 10:
             last = _by_modified_ratio(modified_ratio(phase, n), n)
-        found.append(last)
-    return tuple(found)
+        types.append(last)
+    return tuple(types)
 
 
 def _middle(phase: Vector) -> Vector:
     """Return the phase, or the middle 1024 values of a longer phase, which are enough to estimate r₁ to about 0.03."""
-    first = max(phase.size - MOST_VALUES, 0) // 2
-    return np.ascontiguousarray(phase[first : first + MOST_VALUES])
+    first = max(phase.size - 1024, 0) // 2
+    return np.ascontiguousarray(phase[first : first + 1024])
 
 
 def _drift_variance(phase: Vector, n: int) -> float:
@@ -134,19 +122,19 @@ def _drift_variance(phase: Vector, n: int) -> float:
 
 def _by_autocorrelation(phase: Vector, n: int, reddest: int) -> NoiseType | None:
     z = phase
-    for d in range(MOST_DIFFERENCES + 1):
+    for d in range(4):
         z = z - z.mean()
         squares = inner_product(z, z)
         if not squares > 0:
             return None
         r1 = inner_product(z[:-1], z[1:]) / squares
         delta = r1 / (1 + r1)
-        if delta < 0.25 or d == MOST_DIFFERENCES:
+        if delta < 0.25 or d == 3:
             break
         z = np.diff(z)
     if d in AUTOCORRELATION and n > 1:
-        known = AUTOCORRELATION[d]
-        alpha = min(known, key=lambda exponent: abs(known[exponent] - r1))
+        expected = AUTOCORRELATION[d]
+        alpha = min(expected, key=lambda exponent: abs(expected[exponent] - r1))
     else:
         alpha = min(2, 2 - 2 * d - round(2 * delta))
     return _BY_EXPONENT[max(reddest, alpha)]
@@ -190,6 +178,6 @@ def _by_modified_ratio(ratio: float, n: int) -> NoiseType:
     """Return the noise type for the ratio R(n) of the modified to the overlapping Allan variance. In theory it is 1/n
     for white PM, 3.37/(1.04 + 3 ln n) for flicker PM, and ½ for white FM."""
     white, flicker, frequency = 1 / n, 3.37 / (1.04 + 3 * math.log(n)), 0.5
-    if n >= LEAST_FREQUENCY_RATIO and ratio > math.sqrt(flicker * frequency):
+    if n >= 64 and ratio > math.sqrt(flicker * frequency):
         return _BY_EXPONENT[0]
     return _BY_EXPONENT[2 if ratio <= math.sqrt(white * flicker) else 1]

@@ -24,15 +24,11 @@ LEAST_EXACT = 6
 """Smallest number of exact levels. Up to τ = 64 samples, every τ/64-th coefficient means every coefficient."""
 MOST_EXACT = 24
 """Largest number of exact levels."""
-SAMPLE_BYTES = 40
-"""Memory (bytes) of an accumulator for each of 2^exact samples: the ends of a segment, and the results of a panel."""
 DEEPEST = 44
 """Largest number of levels: 2^44 samples are 500 years at 1 kHz."""
 MEMORY = 1 << 29
 """Default limit (bytes) of the memory of all accumulators of a recording. Six axes then store 8.4 million samples, 23 h
 at 100 Hz; for more samples, 21 levels are exact."""
-HELD_BYTES = 8
-"""Memory (bytes) of an accumulator for each sample that is stored."""
 PANEL = 1 << 20
 """Largest number of samples that are processed together."""
 LARGE = 1 << 18
@@ -183,8 +179,8 @@ class SegmentedAccumulator(OneAtATime):
         """Return Σ W² and the number of coefficients of all levels (J,)."""
         squares, counts = self._squares.copy(), self._counts.copy()
         for part in self._open():
-            own = part.sums(self.levels)
-            squares, counts = squares + own[0], counts + own[1]
+            sums = part.sums(self.levels)
+            squares, counts = squares + sums[0], counts + sums[1]
         return squares, counts
 
     def _all_statistics(self) -> Any:
@@ -213,7 +209,7 @@ class SegmentedAccumulator(OneAtATime):
 
     def _fold(self) -> None:
         """Process the samples that are stored, and store them no longer."""
-        parts = self._held.joined()
+        parts = self._held.segments()
         for values in parts:
             self._require_usable(values)
         if not self._panel.size:
@@ -224,7 +220,7 @@ class SegmentedAccumulator(OneAtATime):
             if k:
                 self._end_segment()
             self._grow(values)
-        if held.ended:
+        if held.ends_with_gap:
             self._end_segment()
 
     def _end_segment(self) -> None:
@@ -260,7 +256,7 @@ class SegmentedAccumulator(OneAtATime):
         self._rises += float(segment.count) ** 2 * segment.rise
 
 
-def exact_levels(axes: int, memory: int = MEMORY, sample_bytes: int = SAMPLE_BYTES) -> int:
+def exact_levels(axes: int, memory: int = MEMORY, sample_bytes: int = 40) -> int:
     """Return the largest number of exact levels for which the accumulators of all axes need at most `memory` bytes.
 
     >>> exact_levels(6), exact_levels(1)
@@ -275,7 +271,7 @@ def held_samples(axes: int) -> int:
     >>> held_samples(6)
     8388608
     """
-    return 1 << ((MEMORY // (HELD_BYTES * axes)).bit_length() - 1)
+    return 1 << ((MEMORY // (8 * axes)).bit_length() - 1)
 
 
 def whole(value: int, name: str, least: int, most: int) -> int:

@@ -81,10 +81,10 @@ def phase_of(
     return Phase(values=phase, rate=rate, samples=values.size, unit=unit, axis=axis, data=data, octaves=sums)
 
 
-def contradicting_rate(rate: float, known: float, owner: str) -> OptionError:
+def contradicting_rate(rate: float, expected: float, owner: str) -> OptionError:
     """Return the error for a `rate` that differs from the `known` rate (Hz) of the signal or curve."""
     return OptionError(
-        f"the rate of {rate:g} Hz contradicts the {owner}, which has {known:g} Hz",
+        f"the rate of {rate:g} Hz contradicts the {owner}, which has {expected:g} Hz",
         argument="rate",
         got=rate,
         advice="Leave {--rate} out.",
@@ -95,8 +95,8 @@ def _rate_unit(unit: str) -> str:
     """Return the unit of the rate that corresponds to a unit of the phase."""
     if not unit:
         return ""
-    known = find_unit(f"{unit}/s")
-    return known.name if known else f"{unit}/s"
+    rate_unit = find_unit(f"{unit}/s")
+    return rate_unit.name if rate_unit else f"{unit}/s"
 
 
 def _without_line(phase: Vector) -> Vector:

@@ -22,7 +22,7 @@ SLOWER = 1e-3
 at most 0.3 %."""
 
 
-def pooled(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
+def pool(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
     """Pool the wavelet variances of independent recordings of one unit: ν̂_j² = Σ_r M_rj ν̂_rj² / Σ_r M_rj.
 
     Recordings may have different means and lengths, and no coefficient extends from one recording into another. They
@@ -33,7 +33,7 @@ def pooled(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
     >>> from gmwm import WN, wavelet_variance
     >>> days = {day: wavelet_variance(WN(sigma2=1.0).simulate(4096, 100.0, rng=k), 100.0)
     ...         for k, day in enumerate(("monday", "tuesday"))}
-    >>> pooled(days)
+    >>> pool(days)
     WaveletVariance(unnamed, haar, 12 levels, 8192 samples in 2 recordings at 100 Hz)
     """
     names, items = list(curves), list(curves.values())
@@ -47,12 +47,12 @@ def pooled(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
     shares = [_counts(wv, levels.size) / total for wv in items]
     samples = sum(wv.samples for wv in items)
     rate = sum(wv.samples * wv.rate for wv in items) / samples
-    found = replace(
+    curve = replace(
         first,
         levels=levels.copy(),
-        variance=np.sum([_padded(share * _padded(wv.variance, levels.size), levels.size)
+        variance=np.sum([_pad(share * _pad(wv.variance, levels.size), levels.size)
                          for wv, share in zip(items, shares, strict=True)], axis=0),
-        counts=np.sum([_padded(wv.counts, levels.size) for wv in items], axis=0),
+        counts=np.sum([_pad(wv.counts, levels.size) for wv in items], axis=0),
         lower=np.zeros(levels.size),
         upper=np.zeros(levels.size),
         rate=rate,
@@ -68,29 +68,29 @@ def pooled(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
         regression=None,
         recordings={name: replace(wv, rate=rate) for name, wv in zip(names, items, strict=True)},
     )  # fmt: skip
-    lower, upper = chi_square_limits(found.variance, found.degrees_of_freedom, first.confidence)
-    return replace(found, lower=lower, upper=upper)
+    lower, upper = chi_square_limits(curve.variance, curve.degrees_of_freedom, first.confidence)
+    return replace(curve, lower=lower, upper=upper)
 
 
 def without(wv: WaveletVariance, name: str) -> WaveletVariance:
     """Return the pooled curve of all recordings except one, with at most as many levels as the pooled curve of all."""
-    rest = pooled({other: curve for other, curve in wv.recordings.items() if other != name})
-    return rest.first(min(len(rest), len(wv)))
+    others = pool({other: curve for other, curve in wv.recordings.items() if other != name})
+    return others.first(min(len(others), len(wv)))
 
 
 def _require_alike(curves: Mapping[str, WaveletVariance]) -> None:
-    (first, one), *others = curves.items()
+    (first, curve), *others = curves.items()
     for name, other in others:
-        for what, own, its in (
-            ("unit", one.unit or "none", other.unit or "none"),
-            ("filter", one.filter, other.filter),
-            ("transform", one.transform, other.transform),
-            ("estimator", _estimator(one), _estimator(other)),
+        for what, value, other_value in (
+            ("unit", curve.unit or "none", other.unit or "none"),
+            ("filter", curve.filter, other.filter),
+            ("transform", curve.transform, other.transform),
+            ("estimator", _estimator(curve), _estimator(other)),
         ):
-            if own != its:
-                raise _differ(what, f"{own} in recording {first}", f"{its} in recording {name}")
-        if abs(other.rate / one.rate - 1) > SLOWER:
-            rates = f"{one.rate:g} Hz in recording {first}", f"{other.rate:g} Hz in recording {name}"
+            if value != other_value:
+                raise _differ(what, f"{value} in recording {first}", f"{other_value} in recording {name}")
+        if abs(other.rate / curve.rate - 1) > SLOWER:
+            rates = f"{curve.rate:g} Hz in recording {first}", f"{other.rate:g} Hz in recording {name}"
             raise _differ("sampling rate", *rates)
 
 
@@ -98,9 +98,9 @@ def _estimator(wv: WaveletVariance) -> str:
     return f"robust with efficiency {wv.efficiency:g}" if wv.robust else "classical"
 
 
-def _differ(what: str, one: str, other: str) -> DataError:
+def _differ(what: str, value: str, other: str) -> DataError:
     return DataError(
-        f"the recordings differ in their {what}: {one}, {other}", argument="data",
+        f"the recordings differ in their {what}: {value}, {other}", argument="data",
         advice="Use each recording by itself.",
     )  # fmt: skip
 
@@ -123,7 +123,7 @@ def _counts(wv: WaveletVariance, levels: int) -> Vector:
     return np.asarray(counts, dtype=np.float64)
 
 
-def _padded(values: NDArray[Number], levels: int) -> NDArray[Number]:
+def _pad(values: NDArray[Number], levels: int) -> NDArray[Number]:
     """Return the values of the first levels, with zeros for levels that a recording does not have."""
     return np.concatenate([values, np.zeros(levels, dtype=values.dtype)])[:levels]
 
@@ -139,10 +139,10 @@ def _strides(items: list[WaveletVariance], levels: int) -> tuple[int, ...]:
 
 def _mean(values: list[float | None], items: list[WaveletVariance]) -> float | None:
     """Return the mean over the recordings, weighted by their lengths; None if a recording has no value."""
-    known = [value for value in values if value is not None]
-    if len(known) < len(values):
+    defined = [value for value in values if value is not None]
+    if len(defined) < len(values):
         return None
-    return float(np.average(known, weights=[wv.samples for wv in items]))
+    return float(np.average(defined, weights=[wv.samples for wv in items]))
 
 
 def _excess(items: list[WaveletVariance], shares: list[Vector]) -> Matrix | None:

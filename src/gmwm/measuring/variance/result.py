@@ -241,8 +241,8 @@ class WaveletVariance(Summarised, Plotted):
         eta = degrees_of_freedom(counts, levels, transform) * (efficiency or 1.0)
         low, high = chi_square_limits(values, eta, confidence)
         limits = []
-        for name, given, default in (("lower", lower, low), ("upper", upper, high)):
-            limit = default if given is None else as_vector(given, name).copy()
+        for name, published, default in (("lower", lower, low), ("upper", upper, high)):
+            limit = default if published is None else as_vector(published, name).copy()
             if limit.shape != values.shape:
                 raise DataError(argument=name, expected=f"{values.size} values, one for each variance", got=limit)
             limits.append(limit)
@@ -284,7 +284,7 @@ class WaveletVariance(Summarised, Plotted):
             "model_error": self.model_error,
             "regression": None if self.regression is None else self.regression.to_dict(),
             "diagnostics": dict(self.diagnostics),
-            "recordings": {name: one.to_dict() for name, one in self.recordings.items()},
+            "recordings": {name: curve.to_dict() for name, curve in self.recordings.items()},
         }
 
     @classmethod
@@ -313,10 +313,10 @@ class WaveletVariance(Summarised, Plotted):
             fields["regression"] = Regression.from_dict(fields["regression"])
         for name in ("segments", "strides"):
             fields[name] = tuple(int(number) for number in fields.get(name, ()))
-        fields["recordings"] = {name: cls.from_dict(one) for name, one in fields.get("recordings", {}).items()}
-        found = cls(**fields)
-        found._require_possible()
-        return found
+        fields["recordings"] = {name: cls.from_dict(curve) for name, curve in fields.get("recordings", {}).items()}
+        result = cls(**fields)
+        result._require_possible()
+        return result
 
     def _require_possible(self) -> None:
         """Raise a DataError if no recording of this length has these numbers of coefficients and degrees of freedom."""
@@ -343,14 +343,16 @@ class WaveletVariance(Summarised, Plotted):
         outcomes = self.diagnostics.get("robust", {}).get("outcome", [])
         remarks = []
         for outcome, code in _OUTCOMES.items():
-            levels = tuple(int(j) for j, found in zip(self.levels, outcomes, strict=False) if found == outcome)
+            levels = tuple(int(j) for j, result in zip(self.levels, outcomes, strict=False) if result == outcome)
             if levels:
                 remarks.append(Remark.of(code, self.axis, levels=levels))
         if any(stride > 1 for stride in self.strides):
             first = next(k for k, stride in enumerate(self.strides) if stride > 1)
             remarks.append(Remark.of("levels-strided", self.axis, first=Quantity(float(self.tau[first]), "s")))
-        own = [remark for one in self.recordings.values() for remark in one.remarks if remark.code != "levels-strided"]
-        return tuple(dict.fromkeys([*remarks, *own]))
+        others = [
+            remark for curve in self.recordings.values() for remark in curve.remarks if remark.code != "levels-strided"
+        ]
+        return tuple(dict.fromkeys([*remarks, *others]))
 
     def to_frame(self) -> DataFrame:
         """Return the curve as a Polars data frame with one row for each level.
@@ -408,28 +410,28 @@ class WaveletVariance(Summarised, Plotted):
         >>> len(wv), fit("WN", wv.only(range(2, 8))).wavelet_variance.levels
         (12, array([2, 3, 4, 5, 6, 7]))
         """
-        wanted = sorted(set(levels))
-        known = self.levels.tolist()
-        if not wanted or not set(wanted) <= set(known):
-            raise OptionError(argument="levels", expected=f"some of {known[0]} to {known[-1]}", got=levels)
-        return self._at(np.searchsorted(self.levels, wanted))
+        chosen = sorted(set(levels))
+        available = self.levels.tolist()
+        if not chosen or not set(chosen) <= set(available):
+            raise OptionError(argument="levels", expected=f"some of {available[0]} to {available[-1]}", got=levels)
+        return self._at(np.searchsorted(self.levels, chosen))
 
     def first(self, count: int) -> WaveletVariance:
         """Return the curve at its first `count` levels."""
         return self._at(np.arange(min(count, len(self))))
 
-    def _at(self, kept: NDArray[np.int64]) -> WaveletVariance:
+    def _at(self, indices: NDArray[np.int64]) -> WaveletVariance:
         """Return the curve at the levels with the indices `kept`."""
-        arrays = {name: getattr(self, name)[kept] for name in ("levels", "variance", "lower", "upper", "counts")}
-        diagnostics = {name: {key: [values[k] for k in kept if k < len(values)] for key, values in found.items()}
-                       if name == "robust" else found for name, found in self.diagnostics.items()}  # fmt: skip
+        arrays = {name: getattr(self, name)[indices] for name in ("levels", "variance", "lower", "upper", "counts")}
+        diagnostics = {name: {key: [values[k] for k in indices if k < len(values)] for key, values in content.items()}
+                       if name == "robust" else content for name, content in self.diagnostics.items()}  # fmt: skip
         return replace(
             self,
             **arrays,
             diagnostics=diagnostics,
-            strides=tuple(self.strides[k] for k in kept) if self.strides else (),
-            excess=None if self.excess is None else self.excess[np.ix_(kept, kept)],
-            recordings={name: one._at(kept[kept < len(one)]) for name, one in self.recordings.items()},
+            strides=tuple(self.strides[k] for k in indices) if self.strides else (),
+            excess=None if self.excess is None else self.excess[np.ix_(indices, indices)],
+            recordings={name: curve._at(indices[indices < len(curve)]) for name, curve in self.recordings.items()},
         )
 
     def __repr__(self) -> str:
@@ -439,8 +441,8 @@ class WaveletVariance(Summarised, Plotted):
 
 def _checked_samples(samples: int) -> int:
     """Check that a length is a positive whole number, which may be a float such as 3e6, and return it as an int."""
-    whole = isinstance(samples, int | float | np.number) and not isinstance(samples, bool) and samples % 1 == 0
-    if not whole or samples < 1:
+    is_whole = isinstance(samples, int | float | np.number) and not isinstance(samples, bool) and samples % 1 == 0
+    if not is_whole or samples < 1:
         raise DataError(argument="samples", expected="a positive whole number, the length of the signal", got=samples)
     return int(samples)
 
@@ -450,9 +452,9 @@ def _checked_efficiency(robust: bool, efficiency: float | None) -> float | None:
     from gmwm.measuring.variance.biweight import biweight, unused_efficiency
 
     if robust:
-        wanted = 0.6 if efficiency is None else efficiency
-        biweight(wanted)
-        return float(wanted)
+        value = 0.6 if efficiency is None else efficiency
+        biweight(value)
+        return float(value)
     if efficiency is not None:
         raise unused_efficiency(efficiency)
     return None

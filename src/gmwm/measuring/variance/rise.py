@@ -61,8 +61,6 @@ def _of_segment(values: Vector, time: float) -> RiseSums:
 
 KEPT = 8192
 """Largest number of stored values. If there are more, every second value is dropped."""
-FAR = 10.0
-"""Clipping limit, as a distance from the median in median absolute deviations."""
 ROW = 256
 _ROW_SUMS = np.column_stack([np.arange(ROW, dtype=np.float64), np.ones(ROW)])
 
@@ -81,22 +79,22 @@ class ThinnedValues:
         """Return the thinned values of a part that begins with sample `start`."""
         every = 1 << max(0, (x.size // KEPT).bit_length() - 1)
         before = -start % every
-        return cls(every, start + before, x[before::every].copy())._thinned(every)
+        return cls(every, start + before, x[before::every].copy())._thin(every)
 
-    def joined(self, later: ThinnedValues) -> ThinnedValues:
+    def join(self, later: ThinnedValues) -> ThinnedValues:
         """Return the thinned values of this part and the part that directly follows it."""
         every = max(self.every, later.every)
-        a, b = self._thinned(every), later._thinned(every)
+        a, b = self._thin(every), later._thin(every)
         first = a.first if a.values.size else b.first
-        return ThinnedValues(every, first, np.concatenate([a.values, b.values]))._thinned(every)
+        return ThinnedValues(every, first, np.concatenate([a.values, b.values]))._thin(every)
 
-    def _thinned(self, every: int) -> ThinnedValues:
+    def _thin(self, every: int) -> ThinnedValues:
         """Keep every `every`-th sample, and fewer if more than `KEPT` values remain."""
-        first, values, own = self.first, self.values, self.every
-        while own < every or values.size > KEPT:
-            odd = first // own % 2
-            first, values, own = first + odd * own, values[odd::2].copy(), 2 * own
-        return ThinnedValues(own, first, values)
+        first, values, distance = self.first, self.values, self.every
+        while distance < every or values.size > KEPT:
+            odd = first // distance % 2
+            first, values, distance = first + odd * distance, values[odd::2].copy(), 2 * distance
+        return ThinnedValues(distance, first, values)
 
     def winsorised_rise(self, start: int, lengths: tuple[int, ...]) -> WinsorisedRise:
         """Return the object that computes the mean rise in the second pass, with clipping limits from the kept values.
@@ -108,7 +106,8 @@ class ThinnedValues:
         # Least squares in each segment, weighted by the squares of the segment lengths.
         with np.errstate(divide="ignore", invalid="ignore"):
             weights = np.where(sizes > 1, 12.0 * sizes / (sizes**2 - 1.0), 0.0) / np.sum(sizes[sizes > 1] ** 2)
-        return WinsorisedRise(middle, FAR * spread if spread > 0 else np.inf, edges, weights)
+        # Values are clipped at 10 median absolute deviations from the median.
+        return WinsorisedRise(middle, 10.0 * spread if spread > 0 else np.inf, edges, weights)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,9 +131,9 @@ class WinsorisedRise:
         np.clip(values, -self.reach, self.reach, out=values)
         # Process row by row to compute the sums of x and of t x in one pass.
         rows = values[: values.size // ROW * ROW].reshape(-1, ROW) @ _ROW_SUMS
-        rest = values[rows.shape[0] * ROW :]
-        total = float(rows[:, 1].sum()) + float(rest.sum())
+        remainder = values[rows.shape[0] * ROW :]
+        total = float(rows[:, 1].sum()) + float(remainder.sum())
         moment = float(rows[:, 0].sum() + ROW * (np.arange(rows.shape[0], dtype=np.float64) @ rows[:, 1]))
-        moment += float(np.arange(x.size - rest.size, x.size, dtype=np.float64) @ rest)
+        moment += float(np.arange(x.size - remainder.size, x.size, dtype=np.float64) @ remainder)
         begin = float(start - self.edges[k]) - 0.5 * (float(self.edges[k + 1] - self.edges[k]) - 1.0)
         return float(self.weights[k]) * (moment + begin * total)

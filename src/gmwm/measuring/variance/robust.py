@@ -23,8 +23,6 @@ from gmwm.measuring.variance.coefficients import SAMPLE, CoefficientSource, Plai
 PART = 8
 """Before the passes over all coefficients, one Newton step uses one eighth of the recording, if this part has more
 independent coefficients than the sample of the level."""
-PASSES = 8
-"""Largest number of passes; two or three are typical. `_settle` solves a level that has not converged after them."""
 TOLERANCE = 1e-11
 """Predicted error of log σ² below which a level has converged."""
 FEW = 2
@@ -36,7 +34,7 @@ Outcome: TypeAlias = Literal["root", "mad", "mean", "zero"]
 
 
 @dataclass
-class _Level:
+class _RootSearch:
     """State of the search at one level. `place` is log σ² minus log `start`."""
 
     start: float = 0.0
@@ -97,12 +95,12 @@ def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6, *, resolut
     return float(robust_variances(plain, efficiency).variance[0])
 
 
-def _first(source: CoefficientSource, k: int, tuning: Biweight) -> _Level:
+def _first(source: CoefficientSource, k: int, tuning: Biweight) -> _RootSearch:
     """Search the root of a level on a sample of its coefficients. The result is final if the sample has all of them."""
     sample = source.sample(k, SAMPLE)
     count, resolution = int(source.counts[k]), source.resolution(k)
     complete = sample.size == count
-    level = _Level(zeros=float(np.count_nonzero(sample <= resolution)) / sample.size)
+    level = _RootSearch(zeros=float(np.count_nonzero(sample <= resolution)) / sample.size)
     if not complete and level.zeros > 0.4:
         # Near one half, or if the sample may have missed the few nonzero coefficients, count all of them.
         level.zeros = source.between(k, resolution, resolution)[0] / count
@@ -115,16 +113,16 @@ def _first(source: CoefficientSource, k: int, tuning: Biweight) -> _Level:
     return level
 
 
-def _search(level: _Level, sample: Vector, resolution: float, complete: bool, tuning: Biweight) -> None:
+def _search(level: _RootSearch, sample: Vector, resolution: float, complete: bool, tuning: Biweight) -> None:
     """Find a root on the sample by Newton's method, started at the MAD. If this fails, scan the range around it."""
     middle = float(np.median(sample))
     # More than half of the sample can be zero although less than half of all coefficients are.
     if _mad_is_zero(level) or middle <= resolution:
-        rest = sample[sample > resolution]
-        if rest.size == 0:
+        nonzero = sample[sample > resolution]
+        if nonzero.size == 0:
             return
         # The median of the nonzero coefficients is the quantile (1 + share of zeros) / 2 of |W|.
-        start = float(np.median(rest)) / NormalDist().inv_cdf((3 + level.zeros) / 4)
+        start = float(np.median(nonzero)) / NormalDist().inv_cdf((3 + level.zeros) / 4)
     else:
         start = middle / NORMAL_QUARTILE
     level.start = start**2
@@ -134,23 +132,23 @@ def _search(level: _Level, sample: Vector, resolution: float, complete: bool, tu
     tolerance = TOLERANCE / 10 if complete else 1e-3
     root, level.iterations = (None, 0) if _mad_is_zero(level) else newton(criterion, tolerance)
     if root is None:
-        found = scan(criterion, tolerance)
-        root, level.iterations = found.root, level.iterations + found.evaluations
+        result = scan(criterion, tolerance)
+        root, level.iterations = result.root, level.iterations + result.evaluations
         if root is None and not complete:
             # The error of the mean of ρ on the sample is 4 % of a. If the sample nearly has a root, the criterion of
             # all coefficients may have one.
-            near = [(abs(place), place) for place, value in found.peaks if value > -0.15 * tuning.a]
+            near = [(abs(place), place) for place, value in result.peaks if value > -0.15 * tuning.a]
             level.peaks = [place for _, place in sorted(near)]
     if root is not None:
         level.place, level.rooted = root, True
         level.outcome = "root" if complete else None
 
 
-def _mad_is_zero(level: _Level) -> bool:
+def _mad_is_zero(level: _RootSearch) -> bool:
     return level.zeros > 0.5
 
 
-def _on_sample(level: _Level, sample: Vector, tuning: Biweight) -> Criterion:
+def _on_sample(level: _RootSearch, sample: Vector, tuning: Biweight) -> Criterion:
     def criterion(place: float) -> tuple[float, float]:
         cubed, fourth = _core.biweight_sums(sample, tuning.c**2 * level.start * math.exp(place))
         return tuning.criterion(cubed, fourth, float(sample.size))
@@ -158,7 +156,7 @@ def _on_sample(level: _Level, sample: Vector, tuning: Biweight) -> Criterion:
     return criterion
 
 
-def _on_all(source: CoefficientSource, k: int, level: _Level, tuning: Biweight) -> Criterion:
+def _on_all(source: CoefficientSource, k: int, level: _RootSearch, tuning: Biweight) -> Criterion:
     limits = np.zeros(len(source.counts))
 
     def criterion(place: float) -> tuple[float, float]:
@@ -169,7 +167,7 @@ def _on_all(source: CoefficientSource, k: int, level: _Level, tuning: Biweight) 
     return criterion
 
 
-def _polish(source: CoefficientSource, levels: Sequence[_Level], tuning: Biweight) -> None:
+def _polish(source: CoefficientSource, levels: Sequence[_RootSearch], tuning: Biweight) -> None:
     """Refine the sample roots of all levels by Newton's method on all coefficients, pass by pass."""
     active = np.array([level.rooted and level.outcome is None for level in levels])
     start = np.array([level.start for level in levels])
@@ -177,7 +175,8 @@ def _polish(source: CoefficientSource, levels: Sequence[_Level], tuning: Biweigh
     before: tuple[Vector, Vector, Vector] | None = None
     # Coefficients less than 2^j apart are strongly correlated, so N coefficients count as N / 2^j independent ones.
     fine = active & (source.counts / PART >= SAMPLE * 2.0 ** np.arange(1, len(levels) + 1))
-    for number in range(-int(fine.any()), PASSES):
+    # Two or three passes are typical. `_settle` solves a level that has not converged.
+    for number in range(-int(fine.any()), 8):
         if not active.any():
             return
         limits = np.where(fine if number < 0 else active, tuning.c**2 * start * np.exp(place), 0.0)
@@ -190,7 +189,7 @@ def _polish(source: CoefficientSource, levels: Sequence[_Level], tuning: Biweigh
             place = place + np.where(falls, step, 0.0)
             continue
         here = (place, value, slope)
-        step, error = (step, 10 * step**2) if before is None else _interpolated(before, here, step)
+        step, error = (step, 10 * step**2) if before is None else _interpolate(before, here, step)
         before, place = here, place + np.where(falls, step, 0.0)
         done = falls & (error < TOLERANCE)
         for k, level in enumerate(levels):
@@ -200,7 +199,7 @@ def _polish(source: CoefficientSource, levels: Sequence[_Level], tuning: Biweigh
         active = falls & ~done
 
 
-def _interpolated(
+def _interpolate(
     before: tuple[Vector, Vector, Vector], here: tuple[Vector, Vector, Vector], step: Vector
 ) -> tuple[Vector, Vector]:
     """Return the step to the root of the cubic through the last two points and slopes, and the predicted error. The
@@ -220,14 +219,14 @@ def _interpolated(
     return moved, error
 
 
-def _settle(source: CoefficientSource, k: int, level: _Level, tuning: Biweight) -> None:
+def _settle(source: CoefficientSource, k: int, level: _RootSearch, tuning: Biweight) -> None:
     """Solve a level without a root on its sample, or that has not converged, by a scan of all coefficients. Without a
     root, the variance follows from the MAD, or is 0 if the MAD is 0."""
     criterion = _on_all(source, k, level, tuning)
     root: float | None = None
     if level.rooted:
-        found = scan(criterion, TOLERANCE)
-        root, level.passes = found.root, level.passes + found.evaluations
+        result = scan(criterion, TOLERANCE)
+        root, level.passes = result.root, level.passes + result.evaluations
     for peak in level.peaks:
         root, count = root_beyond(criterion, peak, TOLERANCE)
         level.passes += count

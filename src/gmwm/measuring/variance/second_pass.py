@@ -29,9 +29,6 @@ from gmwm.measuring.variance.sketch import SketchCoefficients
 if TYPE_CHECKING:
     from gmwm.measuring.variance.accumulate import WaveletAccumulator
 
-OTHERS = 0.05
-"""Relative change of a variance in the second pass above which the samples must differ from those of the first pass.
-For equal samples, it is typically 1e-4."""
 NEAR = 0.02
 """Largest distance in log σ² from the exact sums at which the linear correction is used."""
 DOUBT = 0.01
@@ -98,22 +95,22 @@ class SecondPass(SegmentedAccumulator):
                 f"{_extent(self)}",
                 advice="Pass the same chunks of the same recording to both passes.",
             )
-        sketched = self._seen._sketched()
+        sketched = self._seen._sketches()
         sums: SecondPassSums = self._all_statistics()
-        known = (*sums.levels, *(LevelSums() for _ in range(len(sums.levels), len(sketched.counts))))
-        exact = robust_variances(Corrected(sketched, self._request, known), self.efficiency)
+        levels = (*sums.levels, *(LevelSums() for _ in range(len(sums.levels), len(sketched.counts))))
+        exact = robust_variances(Corrected(sketched, self._request, levels), self.efficiency)
         before = robust_variances(sketched, self.efficiency).variance
         moved = [abs(v / b - 1.0) if b > 0 else 0.0 for v, b in zip(exact.variance, before, strict=True)]
         rooted = (outcome == "root" for outcome in exact.diagnostics["outcome"])
         # The first pass is accurate to about 1e-4, so a larger change means that the samples differ.
-        if others := [k for k, (share, at) in enumerate(zip(moved, rooted, strict=True)) if at and share > OTHERS]:
+        if others := [k for k, (share, at) in enumerate(zip(moved, rooted, strict=True)) if at and share > 0.05]:
             raise DataError(
                 f"the second pass read other samples than the first pass: at level {others[0] + 1} the variance "
                 f"differs by {100 * moved[others[0]]:.2g} %",
                 advice="Pass the same chunks of the same recording to both passes.",
             )
-        found = replace(exact, diagnostics={**exact.diagnostics, "moved": moved})
-        return self._seen._curve(confidence, found, self.efficiency, self._rise)
+        result = replace(exact, diagnostics={**exact.diagnostics, "moved": moved})
+        return self._seen._curve(confidence, result, self.efficiency, self._rise)
 
     @one_at_a_time
     def __getstate__(self) -> dict[str, Any]:
@@ -132,13 +129,13 @@ def _extent(record: SegmentedAccumulator) -> str:
     return f"{len(record)} in {len(record.lengths)} segments from number {record.start} on"
 
 
-def sum_request(sketched: SketchCoefficients, found: RobustVariances, efficiency: float) -> SumRequest:
+def sum_request(sketched: SketchCoefficients, estimate: RobustVariances, efficiency: float) -> SumRequest:
     """Choose, from the sketches of the first pass, the sums that the second pass collects."""
     tuning, levels = biweight(efficiency), len(sketched.counts)
     limits, low, high = np.zeros((3, levels))
-    kept = sketched.counts <= SAMPLE
-    for k in np.flatnonzero(~kept).tolist():
-        outcome, variance = found.diagnostics["outcome"][k], float(found.variance[k])
+    stored = sketched.counts <= SAMPLE
+    for k in np.flatnonzero(~stored).tolist():
+        outcome, variance = estimate.diagnostics["outcome"][k], float(estimate.variance[k])
         place: float | None = variance
         if outcome != "root":
             place = _nearest(sketched, k, tuning)
@@ -148,7 +145,7 @@ def sum_request(sketched: SketchCoefficients, found: RobustVariances, efficiency
             limits[k] = tuning.c**2 * place
         if outcome == "mad":
             low[k], high[k] = sketched.bracket(k)
-    return SumRequest(limits, low, high, kept)
+    return SumRequest(limits, low, high, stored)
 
 
 def criterion_of(sketched: SketchCoefficients, k: int, origin: float, tuning: Biweight) -> Criterion:
@@ -166,8 +163,8 @@ def criterion_of(sketched: SketchCoefficients, k: int, origin: float, tuning: Bi
 def _nearest(sketched: SketchCoefficients, k: int, tuning: Biweight) -> float | None:
     """Return σ² at the maximum of the criterion of a level without a root; None if this maximum is far below 0."""
     sample = sketched.sample(k, SAMPLE)
-    rest = sample[sample > sketched.resolution(k)]
-    origin = float(np.median(rest)) ** 2 if rest.size else 0.0
+    nonzero = sample[sample > sketched.resolution(k)]
+    origin = float(np.median(nonzero)) ** 2 if nonzero.size else 0.0
     if not 0 < origin * math.exp(-REACH) <= origin * math.exp(REACH) < math.inf:
         return None
     criterion = criterion_of(sketched, k, origin, tuning)
@@ -184,13 +181,13 @@ def _nearest(sketched: SketchCoefficients, k: int, tuning: Biweight) -> float | 
 class Corrected:
     """Source of coefficients for `robust_variances`: sketches, corrected by the sums of a second pass."""
 
-    def __init__(self, sketched: SketchCoefficients, request: SumRequest, found: tuple[LevelSums, ...]) -> None:
+    def __init__(self, sketched: SketchCoefficients, request: SumRequest, sums: tuple[LevelSums, ...]) -> None:
         self.counts = sketched.counts
-        self._sketched, self._request, self._found = sketched, request, found
+        self._sketched, self._request, self._found = sketched, request, sums
         cubed, fourth, _ = sketched.sums(request.limits)
         used = request.limits > 0
-        self._cubed = np.where(used, [level.cubed for level in found], 0.0) - cubed
-        self._fourth = np.where(used, [level.fourth for level in found], 0.0) - fourth
+        self._cubed = np.where(used, [level.cubed for level in sums], 0.0) - cubed
+        self._fourth = np.where(used, [level.fourth for level in sums], 0.0) - fourth
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
         """Return the sums over the sketches plus a correction that is linear in log σ²; `every` is ignored."""

@@ -37,23 +37,23 @@ class MedianCells:
         if not other.cells.size:
             return self
         shift = max(self.shift, other.shift)
-        one, two = self._shifted(shift), other._shifted(shift)
-        places = np.searchsorted(one.cells, two.cells)
-        known = places < one.cells.size
-        known[known] = one.cells[places[known]] == two.cells[known]
-        counts = one.counts.copy()
-        counts[places[known]] += two.counts[known]
-        cells = np.insert(one.cells, places[~known], two.cells[~known])
-        return MedianCells(shift, cells, np.insert(counts, places[~known], two.counts[~known]))._few()
+        a, b = self._coarsen(shift), other._coarsen(shift)
+        places = np.searchsorted(a.cells, b.cells)
+        shared = places < a.cells.size
+        shared[shared] = a.cells[places[shared]] == b.cells[shared]
+        counts = a.counts.copy()
+        counts[places[shared]] += b.counts[shared]
+        cells = np.insert(a.cells, places[~shared], b.cells[~shared])
+        return MedianCells(shift, cells, np.insert(counts, places[~shared], b.counts[~shared]))._few()
 
     def _few(self) -> MedianCells:
         """Widen the cells until there are at most `MOST`."""
-        made = self
-        while made.cells.size > MOST:
-            made = made._shifted(made.shift + 1)
-        return made
+        cells = self
+        while cells.cells.size > MOST:
+            cells = cells._coarsen(cells.shift + 1)
+        return cells
 
-    def _shifted(self, shift: int) -> MedianCells:
+    def _coarsen(self, shift: int) -> MedianCells:
         """Return the counts in cells that omit `shift` bits."""
         if shift == self.shift or not self.cells.size:
             return MedianCells(shift, self.cells, self.counts)
@@ -129,12 +129,12 @@ class SumRequest:
         cubed = fourth = np.zeros(reach)
         if np.any(self.limits[:reach] > 0):
             cubed, fourth, _ = _core.haar_biweight_sums(running_sum, self.limits[:reach].copy(), 1, begin)
-        found = []
+        sums = []
         for k in range(reach):
             # A coefficient of level j that ends at `begin` starts 2^j − 1 samples earlier.
             part = running_sum[max(begin + 1 - (2 << k), 0) :]
-            found.append(LevelSums(float(cubed[k]), float(fourth[k]), *self._sizes(part, k)))
-        return SecondPassSums(tuple(found))
+            sums.append(LevelSums(float(cubed[k]), float(fourth[k]), *self._sizes(part, k)))
+        return SecondPassSums(tuple(sums))
 
     def across(self, running_sum: Vector, level: int) -> SecondPassSums:
         """Compute the sums over all coefficients of one level of a running sum."""

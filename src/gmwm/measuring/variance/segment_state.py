@@ -60,7 +60,7 @@ class SegmentState:
         reference, reach = float(x[0]), (1 << exact) - 1
         steps = [(1 << level) // STEPS for level in range(exact + 1, max(levels, exact + 1) + 1)]
         nothing = np.empty(0)
-        squares, sums, statistics = _measured(nothing, x, reference, start=start, exact=exact, collector=collector)
+        squares, sums, statistics = _sums_of(nothing, x, reference, start=start, exact=exact, collector=collector)
         return cls(
             exact=exact, start=start, count=x.size, reference=reference, head=x[:reach] - reference,
             tail=x[-reach:] - reference, squares=squares,
@@ -71,7 +71,7 @@ class SegmentState:
     def grown(self, x: Vector, collector: StatisticsCollector | None = None) -> SegmentState:
         """Return the state of this segment extended by the samples `x`."""
         reach = (1 << self.exact) - 1
-        squares, sums, statistics = _measured(
+        squares, sums, statistics = _sums_of(
             self.tail, x, self.reference, start=self.stop, exact=self.exact, collector=collector
         )
         steps = [blocks.step for blocks in self.blocks]
@@ -83,14 +83,14 @@ class SegmentState:
             tail=np.concatenate([self.tail[x.size :], x[-reach:] - self.reference])[-reach:],
             squares=self.squares + squares,
             blocks=tuple(a.followed_by(b, collector) for a, b in zip(self.blocks, fresh, strict=True)),
-            statistics=_merged(self.statistics, statistics),
+            statistics=_merge(self.statistics, statistics),
         )  # fmt: skip
 
     def followed_by(self, later: SegmentState, collector: StatisticsCollector | None = None) -> SegmentState:
         """Return the state of this segment and the segment that directly follows it."""
         offset, reach = later.reference - self.reference, (1 << self.exact) - 1
         head, tail = later.head + offset, later.tail + offset
-        squares, statistics = self.squares + later.squares, _merged(self.statistics, later.statistics)
+        squares, statistics = self.squares + later.squares, _merge(self.statistics, later.statistics)
         for level in range(1, self.exact + 1):
             # Every coefficient of the 2^j − 1 samples before and after the boundary extends across it.
             width = (1 << level) - 1
@@ -100,7 +100,7 @@ class SegmentState:
                 if collector is None or collector.squares:
                     squares[level - 1] += _core.haar_sums_of_squares(total, level, 0, around.size)[-1]
                 if collector is not None:
-                    statistics = _merged(statistics, collector.across(total, level))
+                    statistics = _merge(statistics, collector.across(total, level))
         return SegmentState(
             exact=self.exact,
             start=self.start,
@@ -110,7 +110,7 @@ class SegmentState:
             tail=tail if tail.size == reach else np.concatenate([self.tail, tail])[-reach:],
             squares=squares,
             blocks=tuple(
-                a.followed_by(b.raised(offset, later.start, later.stop), collector)
+                a.followed_by(b.shift(offset, later.start, later.stop), collector)
                 for a, b in zip(self.blocks, later.blocks, strict=True)
             ),
             statistics=statistics,
@@ -131,7 +131,7 @@ class SegmentState:
         joint = self.statistics
         for level, blocks in enumerate(self.blocks, start=self.exact + 1):
             if blocks.count:
-                joint = _merged(joint, collector.at(level, blocks.part, blocks.resolution))
+                joint = _merge(joint, collector.at(level, blocks.part, blocks.resolution))
         return joint
 
     @property
@@ -168,7 +168,7 @@ class SegmentState:
         return {f"{prefix}bins": bins, f"{prefix}resolutions": resolutions}
 
     @classmethod
-    def restored(cls, prefix: str, exact: int, levels: int, values: Mapping[str, Any]) -> Self | None:
+    def restore(cls, prefix: str, exact: int, levels: int, values: Mapping[str, Any]) -> Self | None:
         """Restore the state from the output of `arrays`; None if there is no such state."""
         if f"{prefix}count" not in values:
             return None
@@ -176,26 +176,26 @@ class SegmentState:
         head, tail, squares, heads, tails = (
             np.array(values[prefix + name], dtype=np.float64) for name in ("head", "tail", "squares", "heads", "tails")
         )
-        if any(one.ndim != 1 for one in (head, tail, squares, heads, tails)):
+        if any(array.ndim != 1 for array in (head, tail, squares, heads, tails)):
             raise ValueError("the samples of a segment must be lists of numbers")
         table = np.asarray(values[f"{prefix}blocks"], dtype=np.float64)
-        if not all(np.all(np.abs(one) < LARGEST_SUM) for one in (head, tail, squares, heads, tails, table)):
+        if not all(np.all(np.abs(array) < LARGEST_SUM) for array in (head, tail, squares, heads, tails, table)):
             raise ValueError(f"the sums of a segment must be numbers below {LARGEST_SUM:g}")
         if squares.size != exact or np.any(squares < 0):
             raise ValueError(f"a segment must have {exact} sums of squares, and none may be negative")
         if len(table) != max(levels, exact + 1) - exact:
             raise ValueError(f"a segment must have a row of blocks for each level above {exact}, up to {levels}")
         for level, row in enumerate(table.tolist(), start=exact + 1):
-            kept = slice(at, at + int(row[-1]))
-            blocks.append(Blocks.restored((1 << level) // STEPS, row, heads[kept], tails[kept]))
-            at = kept.stop
+            part = slice(at, at + int(row[-1]))
+            blocks.append(Blocks.restore((1 << level) // STEPS, row, heads[part], tails[part]))
+            at = part.stop
         statistics: Statistics | None = None
         if f"{prefix}bins" in values:
-            whole = Sketches.from_arrays(values[f"{prefix}bins"], values[f"{prefix}resolutions"])
-            statistics = Sketches(whole.levels[:exact], whole.resolutions[:exact])
-            further = zip(whole.levels[exact:], whole.resolutions[exact:].tolist(), strict=True)
-            known = [*further, *((Sketch(), 0.0) for _ in blocks)]
-            blocks = [replace(b, part=p[0], resolution=p[1]) for b, p in zip(blocks, known, strict=False)]
+            sketches = Sketches.from_arrays(values[f"{prefix}bins"], values[f"{prefix}resolutions"])
+            statistics = Sketches(sketches.levels[:exact], sketches.resolutions[:exact])
+            further = zip(sketches.levels[exact:], sketches.resolutions[exact:].tolist(), strict=True)
+            entries = [*further, *((Sketch(), 0.0) for _ in blocks)]
+            blocks = [replace(b, part=p[0], resolution=p[1]) for b, p in zip(blocks, entries, strict=False)]
         start, count = (as_count(values[prefix + name]) for name in ("start", "count"))
         return cls(
             exact=exact, start=start, count=count, reference=float(values[f"{prefix}reference"]), head=head, tail=tail,
@@ -215,7 +215,7 @@ def as_count(value: Any, least: int = 0) -> int:
     return count
 
 
-def _measured(
+def _sums_of(
     before: Vector, x: Vector, reference: float, *, start: int, exact: int, collector: StatisticsCollector | None
 ) -> tuple[Vector, Vector, Statistics | None]:
     """Return Σ W² (exact,) of the coefficients that end in x, the sums for the blocks, and the further statistics. The
@@ -233,5 +233,5 @@ def _measured(
     return squares, sums, collector.haar(total, exact, before.size)
 
 
-def _merged(a: Statistics | None, b: Statistics | None) -> Any:
+def _merge(a: Statistics | None, b: Statistics | None) -> Any:
     return None if a is None or b is None else a.merge(b)

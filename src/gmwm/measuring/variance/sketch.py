@@ -82,8 +82,8 @@ class Sketch:
         """Merge the sketches of two sets of coefficients."""
         zeros, beyond = self.zeros + other.zeros, self.beyond + other.beyond
         if not self.counts.size or not other.counts.size:
-            kept = self if self.counts.size else other
-            return Sketch(zeros, beyond, first=kept.first, counts=kept.counts, sums=kept.sums)
+            filled = self if self.counts.size else other
+            return Sketch(zeros, beyond, first=filled.first, counts=filled.counts, sums=filled.sums)
         first = min(self.first, other.first)
         last = max(part.first + part.counts.size // OCTAVE for part in (self, other))
         counts, sums = np.zeros((2, (last - first) * OCTAVE), dtype=np.int64)
@@ -160,8 +160,8 @@ class Sketches:
         """Merge the sketches level by level."""
         resolutions = np.zeros(max(len(self.levels), len(other.levels)))
         for part in (self, other):
-            own = resolutions[: len(part.levels)]
-            np.maximum(own, part.resolutions, out=own)
+            resolutions_of_part = resolutions[: len(part.levels)]
+            np.maximum(resolutions_of_part, part.resolutions, out=resolutions_of_part)
         pairs = zip_longest(self.levels, other.levels, fillvalue=Sketch())
         return Sketches(tuple(a.merge(b) for a, b in pairs), resolutions)
 
@@ -216,8 +216,6 @@ class SketchCollector:
 SKETCH_COLLECTOR = SketchCollector()
 
 
-ALONE = 8
-"""Ratio of the count of a bin to the counts of both neighbouring bins above which its values are treated as equal."""
 _BELOW_BIN = 52 - OCTAVE.bit_length() + 1
 """Number of low-order bits of the mantissa that do not determine the bin."""
 
@@ -303,7 +301,7 @@ class _Bins:
         width = np.ldexp(1.0 / OCTAVE, np.maximum(bins // OCTAVE, 1) - 1023)
         mean = (bins << _BELOW_BIN).view(np.float64) + width * place
         padded = np.concatenate([[0], sketch.counts, [0]])
-        alone = counts > ALONE * (padded[used] + padded[used + 2])
+        alone = counts > 8 * (padded[used] + padded[used + 2])
         half = np.where(alone, 0.0, width * np.minimum(place, 1.0 - place))
         # A third of the largest variance that is possible for this mean. It is exact for a uniform distribution over
         # the bin.

@@ -7,7 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base import _core
 from gmwm.base.arrays import Vector
-from gmwm.measuring.variance.allan import REDDEST
 from gmwm.measuring.variance.clusters import ClusterVariance, cluster_variance
 from gmwm.measuring.variance.edf import degrees_of_freedom
 from gmwm.measuring.variance.noise_type import exponents, noise_types
@@ -85,7 +84,7 @@ def total_variance(
     counts = np.full(sizes.size, p.size - 2)
     squares = mean_squares(lambda n: _core.reflected_second_differences(p, n), sizes, counts, progress)
     variance = squares / (2.0 * sizes * sizes)
-    noise = noise_types(p, sizes, variance, reddest=REDDEST)
+    noise = noise_types(p, sizes, variance, reddest=-2)
     freedom = total_degrees_of_freedom(exponents(noise), sizes, p.size)
     bias = 1 - _bias(exponents(noise)) * np.minimum(sizes / phase.intervals, 0.5)
     values = {"clusters": sizes, "variance": variance, "counts": counts, "degrees_of_freedom": freedom}

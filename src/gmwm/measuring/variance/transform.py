@@ -119,7 +119,7 @@ class Dwt(_Transform):
         """Reconstruct the signal (N,), up to rounding errors."""
         values = self.smooth
         for j in range(self.levels, 0, -1):
-            values = _undecimated(values, self.details[j], self.filter)
+            values = _undecimate(values, self.details[j], self.filter)
             if j in self.extras:
                 values = np.append(values, self.extras[j])
         return values[: self.samples].copy()
@@ -173,9 +173,9 @@ def modwt(
     >>> bool(np.allclose(transform.inverse(), x))
     True
     """
-    values, wavelet_filter, count = _checked(x, filter, levels, boundary)
+    values, wavelet_filter, count = _check(x, filter, levels, boundary)
     scaling, wavelet = _maximal_overlap(wavelet_filter)
-    smooth, details = _continued(values, boundary), {}
+    smooth, details = _extend(values, boundary), {}
     for j in range(1, count + 1):
         smooth, details[j] = _core.pyramid_step(smooth, scaling, wavelet, 1 << (j - 1))
     return Modwt(filter=wavelet_filter, details=details, smooth=smooth, samples=values.size, boundary=boundary)
@@ -221,19 +221,19 @@ def dwt(
     >>> bool(np.allclose(transform.inverse(), x))
     True
     """
-    values, wavelet_filter, count = _checked(x, filter, levels, boundary)
-    smooth, details, extras = _continued(values, boundary), {}, {}
+    values, wavelet_filter, count = _check(x, filter, levels, boundary)
+    smooth, details, extras = _extend(values, boundary), {}, {}
     for j in range(1, count + 1):
         if smooth.size % 2:
             extras[j] = float(smooth[-1])
             smooth = smooth[:-1]
-        smooth, details[j] = _decimated(smooth, wavelet_filter)
+        smooth, details[j] = _decimate(smooth, wavelet_filter)
     return Dwt(
         filter=wavelet_filter, details=details, smooth=smooth, extras=extras, samples=values.size, boundary=boundary
     )
 
 
-def _checked(
+def _check(
     x: Signal | ArrayLike, filter: str | WaveletFilter, levels: int | None, boundary: Boundary
 ) -> tuple[Vector, WaveletFilter, int]:
     values = x.fill_gaps().whole() if isinstance(x, Signal) else as_vector(x, "x", at_least=2)
@@ -253,7 +253,7 @@ def as_level_count(levels: int | None, deepest: int, samples: int) -> int:
     return int(levels)
 
 
-def _continued(values: Vector, boundary: Boundary) -> Vector:
+def _extend(values: Vector, boundary: Boundary) -> Vector:
     return np.concatenate([values, values[::-1]]) if boundary == "reflection" else values
 
 
@@ -264,7 +264,7 @@ def _maximal_overlap(filter: WaveletFilter) -> tuple[Vector, Vector]:
 # --- the decimated pyramid ----------------------------------------------------------------------------
 
 
-def _decimated(values: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
+def _decimate(values: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
     """Compute the coefficients of the next level, Σ_l f_l V_{2n+1−l} with f = g and h, and indices modulo the even
     length."""
     half = values.size // 2
@@ -276,8 +276,8 @@ def _decimated(values: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
     return smooth, detail
 
 
-def _undecimated(smooth: Vector, detail: Vector, filter: WaveletFilter) -> Vector:
-    """Invert `_decimated`, whose matrix is orthonormal, by the transposed matrix."""
+def _undecimate(smooth: Vector, detail: Vector, filter: WaveletFilter) -> Vector:
+    """Invert `_decimate`, whose matrix is orthonormal, by the transposed matrix."""
     values = np.zeros(2 * smooth.size)
     for l, (g, h) in enumerate(zip(filter.scaling, filter.wavelet, strict=True)):  # noqa: E741
         first = (1 - l) % 2
@@ -293,8 +293,6 @@ def _at_parity(values: Vector, l: int) -> Vector:  # noqa: E741
 
 # --- coefficients of which a wavelet variance is the mean square --------------------------------------
 
-LOSS = 2.5
-"""Relative increase of the covariance of wavelet variances per share of filled samples (tests/filling)."""
 Transform = Literal["modwt", "dwt"]
 """Kind of transform: maximal-overlap ("modwt") or decimated ("dwt")."""
 
@@ -322,11 +320,11 @@ def pooled_counts(
     M_sj, and η_j = M_j² / Σ_s (M_sj² / η_sj) with η_sj ≥ 1. If no segment is shorter than two scales, η_j = M_j / 2^j;
     it is larger if there are many segments with few coefficients."""
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
-    own = np.maximum(coefficient_counts(sizes[:, None], levels, filter, transform), 0)
-    counts = np.asarray(times @ own, dtype=np.int64)
+    segment_counts = np.maximum(coefficient_counts(sizes[:, None], levels, filter, transform), 0)
+    counts = np.asarray(times @ segment_counts, dtype=np.int64)
     if sizes.size == 1 and times[0] == 1:
         return counts, degrees_of_freedom(counts, levels, transform)
-    spread = times @ (own.astype(np.float64) ** 2 / degrees_of_freedom(own, levels, transform))
+    spread = times @ (segment_counts.astype(np.float64) ** 2 / degrees_of_freedom(segment_counts, levels, transform))
     return counts, np.asarray(counts.astype(np.float64) ** 2 / np.where(counts > 0, spread, 1.0))
 
 
@@ -349,7 +347,7 @@ def degrees_of_freedom(
 def loss_factor(filled: int, samples: int) -> float:
     """Return the factor by which filled samples increase the covariance of wavelet variances. It is 1 + 2.5 p for a
     share p of filled samples, which add scatter but no information."""
-    return 1.0 + LOSS * filled / samples
+    return 1.0 + 2.5 * filled / samples
 
 
 def variances(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> Vector:
@@ -363,7 +361,7 @@ def inner_coefficients(values: Vector, filter: WaveletFilter, transform: Transfo
     """Return the coefficients of levels 1 … J that do not depend on the boundary. Decimated coefficients, 2^(j/2) times
     the maximal-overlap coefficients, are scaled to the size of the latter."""
     centred = values - _core.mean(values)
-    whole = modwt(centred, filter, levels) if transform == "modwt" else dwt(centred, filter, levels)
-    inside = whole.interior
+    coefficients = modwt(centred, filter, levels) if transform == "modwt" else dwt(centred, filter, levels)
+    inside = coefficients.interior
     size = {j: 1.0 if transform == "modwt" else 2 ** (-j / 2) for j in inside}
-    return [size[j] * whole.details[j][inside[j]] for j in inside]
+    return [size[j] * coefficients.details[j][inside[j]] for j in inside]

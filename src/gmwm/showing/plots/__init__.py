@@ -1,8 +1,8 @@
 """Plots of results with Matplotlib. `result.plot()` calls the function that is registered for the type of the result.
 
 Each plot has two functions. The first returns a description of the plot without Matplotlib, as a `Panel` or `Figure`
-of `gmwm.plots.figure` (for example `fit_panel` or `imu_figure`). The second (`plot_…`) draws this description with
-Matplotlib, which is imported when the first plot is drawn.
+of `gmwm.showing.plots.figure` (for example `fit_panel` or `imu_figure`). The second (`plot_…`) draws this description
+with Matplotlib, which is imported when the first plot is drawn.
 
 The functions `plot_…` return a `matplotlib.figure.Figure` that is not registered with pyplot, so it need not be closed,
 and notebooks display it. If `path` is given, they also write the picture to a .png, .pdf or .svg file.
@@ -16,18 +16,17 @@ from gmwm.base.plotting import plot, register
 
 if TYPE_CHECKING:
     from gmwm.showing.plots.allan import plot_allan, plot_allan_axes, plot_avlr
-    from gmwm.showing.plots.autocorrelation import plot_autocorrelation
     from gmwm.showing.plots.coefficients import plot_coefficients
+    from gmwm.showing.plots.curves import plot_wavelet_variance
     from gmwm.showing.plots.fit import plot_fit
     from gmwm.showing.plots.imu import plot_imu
     from gmwm.showing.plots.overlay import compare, plot_comparison
     from gmwm.showing.plots.plan import plot_plan
     from gmwm.showing.plots.ranking import plot_candidates, plot_ranking
-    from gmwm.showing.plots.residuals import plot_residuals
+    from gmwm.showing.plots.residuals import plot_autocorrelation, plot_residuals
     from gmwm.showing.plots.series import plot_components, plot_recording, plot_signal
     from gmwm.showing.plots.spectrum import plot_spectra, plot_spectrum
     from gmwm.showing.plots.tracks import plot_tracks
-    from gmwm.showing.plots.variance import plot_wavelet_variance
 
 __all__ = [
     "Plotted",
@@ -72,13 +71,13 @@ _RESULTS = {
     "measuring.variance.allan_regression.AllanRegression": "allan.plot_avlr",
     "measuring.variance.axes_result.WaveletVariances": "imu.plot_imu",
     "measuring.variance.clusters.ClusterVariance": "allan.plot_allan",
-    "measuring.variance.result.WaveletVariance": "variance.plot_wavelet_variance",
+    "measuring.variance.result.WaveletVariance": "curves.plot_wavelet_variance",
     "recording.signals.Imu": "series.plot_recording",
     "recording.signals.Signal": "series.plot_signal",
     "theory.simulation.components.SimulatedSignal": "series.plot_components",
 }
 """Functions of this package by the result that they draw."""
-_OTHERS = ("allan.plot_allan_axes", "autocorrelation.plot_autocorrelation", "coefficients.plot_coefficients",
+_OTHERS = ("allan.plot_allan_axes", "residuals.plot_autocorrelation", "coefficients.plot_coefficients",
            "overlay.compare", "overlay.plot_comparison")  # fmt: skip
 """Functions that draw several results, or with other arguments than `result.plot()`."""
 _MODULES = {name: module for module, _, name in (place.partition(".") for place in (*_RESULTS.values(), *_OTHERS))}

@@ -83,21 +83,15 @@ def cluster_view(curve: ClusterVariance, units: UnitSystem) -> ClusterView:
 def allan_panel(
     curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "si", guides: bool = True, title: str = ""
 ) -> Panel:
-    """Return a panel with one or several deviations and their confidence bands.
+    """Return a panel with deviations of the same quantity and unit, and their confidence bands.
 
-    If there are several curves, the legend shows their names. With `guides`, the panel has guides for the slopes of
-    noise processes.
-
-    Raises
-    ------
-    OptionError
-        If the curves differ in quantity or unit.
+    The legend shows the names of several curves. With `guides`, the panel has guides for the slopes of noise processes.
     """
     views = [cluster_view(curve, units) for curve in curves.values()]
     if len({(view.unit, view.title) for view in views}) > 1:
-        found = ", ".join(f"{name}: {view.height_label}" for name, view in zip(curves, views, strict=True))
+        labels = ", ".join(f"{name}: {view.height_label}" for name, view in zip(curves, views, strict=True))
         raise OptionError(
-            f"curves in one panel need the same quantity and unit, but they are {found}",
+            f"curves in one panel need the same quantity and unit, but they are {labels}",
             argument="curves",
             got=tuple(view.height_label for view in views),
             advice="Plot each quantity in its own figure.",
@@ -115,8 +109,7 @@ def allan_panel(
 
 
 def _stroke(name: str, index: int) -> Stroke:
-    """Return the stroke of a curve. A name such as "gyro_x" or "x" has the stroke of its letter; any other name has
-    the stroke number `index`."""
+    """Return the stroke of the letter of a name such as "gyro_x" or "x", or stroke number `index` for another name."""
     letter = sensor_and_letter(name)[1] or name.lower()
     return letter_stroke(letter) or curve_stroke(index)
 
@@ -129,7 +122,7 @@ def _marks(curve: ClusterVariance, view: ClusterView, stroke: Stroke, label: str
     limits = f"{100 * curve.confidence:g} % confidence"
     return [
         Line(x, y, stroke=shown, label=label, layer=FRONT),
-        Band(x=x, lower=lower, upper=upper, colour=stroke.colour, opacity=opacity, label=limits, layer=BAND),
+        Band(x, lower, upper, stroke.colour, opacity=opacity, label=limits, layer=BAND),
     ]
 
 
@@ -141,11 +134,11 @@ def with_guides(panel: Panel) -> Panel:
     high = math.log10(panel.y.limits[1] / panel.y.limits[0])
     width = min(FAN_WIDTH, FAN_HEIGHT * high / wide)
     steepest = width * wide / high
-    left, middle = _emptiest_corner(panel, width, steepest)
+    start, middle = _emptiest_corner(panel, width, steepest)
     marks: list[Mark] = []
     texts = []
     for label, slope in SLOPES:
-        x = np.array([left, left + width])
+        x = np.array([start, start + width])
         y = np.array([middle, middle + slope * steepest])
         position = panel.x.limits[0] * 10 ** (x * wide)
         height = panel.y.limits[0] * 10 ** (y * high)
@@ -155,10 +148,9 @@ def with_guides(panel: Panel) -> Panel:
 
 
 def _emptiest_corner(panel: Panel, width: float, height: float) -> tuple[float, float]:
-    """Return the left and middle point of the slope guides, as fractions of the panel.
+    """Return the left and middle point of guides in the corner with the fewest points of curves and bands.
 
-    They are in the corner that contains the fewest points of curves and bands. `width` and `height` are the width and
-    half of the height of the guides, as fractions of the panel.
+    All numbers are fractions of the panel; `height` is half of the height of the guides.
     """
     shares = [np.empty((2, 0))]
     for mark in panel.marks:
@@ -166,12 +158,12 @@ def _emptiest_corner(panel: Panel, width: float, height: float) -> tuple[float, 
             shares.append(np.array([_share(mark.x, panel.x.limits), _share(y, panel.y.limits)]))
     points = np.concatenate(shares, axis=1)
     best, corner = points.shape[1] + 1, (FAN_MARGIN, FAN_MARGIN + height)
-    for left in (FAN_MARGIN, 1 - FAN_MARGIN - width - 0.05):
+    for start in (FAN_MARGIN, 1 - FAN_MARGIN - width - 0.05):
         for middle in (FAN_MARGIN + height, 1 - FAN_MARGIN - height):
-            near = (np.abs(points[0] - left - width / 2) < width) & (np.abs(points[1] - middle) < 1.5 * height)
+            near = (np.abs(points[0] - start - width / 2) < width) & (np.abs(points[1] - middle) < 1.5 * height)
             count = int(np.count_nonzero(near))
             if count < best:
-                best, corner = count, (left, middle)
+                best, corner = count, (start, middle)
     return corner
 
 
@@ -190,7 +182,7 @@ def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides:
         replace(mark, stroke=replace(mark.stroke, symbol=None)) if isinstance(mark, Line) else mark
         for mark in bare.marks
     ]
-    y = _stretched(bare, [view.factor * line.deviation(line.reading_time) for line in regression.lines])
+    y = _axis_with(bare, [view.factor * line.deviation(line.reading_time) for line in regression.lines])
     for k, line in enumerate(regression.lines):
         unit, factor = coefficient_unit(line.term, curve.unit, units)
         sign = "≤" if line.bound else "="
@@ -209,28 +201,19 @@ def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides:
     return with_guides(panel) if guides else panel
 
 
-def _stretched(panel: Panel, heights: Sequence[Vector]) -> Axis:
-    """Return the vertical axis of a panel, extended to include the values `heights`.
-
-    A value that is beyond the axis by more than the factor `MOST_ADDED` is ignored.
-    """
+def _axis_with(panel: Panel, heights: Sequence[Vector]) -> Axis:
+    """Return the vertical axis of a panel, extended to include `heights`, but at most by the factor `MOST_ADDED`."""
     low, high = panel.y.limits
-    wanted = [float(height) for height in heights if low / MOST_ADDED < height < high * MOST_ADDED]
-    if all(low < height < high for height in wanted):
+    points = [float(height) for height in heights if low / MOST_ADDED < height < high * MOST_ADDED]
+    if all(low < height < high for height in points):
         return panel.y
-    return value_axis((min(low, *(0.8 * h for h in wanted)), max(high, *(1.25 * h for h in wanted))), panel.y.label)
+    return value_axis((min(low, *(0.8 * h for h in points)), max(high, *(1.25 * h for h in points))), panel.y.label)
 
 
 def allan_figure(curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "si", guides: bool = True) -> Figure:
-    """Return the figure that `plot_allan_axes` draws, with a panel for each sensor that shows all of its axes.
-
-    Raises
-    ------
-    OptionError
-        If `curves` is empty or is not a mapping of names to ClusterVariance.
-    """
-    known = isinstance(curves, Mapping) and all(isinstance(curve, ClusterVariance) for curve in curves.values())
-    if not known or not curves:
+    """Return the figure that `plot_allan_axes` draws, with a panel for each sensor that shows all of its axes."""
+    is_mapping = isinstance(curves, Mapping) and all(isinstance(curve, ClusterVariance) for curve in curves.values())
+    if not is_mapping or not curves:
         raise OptionError(
             argument="curves",
             expected="a mapping of names to ClusterVariance such as {'gyro_x': allan_x, 'gyro_y': allan_y}",

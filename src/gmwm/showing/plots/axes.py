@@ -114,14 +114,9 @@ def power_text(value: float) -> str:
 
 
 def time_axis(times: Vector, label: str) -> Axis:
-    """Return a horizontal axis in seconds, with a grid line at each dyadic scale, and minutes and hours at the top.
+    """Return a horizontal axis in seconds for the scales of all curves, in any order and possibly repeated.
 
-    Parameters
-    ----------
-    times : (n,) array, s
-        Scales of all curves of the panel, in any order and possibly repeated.
-    label : str
-        Label of the axis.
+    It has a grid line at each dyadic scale, and minutes and hours at the top.
     """
     limits = limits_of(times, margin=0.03)
     ticks, _ = power_ticks(limits)
@@ -130,17 +125,17 @@ def time_axis(times: Vector, label: str) -> Axis:
     one_grid = bool(np.all(scales[1:] > 1.9 * scales[:-1]))
     grid = scales.tolist() if one_grid else [tick.value for tick in ticks]
     above = [Tick(value, text) for value, text in _DURATIONS if limits[0] <= value <= limits[1]]
-    return Axis(label, limits, ticks, grid=tuple(grid), opposite=spaced(above, limits, 0.1))
+    return Axis(label, limits, ticks, grid=tuple(grid), opposite=thin_ticks(above, limits, 0.1))
 
 
-def spaced(ticks: Sequence[Tick], limits: tuple[float, float], share: float) -> tuple[Tick, ...]:
+def thin_ticks(ticks: Sequence[Tick], limits: tuple[float, float], share: float) -> tuple[Tick, ...]:
     """Return only those ticks whose distance from the previous one is at least the fraction `share` of the axis."""
-    kept: list[Tick] = []
+    distant: list[Tick] = []
     least = (limits[1] / limits[0]) ** share
     for tick in ticks:
-        if not kept or tick.value >= least * kept[-1].value:
-            kept.append(tick)
-    return tuple(kept)
+        if not distant or tick.value >= least * distant[-1].value:
+            distant.append(tick)
+    return tuple(distant)
 
 
 def quiet(axis: Axis) -> Axis:
@@ -157,18 +152,8 @@ def value_axis(limits: tuple[float, float], label: str) -> Axis:
 def signed_axis(values: Vector, label: str, *, linear: float, even: float, least: float = 0.0) -> Axis:
     """Return an axis for positive and negative values of different magnitude: linear about zero, logarithmic beyond.
 
-    Parameters
-    ----------
-    values : (n,) array
-        The values to show; values that are not finite are ignored.
-    label : str
-        The quantity and its unit.
-    linear : float
-        Magnitude up to which the axis is linear.
-    even : float
-        If no magnitude exceeds this number, the whole axis is linear.
-    least : float
-        The axis extends at least from −least to +least.
+    It is linear up to the magnitude `linear`, and everywhere if no finite value exceeds the magnitude `even`. It
+    extends at least from −`least` to +`least`.
 
     >>> [tick.label for tick in signed_axis(np.array([-0.4, 37.0]), "x", linear=1.0, even=5.0).ticks]
     ['0', '1', '2', '5', '10', '20', '50']

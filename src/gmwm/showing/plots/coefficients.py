@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,9 +14,9 @@ from gmwm.base.text import duration_text
 from gmwm.measuring.variance.transform import Dwt, Modwt
 from gmwm.showing.plots.curves import FRONT
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Figure, Line, Panel, Stroke
-from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit, time_unit
-from gmwm.showing.plots.series import DOTS, PAGE, WIDTH, row_height, time_once
+from gmwm.showing.plots.figure import PAGE, Figure, Line, Panel, Stroke
+from gmwm.showing.plots.linear import elapsed_axis, scaled_axis
+from gmwm.showing.plots.series import DOTS, WIDTH, row_height, time_once
 from gmwm.showing.plots.style import BLUE
 from gmwm.showing.plots.trace import even_trace
 
@@ -31,10 +30,10 @@ def coefficients_figure(
     """Return the figure that `plot_coefficients` draws."""
     rate = as_rate(rate)
     shown = [j for j in transform.details if transform.interior[j].start < transform.interior[j].stop]
-    wanted = shown if levels is None else sorted(set(levels))
-    if not wanted or not set(wanted) <= set(shown):
+    chosen = shown if levels is None else sorted(set(levels))
+    if not chosen or not set(chosen) <= set(shown):
         raise OptionError(argument="levels", expected=f"some of {shown[0]} to {shown[-1]}", got=levels)
-    rows = [(_panel(transform, level, rate, unit),) for level in wanted]
+    rows = [(_panel(transform, level, rate, unit),) for level in chosen]
     return Figure(time_once(rows), width=PAGE, height=12.0 + row_height(len(rows), 34.0) * len(rows))
 
 
@@ -42,19 +41,17 @@ def _panel(transform: Modwt | Dwt, level: int, rate: float, unit: str) -> Panel:
     """Return the panel of one level, with each coefficient at the middle of the samples on which it depends."""
     inside = transform.interior[level]
     step = 1 if isinstance(transform, Modwt) else 1 << level
-    one = even_trace(np.asarray(transform.details[level][inside]), rate / step, 1.0, round(DOTS * PAGE))
+    values = even_trace(np.asarray(transform.details[level][inside]), rate / step, 1.0, round(DOTS * PAGE))
     last = step * (inside.start + 1) - 1
-    seconds = one.seconds + (last - (transform.filter.width(level) - 1) / 2) / rate
-    name, size = time_unit(transform.samples / rate)
-    power = power_of(max(abs(one.low), abs(one.high)))
-    x = even_axis(0.0, transform.samples / rate / size, f"Time since the first sample ({name})", margin=0.01)
-    label = f"Coefficient{f' ({scaled})' if (scaled := scaled_unit(unit, power)) else ''}"
-    y = even_axis(one.low / 10.0**power, one.high / 10.0**power, label, margin=0.06, at_most=5)
-    scale = duration_text((1 << level) / rate)
-    line = Line(seconds / size, one.y / 10.0**power, stroke=Stroke(BLUE, WIDTH), label="", layer=FRONT)
-    if one.y.size < 200:
-        line = replace(line, stroke=Stroke(BLUE, WIDTH, symbol="circle"))
-    return Panel(x, y, (line,), f"Level {level}, scale {scale}")
+    seconds = values.seconds + (last - (transform.filter.width(level) - 1) / 2) / rate
+    duration = transform.samples / rate
+    x, size = elapsed_axis(0.0, duration, duration, at_most=8)
+    y, scale = scaled_axis(
+        values.low, values.high, max(abs(values.low), abs(values.high)), name="Coefficient", unit=unit
+    )
+    stroke = Stroke(BLUE, WIDTH, symbol="circle" if values.y.size < 200 else None)
+    line = Line(seconds / size, values.y / scale, stroke=stroke, layer=FRONT)
+    return Panel(x, y, (line,), f"Level {level}, scale {duration_text((1 << level) / rate)}")
 
 
 @drawing

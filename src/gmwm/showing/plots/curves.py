@@ -1,7 +1,8 @@
-"""Elements that several plots share: a measured curve with its confidence band, and a panel with fitting axes."""
+"""Plot of a wavelet variance, and its elements that other plots share: curve, confidence band, and axes that fit."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -12,11 +13,15 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
 from gmwm.showing.plots.axes import limits_near, time_axis, value_axis
-from gmwm.showing.plots.figure import Band, Foot, Line, Mark, Panel, Stroke, Text, drawable
+from gmwm.showing.plots.drawing import drawing
+from gmwm.showing.plots.figure import Band, Figure, Foot, Line, Mark, Panel, Stroke, Text, drawable
+from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.style import GREY, OBSERVED, ROBUST
 from gmwm.showing.plots.view import UnitSystem, View, ViewName, view_of
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from gmwm.measuring.variance.result import WaveletVariance
 
 BEHIND, BAND, MIDDLE, ABOVE, FRONT = range(5)
@@ -25,13 +30,7 @@ the model behind them remains visible."""
 
 
 def view_for(wv: WaveletVariance, view: ViewName, units: UnitSystem) -> View:
-    """Return the view of a wavelet variance by its name and unit system.
-
-    Raises
-    ------
-    OptionError
-        If `view` or `units` is unknown, or if `view` is "allan" and the filter is not Haar.
-    """
+    """Return the view of a wavelet variance by its name and unit system. The Allan deviation needs the Haar filter."""
     chosen = view_of(wv.unit, view, units)
     if chosen.name == "allan" and wv.filter != "haar":
         raise OptionError(
@@ -51,46 +50,31 @@ def observed_marks(
     label: str = "",
     used: NDArray[np.bool_] | None = None,
 ) -> tuple[Mark, ...]:
-    """Return the marks of a measured curve: the line with symbols, and the confidence band.
+    """Return the marks of a measured curve: the line with symbols, and the confidence band in the colour of the line.
 
-    Levels that a fit left out have open symbols.
-
-    Parameters
-    ----------
-    wv : WaveletVariance
-        The measured curve.
-    view : View
-        Quantity and unit of the plot.
-    stroke : Stroke, optional
-        Style of the curve, whose colour the band also has. The default depends on whether the estimate is robust.
-    label : str
-        Legend entry. Default: the name of the quantity.
-    used : (J,) array of bool, optional
-        Whether the fit used each level. Default: all levels.
+    Levels that a fit has not `used` have open symbols. The default stroke depends on whether the estimate is robust,
+    and the default label is the name of the quantity.
     """
     x, y = view.time(wv.tau), drawable(view.height(wv.variance))
     stroke = stroke or (ROBUST if wv.robust else OBSERVED)
     robust = ", robust" if wv.robust else ""
     name = label or {"wavelet": "Wavelet variance", "allan": "Allan deviation"}[view.name] + robust
-    kept = np.ones(y.shape, dtype=bool) if used is None else np.asarray(used, dtype=bool)
-    lower, upper = band_edges(wv, view)
-    marks: list[Mark] = [
-        Line(x, y, stroke=stroke if kept.all() else replace(stroke, symbol=None), label=name, layer=FRONT),
-        Band(
-            x=x,
-            lower=lower,
-            upper=upper,
-            colour=stroke.colour,
-            opacity=0.22,
-            label=f"{100 * wv.confidence:g} % confidence",
-            layer=BAND,
-        ),
-    ]
-    if not kept.all():
-        dots, rings = replace(stroke, width=0.0), replace(stroke, width=0.0, filled=False)
-        marks.append(Line(x, np.where(kept, y, np.nan), stroke=dots, label="", layer=FRONT))
-        marks.append(Line(x, np.where(kept, np.nan, y), stroke=rings, label="Left out of the fit", layer=FRONT))
-    return tuple(marks)
+    fitted = np.ones(y.shape, dtype=bool) if used is None else np.asarray(used, dtype=bool)
+    band = confidence_band(x, *band_edges(wv, view), colour=stroke.colour, confidence=wv.confidence)
+    line = Line(x, y, stroke=stroke if fitted.all() else replace(stroke, symbol=None), label=name, layer=FRONT)
+    if fitted.all():
+        return line, band
+    dots, rings = replace(stroke, width=0.0), replace(stroke, width=0.0, filled=False)
+    return (
+        line, band, Line(x, np.where(fitted, y, np.nan), stroke=dots, layer=FRONT),
+        Line(x, np.where(fitted, np.nan, y), stroke=rings, label="Left out of the fit", layer=FRONT),
+    )  # fmt: skip
+
+
+def confidence_band(x: Vector, lower: Vector, upper: Vector, *, colour: str, confidence: float) -> Band:
+    """Return the band between confidence limits, with the confidence level in the legend."""
+    label = f"{100 * confidence:g} % confidence"
+    return Band(x, lower, upper, colour, opacity=0.22, label=label, layer=BAND)
 
 
 def curves_then_bands(marks: Iterable[Mark], curves: int) -> list[Mark]:
@@ -102,8 +86,8 @@ def curves_then_bands(marks: Iterable[Mark], curves: int) -> list[Mark]:
 def band_edges(wv: WaveletVariance, view: View) -> tuple[Vector, Vector]:
     """Return the vertical positions of the lower and upper limits; NaN where the estimate itself cannot be drawn."""
     lower, upper = view.height(wv.lower), view.height(wv.upper)
-    there = np.isfinite(drawable(view.height(wv.variance))) & ~np.isnan(lower) & ~np.isnan(upper)
-    return np.where(there, lower, np.nan), np.where(there, upper, np.nan)
+    valid = np.isfinite(drawable(view.height(wv.variance))) & ~np.isnan(lower) & ~np.isnan(upper)
+    return np.where(valid, lower, np.nan), np.where(valid, upper, np.nan)
 
 
 def closed_panel(
@@ -116,22 +100,10 @@ def closed_panel(
     names: Sequence[str] = ("",),
     title: str = "",
 ) -> Panel:
-    """Return a panel whose axes fit the measured curves. Symbols at its lower border mark variances of zero.
+    """Return a panel whose axes fit the measured curves with their confidence limits, each in its view.
 
-    Parameters
-    ----------
-    views : sequence of View
-        View of each measured curve. All views have the same quantity and unit.
-    measured : sequence of WaveletVariance
-        The measured curves. They and their confidence limits determine the limits of the axes.
-    marks : iterable of Mark
-        The marks of the panel.
-    around : iterable of (n,) arrays
-        Further vertical positions to include in the axis, up to a factor `View.reach` beyond the curves.
-    strokes, names : sequences of Stroke and of str
-        Stroke and name of each measured curve, which the symbols for its zeros have too.
-    title : str
-        Title of the panel.
+    The axis also includes the heights `around`, up to a factor `View.reach` beyond the curves. Symbols at the lower
+    border, with the strokes and names of the curves, mark variances of zero.
     """
     shown = list(zip(views, measured, strokes, names, strict=True))
     edges = [edge for view, wv, _, _ in shown for edge in band_edges(wv, view)]
@@ -155,3 +127,54 @@ def _zeros(wv: WaveletVariance, view: View, stroke: Stroke, name: str) -> Foot |
     label = f"{name}: zero" if name else "Zero"
     symbol = replace(stroke, width=0.0, symbol="down", filled=False)
     return Foot(view.time(wv.tau)[zero], symbol, f"{label} at {count} of {zero.size} scales")
+
+
+def wavelet_variance_panel(wv: WaveletVariance, *, view: ViewName = "wavelet", units: UnitSystem = "si") -> Panel:
+    """Return the panel that `plot_wavelet_variance` draws."""
+    shown = view_for(wv, view, units)
+    return closed_panel([shown], [wv], observed_marks(wv, shown), title=axis_title(wv.axis))
+
+
+@drawing
+def plot_wavelet_variance(
+    wv: WaveletVariance,
+    *,
+    view: ViewName = "wavelet",
+    units: UnitSystem = "si",
+    label: str | None = None,
+    color: str | None = None,
+    ax: Axes | None = None,
+    path: str | os.PathLike[str] | None = None,
+) -> Figure:
+    """Draw the wavelet variance over the scale, with its confidence band, on logarithmic axes.
+
+    Levels with a variance of zero are marked at the lower edge of the plot.
+
+    Parameters
+    ----------
+    label : str, optional
+        Name of the curve in the legend. Use it to draw several curves on the same axes, as in
+        `monday.plot(ax=ax, label="monday")`. Each curve then has its own colour and symbol.
+    color : str, optional
+        Matplotlib colour such as "#D55E00"; by default a colour that no earlier curve has.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown, if the data do not support it, or if an earlier curve on `ax` has another unit.
+
+    Examples
+    --------
+    >>> from gmwm import WaveletVariance
+    >>> wv = WaveletVariance.from_values([4e-6, 2e-6, 1e-6], samples=1000, rate=100.0, unit="rad/s")
+    >>> figure = wv.plot(view="allan", units="datasheet")
+    >>> figure.axes[0].get_ylabel()
+    'Allan deviation (deg/h)'
+    """
+    from gmwm.showing.plots.shared_axes import named_panel
+
+    if label is None and color is None:
+        panel = wavelet_variance_panel(wv, view=view, units=units)
+    else:
+        panel = named_panel(wv, label=label, color=color, view=view, units=units, ax=ax)
+    return Figure(((panel,),), height=88.0)

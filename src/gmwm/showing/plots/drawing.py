@@ -59,7 +59,7 @@ def _documentation(text: str, names: list[str]) -> str:
     """Return a docstring with the options that plots share, and with all sections of `_SECTIONS`."""
     head, *written = re.split(r"\n\n(?=\w+\n---)", text)
     sections = _SECTIONS | {section.partition("\n")[0]: section for section in written}
-    own = sections["Parameters"]
-    common = [words for name, words in _OPTIONS.items() if name in names and f"\n{name} : " not in own]
-    sections["Parameters"] = "\n".join([own, *common])
+    specific = sections["Parameters"]
+    common = [words for name, words in _OPTIONS.items() if name in names and f"\n{name} : " not in specific]
+    sections["Parameters"] = "\n".join([specific, *common])
     return "\n\n".join([head, *sections.values()]) + "\n"

@@ -17,6 +17,10 @@ Symbol = Literal["circle", "square", "diamond", "triangle", "down", "cross", "pl
 """The symbols that each renderer must support."""
 
 
+PAGE = 174.0
+"""Width of a plot (mm) that fills two columns of a printed page."""
+
+
 @dataclass(frozen=True)
 class Stroke:
     """Style of a line: colour, width, dashes and symbols.
@@ -251,5 +255,4 @@ def single_panel(panel: Panel, height: float = 80.0, legend_rows: int = 0) -> Fi
 
 def drawable(values: Vector) -> Vector:
     """Return `values` with NaN for each value that a logarithmic axis cannot show (zero, negative or not finite)."""
-    kept = np.isfinite(values) & (values > 0)
-    return np.where(kept, values, np.nan)
+    return np.where(np.isfinite(values) & (values > 0), values, np.nan)

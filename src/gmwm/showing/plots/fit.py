@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from textwrap import wrap
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -21,60 +21,21 @@ from gmwm.showing.plots.view import UnitSystem, View, ViewName
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from gmwm.fitting.estimation.result import Fit
+    from gmwm.fitting.likelihood.result import LikelihoodFit
     from gmwm.measuring.variance.result import WaveletVariance
     from gmwm.theory.processes.base import Process
-    from gmwm.theory.processes.model import Model
 
 
-class HasNotes(Protocol):
-    """Protocol for those diagnostics of a fit that its plot shows."""
-
-    @property
-    def acts_as(self) -> Mapping[str, str]:
-        """Terms that the data cannot distinguish from another process, with the name of this process."""
-
-
-class Fitted(Protocol):
-    """Protocol for a result that `plot_fit` can draw: a fit to a wavelet variance, or a maximum-likelihood fit."""
-
-    @property
-    def model(self) -> Model:
-        """The model with the estimated parameter values."""
-
-    @property
-    def wavelet_variance(self) -> WaveletVariance:
-        """The measured wavelet variance."""
-
-    @property
-    def implied(self) -> Vector:
-        """The wavelet variance of the fitted model (J,)."""
-
-    @property
-    def decomposition(self) -> Mapping[str, Vector]:
-        """The wavelet variance (J,) of each term of the fitted model."""
-
-    @property
-    def diagnostics(self) -> HasNotes:
-        """Diagnostics of the fit."""
-
-
-REMARK = (0.5, 0.93)
-"""Position of the text that lists terms without a curve. Curves of inertial sensors fall on the left and rise on the
-right, so the top centre is free."""
-LINE = 28
-"""Number of characters in a line of the text at `REMARK`."""
+Fitted: TypeAlias = "Fit | LikelihoodFit"
+"""A result that `plot_fit` can draw."""
 LINES = 2
-"""Largest number of sinusoids that are drawn as separate curves, also in `gmwm.plots.spectrum`. Pinned by
+"""Largest number of sinusoids that are drawn as separate curves, also in `gmwm.showing.plots.spectrum`. Pinned by
 tests/plots/test_plot_limits.py."""
 
 
 def fit_panel(
-    fit: Fitted,
-    *,
-    view: ViewName = "wavelet",
-    units: UnitSystem = "si",
-    decomposition: bool = True,
-    alone: bool = True,
+    fit: Fitted, *, view: ViewName = "wavelet", units: UnitSystem = "si", decomposition: bool = True, alone: bool = True
 ) -> Panel:
     """Return the panel that `plot_fit` draws.
 
@@ -96,11 +57,14 @@ def fit_panel(
 
 
 def _zero_text(zero: Sequence[str]) -> tuple[Text, ...]:
-    """Return a text that lists the terms that are zero, wrapped for a narrow panel."""
+    """Return a text that lists the terms that are zero, wrapped for a narrow panel.
+
+    It is at the top centre, because the curves of inertial sensors fall on the left and rise on the right.
+    """
     if not zero:
         return ()
-    lines = wrap(f"{', '.join(zero)}: zero", LINE, break_long_words=False)
-    return (Text("\n".join(lines), REMARK[0], REMARK[1] - 0.035 * (len(lines) - 1)),)
+    lines = wrap(f"{', '.join(zero)}: zero", 28, break_long_words=False)
+    return (Text("\n".join(lines), 0.5, 0.93 - 0.035 * (len(lines) - 1)),)
 
 
 def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ...]:
@@ -113,7 +77,7 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ..
     processes = dict(zip(fit.model.terms, fit.model.processes, strict=True))
     strokes = term_strokes(fit.model.terms, fit.model.processes)
     lines, zero = [], []
-    curves, sinusoids = _summed(fit)
+    curves, sinusoids = _curves_by_term(fit)
     for term, variance in curves.items():
         y = drawable(view.height(np.asarray(variance)))
         if not np.any(np.isfinite(y)):
@@ -129,17 +93,13 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ..
         lines.append(Line(times, y, stroke=strokes[term], label=label, layer=ABOVE))
     if alone and zero:
         nothing = np.full(times.shape, np.nan)
-        lines.append(
-            Line(times, nothing, stroke=Stroke(GREY, 0.0), label=f"{', '.join(zero)}: zero, not supported", layer=ABOVE)
-        )
+        label = f"{', '.join(zero)}: zero, not supported"
+        lines.append(Line(times, nothing, stroke=Stroke(GREY, 0.0), label=label, layer=ABOVE))
     return tuple(lines)
 
 
-def _summed(fit: Fitted) -> tuple[dict[str, Vector], Sequence[str]]:
-    """Return the curve of each term, and the terms that are combined into one curve.
-
-    If the model has more than `LINES` sinusoids, they are combined: the first of them has the sum of their curves.
-    """
+def _curves_by_term(fit: Fitted) -> tuple[dict[str, Vector], Sequence[str]]:
+    """Return the curve of each term, and the sinusoids if they are more than `LINES`: the first has their sum."""
     curves = {term: np.asarray(variance) for term, variance in fit.decomposition.items()}
     rate = fit.wavelet_variance.rate
     processes = zip(fit.model.terms, fit.model.processes, strict=True)
@@ -151,12 +111,9 @@ def _summed(fit: Fitted) -> tuple[dict[str, Vector], Sequence[str]]:
 
 
 def _term_entry(term: str, process: Process, view: View, wv: WaveletVariance) -> str:
-    """Return the legend entry of a term.
-
-    It has datasheet values such as N if the plot has datasheet units, and otherwise the key parameters of the process.
-    """
-    found = datasheet_label(term, process, wv.unit, wv.rate) if view.of_datasheets else ""
-    return found or term_label(term, process, view, wv.rate)
+    """Return the legend entry of a term, with datasheet values in a plot in datasheet units, otherwise parameters."""
+    label = datasheet_label(term, process, wv.unit, wv.rate) if view.of_datasheets else ""
+    return label or term_label(term, process, view, wv.rate)
 
 
 def _summit(line: Line) -> Vector:

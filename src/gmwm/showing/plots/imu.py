@@ -8,21 +8,19 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 from gmwm.base.errors import OptionError
-from gmwm.showing.plots.axes import quiet, spaced, value_axis
+from gmwm.showing.plots.axes import quiet, thin_ticks, value_axis
+from gmwm.showing.plots.curves import wavelet_variance_panel
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Axis, Figure, Line, Mark, Panel, Stroke
+from gmwm.showing.plots.figure import PAGE, Axis, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.plots.labels import axis_title, sensor_and_letter, sensor_title
-from gmwm.showing.plots.overlay import Item, checked_items, measured, overlay_panel
+from gmwm.showing.plots.overlay import Item, checked_items, overlay_panel, wavelet_variance_of
 from gmwm.showing.plots.style import curve_stroke, letter_stroke
-from gmwm.showing.plots.variance import wavelet_variance_panel
 from gmwm.showing.plots.view import UnitSystem, ViewName
 
 if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
 
-PAGE = 174.0
-"""Width of a plot (mm) that fills two columns of a printed page."""
 SINGLE = 120.0
 """Width of a plot with a single panel (mm). If it is reduced to a printed column of 85 mm, its text has 5 points."""
 
@@ -93,14 +91,14 @@ def _grid(items: Mapping[str, Item | dict[str, Item]], view: ViewName, units: Un
         elif hasattr(item, "implied"):
             panels[name] = fit_panel(cast("Fit", item), view=view, units=units, alone=False)
         else:
-            panels[name] = wavelet_variance_panel(measured(item), view=view, units=units)
-    panels = _alike_together(panels)
-    rows = _arranged({name: replace(panel, title=axis_title(name)) for name, panel in panels.items()})
+            panels[name] = wavelet_variance_panel(wavelet_variance_of(item), view=view, units=units)
+    panels = _join_entries(panels)
+    rows = _arrange({name: replace(panel, title=axis_title(name)) for name, panel in panels.items()})
     columns = len(rows[0])
     if columns > 1:
         rows = [tuple(panel and _sparse(panel) for panel in row) for row in rows]
     drawn = Figure(
-        _shared([_one_scale(row) for row in rows]),
+        _share_labels([_one_scale(row) for row in rows]),
         width=max(PAGE * columns / 3, SINGLE),
         height=16.0 + 56.0 * len(rows),
         legend_columns=6,
@@ -108,19 +106,19 @@ def _grid(items: Mapping[str, Item | dict[str, Item]], view: ViewName, units: Un
     return _with_room(drawn, entries=2 * drawn.legend_columns)
 
 
-def _alike_together(panels: Mapping[str, Panel]) -> dict[str, Panel]:
+def _join_entries(panels: Mapping[str, Panel]) -> dict[str, Panel]:
     """Return the panels with one common legend entry for lines with the same stroke, such as "GM, GM[1]"."""
     entries: dict[Stroke, dict[str, None]] = {}
     lines = [mark for panel in panels.values() for mark in panel.marks if isinstance(mark, Line) and mark.label]
     for line in lines:
         entries.setdefault(line.stroke, {})[line.label] = None
 
-    def renamed(mark: Mark) -> Mark:
+    def rename(mark: Mark) -> Mark:
         if not isinstance(mark, Line) or not mark.label:
             return mark
         return replace(mark, label=", ".join(sorted(entries[mark.stroke])))
 
-    return {name: replace(panel, marks=tuple(map(renamed, panel.marks))) for name, panel in panels.items()}
+    return {name: replace(panel, marks=tuple(map(rename, panel.marks))) for name, panel in panels.items()}
 
 
 def _with_room(drawn: Figure, entries: int) -> Figure:
@@ -147,7 +145,7 @@ def _by_sensor(items: Mapping[str, Item], view: ViewName, units: UnitSystem) -> 
     return _with_room(drawn, entries=drawn.legend_columns)
 
 
-def _arranged(panels: Mapping[str, Panel]) -> list[tuple[Panel | None, ...]]:
+def _arrange(panels: Mapping[str, Panel]) -> list[tuple[Panel | None, ...]]:
     """Arrange panels by name in rows, with one row for each sensor and one column for each letter.
 
     If any name is not the name of an axis, all panels are arranged in rows of three.
@@ -174,7 +172,7 @@ def _one_scale(row: tuple[Panel | None, ...]) -> tuple[Panel | None, ...]:
     return tuple(replace(panel, y=axis) if panel in present else panel for panel in row)
 
 
-def _shared(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | None, ...], ...]:
+def _share_labels(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | None, ...], ...]:
     """Return the rows of panels without repeated axis labels.
 
     A common vertical scale is labelled only at the left panel, and a common time axis only below the lowest panel.
@@ -186,10 +184,10 @@ def _shared(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | Non
             if panel is None:
                 done.append(None)
                 continue
-            left = next((p for p in row[:k] if p is not None), None)
+            neighbour = next((p for p in row[:k] if p is not None), None)
             above = next((upper[k] for upper in rows[:i] if upper[k] is not None), None)
             below = next((lower[k] for lower in rows[i + 1 :] if lower[k] is not None), None)
-            y = quiet(panel.y) if left is not None and _same(left.y, panel.y) else panel.y
+            y = quiet(panel.y) if neighbour is not None and _same(neighbour.y, panel.y) else panel.y
             x = quiet(panel.x) if below is not None and _same(below.x, panel.x) else panel.x
             if above is not None and _same(above.x, panel.x):
                 x = replace(x, opposite=())
@@ -200,7 +198,7 @@ def _shared(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | Non
 
 def _sparse(panel: Panel) -> Panel:
     """Return the panel with fewer ticks at its upper side, because it is narrow."""
-    return replace(panel, x=replace(panel.x, opposite=spaced(panel.x.opposite, panel.x.limits, 0.2)))
+    return replace(panel, x=replace(panel.x, opposite=thin_ticks(panel.x.opposite, panel.x.limits, 0.2)))
 
 
 def _same(one: Axis, other: Axis) -> bool:

@@ -68,17 +68,6 @@ def term_label(term: str, process: Process, view: View, rate: float) -> str:
     Variances are given as standard deviations in the unit of the plot, rates as correlation times, and the power of a
     sinusoid as its amplitude.
 
-    Parameters
-    ----------
-    term : str
-        Name of the term, such as "GM[1]".
-    process : Process
-        The process of the term with its estimates.
-    view : View
-        Unit of the plot, and the conversion factor from the unit of the data.
-    rate : float
-        Sampling rate (Hz).
-
     >>> from gmwm.processes import GM, SIN
     >>> view = View("allan", "rad/s", 1.0)
     >>> term_label("GM[1]", GM(beta=0.02, sigma2=9e-8), view, rate=100.0)
@@ -96,17 +85,6 @@ def term_label(term: str, process: Process, view: View, rate: float) -> str:
 
 def datasheet_label(term: str, process: Process, unit: str, rate: float) -> str:
     """Return a term with its values in the symbols and units of datasheets, as text; "" if it has no such values.
-
-    Parameters
-    ----------
-    term : str
-        Name of the term, such as "GM[1]".
-    process : Process
-        The process of the term with its estimates.
-    unit : str
-        Unit of the signal.
-    rate : float
-        Sampling rate (Hz).
 
     >>> from gmwm.processes import AR, GM, SIN, WN
     >>> datasheet_label("WN", WN(sigma2=4e-7), "rad/s", rate=100.0)

@@ -56,13 +56,13 @@ def _layouts(names: Sequence[str], columns: int, room: float) -> Iterator[tuple[
     """
     for ncols in range(columns, 1, -1):
         yield list(names), ncols
-    halves = [folded(name, _text_room(room, 2), LEGEND_SIZE) for name in names]
+    halves = [fold(name, _text_room(room, 2), LEGEND_SIZE) for name in names]
     broken = sum("\n" in half for half in halves)
     # If most entries would be wrapped in two columns, one column is easier to read.
     if columns > 1 and 2 * broken <= len(names) and all(half.count("\n") < 2 for half in halves):
         yield halves, 2
     yield list(names), 1
-    yield [folded(name, _text_room(room, 1), LEGEND_SIZE) for name in names], 1
+    yield [fold(name, _text_room(room, 1), LEGEND_SIZE) for name in names], 1
 
 
 def _text_room(room: float, columns: int) -> float:
@@ -74,19 +74,19 @@ def _text_room(room: float, columns: int) -> float:
 def legend_inside(ax: Axes, handles: dict[str, Artist]) -> None:
     """Draw a legend inside the axes, and wrap its entries if the axes are narrow."""
     room = 72 * ax.bbox.width / ax.figure.dpi - 2 * _AROUND * LEGEND_SIZE
-    names = [folded(name, _text_room(room, 1), LEGEND_SIZE) for name in handles]
+    names = [fold(name, _text_room(room, 1), LEGEND_SIZE) for name in handles]
     ax.legend([*handles.values()], names, **_LOOK)
 
 
-def folded(text: str, room: float, size: float) -> str:
+def fold(text: str, room: float, size: float) -> str:
     """Wrap a text to a width of `room` points at the font size `size` (points).
 
-    >>> folded("GM[1]: T = 17 ms, σ = 3.6×10⁻⁴ rad/s (acts as WN)", 140.0, 6.6).split("\\n")
+    >>> fold("GM[1]: T = 17 ms, σ = 3.6×10⁻⁴ rad/s (acts as WN)", 140.0, 6.6).split("\\n")
     ['GM[1]: T = 17 ms, σ = 3.6×10⁻⁴ rad/s', '(acts as WN)']
     """
     # Even in a very narrow figure, a line can have a few letters.
     room = max(room, 6 * size)
-    lines = [line for given in text.split("\n") for line in _lines(given, room, size)]
+    lines = [line for paragraph in text.split("\n") for line in _lines(paragraph, room, size)]
     return "\n".join(lines)
 
 

@@ -59,6 +59,21 @@ def time_unit(seconds: float) -> tuple[str, float]:
     return next((unit, size) for unit, size, longest in _TIMES if seconds <= longest)
 
 
+def elapsed_axis(
+    low: float, high: float, span: float, *, since: str = "the first sample", at_most: int = 10
+) -> tuple[Axis, float]:
+    """Return a time axis from `low` to `high` (s) in the unit that suits `span` (s), and the length of its unit (s)."""
+    unit, size = time_unit(span)
+    return even_axis(low / size, high / size, f"Time since {since} ({unit})", margin=0.01, at_most=at_most), size
+
+
+def scaled_axis(low: float, high: float, largest: float, *, name: str, unit: str) -> tuple[Axis, float]:
+    """Return an axis from `low` to `high` in `unit` times a power of ten that suits `largest`, and this power."""
+    scale = 10.0 ** power_of(largest)
+    label = scaled_unit(unit, power_of(largest))
+    return even_axis(low / scale, high / scale, f"{name} ({label})" if name else label, margin=0.06, at_most=5), scale
+
+
 def power_of(largest: float) -> int:
     """Return the exponent of the power of ten in the label of an axis with values up to `largest`. The exponent is a
     multiple of three.

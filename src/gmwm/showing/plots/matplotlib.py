@@ -1,4 +1,4 @@
-"""The renderer for Matplotlib, which draws the figures of `gmwm.plots.figure` without pyplot's global state."""
+"""The renderer for Matplotlib, which draws the figures of `gmwm.showing.plots.figure` without pyplot's global state."""
 
 from __future__ import annotations
 
@@ -24,8 +24,9 @@ from matplotlib.ticker import FixedFormatter, FixedLocator, NullLocator
 from gmwm.base.atomic_files import write_bytes
 from gmwm.base.errors import OptionError
 from gmwm.showing.plots.figure import Axis, Band, Figure, Foot, Mark, Panel, Stroke, Symbol, Tick
-from gmwm.showing.plots.legend import EDGE, MILLIMETRE, folded, legend_below, legend_inside
+from gmwm.showing.plots.legend import EDGE, MILLIMETRE, fold, legend_below, legend_inside
 from gmwm.showing.plots.style import GRID
+from gmwm.showing.plots.trace import lone_values
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -98,10 +99,10 @@ def draw(figure: Figure, *, ax: Axes | None = None, path: str | os.PathLike[str]
 
 def save(picture: MatplotlibFigure, path: str | os.PathLike[str]) -> None:
     """Write a picture in the format that the suffix of `path` names. The same picture always gives the same bytes."""
-    write_bytes(path, rendered(picture, Path(path).suffix.lower()))
+    write_bytes(path, render(picture, Path(path).suffix.lower()))
 
 
-def rendered(picture: MatplotlibFigure, suffix: str) -> bytes:
+def render(picture: MatplotlibFigure, suffix: str) -> bytes:
     """Return the content of a file with the suffix ".png", ".pdf" or ".svg"."""
     # Text in a PDF stays text (font type 42), as journals require. The salt makes the identifiers in an SVG
     # reproducible.
@@ -115,24 +116,24 @@ def rendered(picture: MatplotlibFigure, suffix: str) -> bytes:
 def _new_picture(figure: Figure) -> MatplotlibFigure:
     picture = Picture(figsize=(figure.width * MILLIMETRE, figure.height * MILLIMETRE), dpi=DPI, layout="constrained")
     handles: dict[str, Artist] = {}
-    for row, place in zip(map(_titled, figure.rows, repeat(figure.width)), _places(picture, figure), strict=True):
+    for row, place in zip(map(_wrap_titles, figure.rows, repeat(figure.width)), _places(picture, figure), strict=True):
         for panel, (part, at) in zip(row, place, strict=True):
             if panel is not None:
                 for label, handle in draw_panel(panel, part.add_subplot(at)).items():
                     handles.setdefault(label, handle)
     picture.align_ylabels()
     if figure.title:
-        title = folded(figure.title, (figure.width - 2 * EDGE) * MILLIMETRE * 72, TEXT_SIZE + 1)
+        title = fold(figure.title, (figure.width - 2 * EDGE) * MILLIMETRE * 72, TEXT_SIZE + 1)
         picture.suptitle(title, fontsize=TEXT_SIZE + 1)
     if handles:
         legend_below(picture, handles, figure.legend_columns)
     return picture
 
 
-def _titled(row: Sequence[Panel | None], width: float) -> list[Panel | None]:
+def _wrap_titles(row: Sequence[Panel | None], width: float) -> list[Panel | None]:
     """Return a row of panels with their titles wrapped to the width of a panel, if the figure is `width` mm wide."""
     room = (width / len(row) - BESIDE) * MILLIMETRE * 72
-    return [panel and replace(panel, title=folded(panel.title, room, TEXT_SIZE)) for panel in row]
+    return [panel and replace(panel, title=fold(panel.title, room, TEXT_SIZE)) for panel in row]
 
 
 def _places(picture: MatplotlibFigure, figure: Figure) -> list[list[tuple[FigureBase, SubplotSpec]]]:
@@ -167,7 +168,7 @@ def _onto(figure: Figure, ax: Axes) -> MatplotlibFigure:
     for label, artist in zip(labels, artists, strict=True):
         earlier.setdefault(label, artist)
     # Remove the ticks on the opposite side, because they are drawn again with the new limits.
-    for child in [one for one in ax.child_axes if isinstance(one, SecondaryAxis)]:
+    for child in [child for child in ax.child_axes if isinstance(child, SecondaryAxis)]:
         child.remove()
     handles = {**earlier, **draw_panel(figure.panels[0], ax)}
     if handles:
@@ -235,10 +236,8 @@ def _draw_band(band: Band, ax: Axes, far: tuple[float, float]) -> Artist:
     # Edges at zero or infinity cannot be drawn, so they are moved far outside the panel.
     lower, upper = (np.clip(edge, *far) for edge in (band.lower, band.upper))
     style: dict[str, Any] = {"color": band.colour, "alpha": band.opacity, "zorder": 2 + band.layer / 10}
-    there = np.isfinite(lower) & np.isfinite(upper)
     # A single point between missing values has no area, so a bar is drawn instead.
-    beside = np.concatenate([[False], there, [False]])
-    alone = there & ~beside[:-2] & ~beside[2:]
+    alone = lone_values(np.where(np.isfinite(upper), lower, np.nan))
     if np.any(alone):
         ax.vlines(band.x[alone], lower[alone], upper[alone], linewidth=4.0, **style)
     ax.fill_between(band.x, lower, upper, linewidth=0, label=band.label, **style)

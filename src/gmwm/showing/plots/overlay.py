@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from gmwm.base.arrays import Vector
     from gmwm.fitting.estimation.conditions_fit import ConditionsFit
     from gmwm.fitting.estimation.result import Fit
+    from gmwm.fitting.likelihood.result import LikelihoodFit
     from gmwm.measuring.variance.result import WaveletVariance
 
 
@@ -33,18 +34,12 @@ class AtCondition(NamedTuple):
     implied: Vector
 
 
-Item: TypeAlias = "WaveletVariance | Fit | AtCondition"
+Item: TypeAlias = "WaveletVariance | Fit | LikelihoodFit | AtCondition"
 """Something to draw as a curve: a wavelet variance, or a fit, which contains a wavelet variance."""
 
 
-def measured(item: Item) -> WaveletVariance:
-    """Return the wavelet variance of an item.
-
-    Raises
-    ------
-    OptionError
-        If the item is neither a WaveletVariance nor a Fit.
-    """
+def wavelet_variance_of(item: Item) -> WaveletVariance:
+    """Return the wavelet variance of an item. Anything else than a wavelet variance or a fit is an OptionError."""
     wv: Any = getattr(item, "wavelet_variance", item)
     if not hasattr(wv, "variance") or not hasattr(wv, "tau"):
         raise OptionError(argument="items", expected="of type WaveletVariance or Fit", got=item)
@@ -52,13 +47,7 @@ def measured(item: Item) -> WaveletVariance:
 
 
 def checked_items(items: Mapping[str, Any]) -> dict[str, Item]:
-    """Check a mapping from names to wavelet variances and fits, and return it as a dict.
-
-    Raises
-    ------
-    OptionError
-        If `items` is not a mapping, if it is empty, or if a value is neither a WaveletVariance nor a Fit.
-    """
+    """Check a mapping from names to wavelet variances and fits, and return it as a dict."""
     if not isinstance(items, Mapping) or not items:
         raise OptionError(
             argument="items",
@@ -66,7 +55,7 @@ def checked_items(items: Mapping[str, Any]) -> dict[str, Item]:
             got=items,
         )
     for item in items.values():
-        measured(item)
+        wavelet_variance_of(item)
     return dict(items)
 
 
@@ -78,22 +67,17 @@ def overlay_panel(
     strokes: Sequence[Stroke] | None = None,
     title: str = "",
 ) -> Panel:
-    """Return a panel with several curves and their confidence bands.
+    """Return a panel with several curves in the same unit and their confidence bands.
 
     A fit is drawn with symbols for the data and a line for the model.
-
-    Raises
-    ------
-    OptionError
-        If the curves differ in unit.
     """
-    results = [measured(item) for item in items.values()]
+    results = [wavelet_variance_of(item) for item in items.values()]
     views = [view_for(wv, view, units) for wv in results]
     if len({shown.unit for shown in views}) > 1:
         pairs = zip(items, views, strict=True)
-        found = ", ".join(f"{name} in {shown.unit or 'no unit'}" for name, shown in pairs)
+        descriptions = ", ".join(f"{name} in {shown.unit or 'no unit'}" for name, shown in pairs)
         raise OptionError(
-            f"curves in one panel need the same unit, but they are {found}",
+            f"curves in one panel need the same unit, but they are {descriptions}",
             argument="items",
             got=tuple(shown.unit for shown in views),
             advice="Plot each sensor in its own figure.",
@@ -110,7 +94,7 @@ def overlay_panel(
 
 def _curve(name: str, item: Item, view: View, stroke: Stroke) -> list[Mark]:
     implied = getattr(item, "implied", None)
-    wv = measured(item)
+    wv = wavelet_variance_of(item)
     if implied is None:
         marks = observed_marks(wv, view, stroke=stroke, label=name)
         return [_faint(mark) for mark in marks]
@@ -220,7 +204,7 @@ def compare(
     if not items:
         raise OptionError(argument="items", expected="one or more of WaveletVariance and Fit", got=items)
     for item in items:
-        if not hasattr(measured(item), "robust"):
+        if not hasattr(wavelet_variance_of(item), "robust"):
             raise OptionError(
                 argument="items",
                 expected="of type WaveletVariance or Fit",
@@ -243,12 +227,12 @@ def automatic_labels(items: Sequence[Item]) -> list[str]:
     Items that do not differ are numbered.
 
     >>> from gmwm import WaveletVariance
-    >>> one = WaveletVariance.from_values([2.0, 1.0], samples=1000, rate=100.0, axis="gyro_x")
-    >>> two = WaveletVariance.from_values([2.0, 1.0], samples=1000, rate=100.0, axis="gyro_x", robust=True)
-    >>> automatic_labels([one, two]), automatic_labels([one, one])
+    >>> classical = WaveletVariance.from_values([2.0, 1.0], samples=1000, rate=100.0, axis="gyro_x")
+    >>> robust = WaveletVariance.from_values([2.0, 1.0], samples=1000, rate=100.0, axis="gyro_x", robust=True)
+    >>> automatic_labels([classical, robust]), automatic_labels([classical, classical])
     (['classical', 'robust'], ['Gyroscope X (1)', 'Gyroscope X (2)'])
     """
-    results = [measured(item) for item in items]
+    results = [wavelet_variance_of(item) for item in items]
     aspects = [
         [axis_title(wv.axis) for wv in results],
         _estimators(results),

@@ -38,46 +38,30 @@ the accuracy."""
 
 def plan_panel(plan: Plan, *, accuracy: float = 0.1) -> Panel:
     """Return the panel that `plot_plan` draws, with a curve for each parameter and a circle at the accuracy."""
-    wanted, needed = as_accuracy(accuracy), plan.needed(accuracy)
+    target, needed = as_accuracy(accuracy), plan.needed(accuracy)
     times, curves = _curves(plan, needed)
     strokes = _strokes(plan)
     heights = np.concatenate([100 * curve for curve in curves.values()])
-    y = value_axis(limits_of(np.append(np.minimum(heights, 100 * HIGHEST), [100 * HIGHEST, 50 * wanted])), _LABEL)
+    y = value_axis(limits_of(np.append(np.minimum(heights, 100 * HIGHEST), [100 * HIGHEST, 50 * target])), _LABEL)
     x = time_axis(times, "Length of the recording (s)")
     across, along = np.array(x.limits), np.array(y.limits)
     length = f"{duration_text(plan.duration)}: planned duration"
+    chosen = f"{100 * target:g} %: chosen accuracy"
     unseen = f"above {100 * SEEN:g} %: not determined by the data"
     marks: list[Mark] = []
     for name, curve in curves.items():
-        label = f"{name}: {_need_text(name, needed[name], plan, wanted)}"
+        label = f"{name}: {_need_text(name, needed[name], plan, target)}"
         if np.all(np.isfinite(curve) & (curve > HIGHEST)):
             label += f", above {100 * HIGHEST:g} % throughout"
-        marks.append(
-            Line(
-                times, np.where(curve <= HIGHEST, 100 * curve, np.nan), stroke=strokes[name], label=label, layer=MIDDLE
-            )
-        )
+        heights = np.where(curve <= HIGHEST, 100 * curve, np.nan)
+        marks.append(Line(times, heights, stroke=strokes[name], label=label, layer=MIDDLE))
     reached = np.array([t for t in needed.values() if times[0] < t <= times[-1]])
     dots = Stroke(BLACK, 0.0, symbol="circle", filled=False)
     marks += [
-        Line(reached, np.full(reached.shape, 100 * wanted), stroke=dots, label="", layer=FRONT),
-        Line(
-            across,
-            np.full(2, 100 * wanted),
-            stroke=Stroke(BLACK, 0.7),
-            label=f"{100 * wanted:g} %: chosen accuracy",
-            layer=BEHIND,
-        ),
+        Line(reached, np.full(reached.shape, 100 * target), stroke=dots, label="", layer=FRONT),
+        Line(across, np.full(2, 100 * target), stroke=Stroke(BLACK, 0.7), label=chosen, layer=BEHIND),
         Line(np.full(2, plan.duration), along, stroke=Stroke(GREY, 1.1, DOTTED), label=length, layer=BEHIND),
-        Band(
-            x=across,
-            lower=np.full(2, 100 * SEEN),
-            upper=np.full(2, np.inf),
-            colour=GREY,
-            opacity=0.16,
-            label=unseen,
-            layer=BAND,
-        ),
+        Band(across, np.full(2, 100 * SEEN), np.full(2, np.inf), GREY, opacity=0.16, label=unseen, layer=BAND),
     ]
     return Panel(x, y, tuple(marks), f"{model_text(plan.model.terms)} at {plan.rate:g} Hz, weighting {plan.weighting}")
 
@@ -134,11 +118,7 @@ def _need_text(name: str, seconds: float, plan: Plan, accuracy: float) -> str:
 
 @drawing
 def plot_plan(
-    plan: Plan,
-    *,
-    accuracy: float = 0.1,
-    ax: Axes | None = None,
-    path: str | os.PathLike[str] | None = None,
+    plan: Plan, *, accuracy: float = 0.1, ax: Axes | None = None, path: str | os.PathLike[str] | None = None
 ) -> Figure:
     """Draw the relative standard error of each parameter over the length of the recording.
 

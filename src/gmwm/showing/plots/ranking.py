@@ -13,10 +13,19 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
 from gmwm.showing.plots.axes import signed_axis, time_axis
-from gmwm.showing.plots.curves import ABOVE, BAND, BEHIND, FRONT, MIDDLE, closed_panel, observed_marks, view_for
+from gmwm.showing.plots.curves import (
+    ABOVE,
+    BEHIND,
+    FRONT,
+    MIDDLE,
+    closed_panel,
+    confidence_band,
+    observed_marks,
+    view_for,
+)
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, Symbol, Tick, drawable
-from gmwm.showing.plots.imu import PAGE, SINGLE
+from gmwm.showing.plots.figure import PAGE, Axis, Figure, Line, Mark, Panel, Stroke, Symbol, Tick, drawable
+from gmwm.showing.plots.imu import SINGLE
 from gmwm.showing.plots.labels import axis_title, model_text
 from gmwm.showing.plots.style import GREY, IMPLIED, OBSERVED, term_stroke
 from gmwm.showing.plots.view import UnitSystem, ViewName
@@ -30,8 +39,6 @@ LISTED = 10
 Pinned by tests/plots/test_plot_ranking.py."""
 MOST_CURVES = 8
 """Largest number of candidates whose curve can be drawn. Pinned by tests/plots/test_plot_ranking.py."""
-NAME = 44
-"""Number of characters after which the name of a model is wrapped."""
 FIRST = replace(IMPLIED, symbol="circle")
 """Stroke of the recommended candidate."""
 SYMBOLS: tuple[Symbol, ...] = ("square", "triangle", "diamond", "down", "star", "plus", "cross")
@@ -60,13 +67,9 @@ def ranking_figure(ranking: Ranking, *, limit: int = 4, view: ViewName = "wavele
         words.append(f"mean of {recordings} recordings")
     title = ", ".join(filter(None, words))
     return Figure(
-        rows=(*rows, (criteria,)),
-        width=PAGE,
-        height=sum(heights) + foot,
-        title=title[:1].upper() + title[1:],
-        legend_columns=3,
-        heights=heights,
-    )
+        rows=(*rows, (criteria,)), width=PAGE, height=sum(heights) + foot, title=title[:1].upper() + title[1:],
+        legend_columns=3, heights=heights,
+    )  # fmt: skip
 
 
 def candidates_figure(comparison: Comparison, *, view: ViewName = "wavelet", units: UnitSystem = "si") -> Figure:
@@ -93,10 +96,7 @@ def _stroke(place: int) -> Stroke:
 
 
 def _curves(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view: ViewName, units: UnitSystem) -> Panel:
-    """Return the panel with the data and the curves of the models.
-
-    The models have no legend entries here, because they have them in the panel of `_distances`.
-    """
+    """Return the panel with the data and the curves of the models, whose legend entries the other panel has."""
     wv = candidates[0].fit.wavelet_variance
     shown = view_for(wv, view, units)
     marks: list[Mark] = list(observed_marks(wv, shown, stroke=replace(OBSERVED, width=0.0)))
@@ -113,27 +113,13 @@ def _distances(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view:
     times = view_for(wv, view, units).time(wv.tau)
     x = time_axis(times, view_for(wv, view, units).time_label)
     ends = np.array(x.limits)
-    band = Band(
-        x=ends,
-        lower=np.full(2, -1.0),
-        upper=np.full(2, 1.0),
-        colour=OBSERVED.colour,
-        opacity=0.22,
-        label=f"{100 * wv.confidence:g} % confidence",
-        layer=BAND,
-    )
+    band = confidence_band(ends, np.full(2, -1.0), np.full(2, 1.0), colour=OBSERVED.colour, confidence=wv.confidence)
     marks: list[Mark] = [band, Line(ends, np.zeros(2), stroke=Stroke(OBSERVED.colour, 0.9), label="", layer=BEHIND)]
     rows = [distance(wv, np.asarray(c.fit.implied)) for c in candidates]
     for candidate, row, stroke in zip(candidates, rows, strokes, strict=True):
         layer = MIDDLE if stroke is FIRST else ABOVE
         marks.append(Line(times, row, stroke=stroke, label=_name(candidate), layer=layer))
-    y = signed_axis(
-        np.concatenate(rows),
-        "Distance (confidence limit = 1)",
-        linear=1.0,
-        even=EVEN_DISTANCE,
-        least=1.2,
-    )
+    y = signed_axis(np.concatenate(rows), "Distance (confidence limit = 1)", linear=1.0, even=EVEN_DISTANCE, least=1.2)
     return Panel(x, y, tuple(marks), "Models above (+) and below (−) the data")
 
 
@@ -146,8 +132,8 @@ def distance(wv: WaveletVariance, implied: Vector) -> Vector:
     """
     above = implied - wv.variance
     room = np.where(above > 0, wv.upper - wv.variance, wv.variance - wv.lower)
-    there = np.isfinite(room) & (room > 0)
-    return np.where(there, above / np.where(there, room, 1.0), np.nan)
+    limited = np.isfinite(room) & (room > 0)
+    return np.where(limited, above / np.where(limited, room, 1.0), np.nan)
 
 
 def _criteria(listed: Sequence[Candidate], strokes: dict[int, Stroke]) -> Panel:
@@ -164,10 +150,7 @@ def _criteria(listed: Sequence[Candidate], strokes: dict[int, Stroke]) -> Panel:
     head = Tick(len(listed) + 1.0, _NUMBERS if name == "WIC" else f"{name}; {_NUMBERS}")
     y = Axis("", (0.4, len(listed) + 1.4), tuple(ticks), grid=tuple(places), opposite=(*numbers, head), linear=np.inf)
     x = signed_axis(
-        np.array([c.difference for c in listed]),
-        f"{name} above the best",
-        linear=EVEN_DIFFERENCE,
-        even=EVEN_DISTANCE,
+        np.array([c.difference for c in listed]), f"{name} above the best", linear=EVEN_DIFFERENCE, even=EVEN_DISTANCE
     )
     return Panel(x, y, tuple(marks))
 
@@ -197,7 +180,7 @@ def _row_name(candidate: Candidate) -> str:
     """Return the name of a model as the label of its row, wrapped to leave space for the panel."""
     # The no-break space prevents lines that start with a plus sign.
     name = model_text(candidate.model.terms).replace(" + ", "\N{NO-BREAK SPACE}+ ")
-    return "\n".join(wrap(name, NAME, break_long_words=False)).replace("\N{NO-BREAK SPACE}", " ")
+    return "\n".join(wrap(name, 44, break_long_words=False)).replace("\N{NO-BREAK SPACE}", " ")
 
 
 def _score(candidate: Candidate) -> float:

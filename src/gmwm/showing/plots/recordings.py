@@ -25,24 +25,23 @@ MEAN = Stroke(GREY, 0.8, SOLID)
 LINEAR, EVEN = 10.0, 100.0
 """Difference (%) up to which the vertical axis is linear, and largest difference (%) for which the whole axis is
 linear."""
-_REACH = 1.96
 
 
-def recordings_figure(found: Replicates) -> Figure:
+def recordings_figure(replicates: Replicates) -> Figure:
     """Return the figure that `plot_recordings` draws.
 
     It shows by how many per cent the wavelet deviation of each recording differs from the mean of all recordings.
     """
-    wv, fit = found.fit.wavelet_variance, found.fit
+    wv, fit = replicates.fit.wavelet_variance, replicates.fit
     curves = wv.recordings
-    ratios = {name: 100 * (np.sqrt(one.variance[: len(wv)] / wv.variance[: len(one)]) - 1)
-              for name, one in curves.items()}  # fmt: skip
-    typical = sorted(curves.values(), key=lambda one: one.samples)[len(curves) // 2]
+    ratios = {name: 100 * (np.sqrt(curve.variance[: len(wv)] / wv.variance[: len(curve)]) - 1)
+              for name, curve in curves.items()}  # fmt: skip
+    typical = sorted(curves.values(), key=lambda curve: curve.samples)[len(curves) // 2]
     typical_levels = min(len(typical), len(wv))
     design = Design.of(typical).only(typical.levels <= typical_levels)
     # A recording contributes to the mean, so it differs less from the mean than from another recording.
     part = np.sqrt(max(1 - typical.samples / wv.samples, 0.0))
-    scatter = 50 * _REACH * part * np.sqrt(variances(fit.model, design)) / fit.implied[:typical_levels]
+    scatter = 50 * 1.96 * part * np.sqrt(variances(fit.model, design)) / fit.implied[:typical_levels]
     x = replace(time_axis(wv.tau, "Scale τ (s)"), opposite=())
     shown = [values[wv.degrees_of_freedom[: values.size] > len(curves)] for values in ratios.values()]
     y = signed_axis(np.concatenate(shown), "Difference from all recordings (%)", linear=LINEAR, even=EVEN)
@@ -57,9 +56,9 @@ def recordings_figure(found: Replicates) -> Figure:
 
 
 @drawing
-def plot_recordings(found: Replicates, *, path: str | os.PathLike[str] | None = None) -> Figure:
+def plot_recordings(replicates: Replicates, *, path: str | os.PathLike[str] | None = None) -> Figure:
     """Draw the relative difference between the wavelet deviation of each recording and of all recordings together.
 
     A band shows the range of differences that chance explains.
     """
-    return recordings_figure(found)
+    return recordings_figure(replicates)

@@ -25,56 +25,59 @@ if TYPE_CHECKING:
 BEFORE = Stroke(BLUE, 0.0, (), "circle", filled=False)
 AFTER = Stroke(GREY, 0.0, (), "cross")
 EFFECT = Stroke(ORANGE, 2.2)
-_PLACES = 100
 _NAMES = {"temperature": "Temperature (°C)", TIME: "Time (h)", WARM_UP: "Time (h)"}
 
 
-def regression_panel(found: Regression, *, units: UnitSystem = "si") -> Panel:
+def regression_panel(regression: Regression, *, units: UnitSystem = "si") -> Panel:
     """Return the panel that `plot_regression` draws.
 
     It shows block means of the signal against the first covariate, before and after the effect is removed, and the
     estimated effect with its 95 % confidence band. All values are relative to the mean of the signal at the reference
     value of the covariate. The means before the removal contain the effects of all covariates.
     """
-    unit, factor = found.unit, 1.0
-    if units == "datasheet" and (known := datasheet_units(found.unit)):
-        unit, factor = next(iter(known.items()))
-    name = found.terms[0].name
-    before = factor * (found.points.before - found.mean)
-    after = factor * (found.points.after - found.mean)
+    unit, factor = regression.unit, 1.0
+    if units == "datasheet" and (others := datasheet_units(regression.unit)):
+        unit, factor = next(iter(others.items()))
+    name = regression.terms[0].name
+    before = factor * (regression.points.before - regression.mean)
+    after = factor * (regression.points.after - regression.mean)
     reach = float(np.max(np.abs(np.concatenate([before, after]))))
     power = power_of(reach)
     size = 10.0**-power
-    low, high = float(np.min(found.points.at)), float(np.max(found.points.at))
+    low, high = float(np.min(regression.points.at)), float(np.max(regression.points.at))
     x = even_axis(low, high, _NAMES.get(name, name), margin=0.03)
     values = np.concatenate([before, after]) * size
-    label = f"{axis_title(found.axis) or 'Signal'} ({scaled_unit(unit, power)})"
+    label = f"{axis_title(regression.axis) or 'Signal'} ({scaled_unit(unit, power)})"
     y = even_axis(float(np.min(values)), float(np.max(values)), label, margin=0.06)
-    marks: list[Line | Band] = [Line(found.points.at, before * size, stroke=BEFORE, label="Before", layer=1)]
+    marks: list[Line | Band] = [Line(regression.points.at, before * size, stroke=BEFORE, label="Before", layer=1)]
     if name != WARM_UP:
-        effect = found.curve(np.linspace(*found.ranges[name], _PLACES), name)
+        effect = regression.curve(np.linspace(*regression.ranges[name], 100), name)
         scale = factor * size
         marks = [
             Band(effect.at, effect.lower * scale, effect.upper * scale, ORANGE, label="95 % confidence band", layer=2),
             *marks,
             Line(effect.at, effect.value * scale, stroke=EFFECT, label="Effect", layer=3),
         ]
-    marks.append(Line(found.points.at, after * size, stroke=AFTER, label="After", layer=2))
-    return Panel(x, y, tuple(marks), f"{axis_title(found.axis)} against {found.against}")
+    marks.append(Line(regression.points.at, after * size, stroke=AFTER, label="After", layer=2))
+    return Panel(x, y, tuple(marks), f"{axis_title(regression.axis)} against {regression.against}")
 
 
-def regression_figure(found: Regression, *, units: UnitSystem = "si") -> Figure:
+def regression_figure(regression: Regression, *, units: UnitSystem = "si") -> Figure:
     """Return the figure that `plot_regression` draws, which has one panel."""
-    return single_panel(regression_panel(found, units=units))
+    return single_panel(regression_panel(regression, units=units))
 
 
 @drawing
 def plot_regression(
-    found: Regression, *, units: UnitSystem = "si", ax: Axes | None = None, path: str | os.PathLike[str] | None = None
+    regression: Regression,
+    *,
+    units: UnitSystem = "si",
+    ax: Axes | None = None,
+    path: str | os.PathLike[str] | None = None,
 ) -> Figure:
     """Draw the axis against its first covariate, before and after the effect is subtracted, with the effect and its
     band.
     """
     if units not in ("si", "datasheet"):
         raise OptionError(argument="units", expected="'si' or 'datasheet'", got=units)
-    return regression_figure(found, units=units)
+    return regression_figure(regression, units=units)

@@ -1,4 +1,4 @@
-"""Plot of the standardised innovations of a model: over time, against normal quantiles, and their autocorrelation."""
+"""Plots of an autocorrelation, and of the innovations of a model over time and against normal quantiles."""
 
 from __future__ import annotations
 
@@ -10,29 +10,38 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm.base.arrays import Vector
+from gmwm.base.errors import OptionError
 from gmwm.fitting.likelihood.innovations import Residuals
-from gmwm.showing.plots.autocorrelation import DOTTED, EXPECTED, LEVEL, autocorrelation_panel, percent
+from gmwm.fitting.likelihood.record import as_record
+from gmwm.recording.autocorrelation import autocorrelation, observed_pairs
+from gmwm.recording.options import as_whole_number
+from gmwm.recording.signals import Signal
 from gmwm.showing.plots.axes import number_text, power_text
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Band, Figure, Line, Mark, Panel, Stroke
+from gmwm.showing.plots.figure import PAGE, Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.labels import axis_title, model_text
-from gmwm.showing.plots.linear import even_axis, number_at, time_unit
-from gmwm.showing.plots.series import DOTS, PAGE
-from gmwm.showing.plots.style import BLUE, GREY, VERMILLION
-from gmwm.showing.plots.trace import even_trace, isolated
+from gmwm.showing.plots.linear import elapsed_axis, even_axis, number_at
+from gmwm.showing.plots.series import DOTS
+from gmwm.showing.plots.style import BLACK, BLUE, GREY, VERMILLION
+from gmwm.showing.plots.trace import even_trace, lone_dots
 
 if TYPE_CHECKING:
     pass
+
+LEVEL = 0.95
+"""Confidence level of the limits for white noise."""
+FEW = 200
+"""Largest number of lags for which each value has a dot. Pinned by tests/plots/test_plot_residuals.py."""
+DOTTED = Stroke(BLUE, 0.0, symbol="circle")
+EXPECTED = Stroke(BLACK, 0.8)
+
 
 LEAST_P = 1e-6
 """Smallest p-value that is shown as a number. Smaller p-values are shown as "p < 10⁻⁶". Pinned by
 tests/plots/test_plot_residuals.py."""
 LINE = Stroke(BLUE, 0.5)
 LIMIT = Stroke(VERMILLION, 0.9)
-
-
-# --- what is drawn, as data ---------------------------------------------------------------------------
 
 
 def residuals_figure(residuals: Residuals, lags: int | None = None) -> Figure:
@@ -48,18 +57,16 @@ def time_panel(residuals: Residuals) -> Panel:
     """
     z = residuals.observed
     largest = NormalDist().inv_cdf((1 + LEVEL ** (1 / z.size)) / 2)
-    one = even_trace(residuals.values, residuals.rate, 1.0, round(DOTS * PAGE))
-    unit, size = time_unit(residuals.values.size / residuals.rate)
-    last = (residuals.values.size - 1) / residuals.rate / size
-    x = even_axis(0.0, last, f"Time since the first sample ({unit})", margin=0.01, at_most=10)
-    y = even_axis(min(one.low, -largest), max(one.high, largest), "Standardised innovation", margin=0.06, at_most=7)
-    times = one.seconds / size
+    samples = even_trace(residuals.values, residuals.rate, 1.0, round(DOTS * PAGE))
+    count = residuals.values.size
+    x, size = elapsed_axis(0.0, (count - 1) / residuals.rate, count / residuals.rate)
+    ends = min(samples.low, -largest), max(samples.high, largest)
+    y = even_axis(*ends, "Standardised innovation", margin=0.06, at_most=7)
+    times = samples.seconds / size
     across = np.array([*x.limits, math.nan, *x.limits])
     limits = np.array([largest, largest, math.nan, -largest, -largest])
-    lone = isolated(one.y)
-    marks: list[Mark] = [Line(times, one.y, stroke=LINE, label="", layer=MIDDLE)]
-    if np.any(lone):
-        marks.append(Line(times[lone], one.y[lone], stroke=DOTTED, label="", layer=MIDDLE))
+    marks: list[Mark] = [Line(times, samples.y, stroke=LINE, layer=MIDDLE)]
+    marks += lone_dots(times, samples.y, BLUE, MIDDLE)
     marks.append(Line(across, limits, stroke=LIMIT, label=f"{percent(LEVEL)} limits of the largest", layer=FRONT))
     beyond = int(np.count_nonzero(np.abs(z) > largest))
     name = ", ".join(filter(None, [axis_title(residuals.axis), model_text(residuals.model.terms)]))
@@ -81,15 +88,7 @@ def quantile_panel(residuals: Residuals) -> Panel:
     y = even_axis(low, high, "Observed quantile", margin=0.08, at_most=7)
     normality = residuals.normality()
     marks = (
-        Band(
-            x=normal,
-            lower=lower,
-            upper=upper,
-            colour=GREY,
-            opacity=0.25,
-            label=f"{percent(LEVEL)} limits of each point",
-            layer=BAND,
-        ),
+        Band(normal, lower, upper, GREY, label=f"{percent(LEVEL)} limits of each point", layer=BAND),
         Line(np.array(x.limits), np.array(x.limits), stroke=EXPECTED, label="Expected", layer=BEHIND),
         Line(normal, observed, stroke=DOTTED, label="Observed", layer=FRONT),
     )
@@ -102,14 +101,8 @@ def order_limits(normal: Vector, count: int, level: float = LEVEL) -> tuple[Vect
     For the k-th smallest value z of N, Φ(z) has the distribution Beta(k, N − k + 1), where Φ is the normal distribution
     function.
 
-    Parameters
-    ----------
-    normal : (n,) array
-        Normal quantiles that are the expected values of the order statistics.
-    count : int
-        Sample size N.
-    level : float
-        Probability that an order statistic lies within its limits.
+    `normal` (n,) has the normal quantiles that are the expected values of the order statistics of `count` = N samples.
+    `level` is the probability that an order statistic lies within its limits.
 
     >>> low, high = order_limits(np.array([-2.0, 2.0]), 10_000)
     >>> print(*(f"{a:.3f} to {b:.3f};" for a, b in zip(low, high, strict=True)))
@@ -143,9 +136,6 @@ def _p_text(p_value: float) -> str:
     return f"p < {power_text(LEAST_P)}" if p_value < LEAST_P else f"p = {number_text(p_value, 2)}"
 
 
-# --- pictures -----------------------------------------------------------------------------------------
-
-
 @drawing
 def plot_residuals(
     residuals: Residuals, lags: int | None = None, *, path: str | os.PathLike[str] | None = None
@@ -173,3 +163,73 @@ def plot_residuals(
     ['WN + RW', 'Jarque-Bera', 'Ljung-Box, 30 lags']
     """
     return residuals_figure(residuals, lags)
+
+
+def autocorrelation_panel(r: Vector, error: Vector, title: str = "") -> Panel:
+    """Return a panel with an autocorrelation r (L,) at the lags 1 … L, and its confidence limits for white noise.
+
+    `error` (L,) is the standard deviation of each value for white noise.
+    """
+    lag = np.arange(1.0, r.size + 1)
+    limit = NormalDist().inv_cdf((1 + LEVEL) / 2) * error
+    far = max(float(np.max(np.abs(r))), 1.5 * float(np.max(limit)))
+    x = even_axis(0.0, r.size, "Lag (samples)", margin=0.02, at_most=8)
+    y = even_axis(-far, far, "Autocorrelation", margin=0.06, at_most=7)
+    ends = np.array(x.limits)
+    stems = np.column_stack([np.zeros(r.size), r, np.full(r.size, math.nan)]).ravel()
+    label = f"{percent(LEVEL)} limits of each point"
+    marks: list[Mark] = [
+        Band(lag, -limit, limit, GREY, label=label, layer=BAND),
+        Line(ends, np.zeros(2), stroke=EXPECTED, label="Expected", layer=BEHIND),
+        Line(np.repeat(lag, 3), stems, stroke=Stroke(BLUE, 0.9 if r.size <= FEW else 0.5), label="", layer=MIDDLE),
+    ]
+    if r.size <= FEW:
+        marks.append(Line(lag, r, stroke=DOTTED, label="Observed", layer=FRONT))
+    return Panel(x, y, tuple(marks), title)
+
+
+def signal_autocorrelation_panel(signal: Signal, lags: int | None = None) -> Panel:
+    """Return the panel that `plot_autocorrelation` draws."""
+    record = as_record(signal, None)
+    most = record.observed - 1
+    count = min(int(10 * math.log10(record.observed)), most) if lags is None else as_whole_number(lags, "lags", 1)
+    if count > most:
+        raise OptionError(argument="lags", expected=f"at most {most}, the number of samples less one", got=lags)
+    r = autocorrelation(record.values, count)[1:]
+    error = np.sqrt(observed_pairs(record.values, count)) / record.observed
+    return autocorrelation_panel(r, error, f"{axis_title(signal.axis) or 'Signal'}, limits for white noise")
+
+
+@drawing
+def plot_autocorrelation(
+    signal: Signal, lags: int | None = None, *, path: str | os.PathLike[str] | None = None
+) -> Figure:
+    """Draw the autocorrelation of a signal at the lags 1 … L, with the 95 % limits of each value for white noise.
+
+    Parameters
+    ----------
+    signal : Signal
+        The signal. Pairs of samples of which one is missing are left out.
+    lags : int, optional
+        Number of lags L. Default: 10 log₁₀ N for N samples.
+
+    Raises
+    ------
+    OptionError
+        If `lags` is not from 1 to the number of samples less one.
+    DataError, ModelError
+        If the signal has fewer than 8 samples, or all samples are equal.
+
+    Examples
+    --------
+    >>> from gmwm.simulation import example_recording
+    >>> figure = plot_autocorrelation(example_recording()["gyro_x"], lags=40)
+    >>> figure.axes[0].get_ylabel()
+    'Autocorrelation'
+    """
+    return Figure(((signal_autocorrelation_panel(signal, lags),),), width=PAGE, height=70.0)
+
+
+def percent(share: float) -> str:
+    """Format a fraction as a percentage."""
+    return f"{100 * share:g} %"

@@ -14,11 +14,11 @@ from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.plots.axes import number_text, quiet
 from gmwm.showing.plots.curves import FRONT
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Figure, Line, Mark, Panel, Stroke, Symbol
+from gmwm.showing.plots.figure import PAGE, Figure, Line, Mark, Panel, Stroke, Symbol
 from gmwm.showing.plots.labels import axis_title, model_text, sensor_and_letter, term_label
-from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit, time_unit
+from gmwm.showing.plots.linear import elapsed_axis, scaled_axis
 from gmwm.showing.plots.style import BLUE, letter_stroke, term_strokes
-from gmwm.showing.plots.trace import Trace, isolated, removed, trace
+from gmwm.showing.plots.trace import Outline, lone_dots, offset_of, trace
 from gmwm.showing.plots.view import UnitSystem, View, view_of
 
 if TYPE_CHECKING:
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     from gmwm.theory.simulation.components import SimulatedSignal
 
-PAGE = 174.0
-"""Width of a plot (mm) that fills two columns of a printed page."""
 DOTS = 15.0
 """Horizontal resolution to which long signals are reduced (columns of dots per millimetre), about 400 per inch."""
 WIDTH = 0.5
@@ -51,10 +49,10 @@ NAMES: dict[Quantity, str] = {"gyro": "Angular rate", "accel": "Specific force"}
 def signal_panel(signal: Signal, *, units: UnitSystem = "si", width: float = PAGE) -> Panel:
     """Return the panel that `plot_signal` draws."""
     shown = view_of(signal.unit, "allan", units)
-    one = trace(signal, shown.factor, round(DOTS * width))
-    mean = removed(one)
+    samples = trace(signal, shown.factor, round(DOTS * width))
+    mean = offset_of(samples)
     title = _without_mean(axis_title(signal.axis), mean, shown.unit)
-    return _panels([_Row(one.less(mean), _stroke(signal.axis), title)], shown, _name(signal.unit))[0]
+    return _panels([_SignalRow(samples.less(mean), _stroke(signal.axis), title)], shown, quantity_name(signal.unit))[0]
 
 
 def recording_figure(imu: Imu, *, units: UnitSystem = "si") -> Figure:
@@ -80,14 +78,15 @@ def _sensor_panels(imu: Imu, axes: Sequence[str], units: UnitSystem, width: floa
     for unit in dict.fromkeys(imu[axis].unit for axis in axes):
         members = [axis for axis in axes if imu[axis].unit == unit]
         shown = view_of(unit, "allan", units)
-        left = imu.time_base.left if imu.time_base else 0.0
-        traces = [trace(imu[axis], shown.factor, round(DOTS * width), left, clip=True) for axis in members]
-        means = [removed(one) for one in traces]
-        rows = [
-            _Row(one.less(mean), _stroke(axis), _without_mean(axis_title(axis), mean, shown.unit) + _clipped(one))
-            for axis, one, mean in zip(members, traces, means, strict=True)
-        ]
-        panels |= dict(zip(members, _panels(rows, shown, _name(unit)), strict=True))
+        begin = imu.time_base.left if imu.time_base else 0.0
+        rows = []
+        for axis in members:
+            samples = trace(imu[axis], shown.factor, round(DOTS * width), begin, clip=True)
+            mean = offset_of(samples)
+            title = _without_mean(axis_title(axis), mean, shown.unit)
+            title += " (▲▼: beyond the limits)" if any(samples.clipped) else ""
+            rows.append(_SignalRow(samples.less(mean), _stroke(axis), title))
+        panels |= dict(zip(members, _panels(rows, shown, quantity_name(unit)), strict=True))
     return [panels[axis] for axis in axes]
 
 
@@ -100,34 +99,34 @@ def components_figure(simulated: SimulatedSignal, *, units: UnitSystem = "si") -
     name = axis_title(signal.axis) if signal.axis else "Signal"
     less = f" less {_number(offset)} {shown.unit}".rstrip() if offset else ""
     step = simulated.resolution
-    rounded = f", in steps of {number_text(shown.factor * step)} {shown.unit}".rstrip() if step else ""
-    title = f"{name}{less}: {model_text(model.terms)}{rounded}"
-    rows = [_Row(trace(signal, shown.factor, columns).less(offset), Stroke(BLUE, WIDTH), title)]
+    steps = f", in steps of {number_text(shown.factor * step)} {shown.unit}".rstrip() if step else ""
+    title = f"{name}{less}: {model_text(model.terms)}{steps}"
+    rows = [_SignalRow(trace(signal, shown.factor, columns).less(offset), Stroke(BLUE, WIDTH), title)]
     strokes = term_strokes(model.terms, model.processes)
     for term, process in zip(model.terms, model.processes, strict=True):
-        one = trace(simulated[term], shown.factor, columns)
-        rows.append(_Row(one, Stroke(strokes[term].colour, WIDTH), term_label(term, process, shown, signal.rate)))
+        path = trace(simulated[term], shown.factor, columns)
+        rows.append(
+            _SignalRow(path, Stroke(strokes[term].colour, WIDTH), term_label(term, process, shown, signal.rate))
+        )
     panels = _panels(rows, shown)
     stacked = time_once([(panel,) for panel in panels])
     return Figure(stacked, width=PAGE, height=12.0 + row_height(len(rows), 34.0) * len(rows))
 
 
 @dataclass(frozen=True, eq=False)
-class _Row:
-    trace: Trace
+class _SignalRow:
+    trace: Outline
     stroke: Stroke
     title: str
 
 
-def _panels(rows: Sequence[_Row], shown: View, name: str = "") -> list[Panel]:
+def _panels(rows: Sequence[_SignalRow], shown: View, name: str = "") -> list[Panel]:
     """Return panels of one quantity over the same time.
 
     If possible, they have a common vertical scale, or at least a common power of ten in their labels.
     """
-    seconds = np.array([[np.min(row.trace.seconds), np.max(row.trace.seconds)] for row in rows])
-    unit, size = time_unit(float(np.max(seconds) - np.min(seconds)))
-    label = f"Time since the first sample ({unit})"
-    x = even_axis(float(np.min(seconds)) / size, float(np.max(seconds)) / size, label, margin=0.01, at_most=10)
+    first, last = (float(end([end(row.trace.seconds) for row in rows])) for end in (np.min, np.max))
+    x, size = elapsed_axis(first, last, last - first)
     spans = [row.trace.span for row in rows]
     sizes = [max(abs(row.trace.low), abs(row.trace.high)) for row in rows]
     one_power = max(sizes) <= ONE_POWER * min(sizes)
@@ -135,48 +134,29 @@ def _panels(rows: Sequence[_Row], shown: View, name: str = "") -> list[Panel]:
     low, high = min(row.trace.low for row in rows), max(row.trace.high for row in rows)
     panels = []
     for row, largest in zip(rows, sizes, strict=True):
-        power = power_of(max(sizes) if one_power else largest)
         ends = (low, high) if one_scale else (row.trace.low, row.trace.high)
-        written = scaled_unit(shown.unit, power)
-        y = even_axis(
-            ends[0] / 10.0**power,
-            ends[1] / 10.0**power,
-            f"{name} ({written})" if name else written,
-            margin=0.06,
-            at_most=5,
-        )
-        panels.append(Panel(x, y, _marks(row, size, 10.0**power), row.title))
+        y, scale = scaled_axis(*ends, max(sizes) if one_power else largest, name=name, unit=shown.unit)
+        panels.append(Panel(x, y, _marks(row, size, scale), row.title))
     return panels
 
 
-def _marks(row: _Row, size: float, scale: float) -> tuple[Mark, ...]:
+def _marks(row: _SignalRow, size: float, scale: float) -> tuple[Mark, ...]:
     """Return the line of a signal, and symbols for clipped samples and for single samples between two gaps."""
     x, y = row.trace.seconds / size, row.trace.y / scale
     stroke = row.stroke if x.size > FEW else replace(row.stroke, width=0.8, symbol="circle")
-    alone = isolated(y)
-    line = Line(x, y, stroke=stroke, label="", layer=FRONT)
     symbols: tuple[Symbol, Symbol] = ("triangle", "down")
-    beyond = tuple(
-        Line(x[mask], y[mask], stroke=Stroke(CLIPPED, 0.0, symbol=symbol), label="", layer=FRONT)
-        for mask, symbol in zip(row.trace.beyond(), symbols, strict=True) if np.any(mask)
-    )  # fmt: skip
-    if stroke.symbol or not np.any(alone):
-        return line, *beyond
-    return (
-        line,
-        *beyond,
-        Line(x[alone], y[alone], stroke=Stroke(stroke.colour, 0.0, symbol="circle"), label="", layer=FRONT),
-    )
+    beyond = [
+        Line(x[mask], y[mask], stroke=Stroke(CLIPPED, 0.0, symbol=symbol), layer=FRONT)
+        for mask, symbol in zip(row.trace.beyond(), symbols, strict=True)
+        if np.any(mask)
+    ]
+    dots = () if stroke.symbol else lone_dots(x, y, stroke.colour, FRONT)
+    return Line(x, y, stroke=stroke, layer=FRONT), *beyond, *dots
 
 
 def _stroke(axis: str) -> Stroke:
     letter = letter_stroke(sensor_and_letter(axis)[1])
     return Stroke(letter.colour if letter else BLUE, WIDTH)
-
-
-def _clipped(one: Trace) -> str:
-    """Return the end of a title that explains the symbols of clipped samples; "" if there are none."""
-    return " (▲▼: beyond the limits)" if any(one.clipped) else ""
 
 
 def _without_mean(title: str, mean: float, unit: str) -> str:
@@ -188,9 +168,10 @@ def _number(value: float) -> str:
     return number_text(value, 6).replace("-", "−")
 
 
-def _name(unit: str) -> str:
-    known = find_unit(unit)
-    return NAMES[known.quantity] if known else "Signal"
+def quantity_name(unit: str) -> str:
+    """Return the name of the quantity that is measured in a unit, for the label of an axis."""
+    definition = find_unit(unit)
+    return NAMES[definition.quantity] if definition else "Signal"
 
 
 def row_height(rows: int, usual: float) -> float:
@@ -218,11 +199,7 @@ def time_once(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | N
 
 @drawing
 def plot_signal(
-    signal: Signal,
-    *,
-    units: UnitSystem = "si",
-    ax: Axes | None = None,
-    path: str | os.PathLike[str] | None = None,
+    signal: Signal, *, units: UnitSystem = "si", ax: Axes | None = None, path: str | os.PathLike[str] | None = None
 ) -> Figure:
     """Draw the signal over time, with its line broken where samples are missing.
 

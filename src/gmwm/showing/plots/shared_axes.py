@@ -15,7 +15,7 @@ from gmwm.showing.plots.axes import time_axis, value_axis
 from gmwm.showing.plots.curves import curves_then_bands
 from gmwm.showing.plots.figure import Line, Panel
 from gmwm.showing.plots.fit import term_lines
-from gmwm.showing.plots.overlay import Item, measured, overlay_panel
+from gmwm.showing.plots.overlay import Item, overlay_panel, wavelet_variance_of
 from gmwm.showing.plots.style import curve_stroke
 from gmwm.showing.plots.view import UnitSystem, ViewName, view_of
 
@@ -34,35 +34,20 @@ def named_panel(
 ) -> Panel:
     """Return a panel with one named curve. Its axes also include the curves that gmwm has already drawn on `ax`.
 
-    Parameters
-    ----------
-    item : WaveletVariance or Fit
-        The curve. A fit is drawn with symbols for the data and a line for the model.
-    label : str, optional
-        Name in the legend. Default: the sensor axis.
-    color : str, optional
-        A Matplotlib colour. Default: the next colour that the earlier curves do not have.
-    view, units
-        As for `plot_wavelet_variance`.
-    ax : matplotlib Axes, optional
-        Axes on which earlier curves may have been drawn.
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown, or if the earlier curves have another quantity or unit.
+    The default label is the sensor axis, the default colour the next one that the earlier curves do not have. Raises
+    OptionError if the earlier curves have another quantity or unit.
     """
     drawn = ax if isinstance(ax, Axes) else None
     # Each earlier curve has one confidence band, so the number of bands is the number of curves.
-    before = 0 if drawn is None else sum(isinstance(one, PolyCollection) for one in drawn.collections)
+    before = 0 if drawn is None else sum(isinstance(artist, PolyCollection) for artist in drawn.collections)
     stroke = curve_stroke(before)
     if color is not None:
         stroke = replace(stroke, colour=_hex(color))
-    name = measured(item).axis or "Data" if label is None else label
+    name = wavelet_variance_of(item).axis or "Data" if label is None else label
     panel = overlay_panel({name: item}, view=view, units=units, strokes=[stroke])
     # The bands of all curves share one legend entry.
     panel = replace(panel, marks=tuple(curves_then_bands(panel.marks, 2)))
-    return panel if drawn is None or not before else _joined(panel, drawn)
+    return panel if drawn is None or not before else _join(panel, drawn)
 
 
 def named_fit_panel(
@@ -75,11 +60,8 @@ def named_fit_panel(
     ax: Axes | None,
     decomposition: bool,
 ) -> Panel:
-    """Return the panel of `named_panel` for a fit.
-
-    If `decomposition` is True, the panel also has a thin line for each term, in the colour of the fit.
-    """
-    panel = named_panel(fit, label=label, color=color, view=view, units=units, ax=ax)  # type: ignore[arg-type]
+    """Return the panel of `named_panel` for a fit, with a thin line for each term in its colour if `decomposition`."""
+    panel = named_panel(fit, label=label, color=color, view=view, units=units, ax=ax)
     if not decomposition:
         return panel
     name = panel.marks[0].label
@@ -99,14 +81,8 @@ def _hex(color: str) -> str:
         raise OptionError(argument="color", expected='a colour such as "#0072B2" or "red"', got=color) from error
 
 
-def _joined(panel: Panel, ax: Axes) -> Panel:
-    """Return the panel with axes that also include the curves on `ax`.
-
-    Raises
-    ------
-    OptionError
-        If `ax` shows another quantity or unit.
-    """
+def _join(panel: Panel, ax: Axes) -> Panel:
+    """Return the panel with axes that also include the curves on `ax`, which must show the same quantity and unit."""
     if ax.get_ylabel() != panel.y.label:
         raise OptionError(
             f"curves on the same axes need the same quantity and unit, but they are {ax.get_ylabel()!r} and "

@@ -14,9 +14,9 @@ from gmwm.base.errors import OptionError
 from gmwm.base.units import datasheet_units, noise_unit
 from gmwm.measuring.spectrum.welch import ENERGY_WIDTH
 from gmwm.showing.plots.axes import limits_near, limits_of, power_ticks, value_axis
-from gmwm.showing.plots.curves import ABOVE, BAND, FRONT, MIDDLE
+from gmwm.showing.plots.curves import ABOVE, FRONT, MIDDLE, confidence_band
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, drawable, single_panel
+from gmwm.showing.plots.figure import Axis, Figure, Line, Mark, Panel, Stroke, drawable, single_panel
 from gmwm.showing.plots.fit import LINES
 from gmwm.showing.plots.labels import axis_title, model_text
 from gmwm.showing.plots.style import BLUE, IMPLIED, SOLID, VERMILLION, term_strokes
@@ -42,11 +42,6 @@ ABOVE_PEAK = 1.35
 def density_unit(unit: str, units: UnitSystem) -> tuple[str, float]:
     """Return the unit of the root density of data in `unit`, and the conversion factor to this unit.
 
-    Raises
-    ------
-    OptionError
-        If `units` is unknown, or is "datasheet" and the data are neither an angular rate nor an acceleration.
-
     >>> density_unit("rad/s", "si"), density_unit("m/s²", "datasheet")[0]
     (('rad/s/√Hz', 1.0), 'µg/√Hz')
     """
@@ -55,15 +50,15 @@ def density_unit(unit: str, units: UnitSystem) -> tuple[str, float]:
     si, factor = noise_unit(0.5, unit)
     if units == "si":
         return si, factor
-    known = [(name, size) for name, size in datasheet_units(si).items() if name.endswith("/√Hz")]
-    if not known:
+    densities = [(name, size) for name, size in datasheet_units(si).items() if name.endswith("/√Hz")]
+    if not densities:
         raise OptionError(
             f"datasheet units need data in a unit of angular rate or acceleration; got {unit or 'no unit'}",
             argument="units",
             got=units,
             advice="Use {--units=si}, or give the signal a unit such as rad/s.",
         )
-    return known[0][0], factor * known[0][1]
+    return densities[0][0], factor * densities[0][1]
 
 
 def spectrum_panel(
@@ -79,14 +74,12 @@ def spectrum_panel(
     lower, upper = (np.where(np.isfinite(y), factor * np.sqrt(limit), np.nan) for limit in (shown.lower, shown.upper))
     marks: list[Mark] = [
         Line(f, y, stroke=Stroke(BLUE, 0.9), label="Spectrum", layer=FRONT),
-        Band(
-            f, lower, upper, colour=BLUE, opacity=0.22, label=f"{100 * shown.confidence:g} % confidence", layer=BAND
-        ),
-    ]  # fmt: skip
+        confidence_band(f, lower, upper, colour=BLUE, confidence=shown.confidence),
+    ]
     curves: list[Line] = []
     if model is not None:
         curves = _model_lines(shown, model, factor=factor, alone=alone)
-    marks += [*curves, *_found(shown, y, alone=alone)]
+    marks += [*curves, *_peak_marks(shown, y, alone=alone)]
     symbols = [mark.y for mark in marks[2 + len(curves) :] if isinstance(mark, Line)]
     tops = [line.y[:1] for line in curves[:1]]
     limits = limits_near(y, [lower, upper, *tops, *symbols], reach=REACH)
@@ -133,7 +126,7 @@ def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, al
     return [Line(f, drawable(factor * np.sqrt(total)), stroke=IMPLIED, label=name, layer=MIDDLE), *terms]
 
 
-def _found(spectrum: PowerSpectrum, heights: Vector, *, alone: bool) -> list[Line]:
+def _peak_marks(spectrum: PowerSpectrum, heights: Vector, *, alone: bool) -> list[Line]:
     """Return the symbols that mark the lines and the bumps of a spectrum."""
     marks = []
     lines = {line.frequency: line.height for line in spectrum.lines}

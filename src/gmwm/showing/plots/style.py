@@ -109,20 +109,20 @@ def term_strokes(terms: Sequence[str], processes: Sequence[Process]) -> dict[str
     to nine terms differ in both colour and dash. Two parametrisations of a process have the same stroke.
 
     >>> from gmwm.processes import GM, RW, WN
-    >>> one, other = (term_strokes(m.terms, m.processes) for m in (WN() + RW() + GM(), 2 * GM() + RW()))
-    >>> one["RW"] == other["RW"], one["GM"] == other["GM[1]"], other["GM[1]"] == other["GM[2]"]
+    >>> first, other = (term_strokes(m.terms, m.processes) for m in (WN() + RW() + GM(), 2 * GM() + RW()))
+    >>> first["RW"] == other["RW"], first["GM"] == other["GM[1]"], other["GM[1]"] == other["GM[2]"]
     (True, True, False)
     """
     kinds = {term: _kind(process) for term, process in zip(terms, processes, strict=True)}
-    settled = _settled()
+    numbers = _stroke_numbers()
     if WN.name not in kinds.values():
-        settled |= dict.fromkeys(_OUTPUT, settled[WN.name])
+        numbers |= dict.fromkeys(_OUTPUT, numbers[WN.name])
     strokes, seen = dict[str, Stroke](), Counter[str]()
     # Processes for inertial sensors come first. The others are sorted, so that the order of the terms has no effect.
-    for term in sorted(kinds, key=lambda term: settled.get(kinds[term], 0) > _ALONE):
+    for term in sorted(kinds, key=lambda term: numbers.get(kinds[term], 0) > _ALONE):
         kind = kinds[term]
-        if kind in settled:
-            stroke = term_stroke(settled[kind] + seen[kind])
+        if kind in numbers:
+            stroke = term_stroke(numbers[kind] + seen[kind])
             seen[kind] += 1
             # A second sinusoid gets a free stroke, because the next stroke number is not reserved for sinusoids.
             if stroke not in strokes.values() and not (kind in _NEXT and seen[kind] > 1):
@@ -137,7 +137,7 @@ def _kind(process: type[Process] | Process) -> str:
     return process.parametrises or process.name.partition("(")[0]
 
 
-def _settled() -> dict[str, int]:
+def _stroke_numbers() -> dict[str, int]:
     """Return the stroke numbers of the processes for inertial sensors, by name.
 
     The first numbers belong to the four processes of which a model can contain only one each, and the next to the first

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector
 from gmwm.base.time_base import begins_of
 from gmwm.recording.signals import Signal
+from gmwm.showing.plots.figure import Line, Stroke
 
 TAIL = 0.005
 """Fraction of the smallest and of the largest samples that are ignored when the limits of a clipped plot are chosen."""
 FAR = 2.0
 """Distance of the limits of a clipped plot from the other samples, as a multiple of their span. Gaussian noise is never
 clipped, because a sample would have to be 12 standard deviations from the mean (tests/plots/test_plot_series.py)."""
-_FEW = 100_000
 
 
 def extremes(values: Vector, columns: int) -> NDArray[np.int64]:
@@ -46,7 +46,7 @@ def extremes(values: Vector, columns: int) -> NDArray[np.int64]:
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
+class Outline:
     """The samples of a signal that are drawn, with a NaN in each gap.
 
     Parameters
@@ -75,9 +75,9 @@ class Trace:
         """Difference between `high` and `low`."""
         return self.high - self.low
 
-    def less(self, amount: float) -> Trace:
+    def less(self, amount: float) -> Outline:
         """Return the trace with the constant `amount` subtracted from all values."""
-        return Trace(
+        return Outline(
             self.seconds, self.y - amount, low=self.low - amount, high=self.high - amount, mean=self.mean - amount,
             clipped=self.clipped,
         )  # fmt: skip
@@ -88,7 +88,7 @@ class Trace:
         return above & (self.y >= self.high), below & (self.y <= self.low)
 
 
-def trace(signal: Signal, factor: float, columns: int, left: float = 0.0, *, clip: bool = False) -> Trace:
+def trace(signal: Signal, factor: float, columns: int, left: float = 0.0, *, clip: bool = False) -> Outline:
     """Reduce a signal to the trace for a plot with `columns` columns of dots.
 
     The values are multiplied by `factor`, and the first sample is at the time `left` (s). With `clip`, samples far from
@@ -107,23 +107,23 @@ def trace(signal: Signal, factor: float, columns: int, left: float = 0.0, *, cli
     shown: Vector = np.concatenate(y)[:-1]
     low, high = float(np.nanmin(shown)), float(np.nanmax(shown))
     if clip:
-        few = factor * signal.values[:: max(1, signal.values.size // _FEW)]
+        few = factor * signal.values[:: max(1, signal.values.size // 100_000)]  # quantiles of all would take longer
         first, middle, last = (float(x) for x in np.quantile(few, (TAIL, 0.5, 1 - TAIL)))
         least, most = first - FAR * (last - first), last + FAR * (last - first)
         if last > first and (low < least or high > most):
-            return Trace(
+            return Outline(
                 np.concatenate(seconds)[:-1], np.clip(shown, least, most), low=max(low, least), high=min(high, most),
                 mean=middle, clipped=(low < least, high > most),
             )  # fmt: skip
-    return Trace(np.concatenate(seconds)[:-1], shown, low=low, high=high, mean=factor * float(np.mean(signal.values)))
+    return Outline(np.concatenate(seconds)[:-1], shown, low=low, high=high, mean=factor * float(np.mean(signal.values)))
 
 
-def even_trace(values: Vector, rate: float, factor: float, columns: int) -> Trace:
+def even_trace(values: Vector, rate: float, factor: float, columns: int) -> Outline:
     """Reduce evenly sampled values, with NaN for missing samples, to the trace for a plot with `columns` columns."""
     index = extremes_there(values, columns)
     y = factor * values[index]
     mean = factor * float(np.mean(values, where=np.isfinite(values)))
-    return Trace(index / rate, y, low=float(np.nanmin(y)), high=float(np.nanmax(y)), mean=mean)
+    return Outline(index / rate, y, low=float(np.nanmin(y)), high=float(np.nanmax(y)), mean=mean)
 
 
 def extremes_there(values: Vector, columns: int) -> NDArray[np.int64]:
@@ -134,19 +134,19 @@ def extremes_there(values: Vector, columns: int) -> NDArray[np.int64]:
     >>> extremes_there(np.array([0.0, 5.0, 1.0, 4.0, 2.0, *6 * [np.nan], 7.0, 8.0, 6.0, 7.0]), 3)
     array([ 0,  1,  4,  5, 11, 12, 13, 14])
     """
-    n, there = values.size, np.isfinite(values)
-    if n <= 4 * columns or np.all(there):
+    n, finite = values.size, np.isfinite(values)
+    if n <= 4 * columns or np.all(finite):
         return extremes(values, columns)
-    least, greatest = np.where(there, values, math.inf), np.where(there, values, -math.inf)
-    kept: list[int] = []
+    least, greatest = np.where(finite, values, math.inf), np.where(finite, values, -math.inf)
+    indices: list[int] = []
     for a, b in pairwise(np.linspace(0, n, columns + 1).astype(np.int64).tolist()):
-        run = there[a:b]
+        run = finite[a:b]
         if not np.any(run):
-            kept.append(a)
+            indices.append(a)
             continue
         first, last = a + int(np.argmax(run)), b - 1 - int(np.argmax(run[::-1]))
-        kept += [first, a + int(np.argmin(least[a:b])), a + int(np.argmax(greatest[a:b])), last]
-    return np.unique(np.array(kept, dtype=np.int64))
+        indices += [first, a + int(np.argmin(least[a:b])), a + int(np.argmax(greatest[a:b])), last]
+    return np.unique(np.array(indices, dtype=np.int64))
 
 
 def envelope(lower: Vector, upper: Vector, columns: int) -> tuple[Vector, Vector, Vector]:
@@ -158,8 +158,8 @@ def envelope(lower: Vector, upper: Vector, columns: int) -> tuple[Vector, Vector
     >>> envelope(np.array([0.0, -1.0, 2.0, 3.0]), np.array([1.0, 2.0, np.inf, 5.0]), 2)
     (array([0., 3.]), array([-1.,  3.]), array([2., 5.]))
     """
-    n, there = lower.size, np.isfinite(lower) & np.isfinite(upper)
-    low, high = np.where(there, lower, math.nan), np.where(there, upper, math.nan)
+    n, finite = lower.size, np.isfinite(lower) & np.isfinite(upper)
+    low, high = np.where(finite, lower, math.nan), np.where(finite, upper, math.nan)
     if n <= columns:
         return np.arange(float(n)), low, high
     starts = np.linspace(0, n, columns + 1).astype(np.int64)[:-1]
@@ -167,14 +167,21 @@ def envelope(lower: Vector, upper: Vector, columns: int) -> tuple[Vector, Vector
     return np.linspace(0.0, n - 1.0, columns), np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts)
 
 
-def isolated(y: Vector) -> NDArray[np.bool_]:
+def lone_values(y: Vector) -> NDArray[np.bool_]:
     """Return a mask of the finite values whose neighbours are missing, so that a line cannot show these values.
 
-    >>> isolated(np.array([1.0, np.nan, 2.0, 3.0])).tolist()
+    >>> lone_values(np.array([1.0, np.nan, 2.0, 3.0])).tolist()
     [True, False, False, False]
     """
-    there = np.concatenate([[False], np.isfinite(y), [False]])
-    return np.asarray(there[1:-1] & ~there[:-2] & ~there[2:])
+    finite = np.concatenate([[False], np.isfinite(y), [False]])
+    return np.asarray(finite[1:-1] & ~finite[:-2] & ~finite[2:])
+
+
+def lone_dots(x: Vector, y: Vector, colour: str, layer: int) -> tuple[Line, ...]:
+    """Return symbols at the lone_values values of a line; nothing if there are none."""
+    alone = lone_values(y)
+    dots = Line(x[alone], y[alone], stroke=Stroke(colour, 0.0, symbol="circle"), layer=layer)
+    return (dots,) if np.any(alone) else ()
 
 
 def _runs(signal: Signal, columns: int) -> Iterator[tuple[int, int, int]]:
@@ -194,9 +201,10 @@ def _runs(signal: Signal, columns: int) -> Iterator[tuple[int, int, int]]:
             first, opened = stop, signal.starts[k + 1]
 
 
-def removed(one: Trace) -> float:
+def offset_of(samples: Outline) -> float:
     """Return the constant to subtract from a trace: its rounded mean if all samples are far from zero, otherwise 0."""
-    return 0.0 if one.low - one.span <= 0 <= one.high + one.span else in_digits(one.mean, one.span)
+    near_zero = samples.low - samples.span <= 0 <= samples.high + samples.span
+    return 0.0 if near_zero else in_digits(samples.mean, samples.span)
 
 
 def in_digits(mean: float, span: float) -> float:

@@ -13,18 +13,17 @@ from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Vector, as_vector
 from gmwm.base.errors import OptionError
-from gmwm.base.units import find_unit
 from gmwm.fitting.likelihood.system import LEVEL
 from gmwm.fitting.likelihood.tracks import BIAS, Kind, Tracks, wanders
 from gmwm.showing.plots.axes import number_text, quiet
 from gmwm.showing.plots.curves import ABOVE, BAND, BEHIND, FRONT, MIDDLE
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke
+from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Line, Mark, Panel, Stroke
 from gmwm.showing.plots.labels import axis_title, model_text, term_label
-from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit, time_unit
-from gmwm.showing.plots.series import DOTS, NAMES, PAGE
+from gmwm.showing.plots.linear import elapsed_axis, scaled_axis
+from gmwm.showing.plots.series import DOTS, quantity_name
 from gmwm.showing.plots.style import BLACK, BLUE, PALE
-from gmwm.showing.plots.trace import envelope, even_trace, extremes_there, in_digits, isolated, removed
+from gmwm.showing.plots.trace import envelope, even_trace, extremes_there, in_digits, lone_dots, offset_of
 from gmwm.showing.plots.view import UnitSystem, View, view_of
 
 if TYPE_CHECKING:
@@ -58,11 +57,8 @@ def tracks_figure(
     units: UnitSystem = "si",
     record: bool = True,
 ) -> Figure:
-    """Return the figure that `plot_tracks` draws: a panel with the record and its bias, and a panel for each process.
-
-    Without `record`, or without data, the first panel is left out.
-    """
-    chosen, known = _as_labels(tracks, labels), _as_truth(tracks, truth)
+    """Return the figure that `plot_tracks` draws: a panel with the record and its bias, and one for each process."""
+    chosen, paths = _as_labels(tracks, labels), _as_truth(tracks, truth)
     shown = view_of(tracks.unit, "allan", units)
     panels: list[Panel] = []
     less = 0.0
@@ -70,7 +66,7 @@ def tracks_figure(
         panel, less = _record_panel(tracks, shown)
         panels.append(panel)
     panels += [
-        _track_panel(_Drawn(tracks, label, truth=known.get(label), level=level, shown=shown), less) for label in chosen
+        _track_panel(_Drawn(tracks, label, truth=paths.get(label), level=level, shown=shown), less) for label in chosen
     ]
     stacked = [replace(panel, x=quiet(panel.x)) for panel in panels[:-1]] + panels[-1:]
     height = max(min(46.0, 235.0 / len(panels)), 22.0)
@@ -92,19 +88,15 @@ class _Drawn:
 
 def _record_panel(tracks: Tracks, shown: View) -> tuple[Panel, float]:
     """Return the panel with the record and its bias, and the constant that was subtracted from both."""
-    one = even_trace(tracks.data, tracks.rate, shown.factor, COLUMNS)
-    mean = removed(one)
-    one = one.less(mean)
-    power = power_of(max(abs(one.low), abs(one.high)))
+    samples = even_trace(tracks.data, tracks.rate, shown.factor, COLUMNS)
+    mean = offset_of(samples)
+    samples = samples.less(mean)
     x, size = _time_axis(tracks)
-    scale = 10.0**power
-    y = even_axis(one.low / scale, one.high / scale, _height_label(tracks, shown, power), margin=0.06, at_most=5)
-    times, record = one.seconds / size, one.y / scale
+    y, scale = _value_axis(samples.low, samples.high, tracks, shown)
+    times, record = samples.seconds / size, samples.y / scale
     marks: list[Mark] = [Line(times, record, stroke=RECORD, label="Record", layer=BEHIND)]
-    lone = isolated(record)
-    if np.any(lone):
-        marks.append(Line(times[lone], record[lone], stroke=Stroke(PALE, 0.0, symbol="circle"), label="", layer=BEHIND))
-    bias = _there(tracks, BIAS)
+    marks += lone_dots(times, record, PALE, BEHIND)
+    bias = _estimates(tracks, BIAS)
     index = extremes_there(bias, COLUMNS)
     path = (shown.factor * bias[index] - mean) / scale
     marks.append(Line(index / tracks.rate / size, path, stroke=TRACK, label=WORDS[tracks.kind], layer=FRONT))
@@ -115,7 +107,7 @@ def _record_panel(tracks: Tracks, shown: View) -> tuple[Panel, float]:
 def _track_panel(drawn: _Drawn, less: float) -> Panel:
     """Return the panel of one process with its confidence band. `less` is the constant subtracted from the record."""
     tracks, shown = drawn.tracks, drawn.shown
-    mean = shown.factor * _there(tracks, drawn.label)
+    mean = shown.factor * _estimates(tracks, drawn.label)
     lower, upper = (shown.factor * end for end in tracks.band(drawn.label, drawn.level))
     truth = None if drawn.truth is None else shown.factor * drawn.truth
     low, high = _ends(tracks, drawn.label, lower=lower, upper=upper, truth=truth)
@@ -124,50 +116,29 @@ def _track_panel(drawn: _Drawn, less: float) -> Panel:
     if max(abs(low - less), abs(high - less)) > FAR * (high - low) > 0:
         less = in_digits((low + high) / 2, high - low)
     low, high = low - less, high - less
-    power = power_of(max(abs(low), abs(high)))
     x, size = _time_axis(tracks)
-    scale = 10.0**power
-    y = even_axis(low / scale, high / scale, _height_label(tracks, shown, power), margin=0.06, at_most=5)
+    y, scale = _value_axis(low, high, tracks, shown)
     first = _first_time(tracks) / size
     place, below, above = envelope((lower - less) / scale, (upper - less) / scale, COLUMNS)
-    marks: list[Mark] = [
-        Band(
-            x=first + place / tracks.rate / size,
-            lower=below,
-            upper=above,
-            colour=BLUE,
-            opacity=0.25,
-            label=f"{100 * drawn.level:g} % interval",
-            layer=BAND,
-        ),
-    ]
+    interval = f"{100 * drawn.level:g} % interval"
+    marks: list[Mark] = [Band(first + place / tracks.rate / size, below, above, BLUE, label=interval, layer=BAND)]
     curves: list[tuple[Vector, Stroke, str, int]] = [(mean, TRACK, WORDS[tracks.kind], MIDDLE)]
     if truth is not None:
         curves.append((truth, TRUTH, "Truth", BEHIND if _dense(truth, high - low) else ABOVE))
     for values, stroke, label, layer in curves:
         index = extremes_there(values, COLUMNS)
-        marks.append(
-            Line(
-                first + index / tracks.rate / size,
-                (values[index] - less) / scale,
-                stroke=stroke,
-                label=label,
-                layer=layer,
-            )
-        )
+        times = first + index / tracks.rate / size
+        marks.append(Line(times, (values[index] - less) / scale, stroke=stroke, label=label, layer=layer))
     return Panel(x, y, tuple(marks), _less(_title(tracks, drawn.label, shown), less, shown))
 
 
 def _ends(tracks: Tracks, label: str, lower: Vector, upper: Vector, truth: Vector | None) -> tuple[float, float]:
-    """Return the smallest and the largest value that the panel must show.
-
-    The first values of a filter, before it has settled, are ignored.
-    """
+    """Return the smallest and the largest value that the panel must show, without those of a filter that settles."""
     error = tracks.error[label]
-    there = np.isfinite(error)
-    if tracks.kind == "filter" and np.any(there):
-        there &= np.arange(error.size) >= int(np.argmax(error <= SETTLED * np.median(error[there])))
-    values = np.concatenate([lower[there], upper[there], [] if truth is None else truth[np.isfinite(truth)]])
+    shown = np.isfinite(error)
+    if tracks.kind == "filter" and np.any(shown):
+        shown &= np.arange(error.size) >= int(np.argmax(error <= SETTLED * np.median(error[shown])))
+    values = np.concatenate([lower[shown], upper[shown], [] if truth is None else truth[np.isfinite(truth)]])
     return (float(np.min(values)), float(np.max(values))) if values.size else (0.0, 0.0)
 
 
@@ -178,7 +149,7 @@ def _dense(values: Vector, height: float) -> bool:
     return index.size > COLUMNS and bool(np.nanmean(steps) > DENSE * height)
 
 
-def _there(tracks: Tracks, label: str) -> Vector:
+def _estimates(tracks: Tracks, label: str) -> Vector:
     """Return the estimated values of a process, with NaN where the standard error is not finite."""
     return np.where(np.isfinite(tracks.error[label]), tracks.mean[label], math.nan)
 
@@ -190,11 +161,9 @@ def _first_time(tracks: Tracks) -> float:
 
 def _time_axis(tracks: Tracks) -> tuple[Axis, float]:
     """Return the time axis of the tracks, and the length of its unit (s)."""
-    unit, size = time_unit(len(tracks) / tracks.rate)
     first = _first_time(tracks)
     since = "the end of the record" if first else "the first sample"
-    last = (first + (len(tracks) - 1) / tracks.rate) / size
-    return even_axis(0.0, last, f"Time since {since} ({unit})", margin=0.01, at_most=10), size
+    return elapsed_axis(0.0, first + (len(tracks) - 1) / tracks.rate, len(tracks) / tracks.rate, since=since)
 
 
 def _title(tracks: Tracks, label: str, shown: View) -> str:
@@ -214,43 +183,36 @@ def _less(title: str, amount: float, shown: View) -> str:
     return f"{title}, less {written} {shown.unit}".rstrip() if amount else title
 
 
-def _height_label(tracks: Tracks, shown: View, power: int) -> str:
-    known = find_unit(tracks.unit)
-    return f"{NAMES[known.quantity] if known else 'Signal'} ({scaled_unit(shown.unit, power)})"
+def _value_axis(low: float, high: float, tracks: Tracks, shown: View) -> tuple[Axis, float]:
+    return scaled_axis(low, high, max(abs(low), abs(high)), name=quantity_name(tracks.unit), unit=shown.unit)
 
 
 # --- checks of the arguments --------------------------------------------------------------------------
 
 
 def _as_labels(tracks: Tracks, labels: str | Sequence[str] | None) -> list[str]:
-    wanted = [BIAS] if labels is None else [labels] if isinstance(labels, str) else list(dict.fromkeys(labels))
-    unknown = [label for label in wanted if label not in tracks.mean]
-    if unknown or not wanted:
+    names = [BIAS] if labels is None else [labels] if isinstance(labels, str) else list(dict.fromkeys(labels))
+    unknown = [label for label in names if label not in tracks.mean]
+    if unknown or not names:
         raise OptionError(
             argument="labels",
             expected=f"one or more of {', '.join(tracks.labels)}",
             got=unknown[0] if unknown else labels,
         )
-    return wanted
+    return names
 
 
 def _as_truth(tracks: Tracks, truth: Mapping[str, ArrayLike] | ArrayLike | None) -> dict[str, Vector]:
-    """Return the true paths (N,) by label. A single array is the path of the bias.
-
-    Raises
-    ------
-    OptionError
-        If a label is unknown, or a path has another length than the tracks.
-    """
+    """Return the true paths (N,) by label. A single array is the path of the bias."""
     if truth is None:
         return {}
-    given = truth if isinstance(truth, Mapping) else {BIAS: truth}
-    unknown = [str(label) for label in given if label not in tracks.mean]
+    by_label = truth if isinstance(truth, Mapping) else {BIAS: truth}
+    unknown = [str(label) for label in by_label if label not in tracks.mean]
     if unknown:
         raise OptionError(
             argument="truth", expected=f"a mapping with keys among {', '.join(tracks.labels)}", got=unknown[0]
         )
-    paths = {label: as_vector(path, f"truth of {label}", finite=False) for label, path in given.items()}
+    paths = {label: as_vector(path, f"truth of {label}", finite=False) for label, path in by_label.items()}
     for label, path in paths.items():
         if path.size != len(tracks):
             raise OptionError(

@@ -9,7 +9,7 @@ import numpy as np
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
-from gmwm.base.units import SI_UNIT, Quantity, Unit, datasheet_units, find_unit, parse_unit
+from gmwm.base.units import SI_UNIT, Quantity, datasheet_units, find_unit, parse_unit
 
 ViewName: TypeAlias = Literal["wavelet", "allan"]
 """Quantity of a plot: the wavelet variance ν² over the scale τ, or the Allan deviation √(2ν²) over the averaging time
@@ -89,20 +89,8 @@ class View:
 def view_of(unit: str, view: ViewName, units: UnitSystem) -> View:
     """Return the view of data in `unit`, with the quantity `view` and the unit system `units`.
 
-    Parameters
-    ----------
-    unit : str
-        Unit of the data, such as "rad/s". A unit that is neither of an angular rate nor of an acceleration is kept.
-    view : "wavelet" or "allan"
-        Quantity to draw: wavelet variance or Allan deviation.
-    units : "si" or "datasheet"
-        rad/s and m/s², or deg/h and mg.
-
-    Raises
-    ------
-    OptionError
-        If `view` or `units` is unknown, or if `units` is "datasheet" and the data are neither an angular rate nor an
-        acceleration.
+    A unit that is neither of an angular rate nor of an acceleration is kept. Raises OptionError for it if `units` is
+    "datasheet", and if `view` or `units` is unknown.
 
     >>> view_of("deg/s", "wavelet", "si").height_label
     'Wavelet variance (rad²/s²)'
@@ -113,8 +101,8 @@ def view_of(unit: str, view: ViewName, units: UnitSystem) -> View:
         raise OptionError(argument="view", expected='"wavelet" or "allan"', got=view)
     if units not in ("si", "datasheet"):
         raise OptionError(argument="units", expected='"si" (rad/s, m/s²) or "datasheet" (deg/h, mg)', got=units)
-    known = find_unit(unit)
-    if known is None:
+    definition = find_unit(unit)
+    if definition is None:
         if units == "datasheet":
             raise OptionError(
                 "datasheet units need data in a unit of angular rate or acceleration, but the data are in "
@@ -124,10 +112,6 @@ def view_of(unit: str, view: ViewName, units: UnitSystem) -> View:
                 advice="Use {--units=si}, or give the signal a unit such as rad/s.",
             )
         return View(view, unit, 1.0)
-    shown = _shown_unit(known, units)
-    return View(view, shown.name, known.factor / shown.factor)
-
-
-def _shown_unit(known: Unit, units: UnitSystem) -> Unit:
-    names = SI_UNIT if units == "si" else DATASHEET_UNIT
-    return parse_unit(names[known.quantity], known.quantity)
+    quantity = definition.quantity
+    shown = parse_unit((SI_UNIT if units == "si" else DATASHEET_UNIT)[quantity], quantity)
+    return View(view, shown.name, definition.factor / shown.factor)

@@ -82,25 +82,14 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
     for k, (sensor, variants) in enumerate(sensor_pictures(calibration).items(), 1):
         pictures[f"sensor{k}"] = variants
         sensors.append({"title": SENSORS.get(sensor, sensor), "picture": f"sensor{k}"})
-    files, left = configurations(calibration)
-    bad = rejected_axes(calibration)
+    files, refused = configurations(calibration)
+    misfits = rejected_axes(calibration)
     axes = []
-    for k, (axis, found) in enumerate(calibration.axes.items(), 1):
-        pictures[f"fit{k}"], pictures[f"distance{k}"] = axis_pictures(found)
-        spectrum = f"spectrum{k}" if found.spectrum is not None else ""
-        if spectrum:
-            pictures[spectrum] = spectrum_pictures(found)
-        regression = f"regression{k}" if found.regression is not None else ""
-        if found.regression is not None:
-            pictures[regression] = regression_pictures(found.regression)
-        recordings = f"recordings{k}" if found.replicates is not None else ""
-        if found.replicates is not None:
-            pictures[recordings] = recordings_pictures(found.replicates)
-        names = {
-            "id": f"axis{k}", "fit": f"fit{k}", "distance": f"distance{k}", "spectrum": spectrum,
-            "regression": regression, "recordings": recordings,
-        }  # fmt: skip
-        axes.append({**names, **_axis(axis, found, axis in bad)})
+    for k, (name, axis) in enumerate(calibration.axes.items(), 1):
+        drawn = _pictures(axis)
+        pictures |= {f"{kind}{k}": variants for kind, variants in drawn.items()}
+        names = {kind: f"{kind}{k}" if kind in drawn else "" for kind in PICTURES}
+        axes.append({"id": f"axis{k}", **names, **_axis(name, axis, name in misfits)})
     return {
         "title": _title(calibration),
         "verdict": verdict(calibration),
@@ -113,11 +102,11 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
         ],
         "sensors": sensors,
         "axes": axes,
-        "outliers": [_outliers(axis, found) for axis, found in calibration.axes.items()],
+        "outliers": [_outliers(name, axis) for name, axis in calibration.axes.items()],
         "confidence": f"{100 * calibration.settings.confidence:g} %",
         "sections": {name: asdict(section) for name, section in sections(calibration).items()},
         "configurations": files,
-        "left_out": left,
+        "left_out": refused,
         "citation": citation(),
         "pictures": pictures,
         "gmwm": version(),
@@ -130,80 +119,97 @@ def _title(calibration: Calibration) -> str:
     return f"Calibration of {name}" if name else "Calibration"
 
 
+PICTURES = ("fit", "distance", "spectrum", "regression", "recordings")
+"""Pictures of an axis, in the order of the page."""
+
+
+def _pictures(axis: AxisCalibration) -> dict[str, Any]:
+    """Return the pictures of an axis by kind, without those that it does not have."""
+    fit, distance = axis_pictures(axis)
+    pictures = {"fit": fit, "distance": distance}
+    if axis.spectrum is not None:
+        pictures["spectrum"] = spectrum_pictures(axis.spectrum, axis.fit.model)
+    if axis.regression is not None:
+        pictures["regression"] = regression_pictures(axis.regression)
+    if axis.replicates is not None:
+        pictures["recordings"] = recordings_pictures(axis.replicates)
+    return pictures
+
+
 # --- the recording and the settings -----------------------------------------------------------------
 
 
 def _settings(calibration: Calibration) -> Facts:
-    asked = calibration.settings
-    robust = {"auto": "where a test finds outliers", True: "everywhere", False: "never"}[asked.robust]
+    options = calibration.settings
+    robust = {"auto": "where a test finds outliers", True: "everywhere", False: "never"}[options.robust]
     return [
-        ("Largest model", "searched for" if asked.searched else str(asked.within)),
-        *([("Given models", "; ".join(f"{a}: {m}" for a, m in asked.models.items()))] if asked.models else []),
-        ("Weights", asked.weighting),
-        ("Criterion", asked.criterion),
-        ("Robust wavelet variance", f"{robust}, efficiency {asked.efficiency:g}"),
-        ("Confidence", f"{100 * asked.confidence:g} %"),
-        ("Seed", str(asked.seed)),
+        ("Largest model", "searched for" if options.searched else str(options.within)),
+        *([("Given models", "; ".join(f"{a}: {m}" for a, m in options.models.items()))] if options.models else []),
+        ("Weights", options.weighting),
+        ("Criterion", options.criterion),
+        ("Robust wavelet variance", f"{robust}, efficiency {options.efficiency:g}"),
+        ("Confidence", f"{100 * options.confidence:g} %"),
+        ("Seed", str(options.seed)),
     ]
 
 
 # --- one axis ---------------------------------------------------------------------------------------
 
 
-def _axis(axis: str, found: AxisCalibration, rejected: bool) -> dict[str, Any]:
-    fit, ranking = found.fit, found.ranking
+def _axis(name: str, axis: AxisCalibration, rejected: bool) -> dict[str, Any]:
+    fit, ranking = axis.fit, axis.ranking
     # The table already marks the recommended model and the equivalent models.
     shown = [remark.about("") for remark in ranking.remarks if remark.code not in ("recommended", "as-good")]
     return {
-        "axis": axis,
-        "title": axis_title(axis),
+        "axis": name,
+        "title": axis_title(name),
         "model": fit.model.structure,
-        "numbers": [_number(e) for e in (*found.datasheet.entries, *(found.rest.entries if found.rest else ()))],
-        "parameters": _parameters(found),
-        "test": _test(found, rejected),
+        "numbers": [_number(e) for e in (*axis.datasheet.entries, *(axis.rest.entries if axis.rest else ()))],
+        "parameters": _parameters(axis),
+        "test": _test(axis, rejected),
         "rejected": rejected,
         "certificate": _certificate(fit.gap),
-        "ranking": {"rows": _ranked(ranking), "remarks": texts(shown, Dialect.HTML)},
-        "remarks": texts((remark.about("") for remark in found.remarks), Dialect.HTML),
-        "peaks": spectrum_tables(found.spectrum),
-        "conditions": regression_table(found.regression),
-        "replicates": [] if found.replicates is None else found.replicates.table(),
+        "ranking": {"rows": _ranking_rows(ranking), "remarks": texts(shown, Dialect.HTML)},
+        "remarks": texts((remark.about("") for remark in axis.remarks), Dialect.HTML),
+        "peaks": spectrum_tables(axis.spectrum),
+        "conditions": regression_table(axis.regression),
+        "replicates": [] if axis.replicates is None else axis.replicates.table(),
     }
 
 
-def regression_table(found: Regression | None) -> dict[str, Any]:
+def regression_table(regression: Regression | None) -> dict[str, Any]:
     """Return a text on a regression on conditions, and a table of its coefficients; {} without a regression.
 
     The first row of the table has the headings.
     """
-    if found is None:
+    if regression is None:
         return {}
     rows = [["Column", "Coefficient", "95 % interval", "Unit", "p"]]
-    for name, one in found.items():
-        low, high = one.interval()
-        value = f"{one.value:.4g} ± {one.error:.2g}".replace("-", "−")
+    for name, coefficient in regression.items():
+        low, high = coefficient.interval()
+        value = f"{coefficient.value:.4g} ± {coefficient.error:.2g}".replace("-", "−")
         interval = f"{low:.4g} … {high:.4g}".replace("-", "−")
-        rows.append([name, value, interval, one.unit, f"{one.pvalue:.2g}"])
-    state = "removed before the noise was measured" if found.applied else "not removed"
-    zero = ", ".join(f"{name} = {value:g}" for name, value in found.references.items() if name != WARM_UP)
-    text = f"Effect of {found.against}: {state}. Joint F test: p = {found.pvalue:.2g}."
+        rows.append([name, value, interval, coefficient.unit, f"{coefficient.pvalue:.2g}"])
+    state = "removed before the noise was measured" if regression.applied else "not removed"
+    zero = ", ".join(f"{name} = {value:g}" for name, value in regression.references.items() if name != WARM_UP)
+    text = f"Effect of {regression.against}: {state}. Joint F test: p = {regression.pvalue:.2g}."
     return {"text": text + (f" The effect is zero at {zero}." if zero else ""), "rows": rows}
 
 
-def _test(found: AxisCalibration, rejected: bool) -> str:
+def _test(axis: AxisCalibration, rejected: bool) -> str:
     """Describe the goodness-of-fit test of one axis in words.
 
     If several axes are tested, single p-values below 5 % are expected by chance. The text says so if it applies.
     """
-    if found.test is None:
+    if axis.test is None:
         return "No test: there are too few levels"
-    alone = found.test.pvalue <= SIZE and not rejected
-    summary = found.test.summary()
-    whole = "; it is not rejected at the 5 % level for all axes together" if alone else ""
-    return f"{summary[:1].upper()}{summary[1:]}{whole}"
+    alone = axis.test.pvalue <= SIZE and not rejected
+    summary = axis.test.summary()
+    note = "; it is not rejected at the 5 % level for all axes together" if alone else ""
+    return f"{summary[:1].upper()}{summary[1:]}{note}"
 
 
-def _ranked(ranking: Ranking) -> list[list[str]]:
+def _ranking_rows(ranking: Ranking) -> list[list[str]]:
     """Return table rows of the best candidates and of all candidates equivalent to the best. The first has headings."""
     rows = [["Model", "", "Criterion", "= loss", "+ optimism", "Difference from the best"]]
     listed = [c for k, c in enumerate(ranking.distinct) if k < LISTED or c.equivalent or c.recommended]
@@ -212,8 +218,8 @@ def _ranked(ranking: Ranking) -> list[list[str]]:
         wic = candidate.wic
         numbers = (wic.value, wic.loss, wic.optimism, candidate.difference)
         rows.append([ranking.label(candidate), word, *(f"{x:.2f}" if abs(x) < 1000 else f"{x:.5g}" for x in numbers)])
-    left = len(ranking.distinct) - len(listed)
-    return [*rows, *([[f"… and {left} more", *[""] * 5]] if left else [])]
+    more = len(ranking.distinct) - len(listed)
+    return [*rows, *([[f"… and {more} more", *[""] * 5]] if more else [])]
 
 
 def _certificate(gap: float | None) -> str:
@@ -243,16 +249,16 @@ def _short(entry: Entry, unit: str) -> str:
     return f"{significant(value, 4)} {unit}" if estimated else entry.text(unit)
 
 
-def _parameters(found: AxisCalibration) -> list[dict[str, str]]:
+def _parameters(axis: AxisCalibration) -> list[dict[str, str]]:
     """Return the parameters of the discrete-time model as texts, with values per sample and intervals."""
-    fit = found.fit
+    fit = axis.fit
     units = fit.units()
     rows = []
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
         for parameter in process.parameters:
             name = f"{term}.{parameter.name}"
             nothing = name in fit.undetermined
-            interval = found.intervals.get(name)
+            interval = axis.intervals.get(name)
             held = process.is_fixed(parameter.name)
             rows.append({
                 "name": name, "symbol": parameter.symbol, "title": parameter.description,
@@ -269,10 +275,10 @@ def _interval(low: float, high: float) -> str:
     return f"{low:.4g} … {high:.4g}"
 
 
-def _outliers(axis: str, found: AxisCalibration) -> dict[str, Any]:
+def _outliers(name: str, axis: AxisCalibration) -> dict[str, Any]:
     """Return the result of the outlier test of an axis, which compares the classical and robust wavelet variances."""
-    verdict, robust = found.verdict, found.fit.wavelet_variance.robust
-    row = {"axis": axis, "fitted": "robust" if robust else "classical", "contaminated": False, "p": "", "most": ""}
+    verdict, robust = axis.verdict, axis.fit.wavelet_variance.robust
+    row = {"axis": name, "fitted": "robust" if robust else "classical", "contaminated": False, "p": "", "most": ""}
     if verdict is None:
         return row | {"remarks": ["not tested"]}
     tested = verdict.tested & np.isfinite(verdict.excess)

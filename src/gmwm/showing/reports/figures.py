@@ -11,7 +11,7 @@ from gmwm.base.errors import OptionError
 from gmwm.showing.plots.figure import Panel
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.plots.labels import sensor_and_letter, sensor_title
-from gmwm.showing.plots.overlay import overlay_panel
+from gmwm.showing.plots.overlay import Item, overlay_panel
 from gmwm.showing.plots.ranking import ranking_figure
 from gmwm.showing.plots.recordings import recordings_figure
 from gmwm.showing.plots.regression import regression_panel
@@ -23,7 +23,10 @@ from gmwm.showing.reports.plotly import plotly_panel
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
     from gmwm.choosing.replicates import Replicates
+    from gmwm.fitting.estimation.result import Fit
     from gmwm.measuring.regression import Regression
+    from gmwm.measuring.spectrum import PowerSpectrum
+    from gmwm.theory.processes.model import Model
 
 VIEWS: tuple[ViewName, ...] = ("allan", "wavelet")
 """Views of a curve. The page starts with the first, which users of inertial sensors know best."""
@@ -34,74 +37,55 @@ Variants = dict[str, dict[str, Any]]
 
 
 def sensor_pictures(calibration: Calibration) -> dict[str, Variants]:
-    """Return one figure for each sensor, with the data and models of its axes.
-
-    If the axes of a sensor have different units, there is one figure for each unit.
-    """
+    """Return a figure of each sensor with the data and models of its axes, one for each unit if the units differ."""
     pictures = {}
-    for sensor, axes in by_sensor(calibration.axes).items():
-        units = dict.fromkeys(found.fit.wavelet_variance.unit for found in axes.values())
+    for sensor, axes in by_sensor(calibration).items():
+        units = dict.fromkeys(fit.wavelet_variance.unit for fit in axes.values())
         for unit in units:
-            members = {axis: found for axis, found in axes.items() if found.fit.wavelet_variance.unit == unit}
+            fits = {axis: fit for axis, fit in axes.items() if fit.wavelet_variance.unit == unit}
             name = sensor or "Axes"
-            pictures[name if len(units) == 1 else f"{name} ({unit})"] = _variants(_overlay(sensor, members))
+            pictures[name if len(units) == 1 else f"{name} ({unit})"] = _variants(_overlay(sensor, fits))
     return pictures
 
 
-def _overlay(sensor: str, axes: Mapping[str, AxisCalibration]) -> Callable[[ViewName, UnitSystem], Panel]:
-    letters = {axis: sensor_and_letter(axis)[1] for axis in axes}
-    items = {letters[axis].upper() or axis: found.fit for axis, found in axes.items()}
+def _overlay(sensor: str, fits: Mapping[str, Fit]) -> Callable[[ViewName, UnitSystem], Panel]:
+    letters = {axis: sensor_and_letter(axis)[1] for axis in fits}
+    items: dict[str, Item] = {letters[axis].upper() or axis: fit for axis, fit in fits.items()}
     strokes = [letter_stroke(letter) or curve_stroke(k) for k, letter in enumerate(letters.values())]
     title = sensor_title(sensor) if sensor else ""
-
-    def panel(view: ViewName, units: UnitSystem) -> Panel:
-        return overlay_panel(items, view=view, units=units, strokes=strokes, title=title)
-
-    return panel
+    return lambda view, units: overlay_panel(items, view=view, units=units, strokes=strokes, title=title)
 
 
-def axis_pictures(found: AxisCalibration) -> tuple[Variants, Variants]:
+def axis_pictures(axis: AxisCalibration) -> tuple[Variants, Variants]:
     """Return two figures of one axis: data, model and terms; and the distances of the best models from the data."""
 
     def distances(view: ViewName, units: UnitSystem) -> Panel:
-        panel = ranking_figure(found.ranking, view=view, units=units).rows[0][1]
+        panel = ranking_figure(axis.ranking, view=view, units=units).rows[0][1]
         assert panel is not None
         return panel
 
     return (
-        _variants(lambda view, units: fit_panel(found.fit, view=view, units=units)),
+        _variants(lambda view, units: fit_panel(axis.fit, view=view, units=units)),
         _variants(distances, systems=("si",)),  # distances have no unit
     )
 
 
-def spectrum_pictures(found: AxisCalibration) -> Variants:
-    """Return the figure of the spectrum of one axis with the density of the model; empty without a spectrum.
+def spectrum_pictures(spectrum: PowerSpectrum, model: Model) -> Variants:
+    """Return the figure of a spectrum with the density of the model, by unit system.
 
-    A spectrum does not depend on the view, so there is only one figure for each unit system. If the page has no figure
-    in the chosen view, it uses a figure of another view.
+    If the page has no figure in the chosen view, it uses a figure of another view.
     """
-    spectrum, model = found.spectrum, found.fit.model
-    if spectrum is None:
-        return {}
-
-    def panel(view: ViewName, units: UnitSystem) -> Panel:
-        return spectrum_panel(spectrum, model=model, units=units)
-
-    return _variants(panel, views=("wavelet",))
+    return _variants(lambda view, units: spectrum_panel(spectrum, model=model, units=units), views=("wavelet",))
 
 
-def regression_pictures(found: Regression) -> Variants:
+def regression_pictures(regression: Regression) -> Variants:
     """Return the figure of an axis against a covariate, before and after the removal of its effect, by unit system."""
-
-    def panel(view: ViewName, units: UnitSystem) -> Panel:
-        return regression_panel(found, units=units)
-
-    return _variants(panel, views=("wavelet",))
+    return _variants(lambda view, units: regression_panel(regression, units=units), views=("wavelet",))
 
 
-def recordings_pictures(found: Replicates) -> Variants:
+def recordings_pictures(replicates: Replicates) -> Variants:
     """Return the figure that shows each recording relative to the mean. It does not depend on view or units."""
-    (panel,) = recordings_figure(found).panels
+    (panel,) = recordings_figure(replicates).panels
     return {"wavelet-si": plotly_panel(replace(panel, title=""))}
 
 
@@ -112,7 +96,7 @@ def _variants(
     systems: Sequence[UnitSystem] = SYSTEMS,
 ) -> Variants:
     """Return a figure in every view and unit system for which `panel` raises no error."""
-    found: Variants = {}
+    variants: Variants = {}
     for view in views:
         for units in systems:
             try:
@@ -120,5 +104,5 @@ def _variants(
             except OptionError:  # This filter has no Allan deviation, or this signal has no datasheet unit.
                 continue
             # The figure has no title, because the page has a heading for it.
-            found[f"{view}-{units}"] = plotly_panel(replace(drawn, title=""))
-    return found
+            variants[f"{view}-{units}"] = plotly_panel(replace(drawn, title=""))
+    return variants

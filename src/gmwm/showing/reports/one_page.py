@@ -45,14 +45,14 @@ def one_page_data(calibration: Calibration, dialect: Dialect = Dialect.HTML) -> 
     """
     lost = set(unusable(calibration))
     heads = [*SYMBOLS, "Bias at rest"]
-    numbers = {axis: _numbers(found) for axis, found in calibration.axes.items()}
-    kept = [k for k in range(len(heads)) if k < len(SYMBOLS) or any(cells[k] for cells in numbers.values())]
-    rows = [["Axis", "Model", *(heads[k] for k in kept)]]
-    for axis, found in calibration.axes.items():
+    numbers = {name: _numbers(axis) for name, axis in calibration.axes.items()}
+    shown = [k for k in range(len(heads)) if k < len(SYMBOLS) or any(cells[k] for cells in numbers.values())]
+    rows = [["Axis", "Model", *(heads[k] for k in shown)]]
+    for axis, fit in calibration.items():
         note = " (cannot be used)" if axis in lost else ""
-        rows.append([axis_title(axis) + note, found.fit.model.structure, *(numbers[axis][k] for k in kept)])
+        rows.append([axis_title(axis) + note, fit.model.structure, *(numbers[axis][k] for k in shown)])
     rows += [
-        [f"{axis_title(axis)} (not calibrated)", reason, *("" for _ in kept)]
+        [f"{axis_title(axis)} (not calibrated)", reason, *("" for _ in shown)]
         for axis, reason in calibration.failed.items()
     ]
     name = calibration.recording.file if calibration.recording and calibration.recording.file else calibration.source
@@ -61,7 +61,7 @@ def one_page_data(calibration: Calibration, dialect: Dialect = Dialect.HTML) -> 
         "state": state_of(calibration.verdict),
         "headline": calibration.verdict.text(dialect),
         "rows": rows,
-        "bias": len(kept) == len(heads),
+        "bias": len(shown) == len(heads),
         "confidence": f"{100 * calibration.settings.confidence:g} %",
         "cautions": _cautions(calibration, dialect),
         "facts": [*_facts(calibration).items(), ("Made with", f"gmwm {version()}")],
@@ -71,12 +71,12 @@ def one_page_data(calibration: Calibration, dialect: Dialect = Dialect.HTML) -> 
 
 def _cautions(calibration: Calibration, dialect: Dialect) -> list[str]:
     """Return the first sentences of each of the most severe cautions, and a sentence with the number of others."""
-    grave = [one for one in calibration.remarks if one.severity < Severity.INFO]
-    found = [text for _, text in with_groups([*equality_remarks(calibration), *grave], dialect)]
-    texts = list(dict.fromkeys(found))
+    cautions = [remark for remark in calibration.remarks if remark.severity < Severity.INFO]
+    groups = with_groups([*equality_remarks(calibration), *cautions], dialect)
+    texts = list(dict.fromkeys(text for _, text in groups))
     short = [" ".join(_BETWEEN_SENTENCES.split(text)[:SENTENCES]) for text in texts[:MOST]]
-    if left := len(texts[MOST:]):
-        short.append(f"{counted(left, 'more caution')} {'is' if left == 1 else 'are'} in the report.")
+    if more := len(texts[MOST:]):
+        short.append(f"{counted(more, 'more caution')} {'is' if more == 1 else 'are'} in the report.")
     return short
 
 
@@ -93,10 +93,10 @@ def _facts(calibration: Calibration) -> dict[str, str]:
     return facts
 
 
-def _numbers(found: AxisCalibration) -> list[str]:
+def _numbers(axis: AxisCalibration) -> list[str]:
     """Return N, B, K and the bias of an axis with their intervals; "" for a number that the model does not have."""
-    cells = [found.datasheet[symbol].text() if symbol in found.datasheet else "" for symbol in SYMBOLS]
-    entry = found.rest.entries[0] if found.rest is not None else None
+    cells = [axis.datasheet[symbol].text() if symbol in axis.datasheet else "" for symbol in SYMBOLS]
+    entry = axis.rest.entries[0] if axis.rest is not None else None
     if entry is None:
         return [*cells, ""]
     return [*cells, f"{with_error(entry)} {entry.units[0]}" if entry.symbol == "b" else "tilt unknown"]
@@ -115,8 +115,8 @@ def one_page(calibration: Calibration) -> str:
 
 
 def _curves(calibration: Calibration) -> Figure:
-    known = all(find_unit(fit.wavelet_variance.unit) is not None for fit in calibration.values())
-    return calibration.plot(split=False, view="allan", units="datasheet" if known else "si")
+    units = [find_unit(fit.wavelet_variance.unit) for fit in calibration.values()]
+    return calibration.plot(split=False, view="allan", units="si" if None in units else "datasheet")
 
 
 def draw_one_page(calibration: Calibration, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The renderer for Plotly, which converts panels of `gmwm.plots.figure` to traces and layouts as plain data for JSON.
+"""The renderer for Plotly, which converts panels of `gmwm.showing.plots.figure` to traces and layouts for JSON.
 
 Plotly interprets some HTML and its own templates in strings, so every string is escaped with `safe`.
 """
@@ -53,7 +53,7 @@ def plotly_panel(panel: Panel) -> dict[str, Any]:
     across, up = Scale(panel.x), Scale(panel.y)
     seen: set[str] = set()
     drawn: list[tuple[int, dict[str, Any]]] = []
-    for place, (mark, group) in enumerate(_grouped(panel.marks)):
+    for place, (mark, group) in enumerate(_with_entries(panel.marks)):
         trace = _trace(mark, panel, across, up)
         first = bool(mark.label) and mark.label not in seen
         seen.add(mark.label)
@@ -118,7 +118,7 @@ def _short(value: float) -> float:
     return float(f"{value:.{DIGITS - 1}e}")
 
 
-def _grouped(marks: tuple[Mark, ...]) -> Iterator[tuple[Mark, str]]:
+def _with_entries(marks: tuple[Mark, ...]) -> Iterator[tuple[Mark, str]]:
     """Yield each mark with its legend entry. A mark without a name gets the entry of a line with its colour."""
     by_colour: dict[str, str] = {}
     for mark in marks:
@@ -172,10 +172,10 @@ def _hover(line: Line, panel: Panel, up: Scale) -> dict[str, Any]:
     if band is not None and not up.mixed:
         more = [band.lower, band.upper]
         rows.append(f"{safe(band.label)}: %{{customdata[0]:.4~g}} … %{{customdata[1]:.4~g}}")
-    found: dict[str, Any] = {"hovertemplate": "<br>".join(rows) + "<extra></extra>"}
+    hover: dict[str, Any] = {"hovertemplate": "<br>".join(rows) + "<extra></extra>"}
     if more:
-        found["customdata"] = [list(row) for row in zip(*map(_json, more), strict=True)]
-    return found
+        hover["customdata"] = [list(row) for row in zip(*map(_json, more), strict=True)]
+    return hover
 
 
 def _quantity(label: str) -> tuple[str, str]:

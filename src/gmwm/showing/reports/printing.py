@@ -13,13 +13,11 @@ from gmwm.base.errors import OptionError
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge")
 """Names of browsers that can print a page. The first that is installed is used."""
-LONGEST = 120.0
-"""Time (s) after which a browser that has not ended is stopped."""
 
 
 def browser() -> str | None:
     """Return the path of an installed Chromium or a browser based on it; None if there is none."""
-    return next((found for name in NAMES if (found := shutil.which(name))), None)
+    return next(filter(None, map(shutil.which, NAMES)), None)
 
 
 def print_html(html: str, path: Path) -> None:
@@ -44,7 +42,7 @@ def print_html(html: str, path: Path) -> None:
         options += ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
         command = [program, *options, "--virtual-time-budget=20000", f"--print-to-pdf={printed}", page.as_uri()]
         with contextlib.suppress(subprocess.TimeoutExpired):
-            subprocess.run(command, capture_output=True, timeout=LONGEST, check=False)
+            subprocess.run(command, capture_output=True, timeout=120.0, check=False)
         if not printed.is_file():
             raise OptionError(
                 f"{Path(program).name} did not write the PDF", argument="path", got=str(path),

@@ -21,50 +21,50 @@ def recording_facts(calibration: Calibration) -> dict[str, Any]:
     For a single recording, "facts" has all facts. For several recordings, it has the common facts, and "rows" is a
     table with a column for each recording.
     """
+    axes = [("Axes", ", ".join([*calibration.axes, *calibration.failed])), ("Units", _units(calibration))]
     if calibration.recordings:
-        common = {"Axes": ", ".join([*calibration.axes, *calibration.failed]), "Units": _units(calibration)}
-        columns = [dict(_described(one)) for one in calibration.recordings.values()]
+        columns = [
+            dict([*_file(recording), *_length(recording.samples, recording.rate), *_conditions(recording)])
+            for recording in calibration.recordings.values()
+        ]
         titles = list(dict.fromkeys(title for column in columns for title in column))
         rows = [["", *calibration.recordings], *([t, *(c.get(t, "") for c in columns)] for t in titles)]
-        return {"facts": list(common.items()), "rows": rows}
-    found = calibration.recording
-    wv = next(iter(calibration.axes.values())).fit.wavelet_variance
-    samples, rate = (wv.samples, wv.rate) if found is None else (found.samples, found.rate)
+        return {"facts": axes, "rows": rows}
+    recording = calibration.recording
     facts: Facts = [("Source", calibration.source)] if calibration.source else []
-    if found is not None and found.sha256:
-        facts += [("File", f"{found.file}, {found.size} bytes"), ("SHA-256", found.sha256)]
-    facts += [
-        ("Sampling rate", f"{rate:.10g} Hz"),
-        ("Length", f"{samples} samples, {duration_text(samples / rate)}"),
-        ("Axes", ", ".join([*calibration.axes, *calibration.failed])),
-        ("Units", _units(calibration)),
-    ]
-    return {"facts": facts if found is None else [*facts, *_measured(found)], "rows": []}
+    if recording is None:
+        wv = next(iter(calibration.axes.values())).fit.wavelet_variance
+        return {"facts": [*facts, *_length(wv.samples, wv.rate), *axes], "rows": []}
+    facts += [*_file(recording), *_length(recording.samples, recording.rate), *axes, *_conditions(recording)]
+    return {"facts": facts, "rows": []}
 
 
-def _described(found: Recording) -> Facts:
-    """Return the facts on one of several recordings."""
-    file = [("File", f"{found.file}, {found.size} bytes"), ("SHA-256", found.sha256)] if found.sha256 else []
-    length = f"{found.samples} samples, {duration_text(found.samples / found.rate)}"
-    return [*file, ("Sampling rate", f"{found.rate:.10g} Hz"), ("Length", length), *_measured(found)]
+def _file(recording: Recording) -> Facts:
+    name = f"{recording.file}, {recording.size} bytes"
+    return [("File", name), ("SHA-256", recording.sha256)] if recording.sha256 else []
 
 
-def _measured(found: Recording) -> Facts:
+def _length(samples: int, rate: float) -> Facts:
+    return [("Sampling rate", f"{rate:.10g} Hz"), ("Length", f"{samples} samples, {duration_text(samples / rate)}")]
+
+
+def _conditions(recording: Recording) -> Facts:
     """Return the facts on gaps, time stamps, motion and temperature of a recording."""
-    gaps = found.segments - 1
-    lost = f"{gaps}, {duration_text(found.missing)} missing" if found.missing > 0 else str(gaps)
-    stamps = "none" if found.jitter is None else f"jitter {significant(found.jitter, 3)} s (root mean square)"
+    gaps = recording.segments - 1
+    lost = f"{gaps}, {duration_text(recording.missing)} missing" if recording.missing > 0 else str(gaps)
+    jitter = recording.jitter
+    stamps = "none" if jitter is None else f"jitter {significant(jitter, 3)} s (root mean square)"
     facts: Facts = [("Gaps", lost if gaps else "none"), ("Time stamps", stamps)]
-    facts += [("At rest", "yes" if found.static else "no"), ("Knocks", str(found.knocks))]
-    if found.gravity is not None:
-        facts.append(("Specific force", f"{found.gravity:.5g} m/s²"))
-    low_high = found.temperature
-    temperature = "not recorded" if low_high is None else f"{low_high[0]:.4g} to {low_high[1]:.4g} °C"
+    facts += [("At rest", "yes" if recording.static else "no"), ("Knocks", str(recording.knocks))]
+    if recording.gravity is not None:
+        facts.append(("Specific force", f"{recording.gravity:.5g} m/s²"))
+    limits = recording.temperature
+    temperature = "not recorded" if limits is None else f"{limits[0]:.4g} to {limits[1]:.4g} °C"
     return [*facts, ("Temperature", temperature)]
 
 
 def _units(calibration: Calibration) -> str:
     units: dict[str, list[str]] = {}
-    for axis, found in calibration.axes.items():
-        units.setdefault(found.fit.wavelet_variance.unit or "not known", []).append(axis)
+    for axis, fit in calibration.items():
+        units.setdefault(fit.wavelet_variance.unit or "not known", []).append(axis)
     return "; ".join(f"{unit}: {', '.join(axes)}" for unit, axes in units.items())

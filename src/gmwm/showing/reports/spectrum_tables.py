@@ -42,8 +42,8 @@ def spectrum_tables(spectrum: PowerSpectrum | None) -> dict[str, Rows]:
 
 def _amplitude_unit(unit: str) -> tuple[str, float]:
     """Return the unit of amplitudes in parentheses, and the conversion factor to it from the unit of the signal."""
-    known = find_unit(unit)
-    if known is None:
+    definition = find_unit(unit)
+    if definition is None:
         return f" ({unit})" if unit else "", 1.0
-    shown = parse_unit(DATASHEET_UNIT[known.quantity], known.quantity)
-    return f" ({shown.name})", known.factor / shown.factor
+    shown = parse_unit(DATASHEET_UNIT[definition.quantity], definition.quantity)
+    return f" ({shown.name})", definition.factor / shown.factor

@@ -45,7 +45,7 @@ def verdict(calibration: Calibration) -> dict[str, Any]:
     """
     head = calibration.verdict
     equality = equality_remarks(calibration)
-    cautions = [one for one in calibration.remarks if one.severity is not Severity.INFO and one not in equality]
+    cautions = [r for r in calibration.remarks if r.severity is not Severity.INFO and r not in equality]
     points = [*equality, *cautions, *_results(calibration)]
     return {
         "state": state_of(head),
@@ -58,7 +58,7 @@ def verdict(calibration: Calibration) -> dict[str, Any]:
 def notes(calibration: Calibration) -> list[dict[str, Any]]:
     """Return the remarks that do not affect any number, in the form of the points of `verdict`."""
     equality = equality_remarks(calibration)
-    return _points([one for one in calibration.remarks if one.severity is Severity.INFO and one not in equality])
+    return _points([r for r in calibration.remarks if r.severity is Severity.INFO and r not in equality])
 
 
 def _points(remarks: list[Remark]) -> list[dict[str, Any]]:
@@ -78,20 +78,19 @@ def _results(calibration: Calibration) -> Iterator[Remark]:
         rate = f"{wv.rate:g} Hz"
         yield Remark.of("axes-calibrated", axes=len(calibration.axes), total=total, length=length, rate=rate)
     for sensor, members in by_sensor(calibration.axes).items():
-        if numbers := _numbers({axis: one for axis, one in members.items() if axis not in lost}):
+        if numbers := _numbers({name: axis for name, axis in members.items() if name not in lost}):
             yield Remark.of("numbers-found", SENSORS.get(sensor, sensor or "Axes"), numbers=numbers)
-    passed = [
-        axis for axis, one in calibration.axes.items() if one.test is not None and axis not in rejected_axes(calibration)
-    ]
-    for axis in passed:
-        yield Remark.of("test-passed", axis)
+    misfits = rejected_axes(calibration)
+    for name, axis in calibration.axes.items():
+        if axis.test is not None and name not in misfits:
+            yield Remark.of("test-passed", name)
     # If an axis could not be tested, another remark says so.
-    if calibration.verdicts and all(_is_clean(found) for found in calibration.verdicts.values()):
+    if calibration.verdicts and all(_is_clean(verdict) for verdict in calibration.verdicts.values()):
         yield Remark.of("no-outliers")
     recordings = [calibration.recording, *calibration.recordings.values()]
-    if any(recordings) and all(one.static for one in recordings if one is not None):
+    if any(recordings) and all(recording.static for recording in recordings if recording is not None):
         yield Remark.of("at-rest")
-    gaps = [found.fit.gap for found in calibration.axes.values()]
+    gaps = [fit.gap for fit in calibration.values()]
     certified = [gap for gap in gaps if gap is not None]
     if len(certified) == len(gaps):
         yield Remark.of("optimal", gap=100 * max(certified), exact="no" if max(certified) > 0 else "yes")
@@ -104,8 +103,8 @@ def _is_clean(verdict: Verdict) -> bool:
 def _numbers(axes: Mapping[str, Any]) -> str:
     """Format the ranges of N, B and K over the given axes of a sensor."""
     parts = []
-    for symbol in in_order([list(one.datasheet) for one in axes.values()]):
-        entries = {axis: one.datasheet[symbol] for axis, one in axes.items() if symbol in one.datasheet}
+    for symbol in in_order([list(axis.datasheet) for axis in axes.values()]):
+        entries = {name: axis.datasheet[symbol] for name, axis in axes.items() if symbol in axis.datasheet}
         if symbol in _FIRST:
             parts.append(f"{next(iter(entries.values())).title} {symbol} {_range(entries)}")
     return "; ".join(parts)
@@ -116,17 +115,17 @@ _FIRST = ("N", "B", "K")
 
 def _range(entries: Mapping[str, Entry]) -> str:
     """Format the smallest and the largest value of a number, or its largest upper limit if no axis has a value."""
-    known: dict[str, float] = {}
+    values: dict[str, float] = {}
     bounds = []
     unit = ""
     for axis, entry in entries.items():
         value, _, high, unit = entry.in_units("datasheet")
         if not entry.upper_only:
-            known[axis] = value
+            values[axis] = value
         elif high is not None and math.isfinite(high):
             bounds.append(high)
-    if known:
-        texts = dict.fromkeys(significant(value, 3) for value in (min(known.values()), max(known.values())))
-        more = f" ({', '.join(known)}; upper limits for the other axes)" if len(known) < len(entries) else ""
+    if values:
+        texts = dict.fromkeys(significant(value, 3) for value in (min(values.values()), max(values.values())))
+        more = f" ({', '.join(values)}; upper limits for the other axes)" if len(values) < len(entries) else ""
         return f"{' to '.join(texts)} {unit}{more}"
     return f"at most {significant(max(bounds), 3)} {unit}" if bounds else "not determined"

@@ -60,26 +60,28 @@ def page(data: dict[str, Any]) -> str:
     )
     words = {key: value for key, value in data.items() if key != "pictures"}
     template = environment().from_string(part("page/report.html"))
-    found: str = template.render(
+    html: str = template.render(
         **words,
         policy=policy,
         style=_ours(part("page/report.css")),
         scripts=[_ours(script) for script in scripts],
         pictures=_ours(as_json(data["pictures"])),
     )
-    return found
+    return html
 
 
 def environment() -> Any:
     """Return the Jinja environment of the templates. It escapes everything except what a filter marks as safe."""
     import jinja2
 
-    made = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    made.filters["worded"] = _worded
-    made.filters["unbroken"] = _unbroken
-    made.filters["rendered"] = _ours  # Remarks are already HTML, in which text from files is escaped.
-    made.filters["trusted"] = _ours
-    return made
+    templates = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    templates.filters["worded"] = _code_as_html
+    templates.filters["unbroken"] = _unbroken
+    templates.filters["rendered"] = _ours  # Remarks are already HTML, in which text from files is escaped.
+    templates.filters["trusted"] = _ours
+    return templates
 
 
 def as_json(value: Any) -> str:
@@ -95,14 +97,14 @@ def _ours(text: str) -> Any:
     return Markup(text)
 
 
-def _worded(text: str) -> Any:
+def _code_as_html(text: str) -> Any:
     """Return a text as HTML, with parts between backticks shown as code and everything else escaped."""
     return _ours(re.sub("`([^`]+)`", r"<code>\1</code>", escape(text)))
 
 
 def _unbroken(text: str) -> Any:
     """Return a number with interval and unit as HTML that allows a line break only before the interval."""
-    return _ours(" ".join(f'<span class="whole">{escape(one)}</span>' for one in re.split(r" (?=\()", text)))
+    return _ours(" ".join(f'<span class="whole">{escape(part)}</span>' for part in re.split(r" (?=\()", text)))
 
 
 @cache

@@ -25,6 +25,7 @@ from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
 from gmwm.theory.processes import circulant_embedding, filtered, haar_covariance
 from gmwm.theory.processes.definition import check_calls, check_members, check_name, function_of
+from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.parameter import Branch, Fixed, Parameter, Value
 from gmwm.theory.processes.physical import Physical
@@ -395,6 +396,23 @@ class Process(ABC):
         if lags is None:
             raise self.missing("coefficient_covariance")
         return haar_covariance.short_memory(at, self.autocovariance(np.arange(lags + 1), rate))
+
+    def exponential_sum(self, rate: float) -> ExponentialSum | None:
+        """Return the covariance of the running sum as a sum of exponentials; None if it does not have this form.
+
+        The covariance of wavelet variances is then computed in closed form. The class that defines the covariance of a
+        process must define it. The default uses the autocovariance at the lags up to `memory`.
+        """
+        lags = self.memory(rate) if self._gives("memory") and not self._gives("coefficient_covariance") else None
+        return None if lags is None else ExponentialSum.of_table(self.autocovariance(np.arange(lags + 1), rate))
+
+    def exponential_mixture(self, rate: float, samples: int) -> ExponentialSum | None:
+        """Return a sum of exponentials that approximates a process without `exponential_sum`; None by default.
+
+        The relative error of the covariances of Haar wavelet coefficients must be below 1e-9 for up to `samples`
+        samples.
+        """
+        return None
 
     def memory(self, rate: float) -> int | None:
         """Return the lag L beyond which the autocovariance is negligible, apart from exponentials with rates `decays`.

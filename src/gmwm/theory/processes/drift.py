@@ -12,6 +12,7 @@ from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes import filtered
 from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.parameter import Parameter, Value
 from gmwm.theory.processes.physical import Physical
@@ -68,6 +69,10 @@ class DR(Process):
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
         """Return zeros (n,), because the wavelet coefficients of a drift have no random error."""
         return np.zeros_like(at.lag)
+
+    def exponential_sum(self, rate: float) -> ExponentialSum:
+        """Return an empty sum, because a drift has no random error."""
+        return ExponentialSum()
 
     def state_space(self, rate: float) -> StateSpace:
         """Return a state space with the states (value, slope), without process noise, that are known at t = 0."""

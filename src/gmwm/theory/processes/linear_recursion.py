@@ -24,6 +24,7 @@ from gmwm.base.remarks import Remark
 from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes import rational
 from gmwm.theory.processes.band_limit import SHORT, STEP, Density, band_numbers
+from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.ordered import Ordered, Polynomial
 from gmwm.theory.processes.parameter import Parameter
@@ -43,6 +44,16 @@ CANCELLING = 0.05
 _FARTHEST, _FARTHEST_AVERAGE = 2.5, 2.0
 """Largest coordinates of starting values, which are artanh of partial autocorrelations: tanh 2.5 = 0.987 for φ and Φ,
 and tanh 2 = 0.964 for θ and Θ. The estimates are not limited. Pinned by tests/processes/test_arma.py."""
+_REAL = 1e-12
+"""Imaginary part of a root, relative to its modulus, below which the root is real."""
+_BRIEF, _SMALL = 0.3, 1e-4
+"""Modulus of a root below which its exponential is part of a table, and the same limit for the power of the modulus by
+which the amplitude of the exponential is divided."""
+_REST = 1e-14
+"""Autocovariance, relative to the variance, that is left out at the end of a table."""
+_LARGEST = 1e6
+"""Largest amplitude of an exponential, relative to the variance. Larger amplitudes belong to roots that nearly
+coincide, and their sums lose more than six digits."""
 
 
 class Lagged(Ordered, abstract=True, listed=False):
@@ -217,6 +228,14 @@ class Lagged(Ordered, abstract=True, listed=False):
             raise self.missing("coefficient_covariance")
         return self.scale * tail.coefficient_covariance(at)
 
+    def exponential_sum(self, rate: float) -> ExponentialSum | None:
+        """Return an exponential for each root of φ(B)Φ(B^s), and a table for short-lived roots and the moving average.
+
+        It is None if roots nearly coincide.
+        """
+        unit = _exponential_sum(self.full_orders(), tuple(self.nonlinear.tolist()))
+        return None if unit is None else unit.scaled(self.scale)
+
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
         """Compute the power spectral density σ²Δt |θ(z) Θ(z^s)|²/|φ(z) Φ(z^s)|² (u²/Hz), with z = exp(−2πifΔt)."""
         return self._density(self.nonlinear, as_frequencies(frequencies, rate), as_rate(rate))
@@ -348,10 +367,41 @@ def _short_memory(orders: tuple[int, int, int, int, int], parameters: tuple[floa
     if reach > 2 * LONGEST:
         return None
     count = int(np.count_nonzero(apart))
-    amplitudes, decays, r = np.empty(count), np.empty(count), np.empty(reach + 1)
-    _core.arma_without(orders, values, np.ascontiguousarray(roots[apart].real), amplitudes, decays, r)
+    r, exponentials = np.empty(reach + 1), np.empty((4, count))
+    _core.arma_without(orders, values, np.array([roots[apart].real, np.zeros(count)]), exponentials, r)
     table = trim(r)
-    return None if table is None else ShortMemory(table, tuple(amplitudes.tolist()), tuple(decays.tolist()))
+    decays = np.where(exponentials[3] > 0, -exponentials[2], exponentials[2])
+    return None if table is None else ShortMemory(table, tuple(exponentials[0].tolist()), tuple(decays.tolist()))
+
+
+@lru_cache(maxsize=64)
+def _exponential_sum(orders: tuple[int, int, int, int, int], parameters: tuple[float, ...]) -> ExponentialSum | None:
+    """Return the exponentials of the lasting roots and a table of the rest, for innovation variance 1.
+
+    It is None if roots nearly coincide, or if the table would be too long.
+    """
+    p, q, seasonal_p, seasonal_q, period = orders
+    values, degree = np.array(parameters, dtype=np.float64), q + period * seasonal_q
+    season = rational.roots(values[p + q : p + q + seasonal_p])[:, None] ** (1.0 / period)
+    turns = np.exp(2j * np.pi * np.arange(period) / period)
+    roots = np.concatenate([rational.roots(values[:p]), (season * turns).ravel()])
+    roots = np.where(np.abs(roots.imag) < _REAL * np.abs(roots), roots.real, roots)
+    # The amplitude of a root is a multiple of λ^(p − q): it would be huge for a root near 0 and a long moving average.
+    modulus, ahead = np.abs(roots), max(degree - roots.size, 0) + 1
+    brief = (modulus < _BRIEF) | (modulus**ahead < _SMALL)
+    upper, longest = roots[~brief & (roots.imag >= 0)], modulus[brief].max(initial=0.0)
+    reach = ahead + roots.size + (math.ceil(math.log(_REST) / math.log(longest)) if longest > 0 else 0)
+    if reach > 2 * LONGEST:
+        return None
+    table, rows = np.empty(reach + 1), np.empty((4, upper.size))
+    _core.arma_without(orders, values, np.array([upper.real, upper.imag]), rows, table)
+    amplitudes, decays = rows[0] + 1j * rows[1], rows[2] + 1j * rows[3]
+    variance = abs(float(table[0] + amplitudes.real.sum()))
+    if not np.all(np.isfinite(rows)) or np.abs(amplitudes).max(initial=0.0) > _LARGEST * variance:
+        return None
+    felt = np.flatnonzero(np.abs(table) > _REST * variance)
+    remainder = ExponentialSum.of_table(table[: felt[-1] + 1] if felt.size else table[:1])
+    return replace(remainder, amplitudes=amplitudes, decays=decays, bare=np.zeros(upper.size, dtype=np.bool_))
 
 
 def _lasting(modulus: float) -> float:

@@ -16,6 +16,7 @@ from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes import exponential, filtered, haar_covariance
 from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.noise import WN
 from gmwm.theory.processes.parameter import Branch, Exponential, Parameter, Value
@@ -116,11 +117,14 @@ class _Markov(Process, abstract=True):
         s2, sign, lam = self._pole(as_rate(rate))
         return s2 * (haar_covariance.exponential(at, lam) if sign > 0 else haar_covariance.alternating(at, lam))
 
-    def exponential_part(self, rate: float) -> tuple[float, float] | None:
-        """Return s² and λ if `coefficient_covariance` is s² times `haar_covariance.exponential`; None for negative φ.
-        The kernel can then compute the covariances while it sums them."""
+    def exponential_sum(self, rate: float) -> ExponentialSum:
+        """Return the exponential s²φ^|k|."""
         s2, sign, lam = self._pole(as_rate(rate))
-        return (s2, lam) if sign > 0 else None
+        if lam > haar_covariance.WHITE:
+            return ExponentialSum(white=s2)
+        if lam < haar_covariance.WANDERING:
+            return ExponentialSum(walk=2 * lam * s2)
+        return ExponentialSum.of_exponential(s2, lam if sign > 0 else complex(lam, math.pi))
 
     def decays(self, rate: float) -> tuple[float, ...]:
         """Return the decay rate λ per sample, negative for negative φ."""
@@ -265,7 +269,7 @@ class AR1(_Markov):
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """Draw σ² and φ (draws, 2) as described at `_drawn`."""
+        """Draw σ² and φ (draws, 2) as described at `_draw`."""
         drawn = _draw(occasion, rng, draws=draws, before=before[-1][:, 0] if before else None, number=len(before))
         return np.column_stack([drawn[:, 0] * (1.0 - drawn[:, 1] ** 2), drawn[:, 1]])
 
@@ -361,7 +365,7 @@ class GM(_Markov):
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """Draw σ² and φ = e^(−βΔt) as described at `_drawn`, and return σ² and β (draws, 2)."""
+        """Draw σ² and φ = e^(−βΔt) as described at `_draw`, and return σ² and β (draws, 2)."""
         phi = np.exp(-before[-1][:, 0] / occasion.rate) if before else None
         drawn = _draw(occasion, rng, draws=draws, before=phi, number=len(before))
         # φ = 0 is white noise, for which β would be infinite.

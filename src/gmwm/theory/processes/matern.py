@@ -16,6 +16,7 @@ from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes import circulant_embedding, smooth_autocovariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.bessel import LARGEST, matern
+from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.ladder import SMOOTHEST
 from gmwm.theory.processes.ladder import matern as ladder
@@ -144,6 +145,11 @@ class MAT(Process):
         if tail is None:
             raise self.missing("coefficient_covariance")
         return self.scale * tail.coefficient_covariance(at)
+
+    def exponential_sum(self, rate: float) -> ExponentialSum | None:
+        """Return the table of the autocovariance; None if it is too long."""
+        known = _short_memory(self.value("beta") / rate, self.value("nu"))
+        return None if known is None else ExponentialSum.of_table(self.scale * known.autocovariance)
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
         """Compute the Allan variance (σ²/n²) Σ_k w_k M(βkΔt) of clusters of n samples; M is the Matérn correlation.

@@ -12,6 +12,7 @@ from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes import filtered, haar_covariance
 from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.parameter import Parameter, Value
 from gmwm.theory.processes.physical import Physical
@@ -90,6 +91,10 @@ class WN(Process):
         """
         return self.scale * haar_covariance.white(at)
 
+    def exponential_sum(self, rate: float) -> ExponentialSum:
+        """Return the density σ² of the white noise."""
+        return ExponentialSum(white=self.scale)
+
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
@@ -159,6 +164,10 @@ class QN(Process):
         For each pair of levels, they are nonzero at nine lags at most.
         """
         return self.scale * haar_covariance.quantization(at)
+
+    def exponential_sum(self, rate: float) -> ExponentialSum:
+        """Return the running sum, which has the variance Q² and is uncorrelated."""
+        return ExponentialSum(spikes=np.array([self.scale]))
 
     @property
     def error_cumulant(self) -> float:

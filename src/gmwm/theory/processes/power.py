@@ -17,6 +17,7 @@ from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes import haar_covariance, self_similar
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.circulant_embedding import amplitudes, half_period, paths
+from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.ladder import power_law
 from gmwm.theory.processes.parameter import Parameter, Value
@@ -28,6 +29,7 @@ from gmwm.theory.statespace import StateSpace
 # Step of complex-step derivatives. Their relative error, the square of the step, is far below the rounding error.
 _STEP = 1e-30
 _LOG2 = math.log(2.0)
+_mixture = lru_cache(maxsize=16)(self_similar.mixture)
 
 
 class PowerLaw(Process, abstract=True):
@@ -93,6 +95,11 @@ class PowerLaw(Process, abstract=True):
         """Compute the covariances (n,) of Haar wavelet coefficients (u²), from second differences of K."""
         epsilon, first = self.law
         return first * haar_covariance.power(at, epsilon)
+
+    def exponential_mixture(self, rate: float, samples: int) -> ExponentialSum | None:
+        """Return a sum of exponentials for the lags up to `samples`; None for α > 2.2."""
+        epsilon, first = self.law
+        return None if epsilon > self_similar.STEEPEST else _mixture(epsilon, samples).scaled(first)
 
     def decays(self, rate: float) -> tuple[float, ...]:
         """Return a very large and a very small decay rate (per sample). A power of the lag is a mixture of exponentials

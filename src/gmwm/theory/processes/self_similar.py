@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.theory.filters import WaveletFilter
+from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.filtered import without_zero
 
 Numbers = NDArray[Any]
@@ -243,3 +244,59 @@ def _tables(filter: WaveletFilter, reach: int, summed: bool) -> tuple[Vector, Ma
             np.add.at(step, (np.abs(lag), places), weight / 2)
     lags = np.arange(folded[0].size, dtype=np.float64)
     return folded[1], step, np.array([folded[0] @ lags ** (2 * i) for i in range(_TERMS)])
+
+
+# --- mixture of exponentials ----------------------------------------------------------------------------
+
+_STEP = 0.35
+"""Distance of the nodes in ln τ. The relative error of V by the trapezoidal rule is below 1e-10
+(tests/covariance/test_lag_sums.py)."""
+_FASTEST = 37.0
+"""Decay beyond which an exponential is below the rounding error at a lag of one sample."""
+_TAIL = 1e-10
+"""Relative contribution to wavelet coefficients, of the order (τN)^(2 − ε), below which an exponential is left out."""
+STEEPEST = 1.2
+"""Largest ε of a mixture. Beyond it, a random walk and slow exponentials cancel by more than five digits."""
+
+
+def mixture(epsilon: float, samples: int) -> ExponentialSum:
+    """Return the running sum of noise with ν_1² = 1 as a sum of exponentials, for lags up to `samples`.
+
+    The gamma integral m^(−s) Γ(s) = ∫ τ^(s−1) e^(−mτ) dτ with s = −2 − ε, discretised in ln τ, is a sum of terms
+    w_i e^(−mτ_i). It diverges at τ = 0, where the sum is continued analytically: the terms in m and m³, which are white
+    noise and a random walk, have geometric sums. Terms in m² and constants do not contribute to wavelet coefficients.
+    """
+    from scipy.special import rgamma
+
+    low = math.floor((-math.log(4.0 * samples) + math.log(_TAIL) / (2.0 - epsilon)) / _STEP)
+    high = math.ceil(math.log(_FASTEST) / _STEP)
+    split = math.floor(math.log(0.9) / _STEP)
+    tau = np.exp(_STEP * np.arange(low, high + 1))
+    # 1/(ε Γ(−2 − ε)), as 1/Γ(3 − ε) times the factors that vanish at ε = −1 and ε = 1.
+    size = -0.5 * float(unit_factor(np.asarray(epsilon))) * (2.0 + epsilon) * _STEP
+    common = size * (1.0 + epsilon) * float(rgamma(1.0 - epsilon))
+    weights = common * tau ** (-2.0 - epsilon)
+    slow = np.arange(low, high + 1) <= split
+    # Terms in m of the white noise beside all slow exponentials, and in m³ of the walk below the slowest one.
+    linear = size * float(rgamma(1.0 - epsilon)) * _continued(-1.0 - epsilon, split)
+    cubic = size * (1.0 + epsilon) * float(rgamma(2.0 - epsilon)) * _continued(1.0 - epsilon, low - 1) / -6.0
+    series = np.where(tau < 0.1, tau**3 / 6.0 * (1.0 + tau**2 / 20.0 * (1.0 + tau**2 / 42.0)), np.sinh(tau) - tau)
+    return ExponentialSum(
+        white=-2.0 * (linear - float((weights * series)[slow].sum()) + cubic),
+        walk=12.0 * cubic,
+        spikes=np.array([-common * _geometric(-2.0 - epsilon, high)]),
+        amplitudes=(-4.0 * weights * np.sinh(0.5 * tau) ** 2).astype(np.complex128),
+        decays=tau.astype(np.complex128),
+        bare=~slow,
+    )
+
+
+def _geometric(power: float, last: int) -> float:
+    """Compute Σ τ^power over all nodes up to number `last`, continued analytically."""
+    return math.exp(power * _STEP * last) / -math.expm1(-power * _STEP)
+
+
+def _continued(power: float, last: int) -> float:
+    """Compute `_geometric` times `power`, which has a limit at 0."""
+    grown = 1.0 / _STEP if power == 0 else power / -math.expm1(-power * _STEP)
+    return math.exp(power * _STEP * last) * grown

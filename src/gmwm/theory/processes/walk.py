@@ -13,6 +13,7 @@ from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes import filtered, haar_covariance
 from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.parameter import Parameter, Value
 from gmwm.theory.processes.physical import Physical
@@ -78,6 +79,10 @@ class RW(Process):
         lag, and 0 if the coefficients use no common samples.
         """
         return self.scale * haar_covariance.walk(at)
+
+    def exponential_sum(self, rate: float) -> ExponentialSum:
+        """Return the innovation variance γ² of the random walk."""
+        return ExponentialSum(walk=self.scale)
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
         """Compute the pseudo-spectrum γ²Δt/(4 sin²(πfΔt)), which is infinite at f = 0.

@@ -1,23 +1,23 @@
-"""Ratios of the wavelet deviations of several recordings at each scale, with their tests."""
+"""Compare recordings: ratios of their wavelet deviations at each scale, tests of them, and the base of the results."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from abc import abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError
+from gmwm.base.multiple_tests import holm
+from gmwm.base.text import Summarised
 from gmwm.measuring.covariance.api import variances
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.mixture import mixture
 from gmwm.measuring.variance.result import WaveletVariance
-
-LEAST = 2.0
-"""A level is tested only if both estimates have more degrees of freedom than this."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +55,65 @@ class LevelRatio:
     differs: bool = False
 
 
-class _Curve(NamedTuple):
+class RecordingComparison(Summarised):
+    """Base of the answers to the question whether recordings differ, with the same decision and the same ratios."""
+
+    recordings: tuple[str, ...]
+    levels: tuple[LevelRatio, ...]
+    size: float
+
+    @property
+    @abstractmethod
+    def pvalue(self) -> float:
+        """p-value of all tests together."""
+
+    @property
+    def differs(self) -> bool:
+        """Whether the tests together find a difference at the significance level `size`."""
+        return self.pvalue <= self.size
+
+    @property
+    def compared(self) -> tuple[str, ...]:
+        """Names of the recordings in the numerators of the ratios: the first of two recordings, otherwise all."""
+        return numerators(self.recordings)
+
+    def __repr__(self) -> str:
+        answer = "different" if self.differs else "the same"
+        return f"{type(self).__name__}({', '.join(self.recordings)}: {answer}, p = {self.pvalue:.2g})"
+
+
+class Decidable(Protocol):
+    """A dataclass with the p-value of a test, or None if the test cannot be made."""
+
+    @property
+    def pvalue(self) -> float | None:
+        """The p-value."""
+
+
+AnyTest = TypeVar("AnyTest", bound=Decidable)
+
+
+def numerators(names: Iterable[str]) -> tuple[str, ...]:
+    """Return the recordings that are divided by the mean of the others; of two, the second would repeat the first."""
+    recordings = tuple(names)
+    return recordings[: 1 if len(recordings) == 2 else None]
+
+
+def decide(tests: Sequence[AnyTest], size: float) -> list[AnyTest]:
+    """Adjust the p-values of tests by Holm's method, and decide at the level `size` of all tests together."""
+    adjusted = holm([math.nan if test.pvalue is None else test.pvalue for test in tests]).tolist()
+    return [
+        test if test.pvalue is None else replace(test, pvalue=p, differs=p <= size)  # type: ignore[type-var]
+        for test, p in zip(tests, adjusted, strict=True)
+    ]
+
+
+def smallest(tests: Iterable[Decidable]) -> float:
+    """Return the smallest p-value of tests; 1 if there is none."""
+    return min((test.pvalue for test in tests if test.pvalue is not None), default=1.0)
+
+
+class _Variances(NamedTuple):
     """Wavelet variance (J,) of a recording, and its degrees of freedom (J,)."""
 
     variance: Vector
@@ -72,32 +130,32 @@ def level_ratios(
         raise DataError(f"{axis} has no noise at some scales: its wavelet variance is 0", argument="recordings")
     eta = np.array([wv.degrees_of_freedom[:levels] for wv in measured])
     pooled = np.average([wv.variance[:levels] for wv in measured], axis=0, weights=eta)
-    known = {name: _Curve(wv.variance[:levels], _freedom(pooled, eta.sum(axis=0), wv)) for name, wv in curves.items()}
-    # With two recordings, the comparison of the second with the first would repeat the comparison of the first with it.
-    compared = list(known)[: 1 if len(known) == 2 else None]
+    parts = {
+        name: _Variances(wv.variance[:levels], _freedom(pooled, eta.sum(axis=0), wv)) for name, wv in curves.items()
+    }
     rows = []
-    for name in compared:
-        others = _mean([curve for other, curve in known.items() if other != name])
+    for name in numerators(parts):
+        others = _mean([curve for other, curve in parts.items() if other != name])
         for k in range(levels):
-            row = _row(known[name], others, k, confidence=confidence, tolerance=tolerance)
+            row = _row(parts[name], others, k, confidence=confidence, tolerance=tolerance)
             rows.append(replace(row, axis=axis, recording=name, level=k + 1, tau=float(measured[0].tau[k])))
     return rows
 
 
-def _mean(curves: Sequence[_Curve]) -> _Curve:
+def _mean(curves: Sequence[_Variances]) -> _Variances:
     """Return the mean of independent wavelet variances of the same noise, weighted by their degrees of freedom."""
     freedom = np.sum([curve.freedom for curve in curves], axis=0)
     total = np.sum([curve.freedom * curve.variance for curve in curves], axis=0)
-    return _Curve(total / freedom, freedom)
+    return _Variances(total / freedom, freedom)
 
 
-def _row(one: _Curve, other: _Curve, k: int, *, confidence: float, tolerance: float) -> LevelRatio:
+def _row(first: _Variances, second: _Variances, k: int, *, confidence: float, tolerance: float) -> LevelRatio:
     """Return the ratio of two wavelet deviations at the level with index k, and its test."""
     from scipy.special import fdtr, fdtrc, fdtri
 
-    ratio = float(one.variance[k] / other.variance[k])
-    degrees = float(one.freedom[k]), float(other.freedom[k])
-    if min(degrees) <= LEAST:
+    ratio = float(first.variance[k] / second.variance[k])
+    degrees = float(first.freedom[k]), float(second.freedom[k])
+    if min(degrees) <= 2.0:
         return LevelRatio(ratio=math.sqrt(ratio))
     above = float(fdtrc(*degrees, ratio * math.exp(-2 * tolerance)))
     below = float(fdtr(*degrees, ratio * math.exp(2 * tolerance)))

@@ -1,0 +1,122 @@
+// Sums over lags in closed form against sums lag by lag of the definition.
+#include "gmwm/lag_sums.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <cstdint>
+#include <cstdlib>
+#include <numbers>
+#include <vector>
+
+#include "check.hpp"
+
+namespace {
+
+using Wide = long double;
+
+struct Process {
+  double white = 0, walk = 0;
+  std::vector<double> spikes, amplitude_re, amplitude_im, decay_re, decay_im;
+  std::vector<std::uint8_t> bare;
+
+  void add(double re, double im, double decay, double angle, bool without_line = false) {
+    amplitude_re.push_back(re), amplitude_im.push_back(im), decay_re.push_back(decay), decay_im.push_back(angle);
+    bare.push_back(without_line);
+  }
+  gmwm::LagProcess view() const {
+    return {white, walk, spikes, amplitude_re, amplitude_im, decay_re, decay_im, bare};
+  }
+  // The covariance of the running sum at the lags 0 … last.
+  std::vector<Wide> running(std::int64_t last) const {
+    std::vector<Wide> out;
+    for (std::int64_t lag = 0; lag <= last; ++lag) {
+      const Wide m = static_cast<Wide>(lag);
+      Wide total = -0.5L * white * m + walk * (m * m * m - m) / 12;
+      if (static_cast<std::size_t>(lag) < spikes.size()) total += spikes[static_cast<std::size_t>(lag)];
+      for (std::size_t p = 0; p < decay_re.size(); ++p) {
+        const std::complex<Wide> decay(decay_re[p], decay_im[p]), a(amplitude_re[p], amplitude_im[p]);
+        const std::complex<Wide> half = std::sinh(decay / 2.0L), line = bare[p] ? 0.0L : 0.5L * m / std::tanh(decay / 2.0L);
+        total -= (a * (line + std::exp(-decay * m) / (4.0L * half * half))).real();
+      }
+      out.push_back(total);
+    }
+    return out;
+  }
+};
+
+Wide difference(const std::vector<Wide>& k, std::int64_t u, std::int64_t h, std::int64_t g) {
+  Wide total = 0;
+  for (int a = 0; a < 3; ++a)
+    for (int b = 0; b < 3; ++b)
+      total += (a == 1 ? -2 : 1) * (b == 1 ? -2 : 1) * k[static_cast<std::size_t>(std::abs(u - b * g + a * h))];
+  return total;
+}
+
+void compare(const Process& left, const Process& right, double tolerance) {
+  const std::int64_t samples = 200;
+  const std::vector<std::int64_t> levels{1, 2, 3, 5, 7};
+  std::vector<double> first(15), second(15), own_left(5), own_right(5), unused(5);
+  const gmwm::LagProcess one = left.view(), two = right.view();
+  const bool same = &left == &right;
+  gmwm::lag_sums(levels, samples, false, one, same ? one : two, {first, second});
+  gmwm::lag_sums(levels, samples, true, one, one, {unused, own_left});
+  gmwm::lag_sums(levels, samples, true, two, two, {unused, own_right});
+  const std::vector<Wide> k = left.running(2 * samples), l = right.running(2 * samples);
+  for (std::size_t b = 0, place = 0; b < levels.size(); ++b)
+    for (std::size_t a = 0; a <= b; ++a, ++place) {
+      const std::int64_t h = std::int64_t{1} << (levels[a] - 1), g = std::int64_t{1} << (levels[b] - 1);
+      Wide sum = 0, product = 0;
+      for (std::int64_t u = 2 * g - samples; u <= samples - 2 * h; ++u) {
+        const Wide n = static_cast<Wide>(samples - std::max<std::int64_t>(u, 0) - std::max(2 * h - 1, 2 * g - 1 - u));
+        const Wide c = difference(k, u, h, g);
+        sum += n * c;
+        product += n * c * difference(l, u, h, g);
+      }
+      const double scale = std::pow(own_left[a] * own_left[b] * own_right[a] * own_right[b], 0.25);
+      CHECK(std::abs(second[place] - static_cast<double>(product)) <= tolerance * scale);
+      const double size = std::sqrt(200 * std::sqrt(own_left[a] * own_left[b]));
+      CHECK(std::abs(first[place] - static_cast<double>(sum)) <= tolerance * size);
+    }
+}
+
+void elementary() {
+  Process white, walk, spikes;
+  white.white = 1.5, walk.walk = 0.3, spikes.spikes = {1, -0.5, 0.25};
+  for (const Process& process : {white, walk, spikes}) compare(process, process, 1e-13);
+  compare(white, walk, 1e-13);
+  compare(spikes, walk, 1e-13);
+}
+
+// One exponential at a time: from white noise to a decay that is slow at most levels.
+void exponentials() {
+  for (const double decay : {30.0, 3.0, 0.6, 0.3, 0.1, 0.03, 0.01})
+    for (const double angle : {0.0, 0.2, 1.5, std::numbers::pi}) {
+      Process process;
+      process.add(1.0, angle > 0 && angle < 3 ? 0.3 : 0.0, decay, angle);
+      compare(process, process, 1e-9);
+    }
+  Process bare;
+  bare.add(0.7, 0, 1.2, 0, true);
+  compare(bare, bare, 1e-12);
+}
+
+void mixtures() {
+  Process one, two;
+  one.white = 0.5, one.walk = 1e-4, one.spikes = {0.2, 0.1};
+  one.add(1, 0, 0.3, 0), one.add(0.5, 0.1, 1e-3, 0.7), one.add(0.4, 0, 0.2, std::numbers::pi), one.add(1, 0, 0.02, 0);
+  two.walk = 1e-3;
+  two.add(1, -0.2, 0.01, 0.7), two.add(1, 0, 0.3, 0);
+  compare(one, one, 1e-11);
+  compare(one, two, 1e-11);
+  compare(two, one, 1e-11);
+}
+
+}  // namespace
+
+int main() {
+  elementary();
+  exponentials();
+  mixtures();
+  return check::result("lag_sums");
+}

@@ -1,0 +1,81 @@
+"""The first screen of a calibration: one line for each axis with N, K and B, their verdicts, and the model."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from gmwm.base.axis_names import by_sensor
+from gmwm.base.tables import headed
+from gmwm.base.text import counted
+from gmwm.calibration.misfit import is_line
+from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability
+from gmwm.calibration.tables import SENSORS, WIDTH, number
+from gmwm.theory.processes.ordered import Ordered
+
+if TYPE_CHECKING:
+    from gmwm.calibration.result import AxisCalibration, Calibration
+    from gmwm.theory.processes import Model
+
+LEGEND = (
+    "N, K: white noise and random walk for a filter. B: bias instability. ±: half the 95 % confidence interval. "
+    "✓ use, ≤ use as an upper limit, ✗ do not use."
+)
+
+
+def axis_lines(calibration: Calibration) -> list[str]:
+    """Return a table for each sensor with one line for each axis, of at most 80 columns."""
+    lines: list[str] = []
+    verdicts = calibration.number_verdicts
+    for sensor, axes in by_sensor(calibration.axes).items():
+        lines += [*([""] if lines else []), *_table(SENSORS.get(sensor, sensor or "Axes"), axes, verdicts)]
+    for axis, reason in calibration.failed.items():
+        lines.append(f"{axis}  ✗ not calibrated: {reason}"[:WIDTH])
+    return lines
+
+
+def model_words(model: Model) -> str:
+    """Describe a model in a word: the names of its processes, "filter" for an ARMA process, and the number of lines.
+
+    >>> from gmwm import Model
+    >>> model_words(Model.parse("2*GM + WN + ARMA(2,1)"))
+    '2*GM+WN+filter'
+    """
+    names: Counter[str] = Counter()
+    lines = 0
+    for process in model.processes:
+        if is_line(type(process)):
+            lines += 1
+        else:
+            names["filter" if isinstance(process, Ordered) else process.name] += 1
+    parts = [name if count == 1 else f"{count}*{name}" for name, count in names.items()]
+    return "+".join([*parts, *([counted(lines, "line")] if lines else [])])
+
+
+def _table(
+    title: str, axes: Mapping[str, AxisCalibration], verdicts: Mapping[str, Mapping[str, NumberVerdict]]
+) -> list[str]:
+    symbols = [symbol for symbol in MAIN if any(symbol in result.datasheet for result in axes.values())]
+    units = [
+        next(result.datasheet[symbol].in_units()[3] for result in axes.values() if symbol in result.datasheet)
+        for symbol in symbols
+    ]
+    rows = [[title, *(f"{symbol} ({unit})" for symbol, unit in zip(symbols, units, strict=True)), "model"]]
+    for axis, result in axes.items():
+        cells = [_cell(result, verdicts[axis].get(symbol), symbol) for symbol in symbols]
+        rows.append([axis, *cells, model_words(result.fit.model)])
+    spare = WIDTH - sum(max(len(row[k]) for row in rows) + 2 for k in range(len(symbols) + 1)) - 2
+    for row in rows[1:]:
+        row[-1] = row[-1] if len(row[-1]) <= spare else f"{row[-1][: spare - 1]}…"
+    return headed(rows)
+
+
+def _cell(result: AxisCalibration, verdict: NumberVerdict | None, symbol: str) -> str:
+    """Return a number with the mark of its verdict. A value that is an upper limit for another reason is marked too."""
+    if verdict is None:
+        return ""
+    text = number(result.datasheet[symbol])
+    if verdict.usability is Usability.BOUND:
+        return text if text.startswith("≤") else f"≤ {text.partition(' ±')[0]}"
+    return f"{text} {verdict.usability.mark}"

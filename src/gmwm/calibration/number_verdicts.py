@@ -1,0 +1,110 @@
+"""For each number of each axis: use it, use it as a bound, or do not use it, with the reason."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+from gmwm.base.axis_names import sensor_of
+from gmwm.base.remarks import Quantity, Remark, sorted_remarks
+
+if TYPE_CHECKING:
+    from gmwm.calibration.result import Calibration
+    from gmwm.choosing.datasheets import Entry
+
+MAIN = ("N", "K", "B")
+"""Symbols of the numbers that the verdict of a calibration counts."""
+_ALL, _FACTS = "all", "facts"
+_SHORT = frozenset({*MAIN, "R", "Q", "T_c", "q_c"})
+"""Symbols that a remark can name."""
+
+
+class Usability(Enum):
+    """Whether a number can be used. The best comes first."""
+
+    USE = "use"
+    BOUND = "use as a bound"
+    DO_NOT_USE = "do not use"
+
+    @property
+    def mark(self) -> str:
+        """Mark in tables."""
+        return {"use": "✓", "use as a bound": "≤", "do not use": "✗"}[self.value]
+
+
+@dataclass(frozen=True, kw_only=True)
+class NumberVerdict:
+    """Whether one number of an axis can be used.
+
+    Attributes
+    ----------
+    symbol : str
+        Symbol of the number, such as "N".
+    usability : Usability
+        Use it, use it as a bound, or do not use it.
+    reason : Remark or None
+        The most severe remark that is the reason; None if the number can be used, or if the data do not determine it.
+    """
+
+    symbol: str
+    usability: Usability
+    reason: Remark | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the verdict as plain values for JSON, with the code of the reason."""
+        return {"use": self.usability.value, "reason": None if self.reason is None else self.reason.code}
+
+
+def number_verdicts(calibration: Calibration) -> dict[str, dict[str, NumberVerdict]]:
+    """Return the verdict of each number by axis and symbol, including N, K and B of axes that were not calibrated."""
+    remarks = sorted_remarks(calibration.remarks)
+    verdicts: dict[str, dict[str, NumberVerdict]] = {}
+    for axis, result in calibration.axes.items():
+        of_axis = [remark for remark in remarks if remark.subject in ("", axis, sensor_of(axis))]
+        entries = result.datasheet.values()
+        verdicts[axis] = {entry.symbol: verdict_of_number(entry, of_axis) for entry in entries}
+    for axis in calibration.failed:
+        reason = next(remark for remark in remarks if remark.subject == axis)
+        verdicts[axis] = {
+            symbol: NumberVerdict(symbol=symbol, usability=Usability.DO_NOT_USE, reason=reason) for symbol in MAIN
+        }
+    return verdicts
+
+
+def verdict_of_number(entry: Entry, remarks: Iterable[Remark]) -> NumberVerdict:
+    """Return the verdict of a number from its interval and the remarks on its axis, the most severe remark first."""
+    symbol = entry.symbol.partition(" of ")[0].partition("[")[0]
+    remarks = tuple(remarks)
+    spoiling = next((remark for remark in remarks if _touches(remark, remark.message.spoils, symbol)), None)
+    raising = next((r for r in remarks if _touches(r, r.message.raises, symbol) and not _is_small(r, entry)), None)
+    if spoiling is not None:
+        return NumberVerdict(symbol=entry.symbol, usability=Usability.DO_NOT_USE, reason=spoiling)
+    if entry.high is not None and not math.isfinite(entry.high):
+        return NumberVerdict(symbol=entry.symbol, usability=Usability.DO_NOT_USE)
+    usability = Usability.BOUND if entry.upper_only or raising is not None else Usability.USE
+    return NumberVerdict(symbol=entry.symbol, usability=usability, reason=raising)
+
+
+def counts(verdicts: Mapping[str, Mapping[str, NumberVerdict]], symbol: str) -> tuple[int, int]:
+    """Return the number of axes whose number `symbol` can be used, and of those where it can be used as a bound."""
+    states = [of_axis[symbol].usability for of_axis in verdicts.values() if symbol in of_axis]
+    return states.count(Usability.USE), states.count(Usability.BOUND)
+
+
+def _touches(remark: Remark, symbols: tuple[str, ...], symbol: str) -> bool:
+    if _FACTS in symbols:
+        numbers = remark.facts["numbers"]
+        named = tuple(map(str, numbers)) if isinstance(numbers, tuple) else ()
+        symbols = named if _SHORT.intersection(named) else (_ALL,)  # a phrase stands for all numbers of the axis
+    return _ALL in symbols or symbol in symbols
+
+
+def _is_small(remark: Remark, entry: Entry) -> bool:
+    """Return whether the factor by which a trend raises a number is within the confidence interval of the number."""
+    walk, limit = remark.facts.get("walk"), remark.facts.get("limit")
+    if not (isinstance(walk, Quantity) and isinstance(limit, Quantity) and entry.high and entry.value > 0):
+        return False
+    return walk.value <= limit.value * entry.high / entry.value
