@@ -184,18 +184,18 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
 
     def get(self, axis: str, default: Any = None) -> Any:
         """Return the fit of an axis, or `default` if the axis was not calibrated."""
-        found = self.axes.get(axis)
-        return default if found is None else found.fit
+        axis_calibration = self.axes.get(axis)
+        return default if axis_calibration is None else axis_calibration.fit
 
     @property
     def rankings(self) -> dict[str, Ranking]:
         """All models that were compared, by axis."""
-        return self._each(lambda found: found.ranking)
+        return self._each(lambda item: item.ranking)
 
     @property
     def datasheets(self) -> dict[str, Datasheet]:
         """Datasheet numbers (N, Q, B, K, R and those of Gauss-Markov terms), by axis."""
-        return self._each(lambda found: found.datasheet)
+        return self._each(lambda item: item.datasheet)
 
     @property
     def baselines(self) -> dict[str, Baseline]:
@@ -210,17 +210,17 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         name : str
             Name of the addition, such as "baseline".
         """
-        return {axis: found.additions[name] for axis, found in self.axes.items() if name in found.additions}
+        return {axis: item.additions[name] for axis, item in self.axes.items() if name in item.additions}
 
     @property
     def rest(self) -> dict[str, BiasAtRest]:
         """Bias at rest, for the axes that were calibrated from samples."""
-        return {axis: found.rest for axis, found in self.axes.items() if found.rest is not None}
+        return {axis: item.rest for axis, item in self.axes.items() if item.rest is not None}
 
     @property
     def verdicts(self) -> dict[str, Verdict]:
         """Outlier tests, for the axes that were calibrated from samples."""
-        return {axis: found.verdict for axis, found in self.axes.items() if found.verdict is not None}
+        return {axis: item.verdict for axis, item in self.axes.items() if item.verdict is not None}
 
     @cached_property
     def remarks(self) -> list[Remark]:
@@ -262,8 +262,11 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
             If a file cannot be opened.
         """
         if self.recordings:
-            found = {name: one.of_file(path) for (name, one), path in zip(self.recordings.items(), paths, strict=True)}
-            return replace(self, recordings=found)
+            descriptions = {
+                name: description.of_file(path)
+                for (name, description), path in zip(self.recordings.items(), paths, strict=True)
+            }
+            return replace(self, recordings=descriptions)
         (path,) = paths
         return self if self.recording is None else replace(self, recording=self.recording.of_file(path))
 
@@ -295,9 +298,9 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         >>> list(gyro.combined(accel))
         ['gyro_x', 'accel_x']
         """
-        from gmwm.calibration.combination import combined
+        from gmwm.calibration.combination import combine
 
-        return combined((self, *others))
+        return combine((self, *others))
 
     def summary(self, dialect: Dialect = Dialect.PYTHON, *, every: bool = False, details: bool = False) -> str:
         """Return the calibration as text: verdict, one line for each axis, and the most severe remarks.
@@ -528,10 +531,12 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         """
         from gmwm.applications.navigation.api import budget
 
-        found = budget(self, duration, rest=rest, latitude=latitude, level=level)
+        errors = budget(self, duration, rest=rest, latitude=latitude, level=level)
         causes = tuple(dict.fromkeys(remark.code for remark in self.remarks if remark.severity <= Severity.WRONG))
         return (
-            replace(found, remarks=(Remark.of("budget-of-wrong", causes=causes), *found.remarks)) if causes else found
+            replace(errors, remarks=(Remark.of("budget-of-wrong", causes=causes), *errors.remarks))
+            if causes
+            else errors
         )
 
     def report(self, path: str | os.PathLike[str], *, one_page: bool = False) -> Path:
@@ -580,4 +585,4 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         return f"Calibration({models}{failed})"
 
     def _each(self, of: Callable[[AxisCalibration], T]) -> dict[str, T]:
-        return {axis: of(found) for axis, found in self.axes.items()}
+        return {axis: of(item) for axis, item in self.axes.items()}
