@@ -399,13 +399,12 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
     ) -> str:
         """Write the noise of the unit in the format of another program.
 
-        Most programs use two numbers of a sensor: the white noise N and the random walk K of the bias. They are
-        computed from the model as in `effective_noise`: N_eff² = N² + Σ 2σ²/β and K_eff² = K² + Σ 2βσ², where σ² is the
-        variance and 1/β the correlation time of a Gauss-Markov term. The first sum is over the terms with a correlation
-        time below the horizon, the second over the others. If the model has no such noise, or the data cannot
-        distinguish it from zero, the file has the upper limit from the data, and a comment says that it is a limit. The
-        header of each file states the units, whether the values are for continuous or discrete time, how axes are
-        combined, and the inflation, horizon, models and source.
+        Most programs use two numbers of a sensor: the white noise N and the random walk K of the bias. They are those
+        of the datasheet: a filter with them predicts the noise best and states the error that it makes (see
+        `effective_noise`). If the data cannot distinguish a number from zero, the file has its upper limit, and a
+        comment says that it is a limit. Each file begins with the verdict. Below the numbers, it states the units,
+        whether the values are for continuous or discrete time, how axes are combined, the inflation, the horizon, what
+        is left out, and how well the numbers predict.
 
         Parameters
         ----------
@@ -414,13 +413,13 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         format : str
             One of `gmwm.exporters.export_formats()`.
         axes : "worst", "mean" or "each", optional
-            How to combine the axes of a sensor: use the largest number ("worst"), the root mean square ("mean"), or one
-            number for each axis ("each") if the format allows it. Default: "worst" for filters, and "each" for
-            simulators and messages.
+            How to combine the axes of a sensor: use the largest N and the largest K, upper limits included ("worst"),
+            the root mean square ("mean"), or one number for each axis ("each") if the format allows it. Default:
+            "worst" for filters, and "each" for simulators and messages.
         inflation : float
             Factor on standard deviations and densities. Variances are multiplied by its square.
         horizon : float
-            Time (s) between corrections from other sensors in the other program.
+            Time (s) over which the filter predicts best.
         rate : float, optional
             Sampling rate (Hz) in the other program. Default: the rate of the recording.
         duration : float, optional
