@@ -17,7 +17,7 @@ import numpy as np
 
 import gmwm
 from benchmarks.harness import Case
-from gmwm.fitting.likelihood.problem import Problem
+from gmwm.fitting.likelihood.problem import LikelihoodProblem
 from gmwm.fitting.likelihood.record import as_record
 
 RATE = 100.0
@@ -58,10 +58,10 @@ def restless() -> Iterable[Case]:
     """Gains that do not come to rest within the record, as beside a weak walk; many states and parameters."""
     x = WALK.simulate(10**6, RATE, np.random.default_rng(1))
     cumsum = partial(np.cumsum, x, out=np.empty_like(x))
-    problem = Problem(WEAK, as_record(x, RATE))
+    problem = LikelihoodProblem(WEAK, as_record(x, RATE))
     name = "log-likelihood of GM+WN+RW with a weak walk, 10^6 samples"
     yield Case(name, partial(problem.value, WEAK), "np.cumsum", cumsum, 5, items=x.size)
-    large = Problem(LARGE, as_record(x[: 10**5], RATE))
+    large = LikelihoodProblem(LARGE, as_record(x[: 10**5], RATE))
     z = large.start()
     slopes, few = partial(large.evaluate, z, range(z.size)), partial(np.cumsum, x[: 10**5], out=np.empty(10**5))
     name = f"value, slope and information of {LARGE.structure}, 10^5 samples"
@@ -72,7 +72,7 @@ def cases() -> Iterable[Case]:
     """Records of 10^3 to 10^7 samples."""
     x = WALK.simulate(10**5, RATE, np.random.default_rng(1))
     theirs = other_hand(WALK, x)
-    ours = Problem(WALK, as_record(x, RATE))
+    ours = LikelihoodProblem(WALK, as_record(x, RATE))
     value = ours.value(WALK)[0]
     if abs(theirs.loglike() - value) > 1e-8 * abs(value):  # type: ignore[attr-defined]
         raise RuntimeError(f"two likelihoods differ: {theirs.loglike()!r} and {value!r}")  # type: ignore[attr-defined]
@@ -85,7 +85,7 @@ def cases() -> Iterable[Case]:
     for exponent in range(3, 8):
         n = 10**exponent
         y = STATIONARY.simulate(n, RATE, np.random.default_rng(2))
-        problem, buffer = Problem(STATIONARY, as_record(y, RATE)), np.empty_like(y)
+        problem, buffer = LikelihoodProblem(STATIONARY, as_record(y, RATE)), np.empty_like(y)
         problem.value(STATIONARY)
         cumsum = partial(np.cumsum, y, out=buffer)
         repeats = 31 if exponent < 6 else 9

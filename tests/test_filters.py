@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gmwm.base.errors import MissingDependencyError, OptionError
-from gmwm.theory.filters import FILTERS, HAAR, WaveletFilter, find_filter, projected
+from gmwm.theory.filters import FILTERS, HAAR, WaveletFilter, find_filter, project
 from tests.helpers import raises
 
 ROOT = Path(__file__).parents[1]
@@ -143,9 +143,9 @@ def test_deepest_level_is_the_last_that_fits(name):
 
 def test_projection_leaves_a_filter_alone_and_mends_a_rounded_one():
     d6 = find_filter("d6").scaling
-    np.testing.assert_array_equal(projected(d6, 3), d6)
-    np.testing.assert_allclose(projected(d6.round(4), 3), d6, atol=1e-13)
-    mended = projected(d6.round(4), 1)
+    np.testing.assert_array_equal(project(d6, 3), d6)
+    np.testing.assert_allclose(project(d6.round(4), 3), d6, atol=1e-13)
+    mended = project(d6.round(4), 1)
     assert 0 < np.abs(mended - d6.round(4)).max() < 1e-4
 
 

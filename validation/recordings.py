@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gmwm
-from gmwm.fitting.inference.simulated_curves import simulated_variances
+from gmwm.fitting.estimation.simulated_curves import simulated_variances
 from gmwm.measuring.covariance import Design
 
 RATE = 100.0

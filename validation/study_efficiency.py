@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gmwm
+from gmwm.fitting.estimation.asymptotic import sandwich_of
 from gmwm.fitting.estimation.weighting import precision
-from gmwm.fitting.inference.asymptotic import sandwich_of
 from gmwm.measuring.covariance import as_design, covariance
 from validation.likelihood import fisher_errors, haar_gains, moment_errors, most_likely, octave_gains
 

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 import gmwm
+from gmwm.fitting.estimation.criterion import covariance_trace, implied_by_refits, optimism, problem_of
+from gmwm.fitting.estimation.simulated_curves import simulated_variances
 from gmwm.fitting.estimation.weighting import precision
-from gmwm.fitting.inference.criterion import covariance_trace, implied_by_refits, optimism, problem_of
-from gmwm.fitting.inference.simulated_curves import simulated_variances
 from gmwm.measuring.covariance import Design, covariance
 from validation import recordings
 from validation.legend import legend

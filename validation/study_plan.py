@@ -12,7 +12,7 @@ import numpy as np
 
 import gmwm
 from gmwm.base.arrays import Vector
-from gmwm.fitting.inference.simulated_curves import simulated_variances
+from gmwm.fitting.estimation.simulated_curves import simulated_variances
 from gmwm.measuring.covariance import Design
 from validation.legend import legend
 

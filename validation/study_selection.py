@@ -12,7 +12,7 @@ import numpy as np
 
 import gmwm
 from gmwm.choosing.selection.structure import structure_of, within
-from gmwm.fitting.inference.simulated_curves import simulated_variances
+from gmwm.fitting.estimation.simulated_curves import simulated_variances
 from gmwm.measuring.covariance import Design
 from validation import recordings
 from validation.legend import legend

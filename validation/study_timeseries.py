@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import gmwm
-from gmwm.fitting.inference.simulated_curves import simulated_variances
+from gmwm.fitting.estimation.simulated_curves import simulated_variances
 from gmwm.measuring.covariance import Design
 from validation import recordings
 from validation.legend import legend

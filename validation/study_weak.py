@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 import gmwm
+from gmwm.fitting.estimation.asymptotic import sandwich_of
 from gmwm.fitting.estimation.reweighting import implied_weights
-from gmwm.fitting.inference.asymptotic import sandwich_of
 from gmwm.measuring.covariance import covariance
 from validation import recordings
 from validation.legend import legend

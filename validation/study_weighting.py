@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gmwm
+from gmwm.fitting.estimation.asymptotic import relative_jacobian
 from gmwm.fitting.estimation.weighting import precision
-from gmwm.fitting.inference.asymptotic import relative_jacobian
 from gmwm.measuring.covariance import as_design, covariance
 
 NAME = "weighting"

@@ -9,7 +9,7 @@ import gmwm
 from gmwm.base.remarks import Quantity, Severity
 from gmwm.calibration.findings import CLOSE, LARGE, SCALES
 from gmwm.calibration.misfit import misfit_of
-from gmwm.fitting.inference.model_error import MANY
+from gmwm.fitting.estimation.model_error import MANY
 from gmwm.theory.processes import Process, registry
 from tests.helpers import codes, only
 

@@ -9,7 +9,7 @@ import gmwm
 from gmwm.base.errors import DataError
 from gmwm.calibration.findings import LEAST_SCALES, SCALES
 from gmwm.choosing.selection.options import SLOW
-from gmwm.fitting.inference.goodness import usable_levels
+from gmwm.fitting.estimation.goodness import usable_levels
 from tests.helpers import raises
 
 WHITE = "WN(sigma2=1.0)"

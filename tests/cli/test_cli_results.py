@@ -12,7 +12,7 @@ from gmwm.calibration.summary_text import summary
 from gmwm.choosing.selection.structure import structure_of
 from gmwm.cli.calibrate import run_calibration
 from gmwm.files.readers import read
-from gmwm.fitting.inference.summary import IntervalMethod, inference
+from gmwm.fitting.estimation.summary import IntervalMethod, inference
 from gmwm.theory.simulation import reference_imu
 
 AXES = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]

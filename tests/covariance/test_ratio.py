@@ -10,7 +10,7 @@ from scipy.special import gammaincc
 from scipy.stats import pearson3, skew
 
 import gmwm
-from gmwm.fitting.inference.simulated_curves import simulated_variances
+from gmwm.fitting.estimation.simulated_curves import simulated_variances
 from gmwm.measuring.covariance import Design, filtered, ratio_variances, variances
 from gmwm.measuring.covariance.gaussian import covariance
 from gmwm.measuring.covariance.ratio import ratio_errors, ratio_law

@@ -5,7 +5,7 @@ import pytest
 
 import gmwm
 from gmwm import DR, GM, QN, RW, WN
-from gmwm.fitting.inference.simulated_curves import simulated_variances
+from gmwm.fitting.estimation.simulated_curves import simulated_variances
 from gmwm.measuring.covariance import as_design, covariance, ratio_variances, segments, variances, wavelet_covariance
 from gmwm.theory.processes.model import as_model
 from tests.helpers import raises

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.fitting.estimation.estimator import refitted
 from gmwm.fitting.estimation.weighting import weighting_matrix
 from gmwm.measuring.covariance.mixture import smoothed
 from tests.helpers import codes
@@ -68,7 +67,7 @@ def test_under_other_filters(name):
 def test_a_fit_to_nearly_the_same_data_has_its_own_weights(weighting):
     wv = gmwm.wavelet_variance(TRUTH.simulate(2**14, 10.0, 5), 10.0)
     short = wv.first(len(wv) - 2)
-    again = refitted(gmwm.fit("GM + WN", wv, weighting=weighting), short)
+    again = gmwm.fit("GM + WN", wv, weighting=weighting).refit(short)
     fit = gmwm.fit("GM + WN", short, weighting=weighting)
     assert again.diagnostics.remarks == fit.diagnostics.remarks
     np.testing.assert_allclose(again.weighting_matrix, fit.weighting_matrix, rtol=1e-4, atol=0)
@@ -80,5 +79,5 @@ def test_a_fit_to_nearly_the_same_data_has_its_own_weights(weighting):
 def test_only_models_far_from_the_data_have_no_weights_that_agree(model):
     x = np.random.default_rng(1).standard_normal(2**14) + 10.0 * np.sin(0.3 * np.arange(2**14))
     fit = gmwm.fit(model, gmwm.wavelet_variance(x, 100.0), weighting="optimal", certify=False)
-    again = refitted(fit, fit.wavelet_variance)
+    again = fit.refit(fit.wavelet_variance)
     assert min(fit.objective, again.objective) > 1000

@@ -7,7 +7,7 @@ import pytest
 
 import gmwm
 from gmwm import GM, RW, WN
-from gmwm.fitting.inference.summary import IntervalMethod, inference, short_values
+from gmwm.fitting.estimation.summary import IntervalMethod, inference, short_values
 from gmwm.theory.filters import HAAR
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Parameter

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 import gmwm
 from gmwm import DR, GM, RW, WN, WaveletVariance
+from gmwm.fitting.estimation.criterion import covariance_trace, implied_by_refits, optimism, problem_of
 from gmwm.fitting.estimation.weighting import precision
-from gmwm.fitting.inference.criterion import covariance_trace, implied_by_refits, optimism, problem_of
 from gmwm.measuring.covariance import Design, covariance
 from tests.helpers import raises
 

@@ -6,7 +6,7 @@ from scipy.stats import chi2, kstest
 
 import gmwm
 from gmwm import GM, RW, WN
-from gmwm.fitting.inference.goodness import usable_levels
+from gmwm.fitting.estimation.goodness import usable_levels
 from tests.helpers import raises
 
 RATE = 100.0

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import gmwm
 from gmwm import DR, GM, QN, RW, WN, WaveletVariance
-from gmwm.fitting.inference.asymptotic import relative_covariance
+from gmwm.fitting.estimation.asymptotic import relative_covariance
 from gmwm.measuring.covariance import Design
 
 RATE = 100.0
@@ -58,7 +58,7 @@ def test_scaling_the_data_scales_intervals_and_tests(truth: str, seed: int, fact
 
 
 def _parameters(fit):
-    from gmwm.fitting.inference.intervals import parameters_by_name
+    from gmwm.fitting.estimation.intervals import parameters_by_name
 
     return parameters_by_name(fit.model)
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.special import gammaincc
 
 from gmwm import fit, wavelet_variance
-from gmwm.fitting.inference.model_error import (
+from gmwm.fitting.estimation.model_error import (
     IMPLAUSIBLE,
     LARGEST,
     MANY,

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 
 from gmwm import GM, RW, WN, Model, wavelet_variance
 from gmwm.base.errors import MissingTheoryError, ModelError, OptionError
-from gmwm.fitting.inference.simulated_curves import BATCH, simulated_variances
+from gmwm.fitting.estimation.simulated_curves import BATCH, simulated_variances
 from gmwm.measuring.covariance import wavelet_covariance
 from gmwm.measuring.covariance.design import Design
 from gmwm.theory.filters import find_filter

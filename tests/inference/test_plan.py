@@ -10,7 +10,7 @@ import gmwm
 from gmwm import DR, GM, QN, RW, WN
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.base.text import duration_text
-from gmwm.fitting.inference.asymptotic import sandwich, sandwich_of
+from gmwm.fitting.estimation.asymptotic import sandwich, sandwich_of
 from gmwm.measuring.covariance import Design, covariance
 from tests.helpers import only, raises
 

@@ -9,7 +9,7 @@ import pytest
 
 from gmwm import Model, fit
 from gmwm.base.errors import FitWarning
-from gmwm.fitting.inference.asymptotic import sandwich_of
+from gmwm.fitting.estimation.asymptotic import sandwich_of
 from gmwm.measuring.covariance import Design, wavelet_covariance
 
 TRUTH = Model.parse("GM(beta=180.0, sigma2=3e-5) + WN(sigma2=5e-6)")

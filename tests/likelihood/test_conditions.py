@@ -10,7 +10,7 @@ import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.fitting.likelihood import LikelihoodFit
 from gmwm.fitting.likelihood.conditions import Regressed
-from gmwm.fitting.likelihood.problem import Problem
+from gmwm.fitting.likelihood.problem import LikelihoodProblem
 from gmwm.fitting.likelihood.record import as_record
 from gmwm.measuring.regression.against import Asked
 from tests.helpers import raises
@@ -71,7 +71,7 @@ def test_estimate_covariance_and_likelihood_are_those_of_dense_matrices(model, o
     assert np.allclose(own.covariance, covariance, rtol=1e-8)
     other = gmwm.Model.parse(other)
     record = Regressed.of(signal, None, as_record(signal, None), Asked.of(against)).record
-    values = [Problem(model, record).value(model)[0] for model in (found.model, other)]
+    values = [LikelihoodProblem(model, record).value(model)[0] for model in (found.model, other)]
     assert values[0] == pytest.approx(found.loglikelihood, rel=1e-12)
     assert values[0] - values[1] == pytest.approx(value - dense(other, there, columns, signal.values)[2], abs=1e-8)
 

@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 from gmwm import Imu, Model, fit, fit_ml
 from gmwm.base.errors import DataError, FitWarning, MissingTheoryError, ModelError, OptionError, ReadError
 from gmwm.fitting.likelihood import LikelihoodFit
-from gmwm.fitting.likelihood.problem import Problem
+from gmwm.fitting.likelihood.problem import LikelihoodProblem
 from gmwm.fitting.likelihood.record import as_record
 from gmwm.recording.signals import Signal
 from tests.helpers import only, raises
@@ -39,7 +39,7 @@ def drawn(text, samples=8000, seed=1):
 
 def top(found, x):
     """The problem at a fit, and its evaluation there by all coordinates that are not at an end."""
-    problem = Problem(found.model, as_record(x, RATE), found.mean)
+    problem = LikelihoodProblem(found.model, as_record(x, RATE), found.mean)
     z = problem.start()
     return problem, z, problem.evaluate(z, list(range(z.size)))
 

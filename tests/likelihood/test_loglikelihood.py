@@ -13,7 +13,7 @@ from statsmodels.tsa.statespace.kalman_filter import KalmanFilter
 from gmwm import Model, Signal
 from gmwm.base import _core
 from gmwm.base.errors import DataError, MissingTheoryError
-from gmwm.fitting.likelihood.problem import Problem
+from gmwm.fitting.likelihood.problem import LikelihoodProblem
 from gmwm.fitting.likelihood.record import as_record
 from gmwm.fitting.likelihood.system import assemble, require_state
 from gmwm.theory.processes import every_class
@@ -92,7 +92,7 @@ def test_it_is_that_of_the_multivariate_normal(text, mean, missing):
 def test_a_free_slope_of_a_drift_is_at_its_best(text, mean, missing):
     model = Model.parse(text)
     x = record(model, missing)
-    value, level = Problem(model, as_record(x, RATE), mean).value(model)
+    value, level = LikelihoodProblem(model, as_record(x, RATE), mean).value(model)
     assert value == pytest.approx(oracle.loglikelihood(model, x, RATE, mean=mean), rel=1e-10)
     slope = float(level.values[level.labels.index("DR")])
     values = [

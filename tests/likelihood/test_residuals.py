@@ -9,7 +9,7 @@ from statsmodels.tsa.stattools import acf
 from gmwm import Model, fit_ml
 from gmwm.base.errors import OptionError
 from gmwm.fitting.likelihood import Residuals
-from gmwm.fitting.likelihood.problem import Problem
+from gmwm.fitting.likelihood.problem import LikelihoodProblem
 from gmwm.fitting.likelihood.record import as_record
 from tests.helpers import raises
 
@@ -57,7 +57,7 @@ def test_a_wrong_model_is_seen():
 
 def test_squares_of_residuals_and_variances_are_the_likelihood():
     x = MODEL.simulate(3000, RATE, rng=4)
-    at = Problem(MODEL, as_record(x, RATE))
+    at = LikelihoodProblem(MODEL, as_record(x, RATE))
     z = MODEL.residuals(x, RATE).values
     # The information of the level counts beside them.
     value, level = at.value(MODEL)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gmwm import Model
-from gmwm.fitting.likelihood.problem import Problem
+from gmwm.fitting.likelihood.problem import LikelihoodProblem
 from gmwm.fitting.likelihood.record import as_record
 from gmwm.fitting.likelihood.system import STEP, assemble, slopes
 from validation.likelihood import fisher_errors
@@ -40,7 +40,7 @@ def problem(text, samples=700, gaps=True, mean=None, seed=1):
     x = 9.81 + model.simulate(samples, RATE, rng=seed)
     if gaps:
         x[[0, 1, 50, 51, *range(300, 340), samples - 1]] = np.nan
-    return Problem(model, as_record(x, RATE), None if mean is None else 9.81)
+    return LikelihoodProblem(model, as_record(x, RATE), None if mean is None else 9.81)
 
 
 @pytest.mark.slow
@@ -104,7 +104,7 @@ def test_the_information_is_what_slopes_at_the_truth_scatter_by(text):
     paths = model.simulate(400, RATE, np.random.default_rng(2), draws)
     gradients, informations = [], []
     for x in paths:
-        at = Problem(model, as_record(x, RATE))
+        at = LikelihoodProblem(model, as_record(x, RATE))
         found = at.evaluate(at.start(), list(range(at.start().size)))
         gradients.append(found.gradient)
         informations.append(found.information)
@@ -126,7 +126,7 @@ def test_the_information_is_that_of_the_contrasts(beta, mean):
     samples, draws = 80, 150
     model = Model.parse(f"GM(beta={beta}, sigma2=2.0) + WN(sigma2=0.5)")
     paths = 9.81 + model.simulate(samples, RATE, np.random.default_rng(3), draws)
-    problems = [Problem(model, as_record(x, RATE), mean) for x in paths]
+    problems = [LikelihoodProblem(model, as_record(x, RATE), mean) for x in paths]
     z = problems[0].start()
     got = np.array([p.evaluate(z, [0, 1, 2]).information for p in problems])
 

@@ -9,8 +9,8 @@ from scipy.special import gamma, kv
 from gmwm import fit_ml
 from gmwm.base.errors import FitWarning
 from gmwm.theory.processes import FGN, FN, MAT, PL, Model
-from gmwm.theory.processes.ladder import BAND, approximated, state_space_error
-from gmwm.theory.statespace import _Block
+from gmwm.theory.processes.ladder import BAND, approximation_remarks, state_space_error
+from gmwm.theory.statespace import _StateBlock
 from tests.helpers import only
 
 RATE = 100.0
@@ -19,7 +19,7 @@ CLUSTERS = np.unique(np.round(np.geomspace(1, 2**BAND, 60)).astype(int))
 
 def allan_variance(space, clusters):
     """By sums over the blocks of the state space, for any number of samples."""
-    return np.array([space._adjacent_difference(_Block.of(space, int(n))) / (2 * n**2) for n in clusters])
+    return np.array([space._adjacent_difference(_StateBlock.of(space, int(n))) / (2 * n**2) for n in clusters])
 
 
 def flicker_allan_variance(b2):
@@ -110,9 +110,9 @@ def test_likelihood_fits_flicker_and_power_law_noise():
 
 def test_the_remark_names_the_terms_and_the_error():
     model = Model.parse("FN(b2=1.0) + WN(sigma2=1.0) + MAT(beta=1.0, nu=0.8, sigma2=1.0)")
-    remark = only(approximated(model, RATE, "gyro_x"), "state-approximated")
+    remark = only(approximation_remarks(model, RATE, "gyro_x"), "state-approximated")
     assert remark.facts["terms"] == ("FN", "MAT")
     assert remark.facts["error"].value < 1.5
     assert abs(remark.facts["longest"].value / (2**22 / RATE) - 1.0) < 0.005  # three digits
-    assert approximated(Model.parse("WN(sigma2=1.0) + GM(beta=1.0, sigma2=1.0)"), RATE) == ()
-    assert approximated(Model.parse("WN(sigma2=1.0) + MAT(beta=1.0, nu=1.5, sigma2=1.0)"), RATE) == ()
+    assert approximation_remarks(Model.parse("WN(sigma2=1.0) + GM(beta=1.0, sigma2=1.0)"), RATE) == ()
+    assert approximation_remarks(Model.parse("WN(sigma2=1.0) + MAT(beta=1.0, nu=1.5, sigma2=1.0)"), RATE) == ()

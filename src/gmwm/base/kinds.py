@@ -19,25 +19,23 @@ from gmwm.base.text import with_article
 
 _KEYS = {
     "intervals": "confidence_intervals", "test": "goodness_of_fit", "verdict": "contamination", "general": "fits",
-    "wavelet": "wavelet_covariance", "nodes": "search_nodes",
+    "wavelet": "wavelet_covariance",
 }  # fmt: skip
-"""Fields that have another name in the document, for error messages."""
+"""Fields that have another name in the document, for error messages; `document_keys` of a class states others."""
 _WORDS: Mapping[Any, str] = {
     str: "a string", float: "a number", int: "a whole number", bool: "true or false", NoneType: "null",
 }  # fmt: skip
 _KINDS: dict[type, Mapping[str, Any]] = {}
-_POSITIVE = frozenset([
-    "rate", "samples", "levels", "counts", "segments", "strides", "degrees_of_freedom", "freedom", "freedoms",
-    "length", "blocks", "comparisons",
-    "frequency", "recordings", "tau",
-])  # fmt: skip
-_NOT_NEGATIVE = frozenset([
+_POSITIVE = {
+    "rate", "samples", "levels", "counts", "segments", "strides", "degrees_of_freedom", "freedom", "freedoms", "length",
+    "blocks", "comparisons", "frequency", "recordings", "tau",
+}  # fmt: skip
+_NOT_NEGATIVE = {
     "variance", "lower", "upper", "implied", "decomposition", "allan_deviation", "density", "model_error", "filled",
-    "missing", "duration", "knocks",
-    "spikes", "in_knocks", "count", "energy", "df", "rms", "rms_low", "rms_high", "turn_on", "turn_on_low",
-    "turn_on_high", "width", "error", "errors",
-    "standard_errors", "gravity_error", "level_error", "frequency_error", "amplitude", "amplitude_error", "tau_error",
-])  # fmt: skip
+    "missing", "duration", "knocks", "spikes", "in_knocks", "count", "energy", "df", "rms", "rms_low", "rms_high",
+    "turn_on", "turn_on_low", "turn_on_high", "width", "error", "errors", "standard_errors", "gravity_error",
+    "level_error", "frequency_error", "amplitude", "amplitude_error", "tau_error",
+}  # fmt: skip
 _SHARES = ("confidence", "efficiency")
 _PROBABILITIES = ("pvalue", "pvalues", "p_value")
 _COVARIANCES = ("covariance", "wavelet", "weighting_matrix")
@@ -87,8 +85,10 @@ def require_kinds(found: Any, where: str, document: Document) -> None:
     exceed `LARGEST`, and no count `LARGEST_COUNT`.
     """
     lengths = {}
-    for name, kind in _hints(type(found)).items():
-        value, key = getattr(found, name), f"{where}.{_KEYS.get(name, name)}".lstrip(".")
+    renamed = (text.split("=") for text in getattr(found, "document_keys", ()) if "=" in text)
+    keys = {name.partition("~")[0]: key for key, name in renamed}
+    for name, kind in field_types(type(found)).items():
+        value, key = getattr(found, name), f"{where}.{keys.get(name) or _KEYS.get(name, name)}".lstrip(".")
         _require(value, kind, key, document)
         _require_range(name, value, key, document)
         if name in (*_SHARES, *getattr(found, "shares", ())) and value is not None and not 0 < value < 1:
@@ -105,7 +105,7 @@ def require_kinds(found: Any, where: str, document: Document) -> None:
         raise document.error(f"these lists must have the same length, at least 1: {sizes}")
 
 
-def _hints(kind: type) -> Mapping[str, Any]:
+def field_types(kind: type) -> Mapping[str, Any]:
     """Return the type of each field. Class variables are left out, because their types are not imported."""
     if kind not in _KINDS:
         types = {field.name: field.type for field in fields(kind)}
@@ -196,6 +196,14 @@ def _is_too_large(value: Any) -> bool:
         sizes = np.abs(value)
         return bool(np.any((sizes > LARGEST) & (sizes != np.inf)))
     return isinstance(value, int | float) and LARGEST < abs(value) != float("inf")
+
+
+def array_type(kind: Any) -> Any:
+    """Return the type of the numbers of an array type such as `NDArray[np.float64]`; None for another type."""
+    if _origin(kind) is not np.ndarray:
+        return None
+    inner = get_args(kind)[-1]
+    return get_args(inner)[0] if get_args(inner) else inner
 
 
 def _origin(kind: Any) -> Any:

@@ -106,7 +106,7 @@ def fit_conditions(
     """Fit one model to the parts of a recording that the CSV file `table` lists."""
     from gmwm import fit, wavelet_variance
     from gmwm.cli.parallel import over_axes
-    from gmwm.fitting.estimation.varies import parsed as parsed_functions
+    from gmwm.fitting.estimation.varies import parse_varies as parsed_functions
 
     sums, conditions = as_varies(varies), ConditionTable.read(table)
     _, named = parsed_functions(sums)

@@ -54,7 +54,7 @@ from gmwm.theory.processes import ordered_classes, registry
 if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
     from gmwm.fitting.estimation.starts import Sampled
-    from gmwm.fitting.inference.summary import IntervalMethod
+    from gmwm.fitting.estimation.summary import IntervalMethod
     from gmwm.recording.signals import Signal
 
 EXAMPLES = (
@@ -230,7 +230,7 @@ def _axes_document(
     fits: Mapping[str, Fit], carried: Mapping[str, LikelihoodResult], how: IntervalMethod
 ) -> dict[str, Any]:
     """Return the fit of each axis with its intervals and tests, as plain values for JSON."""
-    from gmwm.fitting.inference.summary import inference
+    from gmwm.fitting.estimation.summary import inference
 
     axes = {}
     with progress("intervals and tests", len(fits)) as advance:
@@ -261,9 +261,15 @@ def _files(
 
 
 def _interval_method(confidence: float, draws: int | None, seed: int) -> IntervalMethod:
-    """Return the method for intervals and tests: theory, or a bootstrap if `draws` is given."""
-    from gmwm.fitting.inference.bootstrap import as_draws
-    from gmwm.fitting.inference.summary import IntervalMethod
+    """Return the method for intervals and tests: theory, or a bootstrap if `draws` is given.
+
+    Raises
+    ------
+    OptionError
+        If there are too few simulated records for the confidence level.
+    """
+    from gmwm.fitting.estimation.bootstrap import as_draws
+    from gmwm.fitting.estimation.summary import IntervalMethod
 
     how = IntervalMethod(confidence)
     if draws is None:
@@ -323,8 +329,8 @@ def replicates_text(fits: Mapping[str, Fit]) -> Iterator[str]:
 def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:
     """Format the summary of one fit, or for several axes a table for each sensor with its axes side by side."""
     from gmwm.base.axis_names import by_sensor
-    from gmwm.calibration.tables import wrapped
-    from gmwm.fitting.inference.summary import intervals_if_known
+    from gmwm.calibration.tables import wrap_text
+    from gmwm.fitting.estimation.summary import intervals_if_known
 
     if len(fits) == 1:
         return next(iter(fits.values())).summary(how.level, how.method, draws=how.draws, rng=how.seed)
@@ -344,12 +350,12 @@ def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:
         for remark in (intervals_if_known(axis_fit, how)[1], *axis_fit.diagnostics.remarks)
         if remark is not None
     ]
-    lines = [line for text in texts(remarks, Dialect.SHELL) for line in wrapped(text)]
+    lines = [line for text in texts(remarks, Dialect.SHELL) for line in wrap_text(text)]
     return "\n\n".join([*parts, *(["\n".join(lines)] if lines else [])])
 
 
 def _sensor_text(group: Mapping[str, Fit], how: IntervalMethod) -> str:
-    from gmwm.fitting.inference.summary import short_values, test_in_words
+    from gmwm.fitting.estimation.summary import short_values, test_in_words
 
     first = next(iter(group.values()))
     units = first.units()

@@ -11,8 +11,8 @@ from gmwm.base.text import p_text
 
 if TYPE_CHECKING:
     from gmwm.base.arrays import Vector
+    from gmwm.fitting.estimation.intervals import Interval
     from gmwm.fitting.estimation.result import Fit
-    from gmwm.fitting.inference.intervals import Interval
     from gmwm.fitting.likelihood import LikelihoodFit, Residuals
     from gmwm.measuring.regression.against import Asked
     from gmwm.measuring.regression.result import Regression

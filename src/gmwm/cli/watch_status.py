@@ -98,7 +98,7 @@ def _estimates(axis: str, fit: Fit, accuracy: float) -> str:
     """Format the estimates of an axis as a table, with intervals and whether the recording is long enough."""
     from gmwm.base.text import duration_text
     from gmwm.cli.output import table_text
-    from gmwm.fitting.inference.summary import IntervalMethod, intervals_if_known, rows
+    from gmwm.fitting.estimation.summary import IntervalMethod, intervals_if_known, rows
 
     errors, needed = _errors(fit), _needed_durations(fit, accuracy)
     now = fit.wavelet_variance.samples / fit.wavelet_variance.rate
@@ -124,7 +124,7 @@ def one_line_of(
 ) -> str:  # fmt: skip
     """Format the status in one line: the duration, and for each axis the estimates, or deviations without a model."""
     from gmwm.base.text import duration_text
-    from gmwm.fitting.inference.summary import IntervalMethod, short_values
+    from gmwm.fitting.estimation.summary import IntervalMethod, short_values
     from gmwm.showing.plots.view import view_of
 
     first = next(iter(curves.values()))
@@ -155,7 +155,7 @@ def as_dicts(
     curves: Mapping[str, WaveletVariance], fits: Mapping[str, Fit], accuracy: float
 ) -> dict[str, dict[str, Any]]:
     """Return the wavelet variance, fit, relative errors and needed duration of each axis as plain values for JSON."""
-    from gmwm.fitting.inference.summary import IntervalMethod, inference
+    from gmwm.fitting.estimation.summary import IntervalMethod, inference
 
     out = {}
     for axis, curve in curves.items():

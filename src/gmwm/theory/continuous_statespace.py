@@ -13,13 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Matrix, Vector, as_rate
-from gmwm.theory.statespace import StateSpace, checked
+from gmwm.theory.statespace import StateSpace, check_matrices
 
 __all__ = ["ContinuousStateSpace"]
 
 _ROUNDING = 1e-9
-"""Relative size below which a value counts as zero: the matrix functions used are accurate to about 1e-12. Pinned by
-tests/test_continuous.py."""
+"""Relative size that counts as zero; the matrix functions have errors of 1e-12 (tests/test_continuous.py)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,18 +73,11 @@ class ContinuousStateSpace:
     left_out: tuple[str, ...]
 
     def __init__(
-        self,
-        A: ArrayLike,
-        Qc: ArrayLike,
-        H: ArrayLike,
-        Rc: ArrayLike = 0.0,
-        m0: ArrayLike | None = None,
-        P0: ArrayLike | None = None,
-        diffuse: ArrayLike | None = None,
-        terms: tuple[str, ...] = (),
+        self, A: ArrayLike, Qc: ArrayLike, H: ArrayLike, Rc: ArrayLike = 0.0, m0: ArrayLike | None = None,
+        P0: ArrayLike | None = None, diffuse: ArrayLike | None = None, terms: tuple[str, ...] = (),
         left_out: tuple[str, ...] = (),
-    ) -> None:
-        arrays = checked(("A", "Qc", "H", "Rc"), A, noise=Qc, seen=H, scatter=Rc, m0=m0, P0=P0, diffuse=diffuse)
+    ) -> None:  # fmt: skip
+        arrays = check_matrices(("A", "Qc", "H", "Rc"), A, noise=Qc, seen=H, scatter=Rc, m0=m0, P0=P0, diffuse=diffuse)
         for name, value in {**arrays, "terms": tuple(terms), "left_out": tuple(left_out)}.items():
             object.__setattr__(self, name, value)
 
@@ -107,19 +99,19 @@ class ContinuousStateSpace:
             Sampling rate f = 1/Δt (Hz) of `space`.
         """
         rate = as_rate(rate)
-        found = _driven(space, rate) if space.states else (space.F, space.Q)
-        if found is None:
+        matrices = _driven(space, rate) if space.states else (space.F, space.Q)
+        if matrices is None:
             return None
-        return cls(*found, space.H, space.R / rate, space.m0, space.P0, space.diffuse)
+        return cls(*matrices, space.H, space.R / rate, space.m0, space.P0, space.diffuse)
 
     @classmethod
     def sum(cls, parts: Mapping[str, ContinuousStateSpace | None]) -> ContinuousStateSpace:
         """Return the state space of a sum of independent signals. `parts` has the state space of each term; None is
         left out."""
-        kept = {term: part for term, part in parts.items() if part is not None}
+        spaces = {term: part for term, part in parts.items() if part is not None}
         # The sum of discrete state spaces also makes the block-diagonal matrices needed here.
-        s = StateSpace.sum(StateSpace(c.A, c.Qc, c.H, c.Rc, c.m0, c.P0, c.diffuse) for c in kept.values())
-        terms = tuple(term for term, part in kept.items() for _ in range(part.states))
+        s = StateSpace.sum(StateSpace(c.A, c.Qc, c.H, c.Rc, c.m0, c.P0, c.diffuse) for c in spaces.values())
+        terms = tuple(term for term, part in spaces.items() for _ in range(part.states))
         left_out = tuple(term for term, part in parts.items() if part is None)
         return cls(s.F, s.Q, s.H, s.R, s.m0, s.P0, s.diffuse, terms, left_out)
 
@@ -178,9 +170,9 @@ def _driven(space: StateSpace, rate: float) -> tuple[Matrix, Matrix] | None:
         return a, np.zeros((p, p))
     turn = np.kron(a, np.eye(p)) + np.kron(np.eye(p), a)
     # ∫₀^Δt e^(turn s) ds is the upper right block of the exponential of [[turn, I], [0, 0]] Δt.
-    whole = np.zeros((2 * p * p, 2 * p * p))
-    whole[: p * p, : p * p], whole[: p * p, p * p :] = turn, np.eye(p * p)
-    gain = expm(whole / rate)[: p * p, p * p :]
+    system = np.zeros((2 * p * p, 2 * p * p))
+    system[: p * p, : p * p], system[: p * p, p * p :] = turn, np.eye(p * p)
+    gain = expm(system / rate)[: p * p, p * p :]
     density = np.linalg.solve(gain, space.Q.ravel()).reshape(p, p)
     density = (density + density.T) / 2
     return (a, density) if _is_covariance(density / _sizes(space.Q) / rate) else None
@@ -188,11 +180,8 @@ def _driven(space: StateSpace, rate: float) -> tuple[Matrix, Matrix] | None:
 
 def _keeps_its_range(space: StateSpace) -> bool:
     """Return whether F maps the range of Q into itself. This is necessary, because continuous noise spreads within a
-    step.
-
-    It is not so for an autoregression of order 2 or more, whose noise enters one state and reaches the other states one
-    step later.
-    """
+    step. It is not so for an autoregression of order 2 or more, whose noise enters one state and reaches the other
+    states one step later."""
     root = np.sqrt(np.diag(_sizes(space.Q)))
     scaled = space.F * root / root[:, None]
     size, axes = np.linalg.eigh(space.Q / _sizes(space.Q))
@@ -233,9 +222,9 @@ def _step(a: Matrix, density: Matrix, dt: float) -> tuple[Matrix, Matrix]:
     # Van Loan's exponential contains e^(−A dt), which can be very large: take a short step and double it.
     halvings = max(0, int(np.frexp(np.linalg.norm(a) * dt)[1]))
     size = float(np.max(np.abs(density))) or 1.0
-    whole = expm(np.block([[-a, density / size], [np.zeros((p, p)), a.T]]) * np.ldexp(dt, -halvings))
-    transition = whole[p:, p:].T
-    noise = size * (transition @ whole[:p, p:])
+    exponential = expm(np.block([[-a, density / size], [np.zeros((p, p)), a.T]]) * np.ldexp(dt, -halvings))
+    transition = exponential[p:, p:].T
+    noise = size * (transition @ exponential[:p, p:])
     for _ in range(halvings):
         noise = noise + transition @ noise @ transition.T
         transition = transition @ transition

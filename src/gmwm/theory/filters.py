@@ -161,8 +161,8 @@ class WaveletFilter:
         It is computed from level to level: r_j(k) = Σ_n r_g(n) r_{j−1}((k − n)/2), where r_g is the autocorrelation of
         the scaling filter and n has the parity of k. One lag takes O(j L²) operations, which do not depend on L_j.
         """
-        wanted, where = np.unique(np.abs(np.asarray(lags, dtype=np.int64)), return_inverse=True)
-        return np.asarray(self._autocorrelation(wanted, level)[where].reshape(np.shape(lags)))
+        distances, where = np.unique(np.abs(np.asarray(lags, dtype=np.int64)), return_inverse=True)
+        return np.asarray(self._autocorrelation(distances, level)[where].reshape(np.shape(lags)))
 
     def _autocorrelation(self, lags: NDArray[np.int64], level: int) -> Vector:
         reach = self.length - 1
@@ -270,25 +270,19 @@ def _from_pywavelets(name: str) -> WaveletFilter:
 def _filter(
     name: str, published: Vector, moments: int, accuracy: float, source: str, rounding: float = 8.0
 ) -> WaveletFilter:
-    scaling = projected(published, moments, rounding)
+    scaling = project(published, moments, rounding)
     return WaveletFilter(
-        name=name,
-        scaling=scaling,
-        vanishing_moments=moments,
-        accuracy=accuracy,
-        adjustment=float(np.abs(scaling - published).max()),
-        source=source,
-    )
+        name=name, scaling=scaling, vanishing_moments=moments, accuracy=accuracy,
+        adjustment=float(np.abs(scaling - published).max()), source=source,
+    )  # fmt: skip
 
 
-def projected(scaling: Vector, vanishing_moments: int, rounding: float = 8.0) -> Vector:
+def project(scaling: Vector, vanishing_moments: int, rounding: float = 8.0) -> Vector:
     """Return the orthonormal filter closest to `scaling` with p = `vanishing_moments`, by Newton steps of minimum norm.
-
     The equations are Σ_l g_l g_{l+2k} = 1{k = 0} and Σ_l (−1)^l l^n g_l = 0, n = 0 … p − 1. They imply Σ g = √2. The
     equation for n = 0 is needed although it follows from the others: the wavelet of a table that is orthonormal to
     1e-11 can have the sum 1e-5, as in fk22. A filter whose error is below `rounding` units in the last place of 1 is
-    returned unchanged.
-    """
+    returned unchanged."""
     g = scaling.copy()
     length = g.size
     place = (np.arange(length) - (length - 1) / 2) / (length / 2)
@@ -318,11 +312,8 @@ def _slopes(g: Vector) -> Matrix:
     )
 
 
-# --- the tables ---------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
-class _Table:
+class _FilterTable:
     source: str
     vanishing_moments: int
     accuracy: float
@@ -340,67 +331,67 @@ _EXACT = 1e-15
 # fmt: off
 # Scaling coefficients, vanishing moments, and the accuracy of the published digits. For fk22 and fk4 the accuracy is
 # only the square root of the last digit, because the filter comes from a spectrum with a double zero.
-_TABLES: dict[str, _Table] = {
-    "haar": _Table(_DAUBECHIES, 1, _EXACT, "0.70710678118654752 0.70710678118654752"),
-    "d4": _Table(_DAUBECHIES, 2, _EXACT, """
+_TABLES: dict[str, _FilterTable] = {
+    "haar": _FilterTable(_DAUBECHIES, 1, _EXACT, "0.70710678118654752 0.70710678118654752"),
+    "d4": _FilterTable(_DAUBECHIES, 2, _EXACT, """
         0.48296291314453414 0.83651630373780791 0.22414386804201338 -0.12940952255126038"""),
-    "d6": _Table(_DAUBECHIES, 3, _EXACT, """
+    "d6": _FilterTable(_DAUBECHIES, 3, _EXACT, """
         0.33267055295008262 0.80689150931109258 0.45987750211849157 -0.13501102001025459 -0.085441273882026662
         0.035226291885709537"""),
-    "d8": _Table(_DAUBECHIES, 4, _EXACT, """
+    "d8": _FilterTable(_DAUBECHIES, 4, _EXACT, """
         0.2303778133088965 0.71484657055291565 0.63088076792985891 -0.027983769416859854 -0.18703481171909308
         0.030841381835560764 0.0328830116668852 -0.010597401785069032"""),
-    "d16": _Table(_DAUBECHIES, 8, _EXACT, """
+    "d16": _FilterTable(_DAUBECHIES, 8, _EXACT, """
         0.05441584224310401 0.31287159091429997 0.67563073629728981 0.58535468365420671 -0.015829105256349306
         -0.28401554296154693 0.00047248457391328277 0.12874742662047846 -0.017369301001807546
         -0.044088253930794752 0.013981027917398282 0.0087460940474057767 -0.0048703529934515743
         -0.00039174037337694705 0.00067544940645056937 -0.00011747678412476953"""),
-    "la8": _Table(_LEAST_ASYMMETRIC, 4, _EXACT, """
+    "la8": _FilterTable(_LEAST_ASYMMETRIC, 4, _EXACT, """
         -0.075765714789502213 -0.029635527646002492 0.49761866763277499 0.80373875180513208 0.29785779560530605
         -0.099219543576633533 -0.012603967262031304 0.032223100604051468"""),
-    "la16": _Table(_LEAST_ASYMMETRIC, 8, _EXACT, """
+    "la16": _FilterTable(_LEAST_ASYMMETRIC, 8, _EXACT, """
         -0.0033824159510050026 -0.00054213233180001069 0.031695087811525991 0.0076074873249766082
         -0.14329423835127266 -0.061273359067811078 0.48135965125905339 0.77718575169962803 0.36444189483617894
         -0.051945838107881801 -0.027219029917103486 0.049137179673730287 0.0038087520138944895
         -0.014952258337062199 -0.00030292051472413308 0.0018899503327676892"""),
-    "la20": _Table(_LEAST_ASYMMETRIC, 10, _EXACT, """
+    "la20": _FilterTable(_LEAST_ASYMMETRIC, 10, _EXACT, """
         0.00077015980911445982 9.5632670722852731e-5 -0.0086412992770221503 -0.0014653825813046105
         0.045927239231091509 0.011609893903711318 -0.15949427888491061 -0.070880535783231572 0.47169066693844291
         0.76951003702109794 0.38382676106707633 -0.035536740473819586 -0.031990056882428114 0.049994972077375156
         0.0057649120335811497 -0.020354939812311111 -0.0008043589320164513 0.0045931735853117919
         5.7036083618495007e-5 -0.00045932942100465204"""),
-    "bl14": _Table(_BEST_LOCALIZED, 7, 2e-11, """
+    "bl14": _FilterTable(_BEST_LOCALIZED, 7, 2e-11, """
         0.0120154192834842 0.0172133762994439 -0.0649080035533744 -0.064131289818917 0.360218460898555
         0.781921593296555 0.483610915693782 -0.0568044768822707 -0.101010920866413 0.0447423494687405
         0.0204642075778225 -0.0181266051311065 -0.0032832978473081 0.0022918339541009"""),
-    "bl20": _Table(_BEST_LOCALIZED, 10, 8e-10, """
+    "bl20": _FilterTable(_BEST_LOCALIZED, 10, 8e-10, """
         0.0008625782242896 0.0007154205305517 -0.0070567640909701 0.0005956827305406 0.0496861265075979
         0.0262403647054251 -0.121552106157816 -0.0150192395413644 0.513709872833405 0.766954836501085
         0.340216013511079 -0.0878787107378667 -0.0670899071680668 0.0338423550064691 -0.0008687519578684
         -0.0230054612862905 -0.0011404297773324 0.0050716491945793 0.0003401492622332 -0.0004101159165852"""),
-    "fk4": _Table(_FEJER_KOROVKIN, 1, 2e-9, """
+    "fk4": _FilterTable(_FEJER_KOROVKIN, 1, 2e-9, """
         0.653927555569765 0.753272492839487 0.0531792287790598 -0.0461657148152177"""),
-    "fk8": _Table(_FEJER_KOROVKIN, 1, 1e-9, """
+    "fk8": _FilterTable(_FEJER_KOROVKIN, 1, 1e-9, """
         0.3492381118638 0.782683620384065 0.475265135079471 -0.0996833284505732 -0.15997809743403
         0.0431066681065162 0.0425816316775818 -0.0190001788537359"""),
-    "fk14": _Table(_FEJER_KOROVKIN, 1, 1e-12, """
+    "fk14": _FilterTable(_FEJER_KOROVKIN, 1, 1e-12, """
         0.260371769291396 0.686891477239599 0.611554653959511 0.0514216541421191 -0.245613928162192
         -0.0485753390858553 0.124282560921513 0.0222267396224631 -0.0639973730391417 -0.00507437254997285
         0.029779711590379 -0.00329747915270872 -0.00927061337444824 0.00351410097043596"""),
-    "fk22": _Table(_FEJER_KOROVKIN, 1, 6e-7, """
+    "fk22": _FilterTable(_FEJER_KOROVKIN, 1, 6e-7, """
         0.193896107759957 0.589452190929428 0.670084962942026 0.21562984913477 -0.228028855771577
         -0.164465715268843 0.11154914372207 0.110155264934066 -0.0660845167937792 -0.0718416819231261
         0.0435423676255571 0.0447752121844098 -0.0297428807492741 -0.0259708730890212 0.020284486066678
         0.0129642494110898 -0.0128859905624436 -0.00483843263644019 0.00717380316527169 0.00036128556221949
         -0.00267699163858104 0.000880577368638464"""),
-    "mb4": _Table(_MINIMUM_BANDWIDTH, 1, 1e-7, """
+    "mb4": _FilterTable(_MINIMUM_BANDWIDTH, 1, 1e-7, """
         0.4801755 0.8372545 0.2269312 -0.1301477"""),
-    "mb8": _Table(_MINIMUM_BANDWIDTH, 1, 1e-7, """
+    "mb8": _FilterTable(_MINIMUM_BANDWIDTH, 1, 1e-7, """
         0.06436345 0.007106015 -0.1108673 0.2947855 0.7351331 0.5725771 0.01847751 -0.1673619"""),
-    "mb16": _Table(_MINIMUM_BANDWIDTH, 1, 1e-7, """
+    "mb16": _FilterTable(_MINIMUM_BANDWIDTH, 1, 1e-7, """
         0.005765899 0.009620427 -0.04984698 -0.02483876 0.05474628 -0.01987986 -0.05656657 0.2345342 0.6701646
         0.6349228 0.1188725 -0.2278359 -0.0577657 0.1136116 0.02173677 -0.0130277"""),
-    "mb24": _Table(_MINIMUM_BANDWIDTH, 1, 1e-7, """
+    "mb24": _FilterTable(_MINIMUM_BANDWIDTH, 1, 1e-7, """
         5.361301e-05 0.001193006 -0.002062335 -0.01644859 0.01027154 0.1479342 -0.004575448 -0.3622424
         -0.3091111 0.2556731 0.6176385 0.4581101 0.1949147 0.1243531 0.1689456 0.1019512 -0.006559513
         -0.002658282 0.04199576 -0.001482995 -0.004879053 0.0007456041 0.0004745736 -2.132706e-05"""),

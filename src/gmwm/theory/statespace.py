@@ -67,16 +67,10 @@ class StateSpace:
     diffuse: NDArray[np.bool_]
 
     def __init__(
-        self,
-        F: ArrayLike,
-        Q: ArrayLike,
-        H: ArrayLike,
-        R: ArrayLike = 0.0,
-        m0: ArrayLike | None = None,
-        P0: ArrayLike | None = None,
-        diffuse: ArrayLike | None = None,
-    ) -> None:
-        for name, array in checked(
+        self, F: ArrayLike, Q: ArrayLike, H: ArrayLike, R: ArrayLike = 0.0, m0: ArrayLike | None = None,
+        P0: ArrayLike | None = None, diffuse: ArrayLike | None = None,
+    ) -> None:  # fmt: skip
+        for name, array in check_matrices(
             ("F", "Q", "H", "R"), F, noise=Q, seen=H, scatter=R, m0=m0, P0=P0, diffuse=diffuse
         ).items():
             object.__setattr__(self, name, array)
@@ -104,14 +98,12 @@ class StateSpace:
         """
         items = list(parts)
         return cls(
-            F=_block_diagonal([s.F for s in items]),
-            Q=_block_diagonal([s.Q for s in items]),
-            H=np.concatenate([s.H[0] for s in items]) if items else np.zeros(0),
-            R=sum(float(s.R[0, 0]) for s in items),
+            F=_block_diagonal([s.F for s in items]), Q=_block_diagonal([s.Q for s in items]),
+            H=np.concatenate([s.H[0] for s in items]) if items else np.zeros(0), R=sum(float(s.R[0, 0]) for s in items),
             m0=np.concatenate([s.m0 for s in items]) if items else np.zeros(0),
             P0=_block_diagonal([s.P0 for s in items]),
             diffuse=np.concatenate([s.diffuse for s in items]) if items else np.zeros(0),
-        )
+        )  # fmt: skip
 
     def __add__(self, other: StateSpace) -> StateSpace:
         return StateSpace.sum((self, other))
@@ -127,18 +119,18 @@ class StateSpace:
         levels : int or (J,) array of int
             Number of levels, or the levels.
         """
-        wanted = as_levels(levels)
-        result = np.empty(wanted.size)
-        block = _Block.one_sample(self)
-        for level in range(1, int(wanted[-1]) + 1):
+        numbers = as_levels(levels)
+        result = np.empty(numbers.size)
+        block = _StateBlock.one_sample(self)
+        for level in range(1, int(numbers[-1]) + 1):
             if level > 1:
                 block = block.followed_by(block)
-            at = np.flatnonzero(wanted == level)
+            at = np.flatnonzero(numbers == level)
             if at.size:
                 result[at[0]] = self._adjacent_difference(block) / 4.0**level
         return result
 
-    def _adjacent_difference(self, block: _Block) -> float:
+    def _adjacent_difference(self, block: _StateBlock) -> float:
         """Return E(second block sum − first block sum)² for two adjacent blocks from t = 0 on."""
         start = block.sum_of @ block.transition - block.sum_of
         weights = np.append(block.sum_of, -1.0)
@@ -151,7 +143,7 @@ class StateSpace:
         values = np.zeros(sizes.size)
         for k, size in enumerate(sizes):
             if size > 0:
-                block = _Block.of(self, int(size))
+                block = _StateBlock.of(self, int(size))
                 values[k] = block.sum_of @ self.P0 @ block.sum_of + block.noise[-1, -1]
         return values[where.ravel()]
 
@@ -206,58 +198,48 @@ class StateSpace:
         return np.asarray(out)
 
 
-def checked(
-    names: tuple[str, str, str, str],
-    transition: ArrayLike,
-    noise: ArrayLike,
-    seen: ArrayLike,
-    scatter: ArrayLike,
-    m0: ArrayLike | None,
-    P0: ArrayLike | None,
-    diffuse: ArrayLike | None,
-) -> dict[str, NDArray[Any]]:
+def check_matrices(
+    names: tuple[str, str, str, str], transition: ArrayLike, noise: ArrayLike, seen: ArrayLike, scatter: ArrayLike,
+    m0: ArrayLike | None, P0: ArrayLike | None, diffuse: ArrayLike | None,
+) -> dict[str, NDArray[Any]]:  # fmt: skip
     """Check the arrays of a linear system. Return them by name, in the required shapes and read-only."""
     h = np.array(seen, dtype=np.float64).reshape(1, -1)
     p = h.size
     f, q, observed, r = names
     shapes: dict[str, tuple[Any, tuple[int, ...]]] = {
-        f: (transition, (p, p)),
-        q: (noise, (p, p)),
-        observed: (h, (1, p)),
-        r: (scatter, (1, 1)),
-        "m0": (np.zeros(p) if m0 is None else m0, (p,)),
-        "P0": (np.zeros((p, p)) if P0 is None else P0, (p, p)),
-    }
-    found: dict[str, NDArray[Any]] = {}
+        f: (transition, (p, p)), q: (noise, (p, p)), observed: (h, (1, p)), r: (scatter, (1, 1)),
+        "m0": (np.zeros(p) if m0 is None else m0, (p,)), "P0": (np.zeros((p, p)) if P0 is None else P0, (p, p)),
+    }  # fmt: skip
+    matrices: dict[str, NDArray[Any]] = {}
     for name, (values, shape) in shapes.items():
         array = np.array(values, dtype=np.float64)
         if array.size != prod(shape) or not np.all(np.isfinite(array)):
             raise ModelError(
                 argument=name, expected=f"finite with shape {shape}, because {observed} has {p} states", got=values
             )
-        found[name] = freeze(array.reshape(shape))
+        matrices[name] = freeze(array.reshape(shape))
     mask = np.zeros(p, dtype=np.bool_) if diffuse is None else np.array(diffuse, dtype=np.bool_).reshape(p)
-    return {**found, "diffuse": freeze(mask)}
+    return {**matrices, "diffuse": freeze(mask)}
 
 
 def haar_variances(spaces: Sequence[StateSpace], levels: int | ArrayLike) -> Matrix:
     """Return `haar_variance` (n, J) of n state spaces with the same number of states."""
-    wanted = as_levels(levels)
+    numbers = as_levels(levels)
     transition, seen = np.array([s.F for s in spaces]), np.array([s.H[0] for s in spaces])
     start, mean = np.array([s.P0 for s in spaces]), np.array([s.m0 for s in spaces])
     noise = np.array([_block_diagonal([s.Q, s.R]) for s in spaces])
     n, p = seen.shape
-    result = np.empty((n, wanted.size))
+    result = np.empty((n, numbers.size))
     carry = np.zeros((n, p + 1, p + 1))
     carry[:, p, p] = 1.0
-    for level in range(1, int(wanted[-1]) + 1):
+    for level in range(1, int(numbers[-1]) + 1):
         if level > 1:
             # Join a block with the same block that starts from its end.
             carry[:, :p, :p], carry[:, p, :p] = transition, seen
             noise = carry @ noise @ np.swapaxes(carry, 1, 2) + noise
             seen = seen + (seen[:, None, :] @ transition)[:, 0]
             transition = transition @ transition
-        at = np.flatnonzero(wanted == level)
+        at = np.flatnonzero(numbers == level)
         if at.size:
             rise = (seen[:, None, :] @ transition)[:, 0] - seen
             weights = np.concatenate([seen, np.full((n, 1), -1.0)], axis=1)
@@ -268,7 +250,7 @@ def haar_variances(spaces: Sequence[StateSpace], levels: int | ArrayLike) -> Mat
 
 
 @dataclass(frozen=True, eq=False)
-class _Block:
+class _StateBlock:
     """A block of m successive samples that starts from the state x. Its end state is transition·x + w, and the sum of
     its samples is sum_of·x + n, where the random vector (w, n) has the covariance `noise`."""
 
@@ -277,11 +259,11 @@ class _Block:
     noise: Matrix
 
     @classmethod
-    def one_sample(cls, space: StateSpace) -> _Block:
+    def one_sample(cls, space: StateSpace) -> _StateBlock:
         return cls(space.F, space.H[0], _block_diagonal([space.Q, space.R]))
 
     @classmethod
-    def of(cls, space: StateSpace, length: int) -> _Block:
+    def of(cls, space: StateSpace, length: int) -> _StateBlock:
         """Return a block of `length` ≥ 1 samples, by repeated squaring."""
         power, result = cls.one_sample(space), None
         while True:
@@ -293,13 +275,13 @@ class _Block:
                 return result
             power = power.followed_by(power)
 
-    def followed_by(self, later: _Block) -> _Block:
+    def followed_by(self, later: _StateBlock) -> _StateBlock:
         """Join this block and a later one, which starts from the end state of this block."""
         p = self.sum_of.size
         # How this block's noise (w, n) enters the joined (w, n).
         carry = np.zeros((p + 1, p + 1))
         carry[:p, :p], carry[p, :p], carry[p, p] = later.transition, later.sum_of, 1.0
-        return _Block(
+        return _StateBlock(
             later.transition @ self.transition,
             self.sum_of + later.sum_of @ self.transition,
             carry @ self.noise @ carry.T + later.noise,

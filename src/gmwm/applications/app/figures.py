@@ -12,8 +12,8 @@ import numpy as np
 from gmwm.applications.app.session import Session
 from gmwm.base.time_base import begins_of
 from gmwm.choosing.selection.ranking import Ranking
+from gmwm.fitting.estimation.model_error import relative_misfit
 from gmwm.fitting.estimation.result import Fit
-from gmwm.fitting.inference.model_error import relative_misfit
 from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Imu

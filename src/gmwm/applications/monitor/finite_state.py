@@ -12,7 +12,7 @@ from gmwm.base.errors import ModelError
 from gmwm.base.remarks import Remark
 from gmwm.fitting.likelihood.system import is_ramp
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.ladder import approximated
+from gmwm.theory.processes.ladder import approximation_remarks
 from gmwm.theory.processes.model import Model
 from gmwm.theory.statespace import StateSpace
 
@@ -57,7 +57,7 @@ class Finite:
         moving = np.ones(joined.states, dtype=np.bool_)
         if level:
             moving[-1] = False
-        return cls(joined, moving, slope, approximated(model, rate))
+        return cls(joined, moving, slope, approximation_remarks(model, rate))
 
 
 def _line(process: Process, rate: float) -> StateSpace:

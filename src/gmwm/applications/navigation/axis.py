@@ -16,7 +16,7 @@ from gmwm.base.units import SI_UNIT
 from gmwm.choosing.datasheets.curve import Curve
 from gmwm.fitting.estimation.result import Fit
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.ladder import approximated
+from gmwm.theory.processes.ladder import approximation_remarks
 from gmwm.theory.processes.model import Model, as_model
 
 
@@ -65,7 +65,7 @@ class BudgetAxis:
     def remarks(self, duration: float) -> tuple[Remark, ...]:
         """Return remarks if the duration (s) exceeds the recording, or if the state space of a term is approximate."""
         model = Model(tuple(self.terms.values())) if self.terms else None
-        remarks = () if model is None else approximated(model, self.rate, self.axis)
+        remarks = () if model is None else approximation_remarks(model, self.rate, self.axis)
         if duration <= self.longest:
             return remarks
         facts = {"duration": Quantity(duration, "s"), "longest": Quantity(self.longest, "s")}

@@ -20,7 +20,7 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.axis_names import AXES
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.ladder import started
+from gmwm.theory.processes.ladder import start_at_zero
 from gmwm.theory.statespace import StateSpace
 
 RADIUS = 6.371e6
@@ -91,9 +91,9 @@ def mean_squares(process: Process, rate: float, motion: Response, steps: Sequenc
     if rest and process.approximate and not process.stationary:
         old = _mean_squares(process.state_space(rate), rate, motion, steps, rest=rest)
         if np.any(motion.at_start):
-            old[:, :3] = _mean_squares(started(process, rate), rate, motion, steps, rest=rest)[:, :3]
+            old[:, :3] = _mean_squares(start_at_zero(process, rate), rate, motion, steps, rest=rest)[:, :3]
         return old
-    return _mean_squares(started(process, rate), rate, motion, steps, rest=rest)
+    return _mean_squares(start_at_zero(process, rate), rate, motion, steps, rest=rest)
 
 
 def _mean_squares(space: StateSpace, rate: float, motion: Response, steps: Sequence[int], *, rest: int) -> Matrix:

@@ -10,7 +10,7 @@ from gmwm.applications.several.conic import Cone
 from gmwm.applications.several.fitting import JointSolution
 from gmwm.applications.several.moments import entries, symmetric
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.fitting.inference.goodness import GoodnessOfFit
+from gmwm.fitting.estimation.goodness import GoodnessOfFit
 
 SINGULAR = 1e-6
 """Share of the trace below which an eigenvalue is zero. The barrier method leaves about 1e-9 (tests/joint)."""

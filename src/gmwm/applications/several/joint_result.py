@@ -33,7 +33,7 @@ from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Remark, texts
 from gmwm.base.tables import table_with_rule
 from gmwm.base.text import Named, Summarised, p_relation
-from gmwm.fitting.inference.goodness import GoodnessOfFit
+from gmwm.fitting.estimation.goodness import GoodnessOfFit
 from gmwm.recording.options import as_confidence
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import Model

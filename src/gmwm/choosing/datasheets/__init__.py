@@ -22,8 +22,8 @@ from gmwm.choosing.datasheets.effective import (
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.plausible import plausible
 from gmwm.choosing.datasheets.sheet import Datasheet
+from gmwm.fitting.estimation.intervals import Interval, confidence_intervals, free_shape, is_weak
 from gmwm.fitting.estimation.result import Fit
-from gmwm.fitting.inference.intervals import Interval, confidence_intervals, free_shape, is_weak
 from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process

@@ -10,10 +10,10 @@ from typing import TypeVar
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector
+from gmwm.fitting.estimation.intervals import free_shape
 from gmwm.fitting.estimation.linearised import COLLINEAR, columns_of, relative_jacobian
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.weighting import square_root
-from gmwm.fitting.inference.intervals import free_shape
 from gmwm.measuring.covariance import Design
 from gmwm.theory.processes.base import Process
 

@@ -14,10 +14,10 @@ from gmwm.base.random_effects import effects, prediction_limits, spread_limits
 from gmwm.choosing.datasheets import Datasheet, Entry, datasheet
 from gmwm.choosing.replicates.comparison import level_ratios
 from gmwm.choosing.replicates.result import RecordingNumber, Replicates
-from gmwm.fitting.estimation.recordings import Deviations, deviations, stepped
+from gmwm.fitting.estimation.intervals import parameters_by_name, with_quick_intervals
+from gmwm.fitting.estimation.recordings import Deviations, deviations, step_parameter
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.weighting import precision
-from gmwm.fitting.inference.intervals import parameters_by_name, with_quick_intervals
 from gmwm.measuring.covariance import Design, covariance
 from gmwm.measuring.variance.result import WaveletVariance
 
@@ -50,7 +50,7 @@ def _single_fit(fit: Fit, curve: WaveletVariance, apart: Deviations, place: int)
     parameters = parameters_by_name(fit.model)
     steps = zip(apart.names, apart.values[place].tolist(), strict=True)
     try:
-        model = fit.model.with_values({n: stepped(parameters[n], fit.parameters[n], share) for n, share in steps})
+        model = fit.model.with_values({n: step_parameter(parameters[n], fit.parameters[n], s) for n, s in steps})
     except GmwmError:  # after the step, the coefficients of an AR process may not be stationary
         return None
     matrix = precision(covariance(fit.model, Design.of(wv)))

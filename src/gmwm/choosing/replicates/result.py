@@ -20,9 +20,9 @@ from gmwm.base.text import list_text, p_relation, round_text
 from gmwm.choosing.datasheets import Entry
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.choosing.replicates.comparison import LevelRatio, RecordingComparison, decide, smallest
-from gmwm.fitting.estimation.recordings import Deviations, stepped
+from gmwm.fitting.estimation.intervals import parameters_by_name
+from gmwm.fitting.estimation.recordings import Deviations, step_parameter
 from gmwm.fitting.estimation.result import Fit
-from gmwm.fitting.inference.intervals import parameters_by_name
 from gmwm.recording.options import as_confidence, one_of
 from gmwm.theory.processes.model import Model
 
@@ -179,7 +179,7 @@ class Replicates(RecordingComparison, Plotted):
             raised = use == "high" and parameters[name].scale_power is not None and math.isfinite(end)
             share = float(end if raised else mean)
             if math.isfinite(share):
-                values[name] = stepped(parameters[name], self.fit.parameters[name], share)
+                values[name] = step_parameter(parameters[name], self.fit.parameters[name], share)
         return self.fit.model.with_values(values)
 
     @property

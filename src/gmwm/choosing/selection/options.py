@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 from gmwm.recording.options import as_confidence, as_whole_number, one_of
 
 if TYPE_CHECKING:
-    from gmwm.fitting.inference.intervals import Method
+    from gmwm.fitting.estimation.intervals import Method
 
 Weights = Literal["optimal", "diagonal"]
 SLOW = "4*GM + WN + QN + FN + RW + DR"

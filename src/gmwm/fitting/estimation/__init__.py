@@ -1,4 +1,4 @@
-"""Estimation by the Generalized Method of Wavelet Moments (GMWM), which fits models to a measured wavelet variance."""
+"""Fits of models to a measured wavelet variance (GMWM), with standard errors, intervals, tests and the bootstrap."""
 
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit, Estimate
 from gmwm.fitting.estimation.estimator import fit

@@ -20,27 +20,18 @@ from gmwm.theory.filters import WaveletFilter
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
 
-SPACING = 0.025
-"""Distance of the nodes in the search coordinate, which is 2.5 % of β for a Gauss-Markov process. The relative error of
-the cubics is about 1e-9. It is the only error of the lower bound of the search. tests/estimation/test_atoms.py pins the
-table."""
 SAFETY = 2.0
-"""Factor by which the largest interpolation error at the midpoints of a cell and its neighbours is multiplied to bound
-the error everywhere in the cell."""
+"""Factor from the largest interpolation error at midpoints near a cell to the bound in the cell."""
 NEIGHBOURS = 12
-"""Number of neighbouring cells on each side that are used. Where rounding dominates (φ near 1), the error at a single
-midpoint is not representative."""
+"""Neighbouring cells on each side that are used, because rounding dominates single midpoints near φ = 1."""
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
-    """Nodes of a table, and the wavelet variances of a process at these nodes. They depend on neither data nor weights.
-
-    `nodes` has the search coordinates of the nodes, one branch after another, and `owner` the index of the branch of
-    each node. A cell lies between two neighbouring nodes. `spacing` is the width of each cell, and zero for a cell that
-    joins two branches. `values` and `slopes` are the wavelet variances at the nodes and their derivatives, and
-    `middle_values` the wavelet variances at the midpoints of the cells.
-    """
+class ShapeGrid:
+    """Nodes of a table, one branch after another, and the wavelet variances of a process at these nodes. `nodes` has
+    the search coordinates and `owner` the index of the branch. `spacing` is the width of each cell between two nodes,
+    and zero for a cell that joins two branches. `slopes` has derivatives of `values`; `middle_values` belongs to the
+    midpoints."""
 
     branches: tuple[Branch, ...]
     owner: NDArray[np.int64]
@@ -64,12 +55,10 @@ class Grid:
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
-    """Curve of unit vectors for the global search.
-
-    `values` and `slopes` are the vectors at the nodes and their derivatives with respect to the position in cells.
-    `margins` bounds the interpolation error in each cell; −1 marks a cell that joins two branches.
-    """
+class UnitCurve:
+    """Curve of unit vectors for the global search. `values` and `slopes` are the vectors at the nodes and their
+    derivatives with respect to the position in cells. `margins` bounds the interpolation error in each cell; −1 marks a
+    cell that joins two branches."""
 
     values: Matrix
     slopes: Matrix
@@ -83,10 +72,8 @@ Place = tuple[Branch, float]
 def shape_at(
     process: type[Process], parameters: Matrix, levels: NDArray[np.int64], rate: float, filter: WaveletFilter
 ) -> Matrix:
-    """Return the wavelet variances (n, J) of a process with scale coefficient 1 for n sets of nonlinear parameters.
-
-    The levels (J,) may belong to several measured curves, one after another.
-    """
+    """Return the wavelet variances (n, J) of a process with scale coefficient 1 for n sets of nonlinear parameters. The
+    levels (J,) may belong to several measured curves, one after another."""
     if np.all(levels[1:] > levels[:-1]):
         return process.shape(parameters, levels, rate, filter)
     ascending, place = np.unique(levels, return_inverse=True)
@@ -112,12 +99,17 @@ def shapes(
 
 
 @lru_cache(maxsize=16)
-def _grid(process: type[Process], levels: tuple[int, ...], samples: int, rate: float, filter: WaveletFilter) -> Grid:
+def _grid(
+    process: type[Process], levels: tuple[int, ...], samples: int, rate: float, filter: WaveletFilter
+) -> ShapeGrid:
     branches = process.search(samples, rate)
     number = np.asarray(levels, dtype=np.int64)
     owner, nodes, spacing, values, slopes, middles = [], [], [], [], [], []
     for index, branch in enumerate(branches):
-        cells = max(2, int(np.ceil((branch.high - branch.low) / SPACING)))
+        # Distance of the nodes in the search coordinate, which is 2.5 % of β for a Gauss-Markov process. The relative
+        # error of the cubics is about 1e-9. It is the only error of the lower bound of the search.
+        # tests/estimation/test_atoms.py pins the table.
+        cells = max(2, int(np.ceil((branch.high - branch.low) / 0.025)))
         u = np.linspace(branch.low, branch.high, 2 * cells + 1)
         value = shape_at(process, branch.values(u), number, rate=rate, filter=filter)
         slope = slope_at(process, branch.values(u[::2]), number, rate=rate, filter=filter) * branch.slope(u[::2])
@@ -127,30 +119,25 @@ def _grid(process: type[Process], levels: tuple[int, ...], samples: int, rate: f
         values.append(value[::2])
         slopes.append(slope)
         middles += [value[1::2], value[:1]]
-    return Grid(
-        branches=branches,
-        owner=np.concatenate(owner),
-        nodes=np.concatenate(nodes),
-        spacing=np.concatenate(spacing[:-1]),
-        values=np.ascontiguousarray(np.concatenate(values)),
+    return ShapeGrid(
+        branches=branches, owner=np.concatenate(owner), nodes=np.concatenate(nodes),
+        spacing=np.concatenate(spacing[:-1]), values=np.ascontiguousarray(np.concatenate(values)),
         slopes=np.ascontiguousarray(np.concatenate(slopes)),
         middle_values=np.ascontiguousarray(np.concatenate(middles[:-1])),
-    )
+    )  # fmt: skip
 
 
-def grid(process: type[Process], levels: NDArray[np.int64], samples: int, rate: float, filter: WaveletFilter) -> Grid:
-    """Tabulate the wavelet variance of `process` over its search domain for a recording of `samples` samples.
-
-    The table is cached.
-    """
+def grid(
+    process: type[Process], levels: NDArray[np.int64], samples: int, rate: float, filter: WaveletFilter
+) -> ShapeGrid:
+    """Tabulate the wavelet variance of `process` over its search domain for a recording of `samples` samples. The table
+    is cached."""
     return _grid(process, tuple(int(j) for j in levels), samples=samples, rate=rate, filter=filter)
 
 
 def unit_curve(values: Matrix, slopes: Matrix, root: Matrix) -> tuple[Matrix, Matrix]:
-    """Multiply the rows of `values` by L = `root`, and scale them to length one.
-
-    Returns these unit vectors, and their derivatives from the derivatives `slopes` of the rows.
-    """
+    """Multiply the rows of `values` by L = `root`, and scale them to length one. Returns these unit vectors, and their
+    derivatives from the derivatives `slopes` of the rows."""
     weighted = values @ root.T
     length = np.linalg.norm(weighted, axis=1, keepdims=True)
     unit = weighted / length
@@ -158,7 +145,7 @@ def unit_curve(values: Matrix, slopes: Matrix, root: Matrix) -> tuple[Matrix, Ma
     return unit, slope - unit * np.einsum("nj,nj->n", unit, slope)[:, None]
 
 
-def table(grid: Grid, root: Matrix) -> Table:
+def table(grid: ShapeGrid, root: Matrix) -> UnitCurve:
     """Return the table of unit vectors for the curve of a grid, with the weighting matrix Ω = LᵀL and L = `root`."""
     values, slopes = unit_curve(grid.values, grid.slopes, root)
     joined = grid.spacing == 0
@@ -173,22 +160,15 @@ def table(grid: Grid, root: Matrix) -> Table:
     # Derivatives with respect to the position in cells. All cells of a branch have the same width.
     per_node = np.concatenate([grid.spacing, grid.spacing[-1:]])
     per_node = np.where(per_node == 0, np.concatenate([grid.spacing[:1], grid.spacing]), per_node)
-    return Table(np.ascontiguousarray(values), np.ascontiguousarray(slopes * per_node[:, None]), margins)
+    return UnitCurve(np.ascontiguousarray(values), np.ascontiguousarray(slopes * per_node[:, None]), margins)
 
 
 def close_up(
-    process: type[Process],
-    places: list[Place],
-    width: float,
-    levels: NDArray[np.int64],
-    rate: float,
-    filter: WaveletFilter,
-    root: Matrix,
-) -> tuple[Table, Vector]:
-    """Tabulate one cell of a given width around each place, with exact values at its ends.
-
-    Returns the table, and the search coordinates (n, 2) of the ends of the cells.
-    """
+    process: type[Process], places: list[Place], width: float, levels: NDArray[np.int64], rate: float,
+    filter: WaveletFilter, root: Matrix,
+) -> tuple[UnitCurve, Vector]:  # fmt: skip
+    """Tabulate one cell of a given width around each place, with exact values at its ends. Returns the table, and the
+    search coordinates (n, 2) of the ends of the cells."""
     starts = [min(max(u - width / 2, branch.low), branch.high - width) for branch, u in places]
     ends = np.array([[start, start + width] for start in starts])
     parameters = np.concatenate([branch.values(end) for (branch, _), end in zip(places, ends, strict=True)])
@@ -198,4 +178,4 @@ def close_up(
     unit, slope = unit_curve(values, slopes, root)
     margins = np.zeros(2 * len(places) - 1)
     margins[1::2] = -1.0
-    return Table(np.ascontiguousarray(unit), np.ascontiguousarray(slope * width), margins), ends
+    return UnitCurve(np.ascontiguousarray(unit), np.ascontiguousarray(slope * width), margins), ends

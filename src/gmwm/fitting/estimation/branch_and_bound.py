@@ -14,26 +14,21 @@ import numpy as np
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.threads import check_stop
-from gmwm.fitting.estimation.atoms import Place, close_up, grid, shapes, table
-from gmwm.fitting.estimation.newton import sharpened
+from gmwm.fitting.estimation.atoms import Place, close_up, grid, shape_at, shapes, slope_at, table
 from gmwm.fitting.estimation.problem import Problem
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
 
 CERTIFIED_GAP = 1e-4
-"""Largest relative difference between the best objective and its lower bound at which branch and bound stops
-(docs/validation/optimum.md)."""
+"""Relative gap between objective and lower bound at which the search stops (docs/validation/optimum.md)."""
 CERTIFY_NODES = 20_000
 """Largest number of nodes of the search tree in a search with a certificate."""
 QUICK_NODES = 24
-"""Largest number of nodes in a search without a certificate. It is sufficient for starting points: fits without a
-certificate are equally good (tests/estimation/test_fit_laws.py)."""
+"""Largest number of nodes without a certificate; the fits are equally good (tests/estimation/test_fit_laws.py)."""
 WIDTHS = (1e-2, 1e-3)
-"""Widths, in the search coordinate, of the cells that approximate the exact curve in the refinement. The last cells are
-exact to rounding."""
+"""Widths, in the search coordinate, of the cells of the refinement; the last cells are exact to rounding."""
 TABLE_ERROR = 1e-5
-"""Optima on the tabulated curve whose objective exceeds the best one by at most this relative amount are refined on the
-exact curve."""
+"""Relative excess of the objective up to which optima on the tabulated curve are refined on the exact curve."""
 SETTLED = 1e-12
 """Relative decrease of the objective below which a refinement ends."""
 POLISHES = 8
@@ -43,20 +38,15 @@ NEWTON_STEPS = 5
 FOLLOWED = 0.05
 """Longest Newton step in the search coordinate after the weights have changed."""
 FLAT = 1e-10
-"""If moving a process from the optimum to an end of its domain increases the objective by less than this relative
-amount, the end is used. Pinned by tests/estimation/test_last_places.py, as is the next constant."""
+"""Relative increase of the objective below which the end of a domain replaces the optimum (test_last_places.py)."""
 ACTS_AS = 1e-6
-"""If moving a process from the optimum to an end of its domain increases the objective by less than this relative
-amount, the process is reported to act as the process at that end."""
+"""Relative increase below which a process acts as the process at the end of its domain (test_last_places.py)."""
 
 
 @dataclass(frozen=True)
-class Term:
-    """Fitted process with free shape parameters.
-
-    `values` are its nonlinear parameters, `scale` is its scale coefficient, and `acts_as` is the name of the process
-    that the data cannot distinguish from it, or None.
-    """
+class FittedTerm:
+    """Fitted process with free shape parameters. `values` are its nonlinear parameters, `scale` is its scale
+    coefficient, and `acts_as` is the name of the process that the data cannot distinguish from it, or None."""
 
     values: tuple[float, ...]
     scale: float
@@ -76,20 +66,10 @@ class Optimum:
 
 
 @dataclass(frozen=True)
-class Found:
-    """Result of a global search. All objectives are in the unit of the problem.
-
-    Attributes
-    ----------
-    best : Optimum
-        Global optimum.
-    bound, relaxed : float
-        Lower bounds on the objective, from branch and bound and from the convex relaxation.
-    table : float
-        Objective of the best candidate on the tabulated curve.
-    nodes : int
-        Number of nodes of the search tree.
-    """
+class SearchResult:
+    """Result of a global search. All objectives are in the unit of the problem. `best`: global optimum. `bound`,
+    `relaxed`: lower bounds on the objective, from branch and bound and from the convex relaxation. `table`: objective
+    of the best candidate on the tabulated curve. `nodes`: number of nodes of the search tree."""
 
     best: Optimum
     bound: float
@@ -110,21 +90,18 @@ class Search:
         self.fixed = problem.fixed
         self.positive = problem.weights.positive
 
-    def optimum(self, *, certify: bool) -> Found:
+    def optimum(self, *, certify: bool) -> SearchResult:
         """Return the global optimum on the exact curve, with lower bounds. If `certify`, the search proves the
         optimum."""
         candidates, bound, relaxed, nodes = self.branch_and_bound(certify=certify)
         least = candidates[0][0]
         lowest = [positions for value, positions in candidates if value <= (1 + TABLE_ERROR) * least]
-        best = min((self.polished(self.located(p)) for p in lowest), key=lambda found: found.objective)
-        return Found(self.settled(best), bound, relaxed, table=least, nodes=nodes)
+        best = min((self.polish(self.places_of(p)) for p in lowest), key=lambda found: found.objective)
+        return SearchResult(self.snap_to_ends(best), bound, relaxed, table=least, nodes=nodes)
 
     def branch_and_bound(self, *, certify: bool) -> tuple[list[tuple[float, Vector]], float, float, int]:
-        """Search the tabulated curve.
-
-        Returns the objectives and positions of local optima, the best first, then the lower bound, the bound of the
-        convex relaxation, and the number of nodes.
-        """
+        """Search the tabulated curve. Returns the objectives and positions of local optima, the best first, then the
+        lower bound, the bound of the convex relaxation, and the number of nodes."""
         curve = table(self.grid, self.problem.root)
         return _core.cone_search(
             self.problem.target, self.fixed, self.positive, curve.values, curve.slopes, curve.margins,
@@ -132,10 +109,8 @@ class Search:
         )  # fmt: skip
 
     def _starts(self) -> Vector:
-        """Return the positions of the starting values of the model on the tabulated curve.
-
-        The array is empty unless every curved process has a starting value.
-        """
+        """Return the positions of the starting values of the model on the tabulated curve. The array is empty unless
+        every curved process has a starting value."""
         name = self.curved_class.nonlinear_parameters()[0].name
         positions = []
         for place in self.problem.curved:
@@ -146,12 +121,12 @@ class Search:
                     positions.append(self.grid.position(index, min(max(u, branch.low), branch.high)))
         return np.array(positions if len(positions) == len(self.problem.curved) else [], dtype=np.float64)
 
-    def located(self, positions: Vector) -> list[Place]:
+    def places_of(self, positions: Vector) -> list[Place]:
         """Convert positions on the tabulated curve to places."""
-        found = [self.grid.place(float(position)) for position in positions]
-        return [(self.grid.branches[index], u) for index, u in found]
+        cells = [self.grid.place(float(position)) for position in positions]
+        return [(self.grid.branches[index], u) for index, u in cells]
 
-    def polished(self, places: list[Place]) -> Optimum:
+    def polish(self, places: list[Place]) -> Optimum:
         """Return the local optimum on the exact curve that is nearest to `places`."""
         problem = self.problem
         for width in WIDTHS if places else ():
@@ -160,14 +135,9 @@ class Search:
                 if not places:
                     break
                 piece, ends = close_up(
-                    self.curved_class,
-                    places,
-                    width=width,
-                    levels=problem.levels,
-                    rate=problem.rate,
-                    filter=problem.filter,
-                    root=problem.root,
-                )
+                    self.curved_class, places, width=width, levels=problem.levels, rate=problem.rate,
+                    filter=problem.filter, root=problem.root,
+                )  # fmt: skip
                 share = np.array([(u - low) / width for (_, u), (low, _) in zip(places, ends, strict=True)])
                 moved, objective = _core.cone_refine(
                     problem.target, self.fixed, self.positive, piece.values, piece.slopes, piece.margins,
@@ -180,11 +150,11 @@ class Search:
                 if not any(leaving) or objective >= (1 - SETTLED) * before:
                     break
                 before = objective
-        return self._sharpened(self.at(places))
+        return self._sharpen(self.at(places))
 
-    def _sharpened(self, best: Optimum, steps: int = NEWTON_STEPS, reach: float = WIDTHS[-1]) -> Optimum:
+    def _sharpen(self, best: Optimum, steps: int = NEWTON_STEPS, reach: float = WIDTHS[-1]) -> Optimum:
         """Return the optimum after Newton's method if its objective is not larger; otherwise `best`."""
-        places = sharpened(
+        places = newton_places(
             self.problem, self.curved_class, places=best.places, weights=best.weights, steps=steps, reach=reach
         )
         if places is None:
@@ -192,21 +162,19 @@ class Search:
         sharp = self.at(places)
         return sharp if self.problem.as_low(sharp.objective, best.objective, SETTLED) else best
 
-    def followed(self, places: list[Place], *, ends: bool = False) -> Optimum:
-        """Return the local optimum nearest to `places`, the optimum of the problem with slightly different weights.
-
-        One Newton step is used if it is sufficient. If `ends`, a subclass also finds the ends of the branches that the
-        data cannot distinguish from the places.
-        """
+    def follow(self, places: list[Place], *, ends: bool = False) -> Optimum:
+        """Return the local optimum nearest to `places`, the optimum of the problem with slightly different weights. One
+        Newton step is used if it is sufficient. If `ends`, a subclass also finds the ends of the branches that the data
+        cannot distinguish from the places."""
         start = self.at(places)
-        there = self._sharpened(start, 1, FOLLOWED)
-        return self.polished(places) if there is start and places else there
+        optimum = self._sharpen(start, 1, FOLLOWED)
+        return self.polish(places) if optimum is start and places else optimum
 
     def _rows(self, places: list[Place]) -> Matrix:
         curved = shapes(
             self.curved_class, places, levels=self.problem.levels, rate=self.problem.rate, filter=self.problem.filter
         )
-        return np.concatenate([self.fixed, self.problem.weighted(curved)])
+        return np.concatenate([self.fixed, self.problem.unit_rows(curved)])
 
     def at(self, places: list[Place]) -> Optimum:
         """Return the optimum of the weights for given places of the curved processes."""
@@ -214,32 +182,30 @@ class Search:
         weights, objective = _core.nonnegative_least_squares(self.problem.target, self._rows(places))
         return Optimum(objective, places, weights)
 
-    def settled(self, best: Optimum) -> Optimum:
+    def snap_to_ends(self, best: Optimum) -> Optimum:
         """Return the optimum after places are moved to an end of their domain if the objective is flat up to this
         end."""
         for index, (branch, _) in enumerate(best.places):
             for end in (branch.high, branch.low):
-                there = self.at([*best.places[:index], (branch, end), *best.places[index + 1 :]])
-                if self.problem.as_low(there.objective, best.objective, FLAT):
-                    best = there
+                optimum = self.at([*best.places[:index], (branch, end), *best.places[index + 1 :]])
+                if self.problem.as_low(optimum.objective, best.objective, FLAT):
+                    best = optimum
                     break
         return best
 
-    def terms(self, best: Optimum, *, ends: bool = True) -> tuple[Term, ...]:
-        """Return the curved processes of an optimum with their parameters.
-
-        If `ends`, they include the process that the data cannot distinguish from each of them.
-        """
+    def terms(self, best: Optimum, *, ends: bool = True) -> tuple[FittedTerm, ...]:
+        """Return the curved processes of an optimum with their parameters. If `ends`, they include the process that the
+        data cannot distinguish from each of them."""
         problem, places = self.problem, best.places
         curved = shapes(self.curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
         scales = problem.scales(curved, best.weights[len(problem.linear) :])
         terms = [
-            Term((self._value(branch, u),), float(scale), self._acts_as(best, i) if ends else None)
+            FittedTerm((self._value(branch, u),), float(scale), self._acts_as(best, i) if ends else None)
             for i, ((branch, u), scale) in enumerate(zip(places, scales, strict=True))
         ]
         # Terms without weight have no place. They get the shortest correlation time and the scale coefficient 0.
         branch = self.grid.branches[0]
-        missing = Term((self._value(branch, branch.high),), 0.0)
+        missing = FittedTerm((self._value(branch, branch.high),), 0.0)
         return (*terms, *[missing] * (len(problem.curved) - len(places)))
 
     def _acts_as(self, best: Optimum, index: int) -> str | None:
@@ -250,10 +216,81 @@ class Search:
             return {1: branch.high_acts_as, -1: branch.low_acts_as}.get(best.ends[index])
         ends = [(branch.high, branch.high_acts_as), (branch.low, branch.low_acts_as)]
         for end, name in sorted(ends, key=lambda end: end[0] != u):  # an end at which the place already is comes first
-            there = [*best.places[:index], (branch, end), *best.places[index + 1 :]]
-            if name and (u == end or self.problem.as_low(self.at(there).objective, best.objective, ACTS_AS)):
+            places = [*best.places[:index], (branch, end), *best.places[index + 1 :]]
+            if name and (u == end or self.problem.as_low(self.at(places).objective, best.objective, ACTS_AS)):
                 return name
         return None
 
     def _value(self, branch: Branch, u: float) -> float:
         return float(branch.values(np.array([u]))[0, 0])
+
+
+def newton_places(
+    problem: Problem, curved_class: type[Process], places: list[Place], weights: Vector, steps: int, reach: float
+) -> list[Place] | None:
+    """Refine the places of a local optimum by at most `steps` Newton steps; return None if the steps diverge. The
+    objective |target − Σ w a − Σ x g(u)|² is minimised over the weights w and x and the places u together, where a are
+    the unit vectors of the linear processes and g(u) those of the curved processes. Weights that are zero stay zero,
+    places at an end of their branch stay there, and no step of a place may be longer than `reach`."""
+    linear = len(problem.linear)
+    moving = np.array([b.low < u < b.high for b, u in places], dtype=bool)
+    if not moving.any() or np.any(weights[linear:] <= 0):
+        return None
+    fixed = problem.fixed[weights[:linear] > 0]
+    x = np.concatenate([weights[:linear][weights[:linear] > 0], weights[linear:]])
+    length: Matrix | None = None
+    for _ in range(steps):
+        value, slope, bend = _derivatives(problem, curved_class, places)
+        if length is None:
+            length = np.linalg.norm(value, axis=1, keepdims=True)
+        value, slope, bend = value / length, slope / length, bend / length
+        step = _step(problem.target, fixed, value=value, slope=slope, bend=bend, x=x, moving=moving)
+        if step is None:
+            return None
+        x = x + step[: x.size]
+        moves = np.zeros(len(places))
+        moves[moving] = step[x.size :]
+        places = [(b, float(u + d)) for (b, u), d in zip(places, moves, strict=True)]
+        if not np.all(np.abs(moves) <= reach) or any(not b.low <= u <= b.high for b, u in places):
+            return None
+        # Change of the search coordinate below which the iteration ends. It is near the rounding error of the
+        # parameter.
+        if np.all(np.abs(moves) < 1e-12):
+            break
+    return places
+
+
+def _step(
+    target: Vector, fixed: Matrix, value: Matrix, slope: Matrix, bend: Matrix, x: Vector, moving: Vector
+) -> Vector | None:
+    """Return the Newton step of all weights, followed by the steps of the places that `moving` marks. `value`, `slope`
+    and `bend` are the unit vectors of the curved processes and their first two derivatives, and `x` are the weights."""
+    rows = np.concatenate([fixed, value])
+    residual = target - x @ rows
+    weight = x[fixed.shape[0] :, None]
+    jacobian = np.concatenate([rows, (weight * slope)[moving]])
+    hessian = jacobian @ jacobian.T
+    at = rows.shape[0] + np.arange(int(np.count_nonzero(moving)))
+    which = fixed.shape[0] + np.flatnonzero(moving)
+    hessian[at, at] -= (weight * bend)[moving] @ residual
+    hessian[which, at] -= slope[moving] @ residual
+    hessian[at, which] = hessian[which, at]
+    try:
+        return np.asarray(np.linalg.solve(hessian, jacobian @ residual))
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _derivatives(problem: Problem, curved_class: type[Process], places: list[Place]) -> tuple[Matrix, Matrix, Matrix]:
+    """Return the wavelet variances (n, J) of the curved processes at places, and their first two derivatives. The
+    derivatives are with respect to the search coordinate, and all three arrays are multiplied by L."""
+    # Step of the finite differences that give second derivatives. Their errors only slow the convergence.
+    count, d = len(places), 1e-3
+    points = [(b, np.array([u + shift])) for shift in (0.0, d, -d) for b, u in places]
+    parameters = np.concatenate([b.values(u) for b, u in points])
+    by_u = np.concatenate([b.slope(u) for b, u in points])
+    values = shape_at(curved_class, parameters[:count], problem.levels, rate=problem.rate, filter=problem.filter)
+    slopes = slope_at(curved_class, parameters, problem.levels, rate=problem.rate, filter=problem.filter) * by_u
+    bends = (slopes[count : 2 * count] - slopes[2 * count :]) / (2 * d)
+    root = problem.root.T
+    return values @ root, slopes[:count] @ root, bends @ root

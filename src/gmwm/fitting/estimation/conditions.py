@@ -17,40 +17,25 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import ModelError, OptionError
-from gmwm.fitting.estimation.branch_and_bound import Term
+from gmwm.fitting.estimation.branch_and_bound import FittedTerm
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit, Estimate
-from gmwm.fitting.estimation.linearised import relative_covariance, unexplained
-from gmwm.fitting.estimation.problem import Problem, by_kind, searched, unit_shape, weighed
+from gmwm.fitting.estimation.linearised import relative_covariance, square_of_rest, usable_in
+from gmwm.fitting.estimation.problem import Problem, by_kind, divide_shaped, unit_shape, weigh
 from gmwm.fitting.estimation.reweighting import implied_weights
 from gmwm.fitting.estimation.solver import Solution, resume, solve
-from gmwm.fitting.estimation.varies import Varies, parsed
+from gmwm.fitting.estimation.varies import Varies, parse_varies
 from gmwm.fitting.estimation.weighting import Weights, precision, square_root, weighting_matrix
 from gmwm.measuring.covariance import Design, covariance
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.model import Model
 
-_SETTLED = 1e-9
-"""Relative change of the fitted curves below which the iteration of estimate and weights ends."""
-_ROUNDS = 100
-"""Largest number of iterations."""
-LEAST_FREEDOM = 3.0
-"""Degrees of freedom above which the tests use a level, as in `Fit.goodness_of_fit`."""
-
 
 @dataclass(frozen=True, eq=False)
 class Stack:
-    """Measured curves of all conditions, one after another, and the terms of a model that describes them.
-
-    Attributes
-    ----------
-    model : Model
-        Model to fit.
-    curves : tuple of WaveletVariance
-        Measured curve of each of S conditions.
-    factors : mapping of index to (m, S) array
-        For the index of each process that varies, the values φ_m(c_s) of its functions at the conditions c_s.
-    """
+    """Measured curves of all conditions, one after another, and the terms of a model that describes them. `model`:
+    model to fit. `curves`: measured curve of each of S conditions. `factors`: for the index of each process that
+    varies, the values φ_m(c_s) of its functions at the conditions c_s."""
 
     model: Model
     curves: tuple[WaveletVariance, ...]
@@ -70,21 +55,21 @@ class Stack:
     @cached_property
     def shapes(self) -> Matrix:
         """Wavelet variances (rows, levels of all curves) that each linear coefficient multiplies."""
-        found = []
+        curves = []
         for place, m in self.rows:
             process, phi = self.model.processes[place], self.factors.get(place)
             parts = [
                 (1.0 if phi is None else phi[m, s]) * unit_shape(process, wv.levels, wv.rate, find_filter(wv.filter))
                 for s, wv in enumerate(self.curves)
             ]
-            found.append(np.concatenate(parts))
-        return np.array(found).reshape(len(found), self.levels.size)
+            curves.append(np.concatenate(parts))
+        return np.array(curves).reshape(len(curves), self.levels.size)
 
-    def posed(self, matrix: Matrix) -> Problem:
+    def pose(self, matrix: Matrix) -> Problem:
         """Return the estimation problem with the weighting matrix Ω of all levels."""
         first = self.curves[0]
         _, shaped, held = by_kind(self.model)
-        curved, free = searched(self.model, shaped)
+        curved, free = divide_shaped(self.model, shaped)
         if free:
             raise ModelError(
                 f"{self.model.processes[free[0]]} has several shape parameters, or another class than "
@@ -97,13 +82,13 @@ class Stack:
                 f"{self.model} has {count} free parameters at {self.levels.size} levels of all conditions",
                 advice="Free a parameter." if count == 0 else "Record longer, or use a smaller model.",
             )
-        known = np.zeros(self.levels.size)
+        offset = np.zeros(self.levels.size)
         for place in held:
-            own = self.model.processes[place]
-            known += np.concatenate([own.wavelet_variance(wv.levels, wv.rate, wv.filter) for wv in self.curves])
-        observed = np.concatenate([wv.variance for wv in self.curves]) - known
+            process = self.model.processes[place]
+            offset += np.concatenate([process.wavelet_variance(wv.levels, wv.rate, wv.filter) for wv in self.curves])
+        observed = np.concatenate([wv.variance for wv in self.curves]) - offset
         weights = Weights(matrix)
-        unit, target = weighed(observed, weights)
+        unit, target = weigh(observed, weights)
         return Problem(
             model=self.model, levels=self.levels, rate=first.rate, filter=find_filter(first.filter),
             samples=max(wv.longest for wv in self.curves), observed=observed, weights=weights, unit=unit,
@@ -113,7 +98,7 @@ class Stack:
     def models(self, solution: Solution) -> tuple[Model, ...]:
         """Return, for each condition, the model with the values of a solution."""
         _, shaped, _ = by_kind(self.model)
-        found = []
+        models = []
         for s in range(len(self.curves)):
             processes = list(self.model.processes)
             scales: dict[int, float] = {}
@@ -127,8 +112,8 @@ class Stack:
             for place, scale in scales.items():
                 name = processes[place].scale_parameter().name
                 processes[place] = processes[place].with_values(**{name: processes[place].value_from(scale)})
-            found.append(Model(tuple(processes)))
-        return tuple(found)
+            models.append(Model(tuple(processes)))
+        return tuple(models)
 
     def implied(self, models: tuple[Model, ...]) -> Vector:
         """Return the wavelet variances that the models of the conditions imply, one after another."""
@@ -147,12 +132,9 @@ class Stack:
         )
 
     def slopes(self, solution: Solution) -> tuple[list[tuple[int, str | int]], Matrix]:
-        """Return the names and the columns of the derivatives of the curves.
-
-        The first columns are ∂ν²/∂s for the linear coefficients s. The others belong to the terms with free shapes and
-        are relative to the values of their parameters. There is no column for the shape of a term that acts as another
-        process or is zero.
-        """
+        """Return the names and the columns of the derivatives of the curves. The first columns are ∂ν²/∂s for the
+        linear coefficients s. The others belong to the terms with free shapes and are relative to the values of their
+        parameters. There is no column for the shape of a term that acts as another process or is zero."""
         _, shaped, _ = by_kind(self.model)
         names: list[tuple[int, str | int]] = list(self.rows)
         columns = list(self.shapes)
@@ -161,22 +143,22 @@ class Stack:
             theta = np.array([term.values])
             if term.scale > 0 and term.acts_as is None:
                 for k, parameter in enumerate(process.nonlinear_parameters()):
-                    own = [
+                    curves = [
                         term.scale * term.values[k]
                         * process.shape_jacobian(theta, wv.levels, wv.rate, find_filter(wv.filter))[0, :, k]
                         for wv in self.curves
                     ]  # fmt: skip
                     names.append((place, parameter.name))
-                    columns.append(np.concatenate(own))
+                    columns.append(np.concatenate(curves))
             if term.scale > 0:
-                own = [process.shape(theta, wv.levels, wv.rate, find_filter(wv.filter))[0] for wv in self.curves]
+                curves = [process.shape(theta, wv.levels, wv.rate, find_filter(wv.filter))[0] for wv in self.curves]
                 names.append((place, process.scale_parameter().name))
-                columns.append(np.concatenate(own))
+                columns.append(np.concatenate(curves))
         return names, np.column_stack(columns)
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class SolvedStack:
     """Solution of a stack with its final weights, and the fitted model of each condition."""
 
     stack: Stack
@@ -193,20 +175,16 @@ def _blocks(parts: Iterable[Matrix]) -> Matrix:
 
 
 def fit_conditions(
-    model: Model,
-    curves: Mapping[float, WaveletVariance],
-    varies: Mapping[str, str],
-    *,
-    weighting: str = "diagonal",
+    model: Model, curves: Mapping[float, WaveletVariance], varies: Mapping[str, str], *, weighting: str = "diagonal",
     certify: bool = True,
-) -> ConditionsFit:
+) -> ConditionsFit:  # fmt: skip
     """Fit a model to the wavelet variances of recordings at known conditions; see `gmwm.fit`."""
-    functions, name = parsed(varies)
+    functions, name = parse_varies(varies)
     _check(model, curves, functions)
     conditions = np.array(list(curves), dtype=np.float64)
     places = {model.terms.index(term): term for term in functions}
     factors = {place: functions[term].at(conditions, term) for place, term in places.items()}
-    solved = _settled(Stack(model, tuple(curves.values()), factors), weighting, certify=certify)
+    solved = _settle(Stack(model, tuple(curves.values()), factors), weighting, certify=certify)
     statistic, df, pvalue = _goodness(solved, weighting)
     change = _no_change(solved, weighting) if factors else None
     return ConditionsFit(
@@ -244,33 +222,34 @@ def _check(model: Model, curves: Mapping[float, WaveletVariance], functions: Map
             )
 
 
-def _settled(stack: Stack, weighting: str, *, certify: bool) -> Solved:
+def _settle(stack: Stack, weighting: str, *, certify: bool) -> SolvedStack:
     """Iterate estimate and weights until they agree, and then solve the problem with the final weights."""
-    problem = stack.posed(_blocks(weighting_matrix("diagonal", wv) for wv in stack.curves))
+    problem = stack.pose(_blocks(weighting_matrix("diagonal", wv) for wv in stack.curves))
     solution = solve(problem, certify=False, quick=True)
     models = stack.models(solution)
     before = stack.implied(models)
-    for _ in range(_ROUNDS):
+    for _ in range(100):
         problem = problem.under(stack.weights(weighting, models))
         solution = resume(problem, solution)
         models = stack.models(solution)
         after = stack.implied(models)
-        if np.max(np.abs(after - before) / np.maximum(after, before)) < _SETTLED:
+        # Relative change of the fitted curves below which the iteration of estimate and weights ends.
+        if np.max(np.abs(after - before) / np.maximum(after, before)) < 1e-9:
             break
         before = after
     solution = solve(problem, certify=certify, near=solution)
-    return Solved(stack, problem, solution, stack.models(solution))
+    return SolvedStack(stack, problem, solution, stack.models(solution))
 
 
-def _estimates(solved: Solved, functions: Mapping[str, Varies]) -> dict[str, Estimate]:
+def _estimates(solved: SolvedStack, functions: Mapping[str, Varies]) -> dict[str, Estimate]:
     """Return the estimated parameters and coefficients by name, with standard errors from the sandwich formula."""
     stack, solution = solved.stack, solved.solution
     names, columns = stack.slopes(solution)
     spread = relative_covariance(columns, solved.problem.matrix, stack.covariance(solved.models))
     errors = np.sqrt(np.diag(spread))
     _, shaped, _ = by_kind(stack.model)
-    terms: dict[int, Term] = dict(zip(shaped, solution.terms, strict=True))
-    found = {}
+    terms: dict[int, FittedTerm] = dict(zip(shaped, solution.terms, strict=True))
+    estimates = {}
     for k, (place, which) in enumerate(names):
         label, process = stack.model.terms[place], stack.model.processes[place]
         scale = process.scale_parameter()
@@ -283,61 +262,55 @@ def _estimates(solved: Solved, functions: Mapping[str, Varies]) -> dict[str, Est
             amount, name = terms[place].scale, f"{label}.{scale.name}"
         else:
             value = terms[place].values[[p.name for p in process.nonlinear_parameters()].index(which)]
-            found[f"{label}.{which}"] = Estimate(value, float(errors[k]) * abs(value), shape=True)
+            estimates[f"{label}.{which}"] = Estimate(value, float(errors[k]) * abs(value), shape=True)
             continue
-        if (one := terms.get(place)) is not None and one.acts_as is not None:
-            found[name] = Estimate(process.value_from(amount), math.inf, acts_as=one.acts_as)
+        if (shaped_term := terms.get(place)) is not None and shaped_term.acts_as is not None:
+            estimates[name] = Estimate(process.value_from(amount), math.inf, acts_as=shaped_term.acts_as)
             continue
         value = process.value_from(amount)
         error = float(errors[k]) if power == 1 else float(errors[k]) * value / (power * amount) if amount else math.inf
-        found[name] = Estimate(value, error)
+        estimates[name] = Estimate(value, error)
     for place, term in terms.items():
         if term.scale == 0:
             process = stack.model.processes[place]
-            found[f"{stack.model.terms[place]}.{process.scale_parameter().name}"] = Estimate(0.0, math.inf)
-    return found
+            estimates[f"{stack.model.terms[place]}.{process.scale_parameter().name}"] = Estimate(0.0, math.inf)
+    return estimates
 
 
 def _short(stack: Stack) -> Stack:
     """Return the stack with only the levels that have enough degrees of freedom for a test."""
-    curves = [wv.first(int(np.count_nonzero(Design.of(wv).degrees_of_freedom > LEAST_FREEDOM)))
-              for wv in stack.curves]  # fmt: skip
+    curves = [wv.first(int(np.count_nonzero(usable_in(Design.of(wv))))) for wv in stack.curves]
     return replace(stack, curves=tuple(curves))
 
 
-def _goodness(solved: Solved, weighting: str) -> tuple[float, int, float]:
+def _goodness(solved: SolvedStack, weighting: str) -> tuple[float, int, float]:
     """Return the statistic, the degrees of freedom and the p-value of the chi-square test of the model."""
     from scipy.special import gammaincc
 
-    short = _settled(_short(solved.stack), weighting, certify=False)
-    statistic, count = _left(short)
+    short = _settle(_short(solved.stack), weighting, certify=False)
+    statistic, count = _misfit(short)
     df = short.stack.levels.size - count
     return statistic, df, float(gammaincc(df / 2, statistic / 2)) if df > 0 else 1.0
 
 
-def _no_change(solved: Solved, weighting: str) -> float:
-    """Return the p-value of the hypothesis that no term varies with the condition.
-
-    The statistic is the part of the residuals of a constant model that the functions explain.
-    """
+def _no_change(solved: SolvedStack, weighting: str) -> float:
+    """Return the p-value of the hypothesis that no term varies with the condition. The statistic is the part of the
+    residuals of a constant model that the functions explain."""
     from scipy.special import gammaincc
 
     short = _short(solved.stack)
-    constant = _settled(replace(short, factors={}), weighting, certify=False)
-    whole, few = _left(constant)
-    rest, many = _left(constant, short.shapes.T)
-    return float(gammaincc((many - few) / 2, (whole - rest) / 2))
+    constant = _settle(replace(short, factors={}), weighting, certify=False)
+    total, rank = _misfit(constant)
+    remainder, full_rank = _misfit(constant, short.shapes.T)
+    return float(gammaincc((full_rank - rank) / 2, (total - remainder) / 2))
 
 
-def _left(solved: Solved, further: Matrix | None = None) -> tuple[float, int]:
+def _misfit(solved: SolvedStack, further: Matrix | None = None) -> tuple[float, int]:
     """Return the weighted sum of squares of the residuals that some columns do not explain, and the rank of the
-    columns.
-
-    The columns are the derivatives with respect to the parameters, and the columns `further`.
-    """
+    columns. The columns are the derivatives with respect to the parameters, and the columns `further`."""
     stack = solved.stack
     root = square_root(precision(stack.covariance(solved.models)))
     _, columns = stack.slopes(solved.solution)
     columns = columns if further is None else np.column_stack([columns, further])
     observed = np.concatenate([wv.variance for wv in stack.curves])
-    return unexplained(root @ (observed - stack.implied(solved.models)), root @ columns)
+    return square_of_rest(root @ (observed - stack.implied(solved.models)), root @ columns)

@@ -10,18 +10,16 @@ from typing import Any
 
 import numpy as np
 
+from gmwm.base.documents import plain
 from gmwm.base.errors import OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.tables import align
 from gmwm.base.text import Summarised, p_relation
-from gmwm.fitting.estimation.varies import parsed
+from gmwm.fitting.estimation.intervals import UNDETERMINED
+from gmwm.fitting.estimation.varies import parse_varies
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.model import Model
-
-_UNKNOWN = 14.0
-"""Half width of a confidence interval for the logarithm of a parameter above which the parameter is not determined. It
-is a factor of a million."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +57,7 @@ class Estimate:
             Limits of the interval; (0, inf) if the data do not determine the parameter.
         """
         z = NormalDist().inv_cdf((1 + as_confidence(confidence)) / 2)
-        if not math.isfinite(self.error) or (self.shape and z * self.error > _UNKNOWN * self.value):
+        if not math.isfinite(self.error) or (self.shape and z * self.error > UNDETERMINED * self.value):
             return 0.0, math.inf
         if z * self.error >= self.value and not self.shape:
             return 0.0, self.value + z * self.error
@@ -131,13 +129,13 @@ class ConditionsFit(Summarised, Plotted):
             raise OptionError(
                 argument="condition", expected=f"from {low:g} to {high:g}, the range of the recordings", got=condition
             )
-        model, functions = next(iter(self.models.values())), parsed(self.varies)[0]
+        model, functions = next(iter(self.models.values())), parse_varies(self.varies)[0]
         values = {}
         for term, varied in functions.items():
             name = f"{term}.{model.processes[model.terms.index(term)].scale_parameter().name}"
             values[name] = sum(
-                self.estimates[f"{name} ({one.text})"].value * float(one.of(np.array([float(condition)]))[0])
-                for one in varied.functions
+                self.estimates[f"{name} ({function.text})"].value * float(function.of(np.array([float(condition)]))[0])
+                for function in varied.functions
             )
         return model.with_values(values)
 
@@ -145,10 +143,12 @@ class ConditionsFit(Summarised, Plotted):
         """Format a table of the estimates with 95 % confidence intervals, followed by the certificate and the tests."""
         conditions = ", ".join(f"{c:g}" for c in self.curves)
         rows = [("", "estimate", "95 % interval")]
-        for name, one in self.estimates.items():
-            low, high = one.interval()
+        for name, estimate in self.estimates.items():
+            low, high = estimate.interval()
             interval = "undetermined" if math.isinf(high) else f"{low:.4g} … {high:.4g}"
-            rows.append((name, f"{one.value:.4g}", f"acts as {one.acts_as}" if one.acts_as else interval))
+            rows.append(
+                (name, f"{estimate.value:.4g}", f"acts as {estimate.acts_as}" if estimate.acts_as else interval)
+            )
         lines = [f"{self.structure} at {self.condition} {conditions}", *align(rows)]
         if self.lower_bound is not None:
             gap = (self.objective - self.lower_bound) / self.objective if self.objective > 0 else 0.0
@@ -167,15 +167,14 @@ class ConditionsFit(Summarised, Plotted):
         """Return the result as plain numbers, lists and strings for JSON."""
         return {
             "condition": self.condition, "model": self.structure, "varies": dict(self.varies),
-            "estimates": {
-                name: {
-                    "value": one.value,
-                    "standard_error": one.error if math.isfinite(one.error) else None,
-                    "interval": [end if math.isfinite(end) else None for end in one.interval()],
-                    "acts_as": one.acts_as,
-                }
-                for name, one in self.estimates.items()
-            },
+            "estimates": plain(
+                {
+                    name: {"value": estimate.value, "standard_error": estimate.error, "interval": estimate.interval(),
+                           "acts_as": estimate.acts_as}
+                    for name, estimate in self.estimates.items()
+                },
+                math.inf,
+            ),
             "objective": self.objective, "lower_bound": self.lower_bound, "weighting": self.weighting,
             "goodness_of_fit": {"statistic": self.statistic, "df": self.df, "pvalue": self.pvalue},
             "pvalue_constant": self.pvalue_constant,

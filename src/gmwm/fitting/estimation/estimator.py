@@ -4,41 +4,30 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Matrix
 from gmwm.base.errors import DataError, FitWarning, ModelError, OptionError
-from gmwm.base.remarks import Quantity, Remark
 from gmwm.fitting.estimation.conditions import fit_conditions
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit
-from gmwm.fitting.estimation.problem import pose, to_find
-from gmwm.fitting.estimation.result import Diagnostics, Fit
-from gmwm.fitting.estimation.reweighting import REWEIGHTED, First, Settled, settle
-from gmwm.fitting.estimation.solver import estimated, final, solve, solve_near, solve_sampled
+from gmwm.fitting.estimation.problem import pose
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.estimation.reweighting import REWEIGHTED, First, WeightedSolution, settle
+from gmwm.fitting.estimation.solver import final, solve, solve_sampled
 from gmwm.fitting.estimation.starts import Sampled
 from gmwm.fitting.estimation.weighting import Weighting, usual_weighting, weighting_matrix, weighting_remarks
 from gmwm.measuring.regression.against import Against, Asked
 from gmwm.measuring.regression.api import regressed_variance
-from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY, require_robust
 from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
-from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.equivalence import likeness
 from gmwm.theory.processes.model import Model, as_model
-
-NEAR = 1e-6
-"""Relative change of the fitted curve below which `refitted` stops. It is smaller than the relative standard error
-√(2/N) of ν̂² for the longest recording that `gmwm.plan` accepts, which has 2⁴⁰ samples."""
-AGAIN = 2
-"""Largest number of iterations of `refitted`, each of which ends with a search. Only models that do not describe the
-data need more (tests/estimation/test_weights.py)."""
 
 Curve = WaveletVariance | Signal | ArrayLike
 """A recording, or its wavelet variance."""
@@ -48,46 +37,26 @@ OneOrSeveral = Curve | Sequence[WaveletVariance] | Sequence[Signal]
 
 @overload
 def fit(
-    model: Model | Process | str,
-    data: OneOrSeveral,
-    rate: float | None = None,
-    *,
-    weighting: Weighting | None = None,
-    robust: bool = False,
-    efficiency: float = 0.6,
-    certify: bool = True,
-    start: Sampled | None = None,
+    model: Model | Process | str, data: OneOrSeveral, rate: float | None = None, *, weighting: Weighting | None = None,
+    robust: bool = False, efficiency: float = 0.6, certify: bool = True, start: Sampled | None = None,
     against: Against = None,
-) -> Fit: ...
+) -> Fit: ...  # fmt: skip
 
 
 @overload
 def fit(
-    model: Model | Process | str,
-    data: Mapping[float, WaveletVariance | Signal | ArrayLike],
-    rate: float | None = None,
-    *,
-    weighting: Weighting | None = None,
-    robust: bool = False,
-    efficiency: float = 0.6,
-    certify: bool = True,
+    model: Model | Process | str, data: Mapping[float, WaveletVariance | Signal | ArrayLike], rate: float | None = None,
+    *, weighting: Weighting | None = None, robust: bool = False, efficiency: float = 0.6, certify: bool = True,
     varies: Mapping[str, str] | None = None,
-) -> ConditionsFit: ...
+) -> ConditionsFit: ...  # fmt: skip
 
 
 def fit(
-    model: Model | Process | str,
-    data: OneOrSeveral | Mapping[float, WaveletVariance | Signal | ArrayLike],
-    rate: float | None = None,
-    *,
-    weighting: Weighting | None = None,
-    robust: bool = False,
-    efficiency: float = 0.6,
-    certify: bool = True,
-    start: Sampled | None = None,
-    against: Against = None,
+    model: Model | Process | str, data: OneOrSeveral | Mapping[float, WaveletVariance | Signal | ArrayLike],
+    rate: float | None = None, *, weighting: Weighting | None = None, robust: bool = False, efficiency: float = 0.6,
+    certify: bool = True, start: Sampled | None = None, against: Against = None,
     varies: Mapping[str, str] | None = None,
-) -> Fit | ConditionsFit:
+) -> Fit | ConditionsFit:  # fmt: skip
     """Fit a sum of noise processes to a signal or to its wavelet variance.
 
     The estimate is the global minimum θ̂ = argmin (ν̂ − ν(θ))ᵀ Ω (ν̂ − ν(θ)), where ν̂ is the measured wavelet
@@ -186,47 +155,36 @@ def fit(
     >>> print(f"{found.parameters['WN.sigma2']:.2e}")
     4.00e-06
     """
-    wanted = as_model(model)
+    terms = as_model(model)
     if start is not None and not isinstance(start, Sampled):
         raise OptionError(
-            argument="start",
-            expected="a gmwm.estimation.Sampled object",
-            got=start,
+            argument="start", expected="a gmwm.estimation.Sampled object", got=start,
             advice="Write starting values into the model, for example `GM(beta=0.1)`.",
-        )
+        )  # fmt: skip
     if isinstance(data, Mapping):
         return _fitted_conditions(
-            wanted, data, rate, varies, weighting=weighting, robust=robust, efficiency=efficiency, certify=certify,
+            terms, data, rate, varies, weighting=weighting, robust=robust, efficiency=efficiency, certify=certify,
             others={"start": start, "against": against},
         )  # fmt: skip
     if varies is not None:
         raise OptionError(
-            "varies needs recordings at known conditions",
-            argument="varies",
-            got=varies,
+            "varies needs recordings at known conditions", argument="varies", got=varies,
             advice="Pass a mapping, for example `{{0.0: rest, 50.0: slow}}`.",
-        )
-    wv = measured(data, rate, robust, efficiency, against=against)
+        )  # fmt: skip
+    wv = measure(data, rate, robust, efficiency, against=against)
     first = None if start is None else _draws(start, wv, data)
-    chosen = usual_weighting(wanted) if weighting is None else weighting
-    found = fit_quietly(wanted, wv, chosen, certify=certify, first=first)
-    for remark in found.diagnostics.remarks:
+    chosen = usual_weighting(terms) if weighting is None else weighting
+    result = fit_quietly(terms, wv, chosen, certify=certify, first=first)
+    for remark in result.diagnostics.remarks:
         warnings.warn(FitWarning(remark), stacklevel=2)
-    return found
+    return result
 
 
 def _fitted_conditions(
-    model: Model,
-    data: Mapping[float, WaveletVariance | Signal | ArrayLike],
-    rate: float | None,
-    varies: Mapping[str, str] | None,
-    *,
-    weighting: Weighting | None,
-    robust: bool,
-    efficiency: float,
-    certify: bool,
+    model: Model, data: Mapping[float, WaveletVariance | Signal | ArrayLike], rate: float | None,
+    varies: Mapping[str, str] | None, *, weighting: Weighting | None, robust: bool, efficiency: float, certify: bool,
     others: Mapping[str, object],
-) -> ConditionsFit:
+) -> ConditionsFit:  # fmt: skip
     """Check the options of a fit to recordings at known conditions, and fit them."""
     for name, value in others.items():
         if value is not None:
@@ -238,29 +196,13 @@ def _fitted_conditions(
     bad = [key for key in keys if isinstance(key, bool) or not isinstance(key, int | float | np.number)]
     if bad or not all(math.isfinite(key) for key in data):
         raise OptionError(argument="data", expected="conditions that are finite numbers", got=bad[0] if bad else keys)
-    curves = {float(condition): measured(one, rate, robust, efficiency) for condition, one in data.items()}
+    curves = {float(condition): measure(curve, rate, robust, efficiency) for condition, curve in data.items()}
     return fit_conditions(model, curves, varies or {}, weighting=chosen, certify=certify)
 
 
-def refitted(fit: Fit, wv: WaveletVariance) -> Fit:
-    """Fit the model of a fit to data that are almost the same as the data of the fit.
-
-    The weighting is the same, except that "diagonal" replaces "identity" and a matrix of the user.
-    """
-    if fit.weighting not in REWEIGHTED:
-        return fit_quietly(fit.model, wv, "diagonal", certify=False)
-    settled = settle(
-        fit.model, wv, fit.weighting, certify=False, start=fit.model, fixed=NEAR, returns=AGAIN,
-        first=solve_near, search=not any(len(to_find(process)) > 1 for process in fit.model.processes),
-    )  # fmt: skip
-    return as_fit(settled, wv, fit.weighting)
-
-
 def _draws(start: Sampled, wv: WaveletVariance, data: OneOrSeveral) -> First:
-    """Return the solver that starts from random draws.
-
-    Drifts are drawn in proportion to the range of the samples, or to the known slope of the data.
-    """
+    """Return the solver that starts from random draws. Drifts are drawn in proportion to the range of the samples, or
+    to the known slope of the data."""
     if isinstance(data, WaveletVariance) or wv.recordings:
         spread = abs(wv.slope or 0.0)
     else:
@@ -274,43 +216,32 @@ def fit_quietly(
 ) -> Fit:
     """Fit a model like `fit`, but without Python warnings, because threads share the warning filters."""
     if isinstance(weighting, str) and weighting in REWEIGHTED:
-        return as_fit(settle(model, wv, weighting, certify=certify, first=first), wv, weighting)
+        return Fit.of(settle(model, wv, weighting, certify=certify, first=first), wv, weighting)
     matrix = weighting_matrix(weighting, wv)
     problem = pose(model, wv, matrix)
     solution = solve(problem, certify=certify) if first is None else final(problem, first(problem), certify=certify)
-    settled = Settled(problem, solution, weighting_remarks(matrix, wv))
-    return as_fit(settled, wv, weighting if isinstance(weighting, str) else "matrix")
+    settled = WeightedSolution(problem, solution, weighting_remarks(matrix, wv))
+    return Fit.of(settled, wv, weighting if isinstance(weighting, str) else "matrix")
 
 
-def measured(
-    data: OneOrSeveral,
-    rate: float | None,
-    robust: bool,
-    efficiency: float,
-    against: Against = None,
+def measure(
+    data: OneOrSeveral, rate: float | None, robust: bool, efficiency: float, against: Against = None
 ) -> WaveletVariance:
-    """Return the wavelet variance to which a model is fitted.
-
-    It is the wavelet variance of a signal, the pooled wavelet variance of several recordings, or `data` itself.
-
-    Raises
-    ------
-    OptionError
-        If an option contradicts the data.
-    """
-    asked = Asked.of(against)
+    """Return the wavelet variance to which a model is fitted. It is the wavelet variance of a signal, the pooled
+    wavelet variance of several recordings, or `data` itself. Raises OptionError if an option contradicts the data."""
+    conditions = Asked.of(against)
     several = _several(data)
     if several is None:
-        return _measured(cast("Curve", data), rate, robust, efficiency, asked=asked)
+        return _measure(cast("Curve", data), rate, robust, efficiency, asked=conditions)
     if not several:
         raise DataError(argument="data", expected="at least one recording", got=data)
-    if any(term.is_measured for term in asked.terms):
+    if any(term.is_measured for term in conditions.terms):
         raise OptionError(
             "against has an array, which belongs to one recording, but there are several",
             argument="against",
             advice="Remove its effect from each recording by `wavelet_variance(x, against=…)`, and pass the curves.",
         )
-    curves = [_measured(one, rate, robust, efficiency, asked=asked) for one in several]
+    curves = [_measure(recording, rate, robust, efficiency, asked=conditions) for recording in several]
     return pool({str(k): wv for k, wv in enumerate(curves, start=1)})
 
 
@@ -321,20 +252,18 @@ def _several(data: object) -> list[Curve] | None:
     return None
 
 
-def _measured(data: Curve, rate: float | None, robust: bool, efficiency: float, *, asked: Asked) -> WaveletVariance:
+def _measure(data: Curve, rate: float | None, robust: bool, efficiency: float, *, asked: Asked) -> WaveletVariance:
     if asked.terms:
         wv = regressed_variance(data, rate, asked, robust=robust, efficiency=efficiency)
     elif isinstance(data, WaveletVariance):
         if rate is not None and rate != data.rate:
             raise OptionError(
-                argument="rate",
-                expected=f"{data.rate:g}, the sampling rate of the wavelet variance (Hz)",
-                got=rate,
+                argument="rate", expected=f"{data.rate:g}, the sampling rate of the wavelet variance (Hz)", got=rate,
                 advice="Leave {--rate} out.",
-            )
+            )  # fmt: skip
         wv = _as_measured(data, robust, efficiency)
     else:
-        wv = signal_wavelet_variance(data, rate, robust=robust, efficiency=efficiency)
+        wv = wavelet_variance(data, rate, robust=robust, efficiency=efficiency)
     if not np.any(wv.variance > 0):
         raise ModelError(
             "the signal is constant: its wavelet variance is zero at every level",
@@ -347,77 +276,14 @@ def _as_measured(wv: WaveletVariance, robust: bool, efficiency: float) -> Wavele
     """Check that `robust` and `efficiency` do not contradict a wavelet variance, and return it."""
     if robust and not wv.robust:
         raise OptionError(
-            argument="robust",
-            expected="False if the data are a classical wavelet variance",
-            got=robust,
+            argument="robust", expected="False if the data are a classical wavelet variance", got=robust,
             advice="Pass the signal, or its robust wavelet variance.",
-        )
+        )  # fmt: skip
     if not wv.robust:
         require_robust(robust, efficiency)
     elif efficiency not in (EFFICIENCY, wv.efficiency):
         raise OptionError(
-            argument="efficiency",
-            expected=f"{wv.efficiency:g}, the efficiency of the wavelet variance",
-            got=efficiency,
-            advice="Leave {--efficiency} out, or pass the signal.",
-        )
+            argument="efficiency", expected=f"{wv.efficiency:g}, the efficiency of the wavelet variance",
+            got=efficiency, advice="Leave {--efficiency} out, or pass the signal.",
+        )  # fmt: skip
     return wv
-
-
-def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
-    """Return the `Fit` for a solved problem, with its terms sorted."""
-    problem, solution = settled.problem, settled.solution
-    processes = estimated(problem, solution, wv.slope).processes
-    model = Model(processes).sorted(wv.rate)
-    label = {id(process): term for term, process in zip(model.terms, model.processes, strict=True)}
-    found = {label[id(processes[place])]: term for place, term in zip(problem.shaped, solution.terms, strict=True)}
-    free = (*problem.linear, *problem.shaped)
-    acts_as = {name: term.acts_as for name, term in sorted(found.items()) if term.acts_as is not None}
-    zero = tuple(sorted(label[id(processes[place])] for place in free if processes[place].scale == 0))
-    remarks = (*_of_terms(model, acts_as, zero, wv=wv, matrix=problem.matrix), *settled.remarks)
-    diagnostics = Diagnostics(
-        acts_as=acts_as, not_supported=zero, nodes=solution.nodes, start=solution.start, remarks=remarks
-    )
-    decomposition = model.decomposition(wv.levels, wv.rate, wv.filter)
-    return Fit(
-        wavelet_variance=wv,
-        model=model,
-        parameters={name: v for name, v in model.parameters.items() if v is not None},
-        objective=solution.objective,
-        lower_bound=solution.lower_bound,
-        relaxed_bound=solution.relaxed_bound,
-        implied=np.asarray(sum(decomposition.values()), dtype=np.float64),
-        decomposition=decomposition,
-        weighting=weighting,
-        weighting_matrix=problem.matrix,
-        diagnostics=diagnostics,
-    )
-
-
-def _of_terms(
-    model: Model, acts_as: Mapping[str, str], zero: Sequence[str], *, wv: WaveletVariance, matrix: Matrix
-) -> Iterator[Remark]:
-    """Yield remarks about terms that act as another process, terms that are zero, and the parameters of other terms."""
-    processes = dict(zip(model.terms, model.processes, strict=True))
-    for term, name in acts_as.items():
-        like = likeness(
-            processes[term], name, levels=wv.levels, rate=wv.rate, filter=find_filter(wv.filter), matrix=matrix
-        )
-        if like is None:
-            yield Remark.of("acts-as", wv.axis, term=term, process=name, known="no")
-        else:
-            parameter = like.scale_parameter()
-            yield Remark.of(
-                "acts-as",
-                wv.axis,
-                term=term,
-                process=name,
-                known="yes",
-                parameter=f"{like.name}.{parameter.name}",
-                amount=Quantity(like.value(parameter.name), parameter.unit(wv.unit)),
-            )
-    for term in zero:
-        yield Remark.of("term-zero", wv.axis, term=term)
-    for term, process in processes.items():
-        if process.scale > 0 and term not in acts_as:
-            yield from (remark.about(wv.axis) for remark in process.remarks(term, wv.samples, wv.rate))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gmwm.base import _core
 from gmwm.base.arrays import Vector
-from gmwm.fitting.estimation.atoms import NEIGHBOURS, SAFETY, Grid, Place
+from gmwm.fitting.estimation.atoms import NEIGHBOURS, SAFETY, Place, ShapeGrid
 from gmwm.fitting.estimation.branch_and_bound import (
     ACTS_AS,
     CERTIFIED_GAP,
@@ -27,9 +27,9 @@ from gmwm.fitting.estimation.branch_and_bound import (
     SETTLED,
     TABLE_ERROR,
     WIDTHS,
-    Found,
     Optimum,
     Search,
+    SearchResult,
 )
 from gmwm.fitting.estimation.problem import Problem
 from gmwm.fitting.estimation.weighting import Weights
@@ -41,11 +41,9 @@ _LIMITS = np.array(
 
 
 def search_of(problem: Problem) -> Search:
-    """Return the search for the curved processes of a problem, which uses the kernel if it knows these processes.
-
-    The kernel is only used if the class of the processes defines `search` itself, because a subclass that inherits
-    `search` may have another wavelet variance.
-    """
+    """Return the search for the curved processes of a problem, which uses the kernel if it knows these processes. The
+    kernel is only used if the class of the processes defines `search` itself, because a subclass that inherits `search`
+    may have another wavelet variance."""
     kind = problem.curved_class
     assert kind is not None
     closed = problem.filter is HAAR and "search" in vars(kind)
@@ -54,7 +52,7 @@ def search_of(problem: Problem) -> Search:
     return Search(problem, kind)
 
 
-def _weighted(grid: Grid, weights: Weights) -> _core.WeightedTable:
+def _weigh_grid(grid: ShapeGrid, weights: Weights) -> _core.WeightedTable:
     return _core.WeightedTable(
         weights.root, weights.positive, grid.owner, grid.nodes, grid.spacing, grid.values, grid.slopes,
         grid.middle_values, SAFETY, NEIGHBOURS,
@@ -79,28 +77,28 @@ class ExponentialSearch(Search):
             np.array(rows, dtype=np.float64), problem.rate, innovation, _LIMITS, np.array(WIDTHS),
         )  # fmt: skip
 
-    def optimum(self, *, certify: bool) -> Found:
+    def optimum(self, *, certify: bool) -> SearchResult:
         """Return the global optimum on the exact curve, with lower bounds and the `ends` of its places."""
         weights = self.problem.weights
         weighted = weights.tables.get(self.grid)
         if weighted is None:
-            weighted = weights.tables[self.grid] = _weighted(self.grid, weights)
-        found, bound, relaxed, table, nodes = self.kernel.solve(
+            weighted = weights.tables[self.grid] = _weigh_grid(self.grid, weights)
+        values, bound, relaxed, table, nodes = self.kernel.solve(
             weighted, len(self.problem.curved), CERTIFY_NODES if certify else QUICK_NODES, self._starts()
         )
-        return Found(self.found(*found), bound=bound, relaxed=relaxed, table=table, nodes=nodes)
+        return SearchResult(self.optimum_of(*values), bound=bound, relaxed=relaxed, table=table, nodes=nodes)
 
-    def followed(self, places: list[Place], *, ends: bool = False) -> Optimum:
+    def follow(self, places: list[Place], *, ends: bool = False) -> Optimum:
         """Return the local optimum nearest to `places`, the optimum of the problem with slightly different weights."""
-        return self.found(*self.kernel.follow(*self.coordinates(places), ends))
+        return self.optimum_of(*self.kernel.follow(*self.coordinates(places), ends))
 
     def coordinates(self, places: Sequence[Place]) -> tuple[NDArray[np.int64], Vector]:
         """Return the indices of the branches of the places, and the search coordinates of the places."""
-        known = [branch.exponential for branch in self.grid.branches]
-        owner = [known.index(branch.exponential) for branch, _ in places]
+        forms = [branch.exponential for branch in self.grid.branches]
+        owner = [forms.index(branch.exponential) for branch, _ in places]
         return np.array(owner, dtype=np.int64), np.array([u for _, u in places], dtype=np.float64)
 
-    def found(self, objective: float, branches: list[int], u: Vector, weights: Vector, ends: list[int]) -> Optimum:
+    def optimum_of(self, objective: float, branches: list[int], u: Vector, weights: Vector, ends: list[int]) -> Optimum:
         """Return the optimum for the values that the kernel returns."""
         places = [(self.grid.branches[k], at) for k, at in zip(branches, u.tolist(), strict=True)]
         return Optimum(objective, places, weights, tuple(ends))

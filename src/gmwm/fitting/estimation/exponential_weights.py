@@ -31,59 +31,38 @@ def search_for_weights(problem: Problem, design: Design) -> ExponentialSearch | 
 
 
 def _kind(process: Process) -> int | None:
-    """Return the number by which the kernel knows a process without a shape; None if the kernel does not know it.
-
-    The attribute `elementary` of a class states that the kernel has its `coefficient_covariance`: "white" for white
-    noise, "walk" for a random walk, "spike" for quantization noise, or "drift". It is not inherited, because a subclass
-    may have another covariance.
-    """
+    """Return the number by which the kernel knows a process without a shape; None if it does not. The class attribute
+    `elementary` states that the kernel has its `coefficient_covariance`; it is not inherited, because a subclass may
+    have another one."""
     form = vars(type(process)).get("elementary")
     return None if form is None else _KINDS.index(form)
 
 
-def reweighted(
+def reweight(
     search: ExponentialSearch, solution: Solution, design: Design, options: Vector
 ) -> tuple[Optimum, Vector, float, float] | None:
-    """Iterate the estimate and the weights 1 / V_jj.
-
-    Parameters
-    ----------
-    search : ExponentialSearch
-        Search with the kernel of the problem.
-    solution : Solution
-        Estimate from which the iteration starts.
-    design : Design
-        Design for weights, see `Design.for_weights`.
-    options : (7,) array
-        The constants PRIOR, FIXED, FAR, CUTOFF, ROUNDS, HOPE and MIXED of `gmwm.estimation.reweighting`, in this order.
-
-    Returns
-    -------
-    tuple of Optimum, (J,) array, float, float
-        Optimum, weights, relative change of the curve in the last iteration, and expected change in the next one. None
-        if the model has no noise at some level.
-    """
+    """Iterate the estimate and the weights 1 / V_jj from `solution`, with a design for weights. `options` (7,) are
+    PRIOR, FIXED, FAR, CUTOFF, ROUNDS, HOPE and MIXED of `gmwm.estimation.reweighting`. Returns the optimum, the
+    weights, the last relative change of the curve and the expected next one; None if the model has no noise at some
+    level."""
     problem, processes = search.problem, search.problem.model.processes
     linear = [processes[place] for place in problem.linear]
     counts, added = design.counts, design.added
     segments = []
     for length, times in lengths_of(design.lengths):
-        one = design.segment(length, counts) if design.segments else design
-        if one is not None:
-            segments.append((length, times, one.levels.size))
+        part = design.segment(length, counts) if design.segments else design
+        if part is not None:
+            segments.append((length, times, part.levels.size))
     powers = [process.scale_parameter().scale_power or 1 for process in linear]
     cumulant = sum(type(process).standard().error_cumulant for process in linear)
     data = [
-        problem.observed,
-        design.degrees_of_freedom,
-        counts,
-        np.zeros(counts.size) if added is None else np.diag(added),
-    ]
-    found = search.kernel.reweight(
+        problem.observed, design.degrees_of_freedom, counts, np.zeros(counts.size) if added is None else np.diag(added),
+    ]  # fmt: skip
+    result = search.kernel.reweight(
         design.levels, np.array(data, dtype=np.float64), np.array(segments, dtype=np.float64),
         np.array([_kind(process) for process in linear], dtype=np.int64), np.array(powers, dtype=np.float64),
         problem.shapes, np.array([design.loss_factor, ROUNDING, cumulant, *options]), solution.scales,
         np.array([(term.values[0], term.scale) for term in solution.terms], dtype=np.float64),
         *search.coordinates(solution.places),
     )  # fmt: skip
-    return None if found is None else (search.found(*found[0]), *found[1:])
+    return None if result is None else (search.optimum_of(*result[0]), *result[1:])

@@ -17,18 +17,12 @@ if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
 
 COLLINEAR = 1e-9
-"""Relative singular value of the Jacobian below which the data do not determine a direction of the parameters.
-Parameters with the same effect on the curve then have infinite standard errors (tests/inference/test_plan.py)."""
-NO_COEFFICIENT = 1e-8
-"""Value that replaces a coefficient of exactly zero, because errors are relative to the values of parameters."""
+"""Relative singular value of the Jacobian below which a direction is not determined (tests/inference/test_plan.py)."""
 
 
 def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matrix:
-    """Compute the covariance B V Bᵀ (p, p) of parameters, with B = (DᵀΩD)⁻¹DᵀΩ.
-
-    `slopes` is the Jacobian D (J, p), `matrix` is Ω and `wavelet` is V. The variance of a parameter that the Jacobian
-    does not determine is infinite.
-    """
+    """Compute the covariance B V Bᵀ (p, p) of parameters, with B = (DᵀΩD)⁻¹DᵀΩ. `slopes` is the Jacobian D (J, p),
+    `matrix` is Ω and `wavelet` is V. The variance of a parameter that the Jacobian does not determine is infinite."""
     if slopes.shape[1] == 0:
         return np.zeros((0, 0))
     root = square_root(matrix)
@@ -40,28 +34,32 @@ def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matr
     return (result + result.T) / 2
 
 
-def parameter_gain(weighted: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
-    """Return the pseudoinverse (p, J) of a weighted Jacobian LD (J, p), and a mask of undetermined parameters.
+def usable_in(design: Design) -> NDArray[np.bool_]:
+    """Return a mask (J,) of the levels of a design that have enough degrees of freedom for a test.
 
-    The mask (p,) marks the parameters that the Jacobian does not determine.
+    At the threshold, a test at the 5 % level has this size (docs/validation/goodness.md and recordings.md).
+    If all levels of a recording are available, the two coarsest are left out.
     """
+    return np.asarray(design.degrees_of_freedom > 3.0)
+
+
+def parameter_gain(weighted: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
+    """Return the pseudoinverse (p, J) of a weighted Jacobian LD (J, p), and a mask of undetermined parameters. The mask
+    (p,) marks the parameters that the Jacobian does not determine."""
     length = np.linalg.norm(weighted, axis=0)
     seen = length > 0
-    left, strength, right = np.linalg.svd(weighted[:, seen] / length[seen], full_matrices=False)
+    axes, strength, right = np.linalg.svd(weighted[:, seen] / length[seen], full_matrices=False)
     clear = strength > COLLINEAR * strength.max(initial=0.0)
     gain = np.zeros(weighted.shape[::-1])
-    gain[seen] = (right[clear].T / strength[clear]) @ left[:, clear].T / length[seen, None]
+    gain[seen] = (right[clear].T / strength[clear]) @ axes[:, clear].T / length[seen, None]
     lost = ~seen
     lost[seen] = 1 - np.sum(right[clear] ** 2, axis=0) > 1e-12
     return gain, lost
 
 
-def unexplained(left: Vector, slopes: Matrix) -> tuple[float, int]:
+def square_of_rest(left: Vector, slopes: Matrix) -> tuple[float, int]:
     """Return the squared length of the part of a vector that is orthogonal to some columns, and the rank of the
-    columns.
-
-    `left` is the vector (J,), and `slopes` has the columns (J, p).
-    """
+    columns. `left` is the vector (J,), and `slopes` has the columns (J, p)."""
     length = np.linalg.norm(slopes, axis=0)
     axes, strength, _ = np.linalg.svd(slopes[:, length > 0] / length[length > 0], full_matrices=False)
     clear = strength > COLLINEAR * strength.max(initial=0.0)
@@ -70,10 +68,8 @@ def unexplained(left: Vector, slopes: Matrix) -> tuple[float, int]:
 
 
 def columns_of(model: Model, acts_as: Mapping[str, str]) -> tuple[list[str], set[str]]:
-    """Return the names of the parameters that are estimated, and the set of those that are reported.
-
-    The shape of a term that acts as another process is not estimated, and its scale is not reported.
-    """
+    """Return the names of the parameters that are estimated, and the set of those that are reported. The shape of a
+    term that acts as another process is not estimated, and its scale is not reported."""
     columns, reported = [], set()
     for term, process in zip(model.terms, model.processes, strict=True):
         if process.scale == 0:
@@ -102,12 +98,13 @@ def slopes_of(fit: Fit) -> Matrix:
     if "_slopes" not in fit.__dict__:
         columns, _ = columns_of(fit.model, fit.diagnostics.acts_as)
         fit.__dict__["_slopes"] = freeze(relative_jacobian(fit.model, Design.of(fit.wavelet_variance), columns))
-    found: Matrix = fit.__dict__["_slopes"]
-    return found
+    slopes: Matrix = fit.__dict__["_slopes"]
+    return slopes
 
 
 def sizes_of(model: Model, names: list[str] | tuple[str, ...]) -> Vector:
     """Return the values of the parameters `names`, with `NO_COEFFICIENT` for a coefficient of exactly zero."""
     parameters = model.parameters
     values = np.array([parameters[name] for name in names], dtype=np.float64)
-    return np.where(values == 0, NO_COEFFICIENT, values)
+    # Value that replaces a coefficient of exactly zero, because errors are relative to the values of parameters.
+    return np.where(values == 0, 1e-8, values)

@@ -18,37 +18,18 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
 
 ROUNDING = 8 * float(np.finfo(np.float64).eps)
-"""Relative error of each product L_jk ν_k² in the residual, which is four times the error of 2 ε measured on exact
-curves.
-
-Pinned by tests/estimation/test_last_places.py.
-"""
+"""Relative error of each product L_jk ν_k², four times the measured one (tests/estimation/test_last_places.py)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Problem of estimating the non-negative scales of all processes and the shapes of some.
-
-    The objective (ν̂ − ν)ᵀ Ω (ν̂ − ν) equals `unit`² |target − Σ c a − Σ x g|². The vectors a belong to processes of
-    known shape and the vectors g to processes of free shape; all have length one. The coefficients c and x are
-    proportional to the scales. `unit` is a power of two, so that data scaled by a power of two give exactly the same
-    problem.
-
-    Attributes
-    ----------
-    linear : tuple of int
-        Indices, in the model, of the processes without a free shape parameter.
-    curved : tuple of int
-        Indices of the processes with one free shape parameter that branch and bound searches; all are of one class.
-    free : tuple of int
-        Indices of the other processes, whose shapes are found from starting values; sorted by name.
-    shapes : (n linear, J) array
-        Wavelet variances of the linear processes for scale coefficient 1.
-    observed : (J,) array, in the signal's unit²
-        Measured ν̂² minus the wavelet variance of the processes whose parameters are all fixed.
-    weights : Weights
-        Weighting matrix Ω and its root L. Problems that share this object share what depends on Ω only.
-    """
+    """Problem of estimating the non-negative scales of all processes and the shapes of some. The objective (ν̂ − ν)ᵀ Ω
+    (ν̂ − ν) equals `unit`² |target − Σ c a − Σ x g|², with unit vectors a of processes of known shape and g of free
+    shape; c and x are proportional to the scales. `unit` is a power of two, so that data scaled by a power of two give
+    the same problem. `linear`, `curved` and `free` are indices of processes without a free shape, with one that branch
+    and bound searches (all of one class), and of the others, sorted by name. `shapes` (n linear, J) are wavelet
+    variances for scale coefficient 1. `observed` (J,) is ν̂² minus the wavelet variance of processes that are entirely
+    fixed. Problems that share `weights` share what depends on Ω only."""
 
     model: Model
     levels: NDArray[np.int64]
@@ -87,7 +68,7 @@ class Problem:
     @cached_property
     def fixed(self) -> Matrix:
         """Unit vectors a (n linear, J) of the linear processes."""
-        return self.weighted(self.shapes)
+        return self.unit_rows(self.shapes)
 
     @cached_property
     def rounding(self) -> float:
@@ -97,48 +78,38 @@ class Problem:
 
     def as_low(self, objective: float, least: float, share: float) -> bool:
         """Return whether an objective exceeds `least` by at most a relative `share` plus the rounding error of the
-        residual.
-
-        If the data equal the curve of a model, objectives are squared rounding errors. Without the second part, the
-        order of summation would decide which one is smaller.
-        """
+        residual. If the data equal the curve of a model, objectives are squared rounding errors. Without the second
+        part, the order of summation would decide which one is smaller."""
         return objective <= (1 + share) * (sqrt(least) + self.rounding) ** 2
 
     def under(self, matrix: Matrix) -> Problem:
         """Return the same problem with another weighting matrix Ω."""
         weights = Weights(matrix)
-        unit, target = weighed(self.observed, weights)
+        unit, target = weigh(self.observed, weights)
         return replace(self, weights=weights, unit=unit, target=target)
 
     def observing(self, observed: Vector) -> Problem:
         """Return the same problem for other data."""
-        unit, target = weighed(observed, self.weights)
+        unit, target = weigh(observed, self.weights)
         return replace(self, observed=observed, unit=unit, target=target)
 
-    def weighted(self, shapes: Matrix) -> Matrix:
+    def unit_rows(self, shapes: Matrix) -> Matrix:
         """Multiply each row of wavelet variances by L, and scale it to length one."""
         rows = shapes @ self.root.T
         return np.ascontiguousarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
     def scales(self, shapes: Matrix, weights: Vector) -> Vector:
-        """Return the scale coefficients of processes from the coefficients (c or x) of their unit vectors.
-
-        `shapes` has the wavelet variances of the processes for scale coefficient 1.
-        """
+        """Return the scale coefficients of processes from the coefficients (c or x) of their unit vectors. `shapes` has
+        the wavelet variances of the processes for scale coefficient 1."""
         return np.asarray(weights * self.unit / np.linalg.norm(shapes @ self.root.T, axis=1))
 
 
 def pose(model: Model, wv: WaveletVariance, matrix: Matrix | Weights) -> Problem:
-    """Return the problem of fitting `model` to `wv` with the weighting matrix Ω, or with shared weights.
-
-    Raises
-    ------
-    ModelError
-        If the model has no free parameter, or more free parameters than there are levels; if a scale is fixed while a
-        shape parameter of the same process is free; or if the wavelet filter removes one of the processes.
-    """
+    """Return the problem of fitting `model` to `wv` with the weighting matrix Ω, or with shared weights. Raises
+    ModelError if the model has no free parameter, or more free parameters than there are levels; if a scale is fixed
+    while a shape parameter of the same process is free; or if the wavelet filter removes one of the processes."""
     linear, shaped, held = by_kind(model)
-    curved, free = searched(model, shaped)
+    curved, free = divide_shaped(model, shaped)
     count = len(linear) + sum(1 + len(to_find(model.processes[place])) for place in shaped)
     if count == 0:
         raise ModelError(
@@ -151,31 +122,21 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix | Weights) -> Problem
             advice="Record longer, or use a smaller model.",
         )
     levels, rate, filter = wv.levels, wv.rate, find_filter(wv.filter)
-    known = np.zeros(len(wv))
+    offset = np.zeros(len(wv))
     for place in held:
-        known += model.processes[place].wavelet_variance(levels, rate, filter)
+        offset += model.processes[place].wavelet_variance(levels, rate, filter)
     shapes = [unit_shape(model.processes[place], levels, rate, filter) for place in linear]
-    observed = wv.variance - known
+    observed = wv.variance - offset
     weights = matrix if isinstance(matrix, Weights) else Weights(matrix)
-    unit, target = weighed(observed, weights)
+    unit, target = weigh(observed, weights)
     return Problem(
-        model=model,
-        levels=levels,
-        rate=rate,
-        filter=filter,
-        samples=wv.longest,
-        observed=observed,
-        weights=weights,
-        unit=unit,
-        target=target,
-        linear=linear,
-        curved=curved,
-        free=free,
+        model=model, levels=levels, rate=rate, filter=filter, samples=wv.longest, observed=observed, weights=weights,
+        unit=unit, target=target, linear=linear, curved=curved, free=free,
         shapes=np.array(shapes).reshape(len(shapes), len(wv)),
-    )
+    )  # fmt: skip
 
 
-def weighed(observed: Vector, weights: Weights) -> tuple[float, Vector]:
+def weigh(observed: Vector, weights: Weights) -> tuple[float, Vector]:
     """Return the `unit` of the problem, and the weighted data in this unit."""
     weighted = weights.root @ observed
     largest = float(np.abs(weighted).max())
@@ -184,13 +145,8 @@ def weighed(observed: Vector, weights: Weights) -> tuple[float, Vector]:
 
 
 def unit_shape(process: Process, levels: NDArray[np.int64], rate: float, filter: WaveletFilter) -> Vector:
-    """Return the wavelet variance (J,), for scale coefficient 1, of a process with a known shape.
-
-    Raises
-    ------
-    ModelError
-        If the wavelet variance is zero at every level.
-    """
+    """Return the wavelet variance (J,), for scale coefficient 1, of a process with a known shape. Raises ModelError if
+    the wavelet variance is zero at every level."""
     return _unit_shape(process, tuple(levels.tolist()), rate, filter)
 
 
@@ -213,13 +169,10 @@ def to_find(process: Process) -> tuple[int, ...]:
     return tuple(k for k, p in enumerate(process.nonlinear_parameters()) if not process.is_fixed(p.name))
 
 
-def searched(model: Model, shaped: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+def divide_shaped(model: Model, shaped: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Divide the processes with a free shape, at the indices `shaped`, into those that branch and bound searches and
-    others.
-
-    The search covers one class of processes. If the model has several such classes, the class with the most terms is
-    searched.
-    """
+    others. The search covers one class of processes. If the model has several such classes, the class with the most
+    terms is searched."""
     kinds = {place: type(model.processes[place]) for place in shaped}
     with_search = [kind for kind in kinds.values() if len(kind.nonlinear_parameters()) == 1 and kind.search(1024, 1.0)]
     chosen = max(with_search, key=lambda kind: (with_search.count(kind), kind.name), default=None)
@@ -240,10 +193,8 @@ def by_kind(model: Model) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, 
             if free:
                 raise ModelError(
                     f"{process}: {scale} is held while {', '.join(free)} is free",
-                    advice="Hold {free} too, or free {scale}.",
-                    free=tuple(free),
-                    scale=scale,
-                )
+                    advice="Hold {free} too, or free {scale}.", free=tuple(free), scale=scale,
+                )  # fmt: skip
             held.append(place)
         else:
             (shaped if free else linear).append(place)

@@ -21,7 +21,7 @@ import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.random_effects import Effects, confidence_of_mean, effects
-from gmwm.fitting.estimation.linearised import columns_of, parameter_gain, relative_jacobian, unexplained
+from gmwm.fitting.estimation.linearised import columns_of, parameter_gain, relative_jacobian, square_of_rest, usable_in
 from gmwm.fitting.estimation.weighting import precision, square_root
 from gmwm.measuring.covariance import Design, covariance
 from gmwm.theory.processes.parameter import Parameter
@@ -29,46 +29,21 @@ from gmwm.theory.processes.parameter import Parameter
 if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
 
-LEAST_FREEDOM = 3.0
-"""Degrees of freedom above which a level is used, as in the goodness-of-fit test (docs/validation/recordings.md)."""
 SURE = 0.002
-"""p-value below which recordings differ in a way that the parameters do not describe. It is the same as for the error
-of a model in `selection.search`."""
-SMALLEST = 1e-6
-"""Smallest relative difference between recordings, which is the relative standard error of ν̂² from 10¹² samples."""
-_HALVINGS = 40
-"""Number of steps of the bisection for this difference."""
+"""p-value of a difference that the parameters do not describe; the same as for the error in `selection.search`."""
 LONGEST = 5.0
-"""Largest step of the logarithm of a shape parameter. A recording that needs a larger step does not determine the
-parameter."""
+"""Largest step of the logarithm of a shape; recordings that need a larger one do not determine the parameter."""
 LEVEL = 0.95
-"""Confidence level at which an interval from the covariance is as wide as the interval for the mean of recordings with
-a spread."""
+"""Confidence level at which both kinds of intervals for the mean of recordings have the same width."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Deviations:
-    """Deviations of the recordings from a pooled fit, and the test that all recordings have the same parameters.
-
-    Attributes
-    ----------
-    recordings : tuple of str
-        Names of the R recordings.
-    names : tuple of str
-        Names of the p parameters that the data determine.
-    values : (R, p) array
-        Deviations δ_r, relative to the estimate; NaN if a recording does not determine a parameter.
-    covariances : (R, p, p) array
-        Covariance of δ_r without a spread between recordings; the variance is infinite where the deviation is NaN.
-    model_error : float
-        Relative difference between the recordings at each level that the parameters do not describe. The weights and
-        the covariances of the deviations account for it; the test does not.
-    statistic : float
-        Statistic H of the test. It is the statistic of the goodness-of-fit test of a fit with the same parameters for
-        all recordings, minus the sum of the statistics of fits with separate parameters for each recording.
-    df : int
-        Degrees of freedom of H.
-    """
+    """Deviations of R recordings from a pooled fit, and the test that all have the same p parameters `names`. `values`
+    (R, p) are δ_r, relative to the estimate, and `covariances` (R, p, p) their covariances without a spread; NaN and
+    infinite if a recording does not determine a parameter. They account for `model_error`, the relative difference at
+    each level that the parameters do not describe. `statistic` is the goodness-of-fit statistic with equal parameters
+    minus the sum of those with separate ones, with `df` degrees of freedom."""
 
     recordings: tuple[str, ...]
     names: tuple[str, ...]
@@ -105,33 +80,28 @@ class Deviations:
         with np.errstate(invalid="ignore"):
             apart = np.nan_to_num(self.values - self.effects.mean)
         length = np.linalg.norm(apart, axis=0)
-        found = (apart / np.where(length > 0, length, 1.0)).T @ (apart / np.where(length > 0, length, 1.0))
-        np.fill_diagonal(found, 1.0)
-        return np.asarray(found)
+        correlation = (apart / np.where(length > 0, length, 1.0)).T @ (apart / np.where(length > 0, length, 1.0))
+        np.fill_diagonal(correlation, 1.0)
+        return np.asarray(correlation)
 
     @property
     def of_mean(self) -> Matrix:
-        """Covariance (p, p) that the spread between recordings adds to the covariance of the pooled estimate.
-
-        With it, intervals are as wide as intervals that include the uncertainty of the estimated spread, whether a test
-        finds a spread or not. For equally accurate recordings, they are at least as wide as the t interval of their
-        mean, which holds for any spread. For recordings without a spread, this is four times the width without the
-        addition for two recordings, twice for three, and 1.3 times for five (docs/validation/recordings.md).
-        """
+        """Covariance (p, p) that the spread between recordings adds to the covariance of the pooled estimate. Intervals
+        then include the uncertainty of the estimated spread, whether a test finds one or not. For recordings without a
+        spread, they are four times as wide for two recordings, twice for three, and 1.3 times for five
+        (docs/validation/recordings.md)."""
         information = np.sum(np.where(np.isfinite(self.values), 1 / self.variances, 0.0), axis=0)
-        known = information > 0
-        half = half_widths(self.values.T[known], self.variances.T[known])
-        added = np.zeros(known.size)
+        informed = information > 0
+        half = half_widths(self.values.T[informed], self.variances.T[informed])
+        added = np.zeros(informed.size)
         width2 = (half / NormalDist().inv_cdf((1 + LEVEL) / 2)) ** 2
-        added[known] = np.sqrt(np.maximum(width2 - 1 / information[known], 0.0))
+        added[informed] = np.sqrt(np.maximum(width2 - 1 / information[informed], 0.0))
         return np.asarray(self.correlation * np.outer(added, added))
 
 
 def half_widths(x: Matrix, s2: Matrix) -> Vector:
     """Return the half widths (m,) of the 95 % confidence intervals of the means of m samples; see `Deviations.of_mean`.
-
-    `x` (m, n) has the n values of each sample, and `s2` (m, n) their variances without a spread between them.
-    """
+    `x` (m, n) has the n values of each sample, and `s2` (m, n) their variances without a spread between them."""
     alone = effects(x, s2, spread2=np.zeros(len(x)))
     half = NormalDist().inv_cdf((1 + LEVEL) / 2) * alone.error
     several = alone.count > 1
@@ -142,33 +112,18 @@ def half_widths(x: Matrix, s2: Matrix) -> Vector:
 
 
 def deviations(fit: Fit) -> Deviations:
-    """Compute the deviations of the recordings from a pooled fit; the result is stored with the fit.
-
-    Parameters
-    ----------
-    fit : Fit
-        Fit to several recordings, which are in `fit.wavelet_variance.recordings`.
-    """
+    """Compute the deviations of the recordings from a pooled fit; the result is stored with the fit. `fit`: fit to
+    several recordings, which are in `fit.wavelet_variance.recordings`."""
     if "_deviations" not in fit.__dict__:
         fit.__dict__["_deviations"] = _deviations(fit)
-    found: Deviations = fit.__dict__["_deviations"]
-    return found
+    result: Deviations = fit.__dict__["_deviations"]
+    return result
 
 
-class _Part(NamedTuple):
-    """Data of the K usable levels of one recording r.
-
-    Attributes
-    ----------
-    place : int
-        Index of the recording.
-    curve, left, apart : (K,) arrays
-        Fitted curve, and the differences of the curve of the recording from the fitted curve and from the pooled curve.
-    scatter : (K, K) array
-        Covariance V_r.
-    slopes : (K, p) array
-        Derivatives D_r.
-    """
+class _RecordingData(NamedTuple):
+    """Data of the K usable levels of one recording r. `place`: index of the recording. `curve`, `left`, `apart` (K,):
+    fitted curve, and the differences of the curve of the recording from the fitted curve and from the pooled curve.
+    `scatter` (K, K): covariance V_r. `slopes` (K, p): derivatives D_r."""
 
     place: int
     curve: Vector
@@ -193,50 +148,49 @@ def _deviations(fit: Fit) -> Deviations:
         root = part.root(error)
         gain, lost = parameter_gain(root @ part.slopes)
         values[part.place] = np.where(lost, np.nan, gain @ root @ part.left)
-        found = gain @ gain.T
-        found[lost] = found[:, lost] = 0.0
-        found[lost, lost] = np.inf
-        covariances[part.place] = found
+        spread = gain @ gain.T
+        spread[lost] = spread[:, lost] = 0.0
+        spread[lost, lost] = np.inf
+        covariances[part.place] = spread
     roots = [part.root(0.0) for part in parts]
     lefts = [root @ part.left for root, part in zip(roots, parts, strict=True)]
     slopes = [root @ part.slopes for root, part in zip(roots, parts, strict=True)]
-    own = [unexplained(left, slope) for left, slope in zip(lefts, slopes, strict=True)]
-    together, rank = unexplained(np.concatenate(lefts), np.concatenate(slopes)) if lefts else (0.0, 0)
+    fits = [square_of_rest(residual, slope) for residual, slope in zip(lefts, slopes, strict=True)]
+    together, rank = square_of_rest(np.concatenate(lefts), np.concatenate(slopes)) if lefts else (0.0, 0)
     return Deviations(
         recordings=tuple(fit.wavelet_variance.recordings), names=tuple(names), values=values, covariances=covariances,
-        model_error=error, statistic=together - sum(one[0] for one in own), df=sum(one[1] for one in own) - rank,
+        model_error=error, statistic=together - sum(square for square, _ in fits),
+        df=sum(count for _, count in fits) - rank,
     )  # fmt: skip
 
 
-def _parts(fit: Fit, names: list[str]) -> list[_Part]:
+def _parts(fit: Fit, names: list[str]) -> list[_RecordingData]:
     """Return the data of the recordings that have usable levels; `names` are the parameters."""
-    known: dict[object, tuple[Vector, Matrix, Matrix]] = {}
+    cache: dict[object, tuple[Vector, Matrix, Matrix]] = {}
     parts = []
     for k, wv in enumerate(fit.wavelet_variance.recordings.values()):
         design = Design.of(wv)
-        used = (design.degrees_of_freedom > LEAST_FREEDOM) & (wv.levels <= len(fit.wavelet_variance))
+        used = usable_in(design) & (wv.levels <= len(fit.wavelet_variance))
         design = design.only(used)
         if not np.any(used):
             continue
         key = (design.lengths, design.filled, design.strides, used.size, None if wv.excess is None else k)
-        if key not in known:
+        if key not in cache:
             curve = fit.model.wavelet_variance(design.levels, design.rate, design.filter)
-            known[key] = curve, covariance(fit.model, design), relative_jacobian(fit.model, design, names)
-        curve, scatter, slopes = known[key]
+            cache[key] = curve, covariance(fit.model, design), relative_jacobian(fit.model, design, names)
+        curve, scatter, slopes = cache[key]
         mean = fit.wavelet_variance.variance[: design.levels.size]
         variance = wv.variance[used]
-        parts.append(_Part(k, curve, left=variance - curve, apart=variance - mean, scatter=scatter, slopes=slopes))
+        parts.append(
+            _RecordingData(k, curve, left=variance - curve, apart=variance - mean, scatter=scatter, slopes=slopes)
+        )
     return parts
 
 
-def _error_between(parts: list[_Part]) -> float:
-    """Return the relative difference between the recordings at each level that the parameters do not describe.
-
-    It is 0 unless a test finds such a difference, for example in the shape of the noise at high frequencies. Without
-    it, the precise first levels would then determine the deviations of all parameters. It is chosen so that the
-    chi-square statistic of the part of the differences that the parameters do not describe equals its degrees of
-    freedom.
-    """
+def _error_between(parts: list[_RecordingData]) -> float:
+    """Return the relative difference between the recordings at each level that the parameters do not describe; 0 unless
+    a test finds one. Without it, the precise first levels would determine the deviations of all parameters. The
+    chi-square statistic of this part then equals its degrees of freedom."""
     from scipy.special import gammaincc
 
     if len(parts) < 2:
@@ -246,36 +200,35 @@ def _error_between(parts: list[_Part]) -> float:
         total, freedom = 0.0, 0.0
         for part in parts:
             root = part.root(error)
-            more, rank = unexplained(root @ part.apart, root @ part.slopes)
+            more, rank = square_of_rest(root @ part.apart, root @ part.slopes)
             total, freedom = total + more, freedom + part.curve.size - rank
         return total, freedom * (1 - 1 / len(parts))
 
     statistic, freedom = rest(0.0)
     if freedom <= 0 or gammaincc(freedom / 2, statistic / 2) >= SURE:
         return 0.0
-    low, high = SMALLEST, 1.0
-    for _ in range(_HALVINGS):
+    # Smallest relative difference between recordings, which is the relative standard error of ν̂² from 10¹² samples.
+    low, high = 1e-6, 1.0
+    for _ in range(40):
         middle = math.sqrt(low * high)
         low, high = (middle, high) if rest(middle)[0] > freedom else (low, middle)
     return high
 
 
 def spread_of_mean(fit: Fit) -> Matrix:
-    """Return what the spread between recordings adds to the covariance of the wavelet variance, (J, J) in unit⁴.
-
-    The spread changes the parameters, so it moves the curve in the directions of its derivatives. The goodness-of-fit
-    test does not depend on it.
-    """
-    found = deviations(fit)
-    slopes = relative_jacobian(fit.model, Design.of(fit.wavelet_variance), found.names)
-    return np.asarray(slopes @ found.of_mean @ slopes.T)
+    """Return what the spread between recordings adds to the covariance of the wavelet variance, (J, J) in unit⁴. The
+    spread changes the parameters, so it moves the curve in the directions of its derivatives. The goodness-of-fit test
+    does not depend on it."""
+    result = deviations(fit)
+    slopes = relative_jacobian(fit.model, Design.of(fit.wavelet_variance), result.names)
+    return np.asarray(slopes @ result.of_mean @ slopes.T)
 
 
-def stepped(parameter: Parameter, value: float, share: float) -> float:
+def step_parameter(parameter: Parameter, value: float, share: float) -> float:
     """Return the value of a parameter after a relative step `share`; the result is in the domain of the parameter.
 
     >>> from gmwm import WN
-    >>> stepped(WN.parameters[0], 4.0, 0.25), stepped(WN.parameters[0], 4.0, -1.5)
+    >>> step_parameter(WN.parameters[0], 4.0, 0.25), step_parameter(WN.parameters[0], 4.0, -1.5)
     (5.0, 0.0)
     """
     if parameter.scale_power is not None and parameter.domain != "real":

@@ -1,37 +1,48 @@
-"""Result of a fit, with the estimates, the objective and its bounds, and the data."""
+"""Result of a fit: estimates with their errors, intervals and tests, the objective with its bounds, and the data."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.documents import Documented
 from gmwm.base.errors import ModelError
-from gmwm.base.kinds import Document, require_kinds
-from gmwm.base.remarks import Remark
+from gmwm.base.kinds import Document
+from gmwm.base.plotting import Plotted
+from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import Named
-from gmwm.fitting.estimation.inference_methods import InferenceMethods
+from gmwm.fitting.estimation import asymptotic, criterion, goodness, intervals
+from gmwm.fitting.estimation.bootstrap import bootstrap as simulate_fits
+from gmwm.fitting.estimation.problem import to_find
+from gmwm.fitting.estimation.reweighting import REWEIGHTED, WeightedSolution, settle
+from gmwm.fitting.estimation.solver import model_of, solve_near
 from gmwm.fitting.estimation.starts import Start
+from gmwm.fitting.estimation.summary import as_html
+from gmwm.fitting.estimation.summary import summary as describe
 from gmwm.measuring.regression.result import Regression
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.theory.processes.kalman_methods import KalmanMethods
-from gmwm.theory.processes.model import Model
+from gmwm.theory.filters import find_filter
+from gmwm.theory.processes.equivalence import likeness
+from gmwm.theory.processes.model import KalmanMethods, Model
 
 if TYPE_CHECKING:
     from polars import DataFrame
 
-_HOW_WRITTEN = "Pass the values that `Fit.to_dict()` returned."
-
+    from gmwm.applications.navigation import Budget
+    from gmwm.choosing.datasheets.sheet import Datasheet
+    from gmwm.choosing.replicates import Replicates
 
 GIVEN = "given"
 """Attribute `weighting` of a `Fit` whose parameters were given and not estimated from data."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Diagnostics:
+class Diagnostics(Documented):
     """Diagnostics of a fit, with the terms that the data do not determine, the search and remarks.
 
     Attributes
@@ -53,32 +64,11 @@ class Diagnostics:
     nodes: int
     start: Start | None = None
     remarks: tuple[Remark, ...] = ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the diagnostics as plain numbers, lists and strings for JSON."""
-        return {
-            "acts_as": dict(self.acts_as),
-            "not_supported": list(self.not_supported),
-            "search_nodes": self.nodes,
-            "start": None if self.start is None else self.start.to_dict(),
-            "remarks": [remark.to_dict() for remark in self.remarks],
-        }
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> Diagnostics:
-        """Restore the diagnostics from `values`, the output of `to_dict`."""
-        start = values["start"]
-        return cls(
-            acts_as=dict(values["acts_as"]),
-            not_supported=tuple(values["not_supported"]),
-            nodes=int(values["search_nodes"]),
-            start=None if start is None else Start.from_dict(start),
-            remarks=tuple(Remark.from_dict(remark) for remark in values["remarks"]),
-        )
+    document_keys = ("acts_as", "not_supported", "search_nodes=nodes", "start", "remarks")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Fit(InferenceMethods, KalmanMethods):
+class Fit(Documented, Plotted, KalmanMethods):
     """Model that was fitted to a wavelet variance.
 
     Attributes
@@ -122,12 +112,58 @@ class Fit(InferenceMethods, KalmanMethods):
     weighting: str
     weighting_matrix: Matrix
     diagnostics: Diagnostics
+    document = Document("fit", "Pass the values that `Fit.to_dict()` returned.")
+    document_keys = (
+        "model", "parameters", "units", "objective", "lower_bound", "relaxed_bound", "implied", "decomposition",
+        "weighting", "weighting_matrix", "undetermined", "*diagnostics", "wavelet_variance",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", Named(self.parameters, "parameter"))
         object.__setattr__(self, "decomposition", Named(self.decomposition, "term"))
         freeze(self.implied)
         freeze(self.weighting_matrix)
+
+    @classmethod
+    def of(cls, settled: WeightedSolution, wv: WaveletVariance, weighting: str) -> Fit:
+        """Return the fit to `wv` for a solved problem (`settled`) and a kind of `weighting`, with sorted terms."""
+        problem, solution = settled.problem, settled.solution
+        processes = model_of(problem, solution, wv.slope).processes
+        model = Model(processes).sorted(wv.rate)
+        label = {id(process): term for term, process in zip(model.terms, model.processes, strict=True)}
+        terms = {label[id(processes[place])]: term for place, term in zip(problem.shaped, solution.terms, strict=True)}
+        free = (*problem.linear, *problem.shaped)
+        acts_as = {name: term.acts_as for name, term in sorted(terms.items()) if term.acts_as is not None}
+        zero = tuple(sorted(label[id(processes[place])] for place in free if processes[place].scale == 0))
+        remarks = (*_of_terms(model, acts_as, zero, wv=wv, matrix=problem.matrix), *settled.remarks)
+        diagnostics = Diagnostics(
+            acts_as=acts_as, not_supported=zero, nodes=solution.nodes, start=solution.start, remarks=remarks
+        )
+        decomposition = model.decomposition(wv.levels, wv.rate, wv.filter)
+        return cls(
+            wavelet_variance=wv, model=model,
+            parameters={name: v for name, v in model.parameters.items() if v is not None}, objective=solution.objective,
+            lower_bound=solution.lower_bound, relaxed_bound=solution.relaxed_bound,
+            implied=np.asarray(sum(decomposition.values()), dtype=np.float64), decomposition=decomposition,
+            weighting=weighting, weighting_matrix=problem.matrix, diagnostics=diagnostics,
+        )  # fmt: skip
+
+    def refit(self, wv: WaveletVariance) -> Fit:
+        """Fit the model to data `wv` that are almost the same as the data of this fit.
+
+        The weighting is the same, except that "diagonal" replaces "identity" and a matrix of the user.
+        """
+        if self.weighting not in REWEIGHTED:
+            return Fit.of(settle(self.model, wv, "diagonal", certify=False), wv, "diagonal")
+        settled = settle(
+            # Relative change of the fitted curve below which `Fit.refit` stops. It is smaller than the relative
+            # standard error √(2/N) of ν̂² for the longest recording that `gmwm.plan` accepts, which has 2⁴⁰ samples.
+            # Largest number of iterations of `Fit.refit`, each of which ends with a search. Only models that do not
+            # describe the data need more (tests/estimation/test_weights.py).
+            self.model, wv, self.weighting, certify=False, start=self.model, fixed=1e-6, returns=2,
+            first=solve_near, search=not any(len(to_find(process)) > 1 for process in self.model.processes),
+        )  # fmt: skip
+        return Fit.of(settled, wv, self.weighting)
 
     @property
     def gap(self) -> float | None:
@@ -156,8 +192,8 @@ class Fit(InferenceMethods, KalmanMethods):
     @property
     def regression(self) -> Regression | None:
         """Effect of the temperature or of other conditions that was removed from the data; None if none was removed."""
-        found: Regression | None = self.wavelet_variance.regression
-        return found
+        regression: Regression | None = self.wavelet_variance.regression
+        return regression
 
     def units(self) -> dict[str, str]:
         """Return the unit of every parameter, by name."""
@@ -167,6 +203,137 @@ class Fit(InferenceMethods, KalmanMethods):
     def remarks(self) -> tuple[Remark, ...]:
         """Remarks about the terms, the weights and the wavelet variance that limit the use of the fit."""
         return (*self.diagnostics.remarks, *self.wavelet_variance.remarks)
+
+    sandwich = cached_property(asymptotic.sandwich)
+    standard_errors = cached_property(asymptotic.standard_errors)
+    confidence_intervals = intervals.confidence_intervals
+    goodness_of_fit = goodness.goodness_of_fit
+    wic = criterion.wic
+    bootstrap = simulate_fits
+    summary = describe
+    _repr_html_ = as_html
+
+    @property
+    def covariance(self) -> Matrix:
+        """Covariance (p, p) of the estimates, Cov θ̂ = B V Bᵀ with B = (DᵀΩD)⁻¹DᵀΩ and D = ∂ν²/∂θ.
+
+        The rows and columns are the parameters of `standard_errors`, in the same order. Raises the errors of
+        `sandwich`.
+        """
+        return self.sandwich.covariance
+
+    @cached_property
+    def replicates(self) -> Replicates | None:
+        """Comparison of the recordings with each other, for a fit to several recordings; None for a single recording.
+
+        It has a test whether the parameters of the recordings are equal, a test that uses no model, the datasheet
+        numbers of each recording, their spread, and a model for a navigation filter. Standard errors,
+        `confidence_intervals` and the datasheet include the spread; the bootstrap does not.
+
+        Examples
+        --------
+        >>> from gmwm import RW, WN, fit, wavelet_variance
+        >>> model = WN(sigma2=4.0) + RW(gamma2=1e-3)
+        >>> days = [wavelet_variance(model.simulate(20_000, 100.0, rng=k), 100.0) for k in (1, 2, 3)]
+        >>> found = fit(WN() + RW(), days).replicates
+        >>> found.differs, found["N"].apart < 0.05
+        (False, True)
+        """
+        from gmwm.choosing.replicates.compare import compare_recordings
+
+        return compare_recordings(self)
+
+    def datasheet(self, level: float = 0.95) -> Datasheet:
+        """Convert the fit to datasheet numbers N, Q, B, K, R, T_c and q_c, with confidence intervals.
+
+            N = √(σ²Δt)   Q = √(q2) Δt   K = √(γ²f)   R = ωf   T_c = 1/β   q_c = √(2βσ²_GM)
+            B = √(b2) of a flicker term, or else min over τ of the Allan deviation of the model / √(2 ln 2/π)
+            A = √(2P) and f_0 of a line
+
+        Here σ², q2, γ², ω, β, σ²_GM, b2, P and f_0 are the parameters of the processes, f is the sampling rate, and Δt
+        = 1/f. If the model has a flicker term that is not zero, B is the coefficient of that term, as IEEE Std 952
+        defines it. Otherwise B is computed from the minimum of the Allan deviation of the model without its lines. This
+        second kind of B includes the contributions of N and K at the minimum and is at least as large as the first
+        kind, so do not compare the two. If the flicker term is estimated as zero, its upper limit is given as B_f.
+
+        If a term acts as another process on these data, it is added to that process: a Gauss-Markov term that acts as
+        white noise adds to N², and a Gauss-Markov term that acts as a random walk adds to K². A process that the model
+        does not contain gives no number. An AR1 with φ > 0 gives T_c and q_c of the Gauss-Markov process that has the
+        same samples.
+
+        Intervals are computed on the logarithmic scale by the delta method with the joint covariance of the estimates.
+        If a number depends on one parameter only, its interval is the transformed interval of that parameter. R has a
+        sign, and its interval is R ± z SE. If a term is zero or cannot be distinguished from zero, its number is an
+        upper limit, as in `Fit.confidence_intervals`. B is an upper limit too if the data show no minimum.
+
+        The unit of the wavelet variance determines whether the sensor is a gyroscope or an accelerometer. If the unit
+        is unknown, the numbers are in "u", the unit of the data, and have no datasheet units.
+
+        Parameters
+        ----------
+        level : float
+            Confidence level, between 0 and 1.
+
+        Returns
+        -------
+        Datasheet
+            Mapping of symbol to `Entry`, which has the number in SI and in datasheet units.
+
+        Raises
+        ------
+        OptionError
+            If `level` is not between 0 and 1.
+
+        References
+        ----------
+        IEEE Std 952-1997, annex C.
+
+        Examples
+        --------
+        >>> import gmwm
+        >>> x = (gmwm.WN(sigma2=1e-6) + gmwm.RW(gamma2=1e-12)).simulate(100_000, 100.0, rng=1)
+        >>> found = gmwm.fit(gmwm.WN() + gmwm.RW(), gmwm.Signal(x, 100.0, "rad/s")).datasheet()
+        >>> list(found)
+        ['N', 'B', 'K']
+        >>> found["N"].low < 1e-4 < found["N"].high
+        True
+        >>> found["N"].in_units("datasheet")[3]
+        'deg/√h'
+        """
+        from gmwm.choosing.datasheets import datasheet
+
+        return datasheet(self, level)
+
+    def budget(self, duration: float | str, *, rest: float | str = 0.0, level: float = 0.95) -> Budget:
+        """Compute the growth of the errors of unaided inertial navigation that the noise of this axis causes.
+
+        See `gmwm.navigation.budget` for the equations and their approximations, and for several axes.
+
+        Parameters
+        ----------
+        duration : float or str
+            Time of navigation (s), or text such as "60s" or "10min".
+        rest : float or str
+            Time at rest before the start (s).
+        level : float
+            Confidence level of the intervals, from 0.5 to below 1.
+
+        Returns
+        -------
+        Budget
+
+        Raises
+        ------
+        OptionError
+            If an option is out of range, or the axis is not named gyro_x … accel_z.
+        ModelError
+            If the axis is not in rad/s or m/s².
+        MissingTheoryError
+            If a term has no state-space form.
+        """
+        from gmwm.applications.navigation.api import budget
+
+        return budget({self.wavelet_variance.axis: self}, duration, rest=rest, level=level)
 
     def to_frame(self, level: float = 0.95) -> DataFrame:
         """Return the estimates as a Polars data frame with the columns parameter, value, low, high and unit.
@@ -192,102 +359,58 @@ class Fit(InferenceMethods, KalmanMethods):
         ]
         return DataFrame(rows)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fit as plain numbers, lists and strings for JSON."""
-        return {
-            "model": str(self.model),
-            "parameters": dict(self.parameters),
-            "units": self.units(),
-            "objective": self.objective,
-            "lower_bound": self.lower_bound,
-            "relaxed_bound": self.relaxed_bound,
-            "implied": self.implied.tolist(),
-            "decomposition": {term: part.tolist() for term, part in self.decomposition.items()},
-            "weighting": self.weighting,
-            "weighting_matrix": self.weighting_matrix.tolist(),
-            "undetermined": list(self.undetermined),
-            **self.diagnostics.to_dict(),
-            "wavelet_variance": self.wavelet_variance.to_dict(),
-        }
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> Fit:
-        """Restore a fit from the output of `to_dict`. All numbers are exactly the same.
-
-        Parameters
-        ----------
-        values : mapping
-            Output of `to_dict`, which may have been written to JSON and read again, or one axis of a fits.json file.
-
-        Returns
-        -------
-        Fit
-
-        Raises
-        ------
-        ReadError
-            If a value is missing, or has the wrong type or size.
-
-        Examples
-        --------
-        >>> from gmwm import RW, WN, fit
-        >>> found = fit(WN() + RW(), (WN(sigma2=4.0) + RW(gamma2=1.0)).simulate(1000, 100.0, rng=1), rate=100.0)
-        >>> Fit.from_dict(found.to_dict()).parameters == found.parameters
-        True
-        """
-        document = Document("fit", _HOW_WRITTEN)
-        with document.reading():
-            found = cls._from_dict(values)
-        require_kinds(found, "", document)
-        return found
-
-    @classmethod
-    def _from_dict(cls, values: Mapping[str, Any]) -> Fit:
-        wv = WaveletVariance.from_dict(values["wavelet_variance"])
-        model = Model.parse(values["model"])
-        parameters = {name: value for name, value in model.parameters.items() if value is not None}
-        if parameters != values["parameters"] or len(parameters) < len(model.names):
+    def require_consistent(self) -> None:
+        """Raise ModelError if the parameters, the curves or the weights do not belong to the model and the data."""
+        parameters = {name: value for name, value in self.model.parameters.items() if value is not None}
+        if parameters != self.parameters or len(parameters) < len(self.model.names):
             raise ModelError(
-                f"the parameters do not match the model {model}", argument="parameters", got=values["parameters"]
+                f"the parameters do not match the model {self.model}", argument="parameters", got=self.parameters
             )
-        decomposition = {term: _curve(part, len(wv)) for term, part in values["decomposition"].items()}
-        if tuple(decomposition) != model.terms:
+        if (terms := tuple(self.decomposition)) != self.model.terms:
             raise ModelError(
-                f"the decomposition has the terms {', '.join(decomposition)}, and the model is {model}",
-                argument="decomposition",
-                got=tuple(decomposition),
-            )
-        matrix = np.array(values["weighting_matrix"], dtype=np.float64)
-        if matrix.shape != (len(wv), len(wv)):
+                f"the decomposition has the terms {', '.join(terms)}, and the model is {self.model}",
+                argument="decomposition", got=terms,
+            )  # fmt: skip
+        levels = len(self.wavelet_variance)
+        for curve in (self.implied, *self.decomposition.values()):
+            if curve.shape != (levels,):
+                raise ModelError(
+                    f"a curve has shape {curve.shape}, and the data have {levels} levels", argument="values", got=curve
+                )
+        if (shape := self.weighting_matrix.shape) != (levels, levels):
             raise ModelError(
-                f"the weighting matrix has shape {matrix.shape}, and the data have {len(wv)} levels",
-                argument="weighting_matrix",
-                got=matrix.shape,
-            )
-        lower = values["lower_bound"]
-        return cls(
-            wavelet_variance=wv,
-            model=model,
-            parameters=parameters,
-            objective=float(values["objective"]),
-            lower_bound=None if lower is None else float(lower),
-            relaxed_bound=float(values["relaxed_bound"]),
-            implied=_curve(values["implied"], len(wv)),
-            decomposition=decomposition,
-            weighting=str(values["weighting"]),
-            weighting_matrix=matrix,
-            diagnostics=Diagnostics.from_dict(values),
-        )
+                f"the weighting matrix has shape {shape}, and the data have {levels} levels",
+                argument="weighting_matrix", got=shape,
+            )  # fmt: skip
 
     def __repr__(self) -> str:
         return f"Fit({self.model.structure}, objective {self.objective:.6g})"
 
 
-def _curve(values: Any, levels: int) -> Vector:
-    """Check that an array has one number for each level, and return it."""
-    curve = np.array(values, dtype=np.float64)
-    if curve.shape != (levels,):
-        raise ModelError(
-            f"a curve has shape {curve.shape}, and the data have {levels} levels", argument="values", got=values
+def _of_terms(
+    model: Model, acts_as: Mapping[str, str], zero: Sequence[str], *, wv: WaveletVariance, matrix: Matrix
+) -> Iterator[Remark]:
+    """Yield remarks about terms that act as another process, terms that are zero, and the parameters of other terms."""
+    processes = dict(zip(model.terms, model.processes, strict=True))
+    for term, name in acts_as.items():
+        like = likeness(
+            processes[term], name, levels=wv.levels, rate=wv.rate, filter=find_filter(wv.filter), matrix=matrix
         )
-    return curve
+        if like is None:
+            yield Remark.of("acts-as", wv.axis, term=term, process=name, known="no")
+        else:
+            parameter = like.scale_parameter()
+            yield Remark.of(
+                "acts-as",
+                wv.axis,
+                term=term,
+                process=name,
+                known="yes",
+                parameter=f"{like.name}.{parameter.name}",
+                amount=Quantity(like.value(parameter.name), parameter.unit(wv.unit)),
+            )
+    for term in zero:
+        yield Remark.of("term-zero", wv.axis, term=term)
+    for term, process in processes.items():
+        if process.scale > 0 and term not in acts_as:
+            yield from (remark.about(wv.axis) for remark in process.remarks(term, wv.samples, wv.rate))

@@ -21,9 +21,9 @@ from gmwm.base.errors import MissingTheoryError, ModelError
 from gmwm.base.remarks import Remark
 from gmwm.base.threads import check_stop
 from gmwm.fitting.estimation.exponential_search import search_of
-from gmwm.fitting.estimation.exponential_weights import reweighted, search_for_weights
+from gmwm.fitting.estimation.exponential_weights import reweight, search_for_weights
 from gmwm.fitting.estimation.problem import Problem, pose
-from gmwm.fitting.estimation.solver import Solution, estimated, final, moved, resume, solve
+from gmwm.fitting.estimation.solver import Solution, final, model_of, move, resume, solve
 from gmwm.fitting.estimation.weighting import precision, weighting_matrix
 from gmwm.measuring.covariance import Design, covariance, variances
 from gmwm.measuring.covariance.mixture import mixture
@@ -34,11 +34,9 @@ from gmwm.theory.processes.model import Model
 REWEIGHTED = ("diagonal", "optimal")
 """Weightings that depend on the estimate."""
 FIXED = 1e-11
-"""Relative change of the fitted curve below which the iteration ends. It is 100 times smaller than the tolerance of
-1e-9 with which tests/estimation/test_fit_laws.py compares fits of scaled data."""
+"""Relative change of the curve that ends the iteration; tests/estimation/test_fit_laws.py compares fits to 1e-9."""
 ROUNDS = 60
-"""Largest number of iterations. Each iteration reduces the change to about a tenth, or to a half if a drift is weak, so
-that 60 iterations reach `FIXED`."""
+"""Largest number of iterations, enough for `FIXED` although a weak drift only halves the change each time."""
 PRIOR = 1000.0
 """Degrees of freedom of the fitted curve when it is averaged with the data to scale the covariance.
 
@@ -48,19 +46,13 @@ the degrees of freedom of the level. docs/validation/weighting.md has the result
 coverage of their intervals.
 """
 HOPE = 12
-"""Number of iterations in which the change must fall to a half. If it does not, two estimates probably alternate. A
-convergence by a factor of 0.94 per iteration is still fast enough."""
-NEARLY = 3
-"""Number of iterations after which the weights have converged to a few per cent, which is sufficient to compare
-models."""
+"""Iterations in which the change must fall to a half; otherwise two estimates probably alternate."""
 MIXED = 5
 """Largest number of previous iterations that are combined into the next one."""
 CUTOFF = 1e-6
 """Relative singular value below which a direction of the combination counts as zero."""
 FAR = 0.7
 """Largest change of the logarithm of a parameter by the combination, which is a factor of two."""
-RETURNS = 4
-"""Largest number of iterations to convergence. A new one is needed if the global search then finds another optimum."""
 CLOSE = 1e-6
 """Relative change of the curve below which weights and estimate agree, if `fixed` is not larger."""
 
@@ -70,7 +62,7 @@ First = Callable[[Problem], Solution]
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
+class WeightedSolution:
     """Solved problem with its final weights, and remarks about these weights."""
 
     problem: Problem
@@ -88,42 +80,16 @@ def settle(
     fixed: float = FIXED,
     first: First | None = None,
     search: bool = True,
-    returns: int = RETURNS,
-) -> Settled:
-    """Iterate estimate and weights until they agree.
-
-    The iteration starts with weights from the data. The global search then uses the final weights, so that the estimate
-    is the proven optimum of the objective with the recorded Ω.
-
-    Estimate and weights may fail to agree, for example if two estimates alternate because each implies weights that
-    lead to the other. The final weights are then computed without the model, from the mixture of all processes with the
-    largest likelihood.
-
-    Parameters
-    ----------
-    weighting : "diagonal" or "optimal"
-        Weights 1 / V_jj, or V⁻¹.
-    certify : bool
-        Whether to compute the lower bound on the objective.
-    start : Model, optional
-        Model near the estimate, from which the first weights are computed.
-    fixed : float
-        Relative change of the curve below which the iteration ends.
-    first : callable, optional
-        Function that replaces the first global search.
-    search : bool
-        Whether to search again with the final weights. This is not needed if `start` is an estimate from almost the
-        same data.
-    returns : int
-        Largest number of iterations to convergence, each of which ends with a search.
-
-    Raises
-    ------
-    MissingTheoryError
-        If the weighting is "optimal" and the covariance of a process is unknown.
-    ModelError
-        If the weighting is "optimal" and the model has no noise at some level.
-    """
+    # Largest number of iterations to convergence. A new one is needed if the global search then finds another optimum.
+    returns: int = 4,
+) -> WeightedSolution:
+    """Iterate estimate and weights ("diagonal" or "optimal") until they agree, starting with weights from the data or
+    from the model `start`. A last search with the final weights makes the estimate the proven optimum of the objective
+    with the recorded Ω; `search` omits it, if `start` is an estimate from almost the same data. If estimates alternate,
+    the final weights come from the mixture of all processes with the largest likelihood. `first` replaces the first
+    search, the relative change of the curve `fixed` ends an iteration, and `returns` is the largest number of
+    iterations to convergence. With "optimal", raises MissingTheoryError if a covariance is unknown, and ModelError if a
+    level has no noise."""
 
     def finish(problem: Problem, solution: Solution) -> Solution:
         return final(problem, solution, certify=certify) if search else resume(problem, solution)
@@ -135,30 +101,28 @@ def settle(
         problem = pose(model, wv, implied_weights(weighting, start, design, wv.variance))
     solution = solve(problem, certify=False, quick=True) if first is None else first(problem)
     for _ in range(returns):
-        found = _iterated(problem, solution, wv, weighting, design=design, fixed=fixed)
-        problem, solution = found.problem, found.solution
-        if found.reason is not None:
-            remark = Remark.of("weights-from-data", wv.axis, reason=found.reason)
-            return Settled(problem, finish(problem, solution), (remark,))
-        before, solution = _implied(problem, solution, wv), finish(problem, solution)
-        change = _change(before, _implied(problem, solution, wv))
-        if change <= max(CLOSE, found.change):
+        iteration = _iterate(problem, solution, wv, weighting, design=design, fixed=fixed)
+        problem, solution = iteration.problem, iteration.solution
+        if iteration.reason is not None:
+            remark = Remark.of("weights-from-data", wv.axis, reason=iteration.reason)
+            return WeightedSolution(problem, finish(problem, solution), (remark,))
+        before, solution = _implied_curve(problem, solution, wv), finish(problem, solution)
+        change = _change(before, _implied_curve(problem, solution, wv))
+        if change <= max(CLOSE, iteration.change):
             break
-    if found.expected <= max(CLOSE, fixed) and change <= max(CLOSE, fixed):
-        return Settled(problem, solution)
+    if iteration.expected <= max(CLOSE, fixed) and change <= max(CLOSE, fixed):
+        return WeightedSolution(problem, solution)
     # Two estimates may alternate, each with weights that lead to the other. Weights that do not depend on the model end
     # this.
     problem = problem.under(_weights_of_the_data(weighting, wv, design))
-    return Settled(problem, finish(problem, solution), (Remark.of("weights-not-converged", wv.axis),))
+    return WeightedSolution(problem, finish(problem, solution), (Remark.of("weights-not-converged", wv.axis),))
 
 
 @dataclass(frozen=True, eq=False)
 class _Iterated:
-    """Problem with iterated weights, and its solution.
-
-    `change` and `expected` are the relative changes of the curve in the last iteration and, as expected, in the next
-    one. `reason` says why the model gives no weights; None if it does.
-    """
+    """Problem with iterated weights, and its solution. `change` and `expected` are the relative changes of the curve in
+    the last iteration and, as expected, in the next one. `reason` says why the model gives no weights; None if it
+    does."""
 
     problem: Problem
     solution: Solution
@@ -167,22 +131,20 @@ class _Iterated:
     reason: str | None = None
 
 
-def _iterated(
+def _iterate(
     problem: Problem, solution: Solution, wv: WaveletVariance, weighting: str, *, design: Design, fixed: float
 ) -> _Iterated:
-    """Iterate weights and estimate until the relative change of the curve is at most `fixed`, or until they diverge.
-
-    A compiled kernel is used if it knows the covariance of every process.
-    """
+    """Iterate weights and estimate until the relative change of the curve is at most `fixed`, or until they diverge. A
+    compiled kernel is used if it knows the covariance of every process."""
     search = search_for_weights(problem, design) if weighting == "diagonal" else None
     if search is not None:
         options = np.array([PRIOR, fixed, FAR, CUTOFF, ROUNDS, HOPE, MIXED], dtype=np.float64)
-        found = reweighted(search, solution, design.for_weights, options)
-        if found is not None:
-            best, weights, change, expected = found
+        result = reweight(search, solution, design.for_weights, options)
+        if result is not None:
+            best, weights, change, expected = result
             problem = problem.under(np.diag(weights))
-            return _Iterated(problem, moved(search_of(problem), solution, best), change, expected)
-    ahead, implied = _Ahead(), _implied(problem, solution, wv)
+            return _Iterated(problem, move(search_of(problem), solution, best), change, expected)
+    ahead, implied = _Ahead(), _implied_curve(problem, solution, wv)
     history: list[float] = []
     for _ in range(ROUNDS):
         check_stop()
@@ -194,7 +156,7 @@ def _iterated(
             return _Iterated(problem, solution, reason=error.reason)
         problem = problem.under(matrix)
         solution = resume(problem, solution)
-        before, implied = implied, _implied(problem, solution, wv)
+        before, implied = implied, _implied_curve(problem, solution, wv)
         change = _change(before, implied)
         history.append(change)
         # The next change is expected to be smaller by the last ratio of changes.
@@ -204,23 +166,25 @@ def _iterated(
     return _Iterated(problem, solution, change, expected)
 
 
-def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[Settled, Matrix]:
-    """Fit a model with weights that have nearly converged, to compare models.
-
-    The second result is the covariance V (J, J) from which the weights are computed. The last fits are cached, because
-    a search for a model and the ranking after it begin with the same fit.
-    """
+def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[WeightedSolution, Matrix]:
+    """Fit a model with weights that have nearly converged, to compare models. The second result is the covariance V (J,
+    J) from which the weights are computed. The last fits are cached, because a search for a model and the ranking after
+    it begin with the same fit."""
     return _nearly_settled(model.processes, wv, weighting)
 
 
 @lru_cache(maxsize=12)
-def _nearly_settled(processes: tuple[Process, ...], wv: WaveletVariance, weighting: str) -> tuple[Settled, Matrix]:
+def _nearly_settled(
+    processes: tuple[Process, ...], wv: WaveletVariance, weighting: str
+) -> tuple[WeightedSolution, Matrix]:
     model = Model(processes)
     design = Design.of(wv)
     problem = pose(model, wv, weighting_matrix("diagonal", wv))
     solution = solve(problem, certify=False, quick=True)
-    for _ in range(NEARLY):
-        at = estimated(problem, solution, wv.slope).sorted(wv.rate)
+    # Number of iterations after which the weights have converged to a few per cent, which is sufficient to compare
+    # models.
+    for _ in range(3):
+        at = model_of(problem, solution, wv.slope).sorted(wv.rate)
         wavelet = drawn_covariance(at, design, wv.variance)
         if not np.all(np.diag(wavelet) > 0):
             raise _no_noise(model)
@@ -229,7 +193,7 @@ def _nearly_settled(processes: tuple[Process, ...], wv: WaveletVariance, weighti
     solution = solve(problem, certify=False, near=solution)
     # Cached objects exist until Python exits, and nanobind reports kernel objects that exist then.
     problem.weights.tables.clear()
-    return Settled(problem, solution), freeze(wavelet)
+    return WeightedSolution(problem, solution), freeze(wavelet)
 
 
 def _weights_of_the_data(weighting: str, wv: WaveletVariance, design: Design) -> Matrix:
@@ -239,38 +203,35 @@ def _weights_of_the_data(weighting: str, wv: WaveletVariance, design: Design) ->
 
 
 class _Ahead:
-    """Acceleration of the fixed-point iteration by Anderson mixing of the logarithms of the parameters.
-
-    An iteration maps the parameters x of a model to the estimates g with the weights of this model. The next model is
-    the combination of the last estimates whose residual g − x would be smallest if the map were linear (Anderson 1965,
-    J. ACM 12, 547-560).
-    """
+    """Anderson mixing of the logarithms of the parameters. An iteration maps the parameters x of a model to the
+    estimates g with its weights. The next model is the combination of the last estimates whose residual g − x would be
+    smallest if the map were linear (Anderson 1965, J. ACM 12, 547-560)."""
 
     def __init__(self) -> None:
         self.given: dict[str, float] = {}
         self.pairs: list[tuple[Vector, Vector]] = []
 
     def of(self, problem: Problem, solution: Solution, wv: WaveletVariance) -> Model:
-        model = estimated(problem, solution, wv.slope).sorted(wv.rate)
-        found = _logarithms(model)
-        if list(found) != list(self.given):
+        model = model_of(problem, solution, wv.slope).sorted(wv.rate)
+        logarithms = _logarithms(model)
+        if list(logarithms) != list(self.given):
             self.pairs = []
         else:
-            self.pairs.append((np.array(list(self.given.values())), np.array(list(found.values()))))
-        self.given = found
+            self.pairs.append((np.array(list(self.given.values())), np.array(list(logarithms.values()))))
+        self.given = logarithms
         if len(self.pairs) < 2:
             return model
         inputs, outputs = (np.array(each) for each in zip(*self.pairs[-MIXED:], strict=True))
         residuals = outputs - inputs
         share, *_ = np.linalg.lstsq(np.diff(residuals, axis=0).T, residuals[-1], rcond=CUTOFF)
         reach = np.clip(-share @ np.diff(outputs, axis=0), -FAR, FAR)
-        moved = {name: (model.parameters[name] or 0.0) * math.exp(d) for name, d in zip(found, reach, strict=True)}
+        moved = {name: (model.parameters[name] or 0.0) * math.exp(d) for name, d in zip(logarithms, reach, strict=True)}
         try:
-            there = model.with_values(moved)
+            extrapolation = model.with_values(moved)
         except ModelError:  # extrapolated coefficients of an AR process may not be stationary
             return model
-        self.given = _logarithms(there)
-        return there
+        self.given = _logarithms(extrapolation)
+        return extrapolation
 
 
 def _logarithms(model: Model) -> dict[str, float]:
@@ -280,28 +241,10 @@ def _logarithms(model: Model) -> dict[str, float]:
 
 
 def implied_weights(weighting: str, model: Model, design: Design, observed: Vector | None = None) -> Matrix:
-    """Compute the weights Ω that a model implies, from the covariance V of the wavelet variance under the model.
-
-    Parameters
-    ----------
-    weighting : "diagonal" or "optimal"
-        Weights 1 / V_jj, or V⁻¹.
-    model : Model
-        Model whose parameters all have values.
-    design : Design
-        Design of the wavelet variance.
-    observed : (J,) array, optional
-        Data ν̂². V is then scaled from the curve ν² of the model to ν̄² = (ην̂² + 1000ν²)/(η + 1000), where η are the
-        degrees of freedom. This changes little if the model is correct, and makes V larger where the model is below the
-        data.
-
-    Raises
-    ------
-    ModelError
-        If the model has no noise at some level.
-    MissingTheoryError
-        If the covariance of a process is unknown.
-    """
+    """Compute the weights 1 / V_jj ("diagonal") or V⁻¹ ("optimal") that a model with values implies. With the data
+    `observed` (J,), V is scaled from the curve ν² of the model to ν̄² = (ην̂² + 1000ν²)/(η + 1000) with η degrees of
+    freedom, which makes V larger where the model is below the data. Raises ModelError if the model has no noise at some
+    level, and MissingTheoryError if the covariance of a process is unknown."""
     if weighting == "optimal":
         return precision(drawn_covariance(model, design, observed))
     scale = _drawn_scale(model, design, observed)
@@ -309,13 +252,8 @@ def implied_weights(weighting: str, model: Model, design: Design, observed: Vect
 
 
 def reciprocal(variance: Vector, model: Model) -> Vector:
-    """Return the weights 1 / V_jj (J,) for the variances V_jj (J,) under a model.
-
-    Raises
-    ------
-    ModelError
-        If the model has no noise at some level.
-    """
+    """Return the weights 1 / V_jj (J,) for the variances V_jj (J,) under a model. Raises ModelError if the model has no
+    noise at some level."""
     with np.errstate(over="ignore", divide="ignore"):
         weights = 1 / variance
     if not np.all(np.isfinite(weights)):
@@ -325,8 +263,7 @@ def reciprocal(variance: Vector, model: Model) -> Vector:
 
 def _no_noise(model: Model) -> ModelError:
     return ModelError(
-        f"{model.structure} as estimated has no noise at some level",
-        advice="Add a term to the model, for example WN.",
+        f"{model.structure} as estimated has no noise at some level", advice="Add a term to the model, for example WN."
     )
 
 
@@ -346,8 +283,8 @@ def _drawn_scale(model: Model, design: Design, observed: Vector | None) -> Vecto
     return np.ones(design.levels.size)
 
 
-def _implied(problem: Problem, solution: Solution, wv: WaveletVariance) -> Vector:
-    return estimated(problem, solution, wv.slope).wavelet_variance(wv.levels, wv.rate, wv.filter)
+def _implied_curve(problem: Problem, solution: Solution, wv: WaveletVariance) -> Vector:
+    return model_of(problem, solution, wv.slope).wavelet_variance(wv.levels, wv.rate, wv.filter)
 
 
 def _change(before: Vector, after: Vector) -> float:

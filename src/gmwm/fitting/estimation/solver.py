@@ -17,7 +17,7 @@ from gmwm.base import _core
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import ModelError
 from gmwm.fitting.estimation.atoms import Place
-from gmwm.fitting.estimation.branch_and_bound import Optimum, Search, Term
+from gmwm.fitting.estimation.branch_and_bound import FittedTerm, Optimum, Search
 from gmwm.fitting.estimation.exponential_search import search_of
 from gmwm.fitting.estimation.problem import Problem
 from gmwm.fitting.estimation.starts import (
@@ -30,64 +30,46 @@ from gmwm.fitting.estimation.starts import (
     scanned_points,
     scans_alone,
 )
-from gmwm.fitting.estimation.variable_projection import NOISE, Curvature, Point, Projection, Surface
+from gmwm.fitting.estimation.variable_projection import NOISE, Curvature, Projection, ShapePoint, Surface
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
 
 RETURNS = 3
-"""Largest number of repeated searches, for the curved processes and for single free processes. Pinned by
-tests/estimation/test_arma_fits.py (two lines are both found)."""
+"""Largest number of repeated searches (tests/estimation/test_arma_fits.py: two lines are both found)."""
 
 KEPT = 10
 """Number of points of a scan from which descents start."""
-KEPT_QUICK = 3
-"""Number of points of a scan from which descents start if the weights will change."""
-SCOUTED = 5
-"""Number of steps of each descent before the worse half of the descents is dropped; the others then continue for as
-many steps. If all descents are followed to the end, the objective is not smaller
-(tests/estimation/test_arma_fits.py)."""
-SCOUTED_BESIDE = 10
-"""The same number of steps if there are several free processes, because lines have many optima close to each other
-(test_two_lines_are_both_found)."""
 FOLLOWED = 3
 """Number of descents that are followed to the end."""
-TOGETHER = 0.03
-"""Difference of every coordinate below which two descents are treated as one."""
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Optimum of an estimation problem.
-
-    It has the scales of the linear processes, the terms with free shapes and their places, and the objective with its
-    bounds. `point` and `curvature` are the coordinates and the second derivatives at the optimum if the problem has
-    free processes.
-    """
+    """Optimum of an estimation problem. It has the scales of the linear processes, the terms with free shapes and their
+    places, and the objective with its bounds. `point` and `curvature` are the coordinates and the second derivatives at
+    the optimum if the problem has free processes."""
 
     objective: float
     lower_bound: float | None
     relaxed_bound: float
     scales: Vector
-    terms: tuple[Term, ...]
+    terms: tuple[FittedTerm, ...]
     places: tuple[Place, ...]
     nodes: int
     start: Start
-    point: Point | None = None
+    point: ShapePoint | None = None
     curvature: Curvature | None = None
-    origin: Point | None = None
+    origin: ShapePoint | None = None
     """Point from which the descent to `point` started."""
 
 
 def solve(problem: Problem, *, certify: bool, quick: bool = False, near: Solution | None = None) -> Solution:
-    """Find the optimum of a problem from deterministic starting points.
-
-    Without free processes, it is the global optimum, with a certificate if `certify`. Otherwise it is the best of the
-    local optima that descents from the points of a scan and from the solution `near` reach. If `quick`, only the best
-    points of the scan are used, which is enough if the weights will change.
-    """
+    """Find the optimum of a problem from deterministic starting points. Without free processes it is the global
+    optimum, with a certificate if `certify`; otherwise the best local optimum from the points of a scan, or only its
+    best points if `quick`, and from the solution `near`."""
     if problem.free:
-        return _scanned(problem, quick=quick, near=near)
+        return _solve_by_scan(problem, quick=quick, near=near)
     square = problem.unit**2
     if problem.curved_class is None:
         weights, objective = _core.nonnegative_least_squares(problem.target, problem.fixed)
@@ -95,61 +77,48 @@ def solve(problem: Problem, *, certify: bool, quick: bool = False, near: Solutio
         value = objective * square
         scales = problem.scales(problem.shapes, weights)
         return Solution(
-            objective=value,
-            lower_bound=value if certify else None,
-            relaxed_bound=value,
-            scales=scales,
-            terms=(),
-            places=(),
-            nodes=0,
-            start=Start(how="convex", tried=1, objective=float(value)),
-        )
+            objective=value, lower_bound=value if certify else None, relaxed_bound=value, scales=scales, terms=(),
+            places=(), nodes=0, start=Start(how="convex", tried=1, objective=float(value)),
+        )  # fmt: skip
     search = search_of(problem)
-    found = search.optimum(certify=certify)
-    best = found.best
+    result = search.optimum(certify=certify)
+    best = result.best
     return Solution(
-        objective=best.objective * square,
-        lower_bound=min(found.bound, best.objective) * square if certify else None,
-        relaxed_bound=min(found.relaxed, best.objective) * square,
-        scales=problem.scales(problem.shapes, best.weights[: len(problem.linear)]),
-        terms=search.terms(best),
-        places=tuple(best.places),
-        nodes=found.nodes,
-        start=Start(how="convex", tried=found.nodes or 1, objective=float(found.table * square)),
-    )
+        objective=best.objective * square, lower_bound=min(result.bound, best.objective) * square if certify else None,
+        relaxed_bound=min(result.relaxed, best.objective) * square,
+        scales=problem.scales(problem.shapes, best.weights[: len(problem.linear)]), terms=search.terms(best),
+        places=tuple(best.places), nodes=result.nodes,
+        start=Start(how="convex", tried=result.nodes or 1, objective=float(result.table * square)),
+    )  # fmt: skip
 
 
 def solve_near(problem: Problem) -> Solution:
-    """Find the optimum near the values in the model, without a scan.
-
-    This is sufficient if the values were estimated from almost the same data.
-    """
+    """Find the optimum near the values in the model, without a scan. This is sufficient if the values were estimated
+    from almost the same data."""
     if not problem.free:
         return solve(problem, certify=False)
     surface = Surface(problem)
     point = given_point(problem, surface)
-    found = None if point is None else surface.downhill(point)
-    if point is None or found is None:
+    optimum = None if point is None else surface.downhill(point)
+    if point is None or optimum is None:
         return solve(problem, certify=False)
     start = Start(how="given", tried=1, objective=_value(surface.at(point), problem))
-    best, curvature = surface.sharpened(found)
+    best, curvature = surface.sharpen(optimum)
     return replace(_solution(problem, surface, best, start), curvature=curvature)
 
 
 def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solution:
-    """Find the local optimum that is nearest to the solution of the problem with slightly different weights.
-
-    If `ends`, also find the process that the data cannot distinguish from each curved term.
-    """
+    """Find the local optimum that is nearest to the solution of the problem with slightly different weights. If `ends`,
+    also find the process that the data cannot distinguish from each curved term."""
     if solution.point is not None:
-        return _resumed(problem, solution, ends=ends)
+        return _resume_free(problem, solution, ends=ends)
     if problem.curved_class is None:
         return solve(problem, certify=False)
     search = search_of(problem)
-    return moved(search, solution, search.followed(list(solution.places), ends=ends), ends=ends)
+    return move(search, solution, search.follow(list(solution.places), ends=ends), ends=ends)
 
 
-def moved(search: Search, solution: Solution, best: Optimum, *, ends: bool = False) -> Solution:
+def move(search: Search, solution: Solution, best: Optimum, *, ends: bool = False) -> Solution:
     """Return a solution in which `best` replaces the places, the scales and the objective; it has no lower bound."""
     problem = search.problem
     scales = problem.scales(problem.shapes, best.weights[: len(problem.linear)])
@@ -163,23 +132,21 @@ def solve_sampled(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
     """Find the local optimum that a descent from the best of random draws reaches."""
     surface = Surface(problem)
     point = sampled_point(problem, wv, sampled, spread)
-    before, found = surface.at(point), surface.downhill(point)
-    if before is None or found is None:
+    before, optimum = surface.at(point), surface.downhill(point)
+    if before is None or optimum is None:
         raise ModelError(
             f"none of {sampled.draws} random draws gives a valid process of {problem.model}",
             advice="Increase the number of draws.",
         )
     start = Start(how="sampled", tried=sampled.draws, objective=_value(before, problem))
-    best, curvature = surface.sharpened(found)
+    best, curvature = surface.sharpen(optimum)
     return replace(_solution(problem, surface, best, start), curvature=curvature)
 
 
 def final(problem: Problem, solution: Solution, *, certify: bool) -> Solution:
     """Solve the problem with the final weights, by the global search or from the optimum that random draws led to.
-
     After random draws, the bounds are those of the global search, because the draws may have missed the global optimum.
-    `Start.default` then has the objective that the global search reaches with the same weights.
-    """
+    `Start.default` then has the objective that the global search reaches with the same weights."""
     if solution.start.how != "sampled":
         return solve(problem, certify=certify, near=solution)
     followed = resume(problem, solution, ends=True)
@@ -198,41 +165,46 @@ def _value(found: Projection | None, problem: Problem) -> float:
     return float(found.objective * problem.unit**2)
 
 
-def _scanned(problem: Problem, *, quick: bool, near: Solution | None) -> Solution:
+def _solve_by_scan(problem: Problem, *, quick: bool, near: Solution | None) -> Solution:
     """Return the best of the local optima that descents from the points of a scan reach."""
     surface = Surface(problem)
     alone = scans_alone(problem, surface)
-    points, tried = scanned_points(problem, surface, alone, KEPT_QUICK if quick else KEPT)
-    known = None if near is None or near.point is None else surface.downhill(near.point)
-    found = _lowest(problem, surface, [point for _, point in points], count=1 if quick else FOLLOWED, known=known)
-    if found is None:
+    # Number of points of a scan from which descents start if the weights will change.
+    points, tried = scanned_points(problem, surface, alone, 3 if quick else KEPT)
+    previous = None if near is None or near.point is None else surface.downhill(near.point)
+    lowest = _lowest(problem, surface, [point for _, point in points], count=1 if quick else FOLLOWED, known=previous)
+    if lowest is None:
         raise ModelError(
             f"no starting values were found for {problem.model}", advice="Write starting values into the model."
         )
-    place, best = found
+    place, best = lowest
     how, origin = points[place or 0]
     if place is None and near is not None and near.origin is not None:
         how, origin = near.start.how, near.origin
     start = Start(how=how, tried=tried, objective=_value(surface.at(origin), problem))
     if alone is not None and not quick:
-        best = _rearranged(problem, surface, alone, best)
-    best, curvature = surface.sharpened(_elsewhere(problem, surface, best))
+        best = _rearrange(problem, surface, alone, best)
+    best, curvature = surface.sharpen(_elsewhere(problem, surface, best))
     return replace(_solution(problem, surface, best, start), curvature=curvature, origin=origin)
 
 
 def _lowest(
-    problem: Problem, surface: Surface, points: list[Point], *, count: int = FOLLOWED, known: Projection | None = None
-) -> tuple[int | None, Projection] | None:
-    """Return the best local optimum that descents from points reach, with the index of its point.
-
-    After a few steps, the better half of the descents continues for a few more steps, and then the best `count` of them
-    are followed to the end. If the `known` optimum is better, it is returned with the index None.
-    """
-    steps = SCOUTED if len(surface.frees) == 1 else SCOUTED_BESIDE
-    scouts = [(k, found) for k, point in enumerate(points) if (found := surface.downhill(point, steps)) is not None]
+    problem: Problem, surface: Surface, points: list[ShapePoint], *, count: int = FOLLOWED,
+    known: Projection | None = None,
+) -> tuple[int | None, Projection] | None:  # fmt: skip
+    """Return the best local optimum that descents from points reach, with the index of its point. After a few steps,
+    the better half of the descents continues for a few more steps, and then the best `count` of them are followed to
+    the end. If the `known` optimum is better, it is returned with the index None."""
+    # Number of steps of each descent before the worse half of the descents is dropped; the others then continue for as
+    # many steps. If all descents are followed to the end, the objective is not smaller
+    # (tests/estimation/test_arma_fits.py).
+    # The same number of steps if there are several free processes, because lines have many optima close to each other
+    # (test_two_lines_are_both_found).
+    steps = 5 if len(surface.frees) == 1 else 10
+    scouts = [(k, optimum) for k, point in enumerate(points) if (optimum := surface.downhill(point, steps)) is not None]
     scouts.sort(key=lambda scout: scout[1].objective)
     halved = scouts[: max((len(scouts) + 1) // 2, count)]
-    scouts = [(k, found) for k, scout in halved if (found := surface.downhill(scout, steps)) is not None]
+    scouts = [(k, optimum) for k, scout in halved if (optimum := surface.downhill(scout, steps)) is not None]
     reached: list[Projection] = [] if known is None else [known]
     best: tuple[int | None, Projection] | None = None if known is None else (None, known)
     for k, scout in sorted(scouts, key=lambda scout: scout[1].objective):
@@ -240,29 +212,30 @@ def _lowest(
             break
         if any(_together(scout.point, other.point) for other in reached):
             continue
-        found = surface.downhill(scout)
-        if found is None:
+        optimum = surface.downhill(scout)
+        if optimum is None:
             continue
         count -= 1
-        reached += [scout, found]
-        if best is None or not problem.as_low(best[1].objective, found.objective, NOISE):
-            best = k, found
+        reached += [scout, optimum]
+        if best is None or not problem.as_low(best[1].objective, optimum.objective, NOISE):
+            best = k, optimum
     return best
 
 
-def _together(one: Point, other: Point) -> bool:
+def _together(one: ShapePoint, other: ShapePoint) -> bool:
     """Return whether two points are so close that descents from them reach the same optimum."""
-    return one.branches == other.branches and bool(np.all(np.abs(one.x - other.x) < TOGETHER))
+    # Difference of every coordinate below which two descents are treated as one.
+    return one.branches == other.branches and bool(np.all(np.abs(one.x - other.x) < 0.03))
 
 
-def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Projection) -> Projection:
+def _rearrange(problem: Problem, surface: Surface, alone: list[Alone], best: Projection) -> Projection:
     """Return the optimum after each free process in turn was moved to the best points of its own scan."""
     for _ in range(RETURNS):
         moved = list(moved_points(problem, surface, alone, best.point))
-        found = _lowest(problem, surface, moved, known=best)
-        if found is None or problem.as_low(best.objective, found[1].objective, NOISE):
+        lowest = _lowest(problem, surface, moved, known=best)
+        if lowest is None or problem.as_low(best.objective, lowest[1].objective, NOISE):
             break
-        best = found[1]
+        best = lowest[1]
     return best
 
 
@@ -272,33 +245,33 @@ def _elsewhere(problem: Problem, surface: Surface, best: Projection) -> Projecti
         _, z = surface.split(best.point)
         search = surface.curved_alone(z)
         candidates, _, _, _ = search.branch_and_bound(certify=False)
-        places = search.located(candidates[0][1])
-        there = Point(tuple(b for b, _ in places), np.concatenate([np.array([u for _, u in places]), *z]))
-        found = surface.downhill(there)
-        if found is None or problem.as_low(best.objective, found.objective, NOISE):
+        places = search.places_of(candidates[0][1])
+        point = ShapePoint(tuple(b for b, _ in places), np.concatenate([np.array([u for _, u in places]), *z]))
+        optimum = surface.downhill(point)
+        if optimum is None or problem.as_low(best.objective, optimum.objective, NOISE):
             break
-        best = found
+        best = optimum
     return best
 
 
-def _resumed(problem: Problem, solution: Solution, *, ends: bool) -> Solution:
+def _resume_free(problem: Problem, solution: Solution, *, ends: bool) -> Solution:
     surface = Surface(problem)
     assert solution.point is not None
     here = surface.at(solution.point)
-    found, curvature = (None, None) if here is None else surface.sharpened(here, solution.curvature)
-    if found is None or not _at_rest(surface, found):
-        found = surface.downhill(solution.point)
-        assert found is not None  # the point was valid with the previous weights, and validity does not depend on them
-        found, curvature = surface.sharpened(found)
-    there = _solution(problem, surface, found, solution.start, ends=ends)
-    return replace(there, curvature=curvature, origin=solution.origin)
+    optimum, curvature = (None, None) if here is None else surface.sharpen(here, solution.curvature)
+    if optimum is None or not _at_rest(surface, optimum):
+        optimum = surface.downhill(solution.point)
+        assert (
+            optimum is not None
+        )  # the point was valid with the previous weights, and validity does not depend on them
+        optimum, curvature = surface.sharpen(optimum)
+    result = _solution(problem, surface, optimum, solution.start, ends=ends)
+    return replace(result, curvature=curvature, origin=solution.origin)
 
 
 def _at_rest(surface: Surface, found: Projection) -> bool:
-    """Return whether the gradient is zero up to rounding errors.
-
-    Each component must be at most 1e-10 of the product of the lengths of the vectors whose inner product it is.
-    """
+    """Return whether the gradient is zero up to rounding errors. Each component must be at most 1e-10 of the product of
+    the lengths of the vectors whose inner product it is."""
     slopes = surface.slopes(found)
     gradient = -slopes @ found.residual
     able = surface.moving(found, gradient)
@@ -307,13 +280,11 @@ def _at_rest(surface: Surface, found: Projection) -> bool:
 
 
 def _solution(problem: Problem, surface: Surface, found: Projection, start: Start, *, ends: bool = True) -> Solution:
-    """Return the solution for an optimum.
-
-    If `ends`, it includes the process that the data cannot distinguish from each curved term.
-    """
+    """Return the solution for an optimum. If `ends`, it includes the process that the data cannot distinguish from each
+    curved term."""
     linear = len(problem.linear)
     u, z = surface.split(found.point)
-    terms: tuple[Term, ...] = ()
+    terms: tuple[FittedTerm, ...] = ()
     places = tuple(zip(found.point.branches, u.tolist(), strict=True))
     if problem.curved_class is not None:
         search = surface.curved_alone(z)
@@ -323,27 +294,18 @@ def _solution(problem: Problem, surface: Surface, found: Projection, start: Star
     scales = found.weights[linear:] * problem.unit / np.where(found.lengths > 0, found.lengths, 1.0)
     for free, part, scale in zip(surface.frees, z, scales[len(places) :], strict=True):
         values = tuple(free.values(part.reshape(1, -1))[0].tolist())
-        terms = (*terms, Term(values, float(scale)))
+        terms = (*terms, FittedTerm(values, float(scale)))
     linear_scales = problem.scales(problem.shapes, found.weights[:linear])
     value = float(found.objective * problem.unit**2)
     return Solution(
-        objective=value,
-        lower_bound=None,
-        relaxed_bound=0.0,
-        scales=linear_scales,
-        terms=terms,
-        places=places,
-        nodes=0,
-        start=start,
-        point=found.point,
-    )
+        objective=value, lower_bound=None, relaxed_bound=0.0, scales=linear_scales, terms=terms, places=places, nodes=0,
+        start=start, point=found.point,
+    )  # fmt: skip
 
 
-def estimated(problem: Problem, solution: Solution, slope: float | None) -> Model:
-    """Return the model with the values of a solution, in the same order of terms.
-
-    A parameter with a sign gets the sign of the `slope` of the data, if the slope is known.
-    """
+def model_of(problem: Problem, solution: Solution, slope: float | None) -> Model:
+    """Return the model with the values of a solution, in the same order of terms. A parameter with a sign gets the sign
+    of the `slope` of the data, if the slope is known."""
     processes = list(problem.model.processes)
     for place, scale in zip(problem.linear, solution.scales, strict=True):
         processes[place] = _with_scale(processes[place], float(scale), slope)

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
-from typing import Any, Literal, get_args
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.base.errors import OptionError
+from gmwm.base.documents import Documented
 from gmwm.fitting.estimation.atoms import grid
 from gmwm.fitting.estimation.problem import Problem
-from gmwm.fitting.estimation.variable_projection import Coordinates, Point, Surface
+from gmwm.fitting.estimation.variable_projection import Coordinates, ShapePoint, Surface
 from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import as_whole_number
@@ -28,25 +28,8 @@ How = Literal["convex", "given", "scan", "sampled"]
 
 # tests/estimation/test_arma_fits.py and test_surface.py pin the sizes of the scan below: no other start, including
 # random draws, may reach a smaller objective (docs/validation/starts.md has the study).
-SCANNED = 64
-"""Number of points of a scan of one coordinate. It is multiplied by four for each additional coordinate, up to
-`MOST_SCANNED`."""
 MOST_SCANNED = 4096
 """Largest number of points of a scan."""
-ALONE = 256
-"""Number of points of a scan of one coordinate of a single process, while the other processes do not change. It is
-multiplied by four for each additional coordinate."""
-ROUNDS = 4
-"""Largest number of rounds in which each process in turn is moved to the best point of its scan."""
-ALIKE = 0.9999
-"""Inner product of two unit vectors above which their points are treated as one."""
-LEFT_FOR = 4
-"""Number of points of its scan to which each process is moved after the first descent."""
-LOOKED_AT = 256
-"""Number of the best points of a scan from which the points for descents are chosen, no two of them close to each
-other."""
-DICTIONARY = 48
-"""Number of places that represent a curved process during a scan."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +71,7 @@ class Sampled:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Start:
+class Start(Documented):
     """Starting point of a fit, with the objective there.
 
     Attributes
@@ -120,50 +103,28 @@ class Start:
         which = "the given one" if self.how == "given" else f"objective {self.objective:.6g} there"
         return f"best of the optima reached from {self.tried} starting points ({which})"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the start as plain numbers and strings for JSON."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> Start:
-        """Restore a start from `values`, the output of `to_dict`."""
-        default = values["default"]
-        how: How = values["how"]
-        if how not in get_args(How):
-            raise OptionError(argument="how", expected=f"one of {', '.join(get_args(How))}", got=how)
-        return cls(
-            how=how,
-            tried=int(values["tried"]),
-            objective=float(values["objective"]),
-            default=None if default is None else float(default),
-        )
-
-
-# --- scan, for processes with several shape parameters ----------------------------------------------------
-
 
 def scanned_points(
     problem: Problem, surface: Surface, alone: list[Alone] | None, kept: int
-) -> tuple[list[tuple[How, Point]], int]:
-    """Return the points from which descents start, and the number of points that were evaluated.
-
-    The first point has the values in the model, if there are any. The second point comes from `alone`, the scans of the
-    single free processes. The others are the best of a sequence of points that fills the box of the free coordinates
-    evenly. The curved and the linear processes are optimised at each point.
-    """
+) -> tuple[list[tuple[How, ShapePoint]], int]:
+    """Return the points from which descents start, and the number of points that were evaluated: the values in the
+    model, the point of `alone`, the scans of single free processes, and the best of a sequence of points that fills the
+    box of free coordinates evenly. The curved and linear processes are optimised at each point."""
     count = sum(free.size for free in surface.frees)
     # If a parameter is fixed, only a few points of the box belong to a valid process, so more points are needed.
     held = any(not free.together for free in surface.frees)
-    number = min(MOST_SCANNED, SCANNED * 4 ** (count - 1 + 2 * held))
+    # Number of points of a scan of one coordinate. It is multiplied by four for each additional coordinate, up to
+    # `MOST_SCANNED`.
+    number = min(MOST_SCANNED, 64 * 4 ** (count - 1 + 2 * held))
     share, columns = _even(number, count), []
     at = 0
     for free in surface.frees:
         columns.append(_over_its_scan(free, share[:, at : at + free.size], problem))
         at += free.size
     chosen = _best(problem, surface, columns, share=share, kept=kept)
-    points: list[tuple[How, Point]] = []
-    if (given := given_point(problem, surface)) is not None:
-        points.append(("given", given))
+    points: list[tuple[How, ShapePoint]] = []
+    if (start := given_point(problem, surface)) is not None:
+        points.append(("given", start))
     if alone is not None:
         points.append(("scan", _with_curved(problem, surface, _one_by_one(problem, surface, alone))))
     for k in chosen:
@@ -173,16 +134,16 @@ def scanned_points(
     return points, number + len(points) - len(chosen)
 
 
-def given_point(problem: Problem, surface: Surface) -> Point | None:
+def given_point(problem: Problem, surface: Surface) -> ShapePoint | None:
     """Return the starting point that the values in the model give; None if a free process has no values."""
-    given = [free.given() for free in surface.frees]
-    there = [z for z in given if z is not None]
-    return _with_curved(problem, surface, there) if len(there) == len(given) else None
+    coordinates = [free.start_values() for free in surface.frees]
+    values = [z for z in coordinates if z is not None]
+    return _with_curved(problem, surface, values) if len(values) == len(coordinates) else None
 
 
 def _over_its_scan(free: Coordinates, share: Matrix, problem: Problem) -> Matrix:
     """Return the nonlinear parameters (n, q), including fixed ones, at relative positions (n, d) in the scanned box."""
-    ends = free.scanned(problem.samples, problem.rate)
+    ends = free.scan_range(problem.samples, problem.rate)
     return np.asarray(free.values(ends[:, 0] + share * (ends[:, 1] - ends[:, 0])), dtype=np.float64)
 
 
@@ -194,10 +155,8 @@ class Alone:
     units: Matrix
 
     def best(self, others: Matrix, problem: Problem, count: int = 1) -> list[int]:
-        """Return the indices of the `count` best points of the scan, no two of them close to each other.
-
-        The objective of a point is the minimum over all combinations of its unit vector and the vectors `others`.
-        """
+        """Return the indices of the `count` best points of the scan, no two of them close to each other. The objective
+        of a point is the minimum over all combinations of its unit vector and the vectors `others`."""
         rows = np.ascontiguousarray(np.concatenate([others, self.units[:1]]))
         objectives = np.empty(len(self.units))
         for k, unit in enumerate(self.units):
@@ -205,7 +164,8 @@ class Alone:
             objectives[k] = _core.nonnegative_least_squares(problem.target, rows)[1]
         chosen: list[int] = []
         for k in np.argsort(objectives, kind="stable").tolist():
-            if len(chosen) < count and all(self.units[k] @ self.units[other] < ALIKE for other in chosen):
+            # Inner product of two unit vectors above which their points are treated as one.
+            if len(chosen) < count and all(self.units[k] @ self.units[other] < 0.9999 for other in chosen):
                 chosen.append(k)
         return chosen
 
@@ -216,46 +176,46 @@ def scans_alone(problem: Problem, surface: Surface) -> list[Alone] | None:
         return None
     every = []
     for free in surface.frees:
-        values = _over_its_scan(free, _even(min(MOST_SCANNED, ALONE * 4 ** (free.size - 1)), free.size), problem)
+        # Number of points of a scan of one coordinate of a single process, while the other processes do not change. It
+        # is multiplied by four for each additional coordinate.
+        values = _over_its_scan(free, _even(min(MOST_SCANNED, 256 * 4 ** (free.size - 1)), free.size), problem)
         shapes = free.kind.shape(values, problem.levels, problem.rate, problem.filter)
         able = free.possible(values) & np.all(np.isfinite(shapes), axis=1) & np.any(shapes > 0, axis=1)
         if not able.any():
             return None
-        every.append(Alone(values[able], problem.weighted(shapes[able])))
+        every.append(Alone(values[able], problem.unit_rows(shapes[able])))
     return every
 
 
 def _one_by_one(problem: Problem, surface: Surface, every: list[Alone]) -> list[Vector]:
-    """Return the coordinates of the free processes after each of them in turn was optimised until none changes.
-
-    This finds the frequencies of several lines. Each frequency lies in a narrow band, which the points of a scan of all
-    coordinates miss.
-    """
+    """Return the coordinates of the free processes after each of them in turn was optimised until none changes. This
+    finds the frequencies of several lines. Each frequency lies in a narrow band, which the points of a scan of all
+    coordinates miss."""
     base = _dictionary(problem)
     at: dict[int, int] = {}
-    for _ in range(ROUNDS):
+    # Largest number of rounds in which each process in turn is moved to the best point of its scan.
+    for _ in range(4):
         before = dict(at)
         for place, scan in enumerate(every):
             others = [every[k].units[row : row + 1] for k, row in at.items() if k != place]
             at[place] = scan.best(np.concatenate([base, *others]), problem)[0]
         if at == before:
             break
-    found = zip(surface.frees, every, strict=True)
-    return [free.of(scan.values[at[k] : at[k] + 1])[0] for k, (free, scan) in enumerate(found)]
+    scans = zip(surface.frees, every, strict=True)
+    return [free.of(scan.values[at[k] : at[k] + 1])[0] for k, (free, scan) in enumerate(scans)]
 
 
-def moved_points(problem: Problem, surface: Surface, every: list[Alone], point: Point) -> Iterator[Point]:
-    """Yield points at which one free process is moved to one of the best points of its own scan.
-
-    The other free processes do not change.
-    """
+def moved_points(problem: Problem, surface: Surface, every: list[Alone], point: ShapePoint) -> Iterator[ShapePoint]:
+    """Yield points at which one free process is moved to one of the best points of its own scan. The other free
+    processes do not change."""
     _, z = surface.split(point)
     base, shapes = _dictionary(problem), surface.free_shapes(z)
     for place, scan in enumerate(every):
-        here = [problem.weighted(shapes[k : k + 1]) for k in range(len(z)) if k != place and np.any(shapes[k] > 0)]
-        for row in scan.best(np.concatenate([base, *here]), problem, LEFT_FOR):
-            there = surface.frees[place].of(scan.values[row : row + 1])[0]
-            yield _with_curved(problem, surface, [*z[:place], there, *z[place + 1 :]])
+        here = [problem.unit_rows(shapes[k : k + 1]) for k in range(len(z)) if k != place and np.any(shapes[k] > 0)]
+        # Number of points of its scan to which each process is moved after the first descent.
+        for row in scan.best(np.concatenate([base, *here]), problem, 4):
+            coordinates = surface.frees[place].of(scan.values[row : row + 1])[0]
+            yield _with_curved(problem, surface, [*z[:place], coordinates, *z[place + 1 :]])
 
 
 def _best(problem: Problem, surface: Surface, columns: list[Matrix], *, share: Matrix, kept: int) -> list[int]:
@@ -276,7 +236,9 @@ def _best(problem: Problem, surface: Surface, columns: list[Matrix], *, share: M
         objectives[k] = _core.nonnegative_least_squares(problem.target, rows)[1]
     near = 1.5 * len(share) ** (-1.0 / max(share.shape[1], 1))
     chosen: list[int] = []
-    for k in np.argsort(objectives, kind="stable")[:LOOKED_AT].tolist():
+    # Number of the best points of a scan from which the points for descents are chosen, no two of them close to each
+    # other.
+    for k in np.argsort(objectives, kind="stable")[:256].tolist():
         if not np.isfinite(objectives[k]) or len(chosen) == kept:
             break
         if all(np.abs(share[k] - share[other]).max() > near for other in chosen):
@@ -291,28 +253,27 @@ def _dictionary(problem: Problem) -> Matrix:
     values = grid(
         problem.curved_class, problem.levels, samples=problem.samples, rate=problem.rate, filter=problem.filter
     ).values
-    places = np.unique(np.linspace(0, len(values) - 1, DICTIONARY).astype(np.int64))
-    return np.concatenate([problem.fixed, problem.weighted(values[places])])
+    # Number of places that represent a curved process during a scan.
+    places = np.unique(np.linspace(0, len(values) - 1, 48).astype(np.int64))
+    return np.concatenate([problem.fixed, problem.unit_rows(values[places])])
 
 
-def _with_curved(problem: Problem, surface: Surface, z: list[Vector]) -> Point:
+def _with_curved(problem: Problem, surface: Surface, z: list[Vector]) -> ShapePoint:
     """Return the point with the coordinates `z` of the free processes and the best places of the curved processes."""
     branches, u = [], []
     if problem.curved_class is not None:
         search = surface.curved_alone(z)
         candidates, _, _, _ = search.branch_and_bound(certify=False)
-        for branch, place in search.located(candidates[0][1]):
+        for branch, place in search.places_of(candidates[0][1]):
             branches.append(branch)
             u.append(place)
-    return Point(tuple(branches), np.concatenate([np.array(u, dtype=np.float64), *z]))
+    return ShapePoint(tuple(branches), np.concatenate([np.array(u, dtype=np.float64), *z]))
 
 
 def _even(count: int, size: int) -> Matrix:
-    """Return points (count, size) that fill the unit cube evenly.
-
-    They are an additive recurrence modulo 1 with powers of 1/x, where x is the root of x^(d+1) = x + 1 for d = `size`
-    (M. Roberts, The unreasonable effectiveness of quasirandom sequences, 2018).
-    """
+    """Return points (count, size) that fill the unit cube evenly. They are an additive recurrence modulo 1 with powers
+    of 1/x, where x is the root of x^(d+1) = x + 1 for d = `size` (M. Roberts, The unreasonable effectiveness of
+    quasirandom sequences, 2018)."""
     root = 2.0
     for _ in range(60):
         root = (1.0 + root) ** (1.0 / (size + 1))
@@ -320,17 +281,9 @@ def _even(count: int, size: int) -> Matrix:
     return np.asarray((0.5 + np.outer(np.arange(1.0, count + 1), steps)) % 1.0)
 
 
-# --- random draws -----------------------------------------------------------------------------------------
-
-
-def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, spread: float) -> Point:
-    """Return the random draw whose wavelet variance is closest to the data, as a point of the problem.
-
-    Parameters
-    ----------
-    spread : float
-        Range of the samples divided by their number, (max x − min x)/N, which scales the draws of drifts.
-    """
+def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, spread: float) -> ShapePoint:
+    """Return the random draw whose wavelet variance is closest to the data, as a point of the problem. `spread`: range
+    of the samples divided by their number, (max x − min x)/N, which scales the draws of drifts."""
     surface = Surface(problem)
     rng = np.random.default_rng(sampled.rng)
     occasion = _occasion(wv, spread, sampled.draws, rng)
@@ -365,14 +318,12 @@ def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
                     u.append(min(max(at, branch.low), branch.high))
                     break
     z = [free.of(drawn[k][best : best + 1, 1:])[0] for free, k in zip(surface.frees, problem.free, strict=True)]
-    return Point(tuple(branches), np.concatenate([np.array(u, dtype=np.float64), *z]))
+    return ShapePoint(tuple(branches), np.concatenate([np.array(u, dtype=np.float64), *z]))
 
 
 def _occasion(wv: WaveletVariance, spread: float, draws: int, rng: np.random.Generator) -> Occasion:
-    """Run Algorithms 1 and 2 of Balamuta et al.
-
-    They find the process that dominates the first two levels, and the condition of Algorithm 3 for each draw.
-    """
+    """Run Algorithms 1 and 2 of Balamuta et al. They find the process that dominates the first two levels, and the
+    condition of Algorithm 3 for each draw."""
     dominant = _dominant(wv)
     first = np.ones(draws, dtype=np.int64)
     if dominant == "quantization":
@@ -380,15 +331,9 @@ def _occasion(wv: WaveletVariance, spread: float, draws: int, rng: np.random.Gen
     elif dominant == "white":
         first[:] = 2
     return Occasion(
-        total=float(wv.variance.sum()),
-        spread=spread,
-        dominant=dominant,
-        first=first,
-        levels=wv.levels,
-        samples=wv.samples,
-        rate=wv.rate,
-        filter=find_filter(wv.filter),
-    )
+        total=float(wv.variance.sum()), spread=spread, dominant=dominant, first=first, levels=wv.levels,
+        samples=wv.samples, rate=wv.rate, filter=find_filter(wv.filter),
+    )  # fmt: skip
 
 
 def _dominant(wv: WaveletVariance) -> Dominant:

@@ -23,40 +23,18 @@ from gmwm.fitting.estimation.problem import Problem, to_find
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
 
-STEPS = 100
-"""Largest number of Levenberg-Marquardt steps."""
-ALIKE = 1e-9
-"""Relative decrease of the objective below which Levenberg-Marquardt steps end, because Newton steps then converge
-faster."""
-NEWTON_STEPS = 15
-"""Largest number of Newton steps."""
-HESSIANS = 6
-"""Largest number of times that Newton steps compute the second derivatives."""
-SLOW = 0.1
-"""Ratio of the length of a Newton step to the previous one above which the second derivatives are computed again."""
-SHARP = 1e-11
-"""Change of every coordinate below which Newton steps end."""
-NEAR = 0.3
-"""Longest Newton step that is accepted."""
 LONGEST = 2.0
 """Longest Levenberg-Marquardt step in a coordinate. It changes a correlation time by a factor of seven."""
 NOISE = 1e-12
 """Relative difference below which two objectives are equal up to rounding."""
 FAR = 12.0
-"""Distance by which a coordinate may leave the scanned range. It is a factor of 160 000, or extends a bounded domain up
-to 1 − 1e-12."""
-HELD_REACH = 5.0
-"""Largest coordinate in the scan of a bounded parameter of a process with fixed parameters. The scan then covers 0.9999
-of the domain. Pinned by tests/estimation/test_arma_fits.py (a thin set of processes)."""
-_DAMPED = 1e10
+"""Distance beyond the scanned range: a factor of 160 000, or a bounded domain up to 1 − 1e-12."""
 _COMPLEX = 1e-30
 
 
 class Coordinates:
-    """Coordinates of one free process.
-
-    They are the joint coordinates of its class, or one coordinate for each free parameter if some parameters are fixed.
-    """
+    """Coordinates of one free process. They are the joint coordinates of its class, or one coordinate for each free
+    parameter if some parameters are fixed."""
 
     def __init__(self, process: Process) -> None:
         self.kind = type(process)
@@ -65,8 +43,8 @@ class Coordinates:
         parameters = process.nonlinear_parameters()
         self.together = len(self.moving) == len(parameters)
         self.parameters = [parameters[k] for k in self.moving]
-        given = [process.values[p.name] for p in parameters]
-        self.held = np.array([0.0 if v is None else v for v in given], dtype=np.float64)
+        values = [process.values[p.name] for p in parameters]
+        self.held = np.array([0.0 if v is None else v for v in values], dtype=np.float64)
 
     @property
     def size(self) -> int:
@@ -84,9 +62,7 @@ class Coordinates:
 
     def with_slopes(self, z: Vector) -> tuple[Matrix, Matrix]:
         """Return the nonlinear parameters (1, q) at one point z (d,), and their derivatives (q, d) with respect to z.
-
-        The derivatives are computed by complex steps.
-        """
+        The derivatives are computed by complex steps."""
         moved = self.values(z + 1j * _COMPLEX * np.eye(z.size))
         return np.ascontiguousarray(moved[:1].real), np.asarray(moved.imag.T / _COMPLEX)
 
@@ -97,18 +73,20 @@ class Coordinates:
         columns = [p.coordinate(values[:, k]) for k, p in zip(self.moving, self.parameters, strict=True)]
         return np.stack(columns, axis=1)
 
-    def scanned(self, samples: int, rate: float) -> Matrix:
+    def scan_range(self, samples: int, rate: float) -> Matrix:
         """Return the ends (d, 2) of the coordinates in a scan for starting values."""
         if self.together:
             return self.kind.scan(samples, rate)
         # The range of a bounded parameter extends close to its bounds, because fixed values may exclude other values.
         box = np.array([p.scanned(samples, rate) for p in self.parameters])
         share = np.array([p.domain == "between" for p in self.parameters])
-        return np.where(share[:, None], HELD_REACH * np.sign(box), box)
+        # Largest coordinate in the scan of a bounded parameter of a process with fixed parameters. The scan then covers
+        # 0.9999 of the domain. Pinned by tests/estimation/test_arma_fits.py (a thin set of processes).
+        return np.where(share[:, None], 5.0 * np.sign(box), box)
 
     def ends(self, samples: int, rate: float) -> Matrix:
         """Return the bounds (d, 2) of the coordinates, far beyond the scan."""
-        return np.asarray(self.scanned(samples, rate) + np.array([-FAR, FAR]))
+        return np.asarray(self.scan_range(samples, rate) + np.array([-FAR, FAR]))
 
     def possible(self, values: Matrix) -> NDArray[np.bool_]:
         """Return a mask of the rows of nonlinear parameters (n, q) that are valid. Joint coordinates are always
@@ -118,7 +96,7 @@ class Coordinates:
         with np.errstate(invalid="ignore"):
             return np.asarray(np.all(self.kind.room(values) > 0, axis=1))
 
-    def given(self) -> Vector | None:
+    def start_values(self) -> Vector | None:
         """Return the coordinates of the values in the model; None if a value is missing."""
         if any(value is None for value in (self.process.values[p.name] for p in self.process.nonlinear_parameters())):
             return None
@@ -126,12 +104,9 @@ class Coordinates:
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
-    """Point in the space of all shapes.
-
-    `branches` has the branch of each curved process. `x` has the search coordinates u of the curved processes, followed
-    by the coordinates of the free processes.
-    """
+class ShapePoint:
+    """Point in the space of all shapes. `branches` has the branch of each curved process. `x` has the search
+    coordinates u of the curved processes, followed by the coordinates of the free processes."""
 
     branches: tuple[Branch, ...]
     x: Vector
@@ -140,13 +115,11 @@ class Point:
 @dataclass(frozen=True, eq=False)
 class Projection:
     """Smallest objective for given shapes, with the non-negative weights of the linear, curved and free processes.
-
     `units` are the unit vectors of the processes, `lengths` the lengths of the weighted wavelet variances of the curved
-    and free processes, and `residual` is the target minus the weighted sum of the unit vectors.
-    """
+    and free processes, and `residual` is the target minus the weighted sum of the unit vectors."""
 
     objective: float
-    point: Point
+    point: ShapePoint
     weights: Vector
     units: Matrix
     lengths: Vector
@@ -173,13 +146,13 @@ class Surface:
         ends = [free.ends(problem.samples, problem.rate) for free in self.frees]
         self.ends = np.concatenate([np.empty((0, 2)), *ends])
 
-    def split(self, point: Point) -> tuple[Vector, list[Vector]]:
+    def split(self, point: ShapePoint) -> tuple[Vector, list[Vector]]:
         """Return the search coordinates of the curved processes, and the coordinates of each free process, of a
         point."""
         count = len(point.branches)
         return point.x[:count], [point.x[count + a : count + b] for a, b in self.spans]
 
-    def at(self, point: Point) -> Projection | None:
+    def at(self, point: ShapePoint) -> Projection | None:
         """Return the optimal weights at a point; None if a process is not valid there."""
         check_stop()
         u, z = self.split(point)
@@ -188,7 +161,7 @@ class Surface:
             return None
         rows = self._free_shapes(values)
         if point.branches:
-            rows = np.concatenate([self._curved(point.branches, u), rows])
+            rows = np.concatenate([self._curved_shapes(point.branches, u), rows])
         rows = rows @ self.problem.root.T
         if not np.all(np.isfinite(rows)):
             return None
@@ -198,13 +171,9 @@ class Surface:
         every = np.ascontiguousarray(np.concatenate([self.fixed, units]))
         weights, objective = _core.nonnegative_least_squares(self.problem.target, every)
         return Projection(
-            objective=objective,
-            point=point,
-            weights=weights,
-            units=every,
-            lengths=lengths,
+            objective=objective, point=point, weights=weights, units=every, lengths=lengths,
             residual=self.problem.target - weights @ every,
-        )
+        )  # fmt: skip
 
     def free_shapes(self, z: list[Vector]) -> Matrix:
         """Return the wavelet variances (n, J) of the free processes with scale coefficient 1 at the coordinates `z`."""
@@ -219,28 +188,24 @@ class Surface:
         return np.concatenate([np.empty((0, problem.levels.size)), *rows])
 
     def curved_alone(self, z: list[Vector]) -> Search:
-        """Return the search for the curved processes if the free processes have the fixed coordinates `z`.
-
-        Free processes whose wavelet variance is zero are left out.
-        """
-        problem, found = self.problem, self.free_shapes(z)
+        """Return the search for the curved processes if the free processes have the fixed coordinates `z`. Free
+        processes whose wavelet variance is zero are left out."""
+        problem, curves = self.problem, self.free_shapes(z)
         assert problem.curved_class is not None
-        seen = np.any(found > 0, axis=1)
-        held = tuple(place for place, there in zip(problem.free, seen, strict=True) if there)
-        rows = np.concatenate([problem.shapes, found[seen]])
+        seen = np.any(curves > 0, axis=1)
+        held = tuple(place for place, able in zip(problem.free, seen, strict=True) if able)
+        rows = np.concatenate([problem.shapes, curves[seen]])
         return Search(replace(problem, linear=(*problem.linear, *held), free=(), shapes=rows), problem.curved_class)
 
-    def _curved(self, branches: tuple[Branch, ...], u: Vector) -> Matrix:
+    def _curved_shapes(self, branches: tuple[Branch, ...], u: Vector) -> Matrix:
         curved_class, problem = self.problem.curved_class, self.problem
         assert curved_class is not None
         places = list(zip(branches, u.tolist(), strict=True))
         return shapes(curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
 
     def slopes(self, found: Projection) -> Matrix:
-        """Return the derivatives (d, J) of Σ weight · unit vector with respect to every coordinate.
-
-        The lengths by which the unit vectors are scaled are treated as constants.
-        """
+        """Return the derivatives (d, J) of Σ weight · unit vector with respect to every coordinate. The lengths by
+        which the unit vectors are scaled are treated as constants."""
         problem, first = self.problem, len(self.fixed)
         u, z = self.split(found.point)
         branches = found.point.branches
@@ -266,10 +231,8 @@ class Surface:
         return np.asarray((np.concatenate(rows) @ problem.root.T) * share[:, None])
 
     def moving(self, found: Projection, gradient: Vector) -> NDArray[np.bool_]:
-        """Return a mask of the coordinates that can change.
-
-        The process must have a weight, and a step against the gradient must not leave the branch.
-        """
+        """Return a mask of the coordinates that can change. The process must have a weight, and a step against the
+        gradient must not leave the branch."""
         first, count = len(self.fixed), len(found.point.branches)
         free = [np.full(f.size, w > 0) for f, w in zip(self.frees, found.weights[first + count :], strict=True)]
         able = np.concatenate([found.weights[first : first + count] > 0, *free])
@@ -277,18 +240,16 @@ class Surface:
             able[k] &= not ((u <= branch.low and gradient[k] > 0) or (u >= branch.high and gradient[k] < 0))
         return np.asarray(able, dtype=np.bool_)
 
-    def moved(self, point: Point, step: Vector) -> Point:
+    def move(self, point: ShapePoint, step: Vector) -> ShapePoint:
         """Return the point after a step, limited to its branches and bounds."""
         x = point.x + step
         for k, branch in enumerate(point.branches):
             x[k] = min(max(x[k], branch.low), branch.high)
         count = len(point.branches)
         x[count:] = np.clip(x[count:], self.ends[:, 0], self.ends[:, 1])
-        return Point(point.branches, x)
+        return ShapePoint(point.branches, x)
 
-    # --- descent ----------------------------------------------------------------------------------------
-
-    def downhill(self, start: Point | Projection, steps: int = STEPS) -> Projection | None:
+    def downhill(self, start: ShapePoint | Projection, steps: int = 100) -> Projection | None:
         """Return the point that at most `steps` Levenberg-Marquardt steps reach; None if `start` is not valid."""
         best = start if isinstance(start, Projection) else self.at(start)
         if best is None:
@@ -301,74 +262,77 @@ class Surface:
             able = self.moving(best, gradient)
             if not able.any():
                 break
-            jacobian = self._projected(best, slopes[able])
+            jacobian = self._project(best, slopes[able])
             square = jacobian @ jacobian.T
             size = np.diag(square).copy()
-            while damping < _DAMPED:
+            while damping < 1e10:
                 step = np.zeros(best.point.x.size)
                 damped = square + damping * np.diag(size + np.finfo(float).tiny)
-                step[able] = np.clip(_solved(damped, -gradient[able]), -LONGEST, LONGEST)
-                there = self.at(self.moved(best.point, step))
-                if there is not None and there.objective < best.objective:
-                    better = there
+                step[able] = np.clip(_solve(damped, -gradient[able]), -LONGEST, LONGEST)
+                trial = self.at(self.move(best.point, step))
+                if trial is not None and trial.objective < best.objective:
+                    better = trial
                     break
                 damping *= 8.0
             if better is None:
                 break
             gain, best = 1.0 - better.objective / best.objective, better
             damping = max(damping / 10.0, 1e-9)
-            if gain < ALIKE:
+            # Relative decrease of the objective below which Levenberg-Marquardt steps end, because Newton steps then
+            # converge faster.
+            if gain < 1e-9:
                 break
         return best
 
-    def _projected(self, found: Projection, slopes: Matrix) -> Matrix:
+    def _project(self, found: Projection, slopes: Matrix) -> Matrix:
         """Return the slopes minus their projection on the unit vectors, because the scales compensate for this part."""
         rows = found.units[found.weights > 0]
         basis, _ = np.linalg.qr(rows.T)
         return np.asarray(slopes - (slopes @ basis) @ basis.T)
 
-    def sharpened(self, best: Projection, known: Curvature | None = None) -> tuple[Projection, Curvature | None]:
-        """Return the optimum after Newton steps, and the last second derivatives.
-
-        Steps that increase the objective are rejected. The same second derivatives are used until the steps converge
-        slowly. `known` are the second derivatives of the problem with slightly different weights.
-        """
+    def sharpen(self, best: Projection, curvature: Curvature | None = None) -> tuple[Projection, Curvature | None]:
+        """Return the optimum after Newton steps, and the last second derivatives. Steps that increase the objective are
+        rejected. The same second derivatives are used until the steps converge slowly. `curvature` are the second
+        derivatives of the problem with slightly different weights."""
         square, before, computed = self.problem.unit**2, np.inf, 0
-        for _ in range(NEWTON_STEPS):
+        for _ in range(15):
             gradient = -self.slopes(best) @ best.residual
             able = self.moving(best, gradient)
             ends = np.array(
                 [b.low < u < b.high for b, u in zip(best.point.branches, best.point.x, strict=False)], dtype=np.bool_
             )
             able[: ends.size] &= ends
-            if known is None or not np.array_equal(known.able, able):
-                if computed == HESSIANS or (hessian := self._hessian(best, able)) is None:
+            if curvature is None or not np.array_equal(curvature.able, able):
+                # Largest number of times that Newton steps compute the second derivatives.
+                if computed == 6 or (hessian := self._hessian(best, able)) is None:
                     break
-                known, computed, fresh = Curvature(able, square * hessian), computed + 1, True
+                curvature, computed, fresh = Curvature(able, square * hessian), computed + 1, True
             else:
                 fresh = False
             step = np.zeros(best.point.x.size)
-            step[able] = _solved(known.hessian / square, -gradient[able])
+            step[able] = _solve(curvature.hessian / square, -gradient[able])
             size = float(np.abs(step).max(initial=0.0))
-            there = self.at(self.moved(best.point, step)) if size < NEAR else None
-            if there is None or not self.problem.as_low(there.objective, best.objective, NOISE):
+            # Longest Newton step that is accepted.
+            trial = self.at(self.move(best.point, step)) if size < 0.3 else None
+            if trial is None or not self.problem.as_low(trial.objective, best.objective, NOISE):
                 if fresh:
                     break
-                known = None
+                curvature = None
                 continue
-            best = there
-            if size < SHARP:
+            best = trial
+            # Change of every coordinate below which Newton steps end.
+            if size < 1e-11:
                 break
-            if size > SLOW * before:
-                known = None
+            # Ratio of the length of a Newton step to the previous one above which the second derivatives are computed
+            # again.
+            if size > 0.1 * before:
+                curvature = None
             before = size
-        return best, known
+        return best, curvature
 
     def _hessian(self, best: Projection, able: NDArray[np.bool_]) -> Matrix | None:
-        """Return the Hessian for the coordinates that `able` marks, by differences of gradients.
-
-        It is None if it is not positive definite.
-        """
+        """Return the Hessian for the coordinates that `able` marks, by differences of gradients. It is None if it is
+        not positive definite."""
         count, step = int(np.count_nonzero(able)), 1e-4
         if count == 0:
             return None
@@ -376,7 +340,7 @@ class Surface:
         for row, k in enumerate(np.flatnonzero(able)):
             shift = np.zeros(best.point.x.size)
             shift[k] = step
-            sides = [self.at(Point(best.point.branches, best.point.x + sign * shift)) for sign in (1.0, -1.0)]
+            sides = [self.at(ShapePoint(best.point.branches, best.point.x + sign * shift)) for sign in (1.0, -1.0)]
             if sides[0] is None or sides[1] is None:
                 return None
             up, down = (-(self.slopes(side) @ side.residual)[able] for side in sides if side is not None)
@@ -389,7 +353,7 @@ class Surface:
         return hessian
 
 
-def _solved(matrix: Matrix, right: Vector) -> Vector:
+def _solve(matrix: Matrix, right: Vector) -> Vector:
     """Solve a symmetric system after scaling it to unit diagonal; a singular system gives the solution of least
     norm."""
     size = np.sqrt(np.diag(matrix))

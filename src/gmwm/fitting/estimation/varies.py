@@ -27,30 +27,17 @@ class Function:
 
 @dataclass(frozen=True)
 class Varies:
-    """Functions φ_m of the condition c in the variance Σ_m s_m φ_m(c) of a term.
-
-    Attributes
-    ----------
-    condition : str
-        Name of the condition; "" if the functions do not name it.
-    functions : tuple of Function
-        Functions φ_m.
-    """
+    """Functions φ_m of the condition c in the variance Σ_m s_m φ_m(c) of a term. `condition`: name of the condition; ""
+    if the functions do not name it. `functions`: functions φ_m."""
 
     condition: str
     functions: tuple[Function, ...]
 
     @classmethod
     def parse(cls, text: str) -> Varies:
-        """Parse the text of a sum such as "1 + rate**2".
+        """Parse the text of a sum such as "1 + rate**2". Raises OptionError if the text is not a sum of known
+        functions.
 
-        Raises
-        ------
-        OptionError
-            If the text is not a sum of known functions.
-
-        Examples
-        --------
         >>> [one.text for one in Varies.parse("1 + rate^2").functions]
         ['1', 'rate^2']
         """
@@ -60,35 +47,30 @@ class Varies:
             word = part.strip()
             if word == "1":
                 functions.append(Function("1", np.ones_like))
-            elif found := _HATS.fullmatch(word):
-                functions += _hats(found[1], text)
-            elif found := _ABSOLUTE.fullmatch(word):
-                names.add(found[1])
+            elif match := _HATS.fullmatch(word):
+                functions += _hats(match[1], text)
+            elif match := _ABSOLUTE.fullmatch(word):
+                names.add(match[1])
                 functions.append(Function(word, np.abs))
-            elif (found := _POWER.fullmatch(word)) and found[1] != "hats":
-                names.add(found[1])
-                power = int(found[2] or 1)
-                functions.append(Function(f"{found[1]}^{power}" if power > 1 else found[1], _power(power)))
+            elif (match := _POWER.fullmatch(word)) and match[1] != "hats":
+                names.add(match[1])
+                power = int(match[2] or 1)
+                functions.append(Function(f"{match[1]}^{power}" if power > 1 else match[1], _power(power)))
             else:
                 raise OptionError(argument="varies", expected=_EXPECTED, got=text)
-        texts = [one.text for one in functions]
+        texts = [function.text for function in functions]
         if len(names) > 1 or len(set(texts)) < len(texts):
             raise OptionError(argument="varies", expected=_EXPECTED, got=text)
         return cls(next(iter(names), ""), tuple(functions))
 
     def at(self, conditions: Vector, term: str) -> Matrix:
         """Return the values φ_m(c_s) (m, s) of the functions at the conditions c_s (s,). `term` is named in errors.
-
-        Raises
-        ------
-        ModelError
-            If a function is negative at a condition, or the conditions cannot separate the functions.
-        """
-        rows = np.array([one.of(conditions) for one in self.functions])
-        for one, row in zip(self.functions, rows, strict=True):
+        Raises ModelError if a function is negative at a condition, or the conditions cannot separate the functions."""
+        rows = np.array([function.of(conditions) for function in self.functions])
+        for function, row in zip(self.functions, rows, strict=True):
             if np.any(row < 0):
                 raise ModelError(
-                    f"{term} varies with {one.text}, which is negative at {conditions[np.argmin(row)]:g}",
+                    f"{term} varies with {function.text}, which is negative at {conditions[np.argmin(row)]:g}",
                     advice="Use an even power, abs(…) or hats(…), so that variances cannot be negative.",
                 )
         scale = np.max(rows, axis=1, keepdims=True)
@@ -101,21 +83,16 @@ class Varies:
         return rows
 
 
-def parsed(varies: Mapping[str, str]) -> tuple[dict[str, Varies], str]:
-    """Parse the sum of functions that describes the variance of each term, and find the name of the condition.
-
-    Raises
-    ------
-    OptionError
-        If a sum cannot be parsed, or two sums name different conditions.
-    """
+def parse_varies(varies: Mapping[str, str]) -> tuple[dict[str, Varies], str]:
+    """Parse the sum of functions that describes the variance of each term, and find the name of the condition. Raises
+    OptionError if a sum cannot be parsed, or two sums name different conditions."""
     if not isinstance(varies, Mapping):
         raise OptionError(argument="varies", expected="a mapping such as {'WN': '1 + rate**2'}", got=varies)
-    found = {term: Varies.parse(text) for term, text in varies.items()}
-    names = {one.condition for one in found.values() if one.condition}
+    sums = {term: Varies.parse(text) for term, text in varies.items()}
+    names = {single.condition for single in sums.values() if single.condition}
     if len(names) > 1:
         raise OptionError(argument="varies", expected="one name for the condition", got=", ".join(sorted(names)))
-    return found, next(iter(names), "condition")
+    return sums, next(iter(names), "condition")
 
 
 def _power(power: int) -> Callable[[Vector], Vector]:
@@ -123,10 +100,8 @@ def _power(power: int) -> Callable[[Vector], Vector]:
 
 
 def _hats(inside: str, text: str) -> list[Function]:
-    """Return one piecewise linear function for each number in hats(…).
-
-    It is 1 at this number and 0 at the others, and constant outside their range.
-    """
+    """Return one piecewise linear function for each number in hats(…). It is 1 at this number and 0 at the others, and
+    constant outside their range."""
     try:
         places = np.array([float(word) for word in inside.split(",")])
     except ValueError:

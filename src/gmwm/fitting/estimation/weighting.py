@@ -22,22 +22,9 @@ Weighting = Literal["diagonal", "optimal", "identity"] | ArrayLike
 """Weighting of the levels: "diagonal", "optimal", "identity", a (J,) diagonal or a (J, J) matrix."""
 
 
-WELL_KNOWN = 8.0
-"""Smallest degrees of freedom of the levels that `weighting_remarks` uses. The relative standard error of ν̂_j² is then
-at most 1/2. Pinned by tests/estimation/test_weights.py."""
-COVARIANCE_FACTOR = 5.0
-"""Largest factor between a weight and V_jj for which the weight looks like a variance
-(tests/estimation/test_weights.py)."""
-PRECISION_FACTOR = 1000.0
-"""Factor by which at least one weight must differ from 1 / V_jj. If V_jj is near 1 unit⁴, V_jj and 1 / V_jj cannot be
-distinguished."""
-
-
 def usual_weighting(model: Model) -> Literal["diagonal", "optimal"]:
     """Return the default weighting, "optimal" if a process has several free shape parameters, and else "diagonal".
-
-    docs/validation/weighting.md has the study behind this choice.
-    """
+    docs/validation/weighting.md has the study behind this choice."""
     several = any(
         sum(not process.is_fixed(p.name) for p in process.nonlinear_parameters()) > 1 for process in model.processes
     )
@@ -45,29 +32,16 @@ def usual_weighting(model: Model) -> Literal["diagonal", "optimal"]:
 
 
 def sampling_variance(wv: WaveletVariance) -> Vector:
-    """Approximate the variance of the estimates ν̂_j² from the data, Var ν̂_j² ≈ 2 ν̄_j⁴ / η_j, in unit⁴.
-
-    ν̄² is ν̂² after smoothing at levels with few coefficients. η_j = max(M_j / 2^j, 1) are the degrees of freedom. For
-    a robust ν̂² they are multiplied by the efficiency, which gives an upper bound on its variance.
-    """
+    """Approximate the variance of the estimates ν̂_j² from the data, Var ν̂_j² ≈ 2 ν̄_j⁴ / η_j, in unit⁴. ν̄² is ν̂²
+    after smoothing at levels with few coefficients. η_j = max(M_j / 2^j, 1) are the degrees of freedom. For a robust
+    ν̂² they are multiplied by the efficiency, which gives an upper bound on its variance."""
     return 2 * smoothed(wv) ** 2 / wv.degrees_of_freedom
 
 
 def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
-    """Return the weighting matrix Ω (J, J), in unit⁻⁴, without a model.
-
-    Parameters
-    ----------
-    weighting : "diagonal", "identity", or (J,) or (J, J) array
-        Weights. "diagonal" means 1 / `sampling_variance`, and a vector is the diagonal of the matrix.
-
-    Raises
-    ------
-    DataError
-        If the weighting is "diagonal" and the variance of a level is zero, or its square overflows.
-    OptionError
-        If the matrix has the wrong shape, is not finite, or is not symmetric and positive definite.
-    """
+    """Return the weighting matrix Ω (J, J), in unit⁻⁴, without a model. "diagonal" is 1 / `sampling_variance`, a vector
+    the diagonal. Raises DataError if the variance of a level is zero or its square overflows, and OptionError if the
+    matrix has the wrong shape, is not finite, or is not symmetric and positive definite."""
     size = len(wv)
     if isinstance(weighting, str):
         if weighting == "identity":
@@ -119,32 +93,29 @@ def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
 
 
 def weighting_remarks(matrix: Matrix, wv: WaveletVariance) -> tuple[Remark, ...]:
-    """Return a remark if the weights of a user look like a covariance that was not inverted.
-
-    The diagonal of the weights must agree with the variances V_jj of the estimates at every level with enough degrees
-    of freedom, and must differ much from 1 / V_jj at one of these levels.
-    """
-    known = (wv.degrees_of_freedom >= WELL_KNOWN) & (wv.variance > 0) & (np.diag(matrix) > 0)
-    if np.count_nonzero(known) < 3 or not np.all(wv.variance > 0):
+    """Return a remark if the weights of a user look like a covariance that was not inverted. The diagonal of the
+    weights must agree with the variances V_jj of the estimates at every level with enough degrees of freedom, and must
+    differ much from 1 / V_jj at one of these levels."""
+    # Smallest degrees of freedom of the levels that `weighting_remarks` uses. The relative standard error of ν̂_j² is
+    # then at most 1/2. Pinned by tests/estimation/test_weights.py.
+    usable = (wv.degrees_of_freedom >= 8.0) & (wv.variance > 0) & (np.diag(matrix) > 0)
+    if np.count_nonzero(usable) < 3 or not np.all(wv.variance > 0):
         return ()
-    weights, variance = np.log(np.diag(matrix)[known]), np.log(sampling_variance(wv)[known])
-    like_covariance = np.all(np.abs(weights - variance) < math.log(COVARIANCE_FACTOR))
-    if like_covariance and np.any(np.abs(weights + variance) > math.log(PRECISION_FACTOR)):
+    weights, variance = np.log(np.diag(matrix)[usable]), np.log(sampling_variance(wv)[usable])
+    # Largest factor between a weight and V_jj for which the weight looks like a variance
+    # (tests/estimation/test_weights.py).
+    like_covariance = np.all(np.abs(weights - variance) < math.log(5.0))
+    # Factor by which at least one weight must differ from 1 / V_jj. If V_jj is near 1 unit⁴, V_jj and 1 / V_jj cannot
+    # be distinguished.
+    if like_covariance and np.any(np.abs(weights + variance) > math.log(1000.0)):
         return (Remark.of("weights-are-covariance", wv.axis),)
     return ()
 
 
 def precision(covariance: Matrix) -> Matrix:
-    """Return the inverse of a covariance V (J, J) of wavelet variances.
-
-    V is scaled to unit diagonal first, because the variances of the levels differ by many powers of ten. Eigenvalues
-    below the rounding error are replaced by the rounding error.
-
-    Raises
-    ------
-    ModelError
-        If the variance of a level is zero.
-    """
+    """Return the inverse of a covariance V (J, J) of wavelet variances. V is scaled to unit diagonal first, because the
+    variances of the levels differ by many powers of ten. Eigenvalues below the rounding error are replaced by the
+    rounding error. Raises ModelError if the variance of a level is zero."""
     scale = np.sqrt(np.diag(covariance))
     if not (np.all(np.isfinite(scale)) and np.all(scale > 0)):
         raise ModelError(
@@ -163,7 +134,7 @@ class Weights:
 
     matrix: Matrix
     tables: dict[object, _core.WeightedTable] = field(default_factory=dict)
-    """Tables under these weights, which the kernel of the search keeps; by `gmwm.estimation.atoms.Grid`."""
+    """Tables under these weights, which the kernel of the search keeps; by `gmwm.estimation.atoms.ShapeGrid`."""
 
     @cached_property
     def root(self) -> Matrix:
@@ -177,15 +148,8 @@ class Weights:
 
 
 def square_root(matrix: Matrix) -> Matrix:
-    """Return the upper triangular matrix L with LᵀL = Ω, the Cholesky factor of Ω.
-
-    It is computed after Ω is scaled to unit diagonal.
-
-    Raises
-    ------
-    OptionError
-        If Ω is not positive definite.
-    """
+    """Return the upper triangular matrix L with LᵀL = Ω, the Cholesky factor of Ω. It is computed after Ω is scaled to
+    unit diagonal. Raises OptionError if Ω is not positive definite."""
     diagonal = np.diag(matrix)
     if np.all(diagonal > 0):
         scale = np.sqrt(diagonal)

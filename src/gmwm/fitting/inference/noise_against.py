@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, FitWarning, OptionError
 from gmwm.base.text import Summarised
 from gmwm.base.time_base import begins_of, times_of
@@ -23,29 +23,17 @@ from gmwm.measuring.regression.blocks import BlockClock
 from gmwm.measuring.regression.columns import HOUR
 from gmwm.measuring.regression.covariates import Covariates
 from gmwm.measuring.regression.least_squares import haar
-from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
 from gmwm.theory.processes.model import ModelLike
 
 LEAST_FREEDOM = 30.0
-"""Smallest number of degrees of freedom of the levels that are used. The joint test at the 5 % level then rejects 3 %
-of recordings whose noise does not change (docs/validation/regression.md)."""
+"""Least degrees of freedom of a level: the joint test then rejects 3 % at 5 % (docs/validation/regression.md)."""
 LEAST_RANGE = 0.5
-"""Smallest ratio of the variance of the means of the condition over a scale to the variance of the condition itself. If
-the ratio is smaller, the condition changes too much within one coefficient."""
-SHORTEST = 16
-"""Smallest length (samples) of the blocks in which knocks are clipped."""
+"""Least ratio of the variance of means over a scale to the variance of the condition, which must change slowly."""
 SUPPORTED = 4.0
-"""Smallest ratio of a scale parameter to its standard error for which the slope of the term is estimated. The slope of
-a weaker term would be too uncertain."""
-PARTS = 4096
-"""Number of parts into which each level is divided. The mean square of each part is used, so that the cost does not
-depend on the length of the recording."""
-_ROUNDS = 20
-"""Largest number of iterations for a slope."""
-_SETTLED = 1e-10
-"""Step below which the iteration for a slope ends."""
+"""Least ratio of a scale parameter to its standard error; the slope of a weaker term is too uncertain."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +56,7 @@ class Slope:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class NoiseAgainst(Summarised):
+class NoiseAgainst(Documented, Summarised):
     """Dependence of the noise of an axis on a condition.
 
     Attributes
@@ -127,15 +115,6 @@ class NoiseAgainst(Summarised):
                 "those of the levels."
             )
         return "\n".join(lines)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the slopes as plain numbers, lists and strings for JSON."""
-        return {
-            "axis": self.axis, "condition": self.condition, "unit": self.unit, "range": list(self.range),
-            "levels": self.levels.tolist(), "tau": self.tau.tolist(), "slopes": [vars(one) for one in self.slopes],
-            "pvalue": self.pvalue, "terms": {name: vars(one) for name, one in self.terms.items()},
-            "pvalue_terms": self.pvalue_terms,
-        }  # fmt: skip
 
     def __repr__(self) -> str:
         return f"NoiseAgainst({self.axis or 'signal'}, {self.condition}, p = {self.pvalue:.2g})"
@@ -197,13 +176,14 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
     if not isinstance(signal, Signal):
         raise OptionError(argument="signal", expected="a Signal, such as imu['gyro_x']", got=signal)
     term, covariates, values = _condition(signal, condition)
-    rest = without(signal, regress(signal, covariates), covariates)
-    length = max(covariates.clock.length, SHORTEST)
+    residual = without(signal, regress(signal, covariates), covariates)
+    # Smallest length (samples) of the blocks in which knocks are clipped.
+    length = max(covariates.clock.length, 16)
     blocks = BlockClock.of(signal.rate, signal.segments, signal.starts, length=length)
-    rest = replace(rest, values=blocks.clip(rest.values))
-    wv = signal_wavelet_variance(rest)
+    residual = replace(residual, values=blocks.clip(residual.values))
+    wv = wavelet_variance(residual)
     design = Design.of(wv)
-    used = _slow(rest, values, design)
+    used = _slow(residual, values, design)
     if not np.any(used):
         raise DataError(
             f"{term.name} changes too quickly for the scales of this recording, or the recording is too short",
@@ -211,11 +191,11 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
             advice="Record for longer, with slower changes.",
         )
     levels = wv.levels[used]
-    slopes, spread = np.array([_slope(*_parts(rest, values, level)) for level in levels.tolist()]).T
+    slopes, spread = np.array([_slope(*_parts(residual, values, level)) for level in levels.tolist()]).T
     # The covariance is measured after the dependence on the condition is removed.
-    even = replace(rest, values=rest.values * np.exp(-slopes[0] * (values - np.mean(values))))
+    even = replace(residual, values=residual.values * np.exp(-slopes[0] * (values - np.mean(values))))
     _, noise = mixture(wv.variance, wv.degrees_of_freedom, design)
-    design = replace(design, excess=excess_covariance(even, signal_wavelet_variance(even)))
+    design = replace(design, excess=excess_covariance(even, wavelet_variance(even)))
     curve = noise.wavelet_variance(wv.levels, wv.rate)[used]
     # Cov(s_j, s_k) = V_jk √(M_j M_k) / (4 ν_j² ν_k² √(K_j K_k)), where K_j/M_j is the variance of the condition at
     # level j.
@@ -224,28 +204,28 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
     inverse = np.linalg.inv(errors)
     statistic = float(slopes @ inverse @ slopes)
     names, shares = _shares(model, wv, used)
-    terms, left = {}, statistic
+    terms, remainder = {}, statistic
     if names:
         root = np.linalg.cholesky(inverse).T
         estimates, *_ = np.linalg.lstsq(root @ shares, root @ slopes, rcond=None)
         spreads = np.sqrt(np.diag(np.linalg.pinv(shares.T @ inverse @ shares, hermitian=True)))
-        terms = {name: _tested(*pair) for name, *pair in zip(names, estimates, spreads, strict=True)}
-        left = float(np.sum((root @ (slopes - shares @ estimates)) ** 2))
+        terms = {name: _test(*pair) for name, *pair in zip(names, estimates, spreads, strict=True)}
+        remainder = float(np.sum((root @ (slopes - shares @ estimates)) ** 2))
     free = levels.size - len(names)
     return NoiseAgainst(
         axis=signal.axis, condition=term.name, unit=term.unit, range=(float(np.min(values)), float(np.max(values))),
         levels=levels.copy(), tau=wv.tau[used],
-        slopes=tuple(_tested(s, e) for s, e in zip(slopes, np.sqrt(np.diag(errors)), strict=True)),
+        slopes=tuple(_test(s, e) for s, e in zip(slopes, np.sqrt(np.diag(errors)), strict=True)),
         pvalue=float(gammaincc(levels.size / 2, statistic / 2)), terms=terms,
-        pvalue_terms=float(gammaincc(free / 2, left / 2)) if free > 0 else None,
+        pvalue_terms=float(gammaincc(free / 2, remainder / 2)) if free > 0 else None,
     )  # fmt: skip
 
 
 def _condition(signal: Signal, condition: Against) -> tuple[CovariateTerm, Covariates, Vector]:
     """Return the condition, the regression of the mean on it, and its value at each sample."""
-    asked = Asked.of(condition)
-    term = asked.terms[0] if len(asked.terms) == 1 else None
-    arrays = dict(asked.arrays or {})
+    conditions = Asked.of(condition)
+    term = conditions.terms[0] if len(conditions.terms) == 1 else None
+    arrays = dict(conditions.arrays or {})
     if term is not None and term.name == TIME:
         covariates = Covariates.of([term], {}, signal)
         begins = begins_of(signal.rate, signal.segments, signal.starts)
@@ -260,7 +240,7 @@ def _condition(signal: Signal, condition: Against) -> tuple[CovariateTerm, Covar
     return term, covariates, arrays[term.name] if term.exact else smooth
 
 
-def _tested(value: float, error: float) -> Slope:
+def _test(value: float, error: float) -> Slope:
     from scipy.special import ndtr
 
     return Slope(float(value), float(error), 2 * float(ndtr(-abs(value) / error)))
@@ -270,42 +250,40 @@ def _shares(model: ModelLike, wv: WaveletVariance, used: NDArray[np.bool_]) -> t
     """Return the names of the terms that the data support, and the share (J, terms) of each in the wavelet variance."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FitWarning)
-        found = fit(model, wv, certify=False)
-    errors, kept = found.sandwich.errors, {}
-    for name, process in zip(found.model.terms, found.model.processes, strict=True):
+        result = fit(model, wv, certify=False)
+    errors, parts = result.sandwich.errors, {}
+    for name, process in zip(result.model.terms, result.model.processes, strict=True):
         scale = f"{name}.{process.scale_parameter().name}"
-        if scale in errors and abs(found.parameters[scale]) > SUPPORTED * errors[scale]:
-            kept[name] = (found.decomposition[name] / found.implied)[used]
-    return list(kept), np.column_stack(list(kept.values())) if kept else np.zeros((int(np.sum(used)), 0))
+        if scale in errors and abs(result.parameters[scale]) > SUPPORTED * errors[scale]:
+            parts[name] = (result.decomposition[name] / result.implied)[used]
+    return list(parts), np.column_stack(list(parts.values())) if parts else np.zeros((int(np.sum(used)), 0))
 
 
 def _slow(signal: Signal, values: Vector, design: Design) -> NDArray[np.bool_]:
-    """Return a mask (J,) of the levels that are used.
-
-    They have enough degrees of freedom, and the condition is nearly constant over the samples of a coefficient.
-    """
-    found, whole = np.zeros(design.levels.size, dtype=bool), float(np.var(values))
+    """Return a mask (J,) of the levels that are used. They have enough degrees of freedom, and the condition is nearly
+    constant over the samples of a coefficient."""
+    mask, total = np.zeros(design.levels.size, dtype=bool), float(np.var(values))
     for k, (level, freedom) in enumerate(zip(design.levels.tolist(), design.degrees_of_freedom, strict=True)):
         if freedom >= LEAST_FREEDOM:
             away = np.concatenate([_running(values[a:b], 1 << level) for a, b in _long(signal, level)])
             away -= np.mean(away)
-            own = float(np.mean(away**2))
+            variance = float(np.mean(away**2))
             # If the condition is rarely far from its mean, the slope has fewer degrees of freedom.
-            few = freedom * own**2 < LEAST_FREEDOM * float(np.mean(away**4))
-            found[k] = own >= LEAST_RANGE * whole and not few
-    return found
+            few = freedom * variance**2 < LEAST_FREEDOM * float(np.mean(away**4))
+            mask[k] = variance >= LEAST_RANGE * total and not few
+    return mask
 
 
 def _parts(signal: Signal, values: Vector, level: int) -> tuple[NDArray[np.int64], Vector, Vector]:
-    """Divide the coefficients of a level into parts.
-
-    Returns, for each part, the number of coefficients, the sum of their squares, and the mean of the condition.
-    """
+    """Divide the coefficients of a level into parts. Returns, for each part, the number of coefficients, the sum of
+    their squares, and the mean of the condition."""
     pieces = [
         (haar(signal.values[a:b] - np.mean(signal.values[a:b]), level) ** 2, _running(values[a:b], 1 << level))
         for a, b in _long(signal, level)
     ]
-    length = max(sum(squares.size for squares, _ in pieces) // PARTS, 1)
+    # Number of parts into which each level is divided. The mean square of each part is used, so that the cost does not
+    # depend on the length of the recording.
+    length = max(sum(squares.size for squares, _ in pieces) // 4096, 1)
     counts, sums, means = [], [], []
     for squares, condition in pieces:
         edges = np.arange(0, squares.size, length)
@@ -316,23 +294,18 @@ def _parts(signal: Signal, values: Vector, level: int) -> tuple[NDArray[np.int64
 
 
 def _slope(counts: NDArray[np.int64], sums: Vector, means: Vector) -> tuple[float, float]:
-    """Return the relative change of the standard deviation of the noise per unit of the condition, at one level.
-
-    The second result is the standard deviation of the condition over the parts of the level.
-
-    Parameters
-    ----------
-    counts, sums, means : (n,) arrays
-        Number of coefficients, sum of their squares, and mean of the condition for each of n parts.
-    """
+    """Return the relative change of the standard deviation of the noise per unit of the condition, at one level. The
+    second result is the standard deviation of the condition over the parts of the level. `counts`, `sums`, `means`
+    (n,): number of coefficients, sum of their squares, and mean of the condition for each of n parts."""
     away = means - np.average(means, weights=counts)
     spread = float(np.sqrt(np.average(away**2, weights=counts)))
     c, slope = away / spread, 0.0
-    for _ in range(_ROUNDS):
+    for _ in range(20):
         now = sums * np.exp(-2 * slope * c)
         step = float(c @ now / (2 * (c**2 @ now)))
         slope += float(np.clip(step, -1.0, 1.0))
-        if abs(step) < _SETTLED:
+        # Step below which the iteration for a slope ends.
+        if abs(step) < 1e-10:
             break
     return slope / spread, spread
 

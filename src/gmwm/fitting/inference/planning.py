@@ -13,37 +13,87 @@ from typing import Any, Literal
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector, as_rate, freeze
+from gmwm.base.documents import plain
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark, texts
 from gmwm.base.tables import align
 from gmwm.base.text import Named, Summarised, counted, duration_text
+from gmwm.fitting.estimation.asymptotic import sandwich_of
 from gmwm.fitting.estimation.problem import pose
 from gmwm.fitting.estimation.weighting import precision, usual_weighting
-from gmwm.fitting.inference.asymptotic import sandwich_of
-from gmwm.fitting.inference.losses import NONE, Losses
-from gmwm.measuring.covariance import covariance
+from gmwm.measuring.covariance import Design, covariance
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import one_of
 from gmwm.theory.processes.model import Model, ModelLike, as_model
 
 SEEN = 0.5
 """Relative standard error above which a parameter is uncertain, because its 95 % interval then includes zero."""
-PER_DECADE = 8
-"""Number of lengths per factor of ten for which standard errors are computed."""
 LONGEST = 2**40
 """Largest number of samples of a planned recording, which is 350 years at 100 Hz."""
-SUMMED = 2**20
-"""Number of samples up to which a covariance that is a sum over all lags takes less than a second."""
 BEYOND = 1e4
 """Multiple of the planned duration up to which `Plan.needed` searches."""
 PER_OCTAVE = 4
 """Number of lengths per factor of two that `Plan.needed` evaluates before it bisects."""
-NEAR = 5e-3
-"""Relative accuracy of the lengths that `Plan.needed` finds; lengths are shown with two digits."""
 _LEAST, _MOST = 1e-295, 1e295
 """Allowed range of squared variances. It is the range of double precision, 1e±308, with a margin for sums over 2⁴⁰
 samples."""
+
+
+@dataclass(frozen=True)
+class Losses:
+    """Gaps of a planned recording, which repeat the gaps of a pilot recording. `filled`: share of the samples that are
+    filled. `segments`: lengths of the segments of the pilot recording; () if all its gaps are filled or it has no gaps.
+
+    >>> Losses(segments=(500, 1500)).design(1200, 100.0)[0].segments, Losses(segments=(500, 1500)).shortest(512)
+    ((500, 700), 1012)
+    """
+
+    filled: float = 0.0
+    segments: tuple[int, ...] = ()
+
+    @classmethod
+    def of(cls, wv: WaveletVariance | None) -> Losses:
+        """Return the gaps of the recording with the wavelet variance `wv`; no gaps for None."""
+        return cls() if wv is None else cls(wv.filled / wv.samples, wv.segments)
+
+    def __bool__(self) -> bool:
+        return bool(self.filled or self.segments)
+
+    def shortest(self, least: int) -> int:
+        """Return the length (samples) of the shortest recording with a segment of `least` samples. Raises OptionError
+        if all segments are shorter than `least` samples."""
+        before = 0
+        for length in self.segments:
+            if length >= least:
+                return before + least
+            before += length
+        if self.segments:
+            raise OptionError(
+                argument="pilot", expected=f"a recording with a segment of {least} samples without a gap",
+                got=max(self.segments), advice="Find out why samples are lost, or use a smaller model.",
+            )  # fmt: skip
+        return least
+
+    def design(self, samples: int, rate: float) -> tuple[Design, float]:
+        """Return the design of a recording of `samples` samples, and a factor by which its covariance is multiplied. If
+        the segments are repeated m times, the design has one repetition, and the factor is 1/m."""
+        filled, share, segments = round(self.filled * samples), 1.0, self.segments
+        if not segments:
+            return Design(np.arange(1, samples.bit_length()), samples, rate, filled=filled), share
+        ends = np.cumsum(segments)
+        if samples >= ends[-1]:
+            share, samples = ends[-1] / samples, int(ends[-1])
+        else:
+            count = int(np.searchsorted(ends, samples))
+            segments = (*segments[:count], samples - int(ends[count - 1] if count else 0))
+        filled = round(self.filled * samples)
+        levels = np.arange(1, max(segments).bit_length())
+        return Design(levels, samples, rate, segments=segments, filled=filled), share
+
+
+NONE = Losses()
+"""No gaps."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -93,17 +143,11 @@ class Plan(Summarised, Plotted):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A mapping proxy cannot be pickled, so the copy is built from a plain dict.
-        made = partial(
-            Plan,
-            model=self.model,
-            rate=self.rate,
-            weighting=self.weighting,
-            durations=self.durations,
-            errors=dict(self.errors),
-            unit=self.unit,
-            losses=self.losses,
-        )
-        return made, ()
+        build = partial(
+            Plan, model=self.model, rate=self.rate, weighting=self.weighting, durations=self.durations,
+            errors=dict(self.errors), unit=self.unit, losses=self.losses,
+        )  # fmt: skip
+        return build, ()
 
     @property
     def duration(self) -> float:
@@ -119,7 +163,8 @@ class Plan(Summarised, Plotted):
         far = min(BEYOND * self.duration, LONGEST / self.rate)
         if all(process.memory(self.rate) is not None for process in self.model.processes):
             return far
-        return min(far, max(self.duration, SUMMED / self.rate))
+        # Number of samples up to which a covariance that is a sum over all lags takes less than a second.
+        return min(far, max(self.duration, 2**20 / self.rate))
 
     def at(self, duration: float) -> dict[str, float]:
         """Compute the relative standard error of each parameter for a recording of another length.
@@ -139,8 +184,8 @@ class Plan(Summarised, Plotted):
         OptionError
             If the recording has too few samples for the model, or more than 2⁴⁰ samples.
         """
-        found = self._at(samples_of(duration, self.rate, len(self.errors), self.losses))
-        return Named(zip(self.errors, found.tolist(), strict=True), "parameter")
+        errors = self._at(samples_of(duration, self.rate, len(self.errors), self.losses))
+        return Named(zip(self.errors, errors.tolist(), strict=True), "parameter")
 
     def needed(self, accuracy: float = 0.1) -> dict[str, float]:
         """Compute the recording length (s) that each parameter needs for a relative standard error of `accuracy`.
@@ -172,8 +217,10 @@ class Plan(Summarised, Plotted):
         >>> {name: duration_text(seconds) for name, seconds in found.items()}
         {'WN.sigma2': '0.58 s', 'RW.gamma2': '7.9 min'}
         """
-        wanted = as_accuracy(accuracy)
-        return Named({name: self._needed(k, wanted) / self.rate for k, name in enumerate(self.errors)}, "parameter")
+        share = as_accuracy(accuracy)
+        return Named(
+            {name: self._samples_needed(k, share) / self.rate for k, name in enumerate(self.errors)}, "parameter"
+        )
 
     def summary(self, accuracy: float = 0.1) -> str:
         """Format a table of the plan.
@@ -181,12 +228,12 @@ class Plan(Summarised, Plotted):
         It has the value of each parameter, its relative standard error at 1/4, 1 and 4 times the planned duration, and
         the length of a recording that gives it a relative standard error of `accuracy`.
         """
-        wanted, units = self.needed(accuracy), self.model.units(self.unit)
+        lengths_needed, units = self.needed(accuracy), self.model.units(self.unit)
         lengths = [self.duration * factor for factor in (0.25, 1.0, 4.0)]
         lengths = [t for t in lengths if self.durations[0] <= t <= LONGEST / self.rate]
         columns = [self.at(t) for t in lengths]
         rows = [["parameter", "unit", "value", *map(duration_text, lengths), f"for {100 * accuracy:g} %"]]
-        for name, seconds in wanted.items():
+        for name, seconds in lengths_needed.items():
             value = self.model.parameters[name]
             need = duration_text(seconds) if math.isfinite(seconds) else f"> {duration_text(self.horizon)}"
             rows.append([name, units[name], f"{value:.3e}", *(error_text(column[name]) for column in columns), need])
@@ -219,17 +266,12 @@ class Plan(Summarised, Plotted):
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain numbers, lists and strings for JSON."""
         return {
-            "model": str(self.model),
-            "parameters": {name: self.model.parameters[name] for name in self.errors},
+            "model": str(self.model), "parameters": {name: self.model.parameters[name] for name in self.errors},
             "units": {name: unit for name, unit in self.model.units(self.unit).items() if name in self.errors},
-            "rate": self.rate,
-            "weighting": self.weighting,
-            "duration": self.duration,
+            "rate": self.rate, "weighting": self.weighting, "duration": self.duration,
             "planned": self.at(self.duration),
-            "durations": self.durations.tolist(),
-            "errors": {name: curve.tolist() for name, curve in self.errors.items()},
-            "losses": {"filled": self.losses.filled, "segments": list(self.losses.segments)},
-        }
+            **{name: plain(getattr(self, name)) for name in ("durations", "errors", "losses")},
+        }  # fmt: skip
 
     def __repr__(self) -> str:
         return f"Plan({self.model.structure}, {duration_text(self.duration)} at {self.rate:g} Hz)"
@@ -237,24 +279,22 @@ class Plan(Summarised, Plotted):
     # --- private methods ------------------------------------------------------------------------------
 
     @cached_property
-    def _known(self) -> dict[int, Vector]:
+    def _cache(self) -> dict[int, Vector]:
         """Cache of relative standard errors, by number of samples."""
         samples = np.rint(self.durations * self.rate).astype(np.int64).tolist()
         return dict(zip(samples, np.column_stack(list(self.errors.values())), strict=True))
 
     def _at(self, samples: int) -> Vector:
-        if samples not in self._known:
+        if samples not in self._cache:
             if samples < self.losses.shortest(1 << (len(self.errors) + 1)):
                 return np.full(len(self.errors), np.inf)
-            found = relative_errors(self.model, samples, self.rate, self.weighting, losses=self.losses)
-            self._known[samples] = found[1]
-        return self._known[samples]
+            errors = relative_errors(self.model, samples, self.rate, self.weighting, losses=self.losses)
+            self._cache[samples] = errors[1]
+        return self._cache[samples]
 
-    def _needed(self, k: int, accuracy: float) -> float:
-        """Return the number of samples from which the relative error of parameter k is at most `accuracy`.
-
-        It is infinite if it exceeds the horizon.
-        """
+    def _samples_needed(self, k: int, accuracy: float) -> float:
+        """Return the number of samples from which the relative error of parameter k is at most `accuracy`. It is
+        infinite if it exceeds the horizon."""
 
         def enough(samples: int) -> bool:
             return bool(self._at(samples)[k] <= accuracy)
@@ -274,21 +314,17 @@ class Plan(Summarised, Plotted):
         if not short:
             return grid[0]
         below, above = grid[short[-1]], grid[short[-1] + 1]
-        while above - below > max(1, NEAR * above):
+        # Relative accuracy of the lengths that `Plan.needed` finds; lengths are shown with two digits.
+        while above - below > max(1, 5e-3 * above):
             middle = (above + below) // 2
             below, above = (below, middle) if enough(middle) else (middle, above)
         return above
 
 
 def plan(
-    model: ModelLike,
-    *,
-    duration: float,
-    rate: float,
-    weighting: Literal["diagonal", "optimal"] | None = None,
-    unit: str = "",
-    pilot: WaveletVariance | None = None,
-) -> Plan:
+    model: ModelLike, *, duration: float, rate: float, weighting: Literal["diagonal", "optimal"] | None = None,
+    unit: str = "", pilot: WaveletVariance | None = None,
+) -> Plan:  # fmt: skip
     """Plan a recording, by computing the standard error of each parameter for recordings of many lengths.
 
     The covariance of the estimates is Cov θ̂ = B V Bᵀ, with B = (DᵀΩD)⁻¹DᵀΩ, D = ∂ν²/∂θ, the weighting matrix Ω, and
@@ -334,37 +370,36 @@ def plan(
     >>> {name: round(error, 3) for name, error in found.at(3600.0).items()}
     {'GM.beta': 0.054, 'GM.sigma2': 0.038, 'WN.sigma2': 0.002}
     """
-    whole, rate = as_model(model), as_rate(rate)
-    weighting = usual_weighting(whole) if weighting is None else weighting
+    terms, rate = as_model(model), as_rate(rate)
+    weighting = usual_weighting(terms) if weighting is None else weighting
     one_of(weighting, "weighting", ("diagonal", "optimal"))
-    free = _free(whole, rate)
+    free = _free(terms, rate)
     losses = Losses.of(pilot)
     longest = samples_of(duration, rate, free, losses)
-    _require_range(whole, min(int(BEYOND * longest), LONGEST), rate)
+    _require_range(terms, min(int(BEYOND * longest), LONGEST), rate)
     levels = losses.design(longest, rate)[0].levels.size
-    pose(whole, WaveletVariance.from_values(whole.wavelet_variance(levels, rate), longest, rate), np.eye(levels))
+    pose(terms, WaveletVariance.from_values(terms.wavelet_variance(levels, rate), longest, rate), np.eye(levels))
     shortest = losses.shortest(1 << (free + 1))
-    count = 1 + math.ceil(PER_DECADE * math.log10(longest / shortest))
+    # Number of lengths per factor of ten for which standard errors are computed.
+    count = 1 + math.ceil(8 * math.log10(longest / shortest))
     samples = np.unique(np.rint(np.geomspace(shortest, longest, count)).astype(np.int64))
-    found = [relative_errors(whole, n, rate, weighting, losses=losses) for n in samples.tolist()]
-    curves = np.column_stack([errors for _, errors in found])
-    errors = {name: curve.copy() for name, curve in zip(found[-1][0], curves, strict=True)}
+    rows = [relative_errors(terms, n, rate, weighting, losses=losses) for n in samples.tolist()]
+    curves = np.column_stack([errors for _, errors in rows])
+    errors = {name: curve.copy() for name, curve in zip(rows[-1][0], curves, strict=True)}
     return Plan(
-        model=whole, rate=rate, weighting=weighting, durations=samples / rate, errors=errors, unit=unit, losses=losses
+        model=terms, rate=rate, weighting=weighting, durations=samples / rate, errors=errors, unit=unit, losses=losses
     )
 
 
 def relative_errors(
     model: Model, samples: int, rate: float, weighting: Literal["diagonal", "optimal"], losses: Losses = NONE
 ) -> tuple[tuple[str, ...], Vector]:
-    """Return the names of the p free parameters, and their relative standard errors (p,), for a recording.
-
-    The recording has `samples` samples and the gaps `losses`.
-    """
+    """Return the names of the p free parameters, and their relative standard errors (p,), for a recording. The
+    recording has `samples` samples and the gaps `losses`."""
     design, share = losses.design(samples, rate)
     wavelet = share * covariance(model, design)
-    found = sandwich_of(model, design, _weights(wavelet, weighting), wavelet)
-    return found.names, np.sqrt(np.diag(found.relative))
+    errors = sandwich_of(model, design, _weights(wavelet, weighting), wavelet)
+    return errors.names, np.sqrt(np.diag(errors.relative))
 
 
 def _weights(wavelet: Matrix, weighting: Literal["diagonal", "optimal"]) -> Matrix:
@@ -381,10 +416,8 @@ def _weights(wavelet: Matrix, weighting: Literal["diagonal", "optimal"]) -> Matr
 
 
 def _free(model: Model, rate: float) -> int:
-    """Return the number of free parameters of a model.
-
-    Raises ModelError if a parameter has no value or a term is zero.
-    """
+    """Return the number of free parameters of a model. Raises ModelError if a parameter has no value or a term is
+    zero."""
     missing = {
         term: [parameter for parameter, value in process.values.items() if value is None]
         for term, process in zip(model.terms, model.processes, strict=True)
@@ -430,12 +463,10 @@ def _require_range(model: Model, samples: int, rate: float) -> None:
 
 
 def samples_of(duration: float, rate: float, free: int, losses: Losses = NONE) -> int:
-    """Return the number of samples of a recording of `duration` (s).
-
-    Raises OptionError unless the recording has more levels than `free`, the number of free parameters.
-    """
-    known = isinstance(duration, int | float | np.number) and not isinstance(duration, bool)
-    if not (known and math.isfinite(duration) and duration > 0):
+    """Return the number of samples of a recording of `duration` (s). Raises OptionError unless the recording has more
+    levels than `free`, the number of free parameters."""
+    is_number = isinstance(duration, int | float | np.number) and not isinstance(duration, bool)
+    if not (is_number and math.isfinite(duration) and duration > 0):
         raise OptionError(argument="duration", expected="a positive number (s)", got=duration)
     samples, least = round(float(duration) * rate), losses.shortest(1 << (free + 1))
     if samples < least:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Vector, as_rate, as_vector
-from gmwm.fitting.likelihood.problem import Problem
+from gmwm.fitting.likelihood.problem import LikelihoodProblem
 from gmwm.fitting.likelihood.record import Record
 from gmwm.fitting.likelihood.search import Maximum
 from gmwm.measuring.regression.against import Asked
@@ -23,25 +23,14 @@ from gmwm.measuring.regression.result import Regression
 from gmwm.recording.signals import Signal
 
 _STEP = 0.05
-"""Step of a coordinate for the numerical derivative of the covariance of the coefficients. The derivative is used only
-for the degrees of freedom of the standard errors."""
+"""Step of a coordinate for the derivative that gives the degrees of freedom of standard errors."""
 
 
 @dataclass(frozen=True, eq=False)
 class Regressed:
-    """A recording together with the columns of a regression on conditions.
-
-    Attributes
-    ----------
-    signal : Signal
-        The recording.
-    covariates : Covariates
-        The conditions.
-    first : Regression
-        A first regression by wavelet levels. Its estimate of the time constant of a warm-up is used in the columns.
-    record : Record
-        The recording for the Kalman filter, with the columns.
-    """
+    """A recording together with the columns of a regression on conditions. `signal`: the recording. `covariates`: the
+    conditions. `first`: a first regression by wavelet levels. Its estimate of the time constant of a warm-up is used in
+    the columns. `record`: the recording for the Kalman filter, with the columns."""
 
     signal: Signal
     covariates: Covariates
@@ -50,26 +39,21 @@ class Regressed:
 
     @classmethod
     def of(cls, data: Signal | ArrayLike, rate: float | None, record: Record, asked: Asked) -> Regressed:
-        """Compute the regression columns at every sample of a recording.
-
-        Raises
-        ------
-        DataError, OptionError
-            If a covariate cannot be used.
-        """
+        """Compute the regression columns at every sample of a recording. Raises DataError or OptionError if a covariate
+        cannot be used."""
         signal = data if isinstance(data, Signal) else Signal(as_vector(data, "data"), as_rate(rate))
         covariates = Covariates.of(asked.terms, dict(asked.arrays or {}), signal)
         first = regress(signal, covariates)
         columns = np.zeros((len(first), record.values.size))
-        there = np.isfinite(record.values)
+        observed = np.isfinite(record.values)
         for k, unit in enumerate(np.eye(len(first))):
-            columns[k, there] = covariates.effect(unit, first.tau, 0, len(signal))
+            columns[k, observed] = covariates.effect(unit, first.tau, 0, len(signal))
         # The restricted likelihood must not depend on the unit of a covariate.
-        scales = np.std(columns[:, there], axis=1)
+        scales = np.std(columns[:, observed], axis=1)
         record = replace(record, columns=columns / scales[:, None], scales=scales, names=tuple(first))
         return cls(signal, covariates, first, record)
 
-    def regression(self, problem: Problem, found: Maximum) -> Regression:
+    def regression(self, problem: LikelihoodProblem, found: Maximum) -> Regression:
         """Return the regression at a maximum of the likelihood: coefficients, covariance and degrees of freedom."""
         estimates, covariance = self._at(problem, found.z)
         relative = np.zeros((len(estimates) + 1, len(found.active)))
@@ -90,8 +74,8 @@ class Regressed:
             freedoms=tuple(freedoms[:-1].tolist()), freedom=float(freedoms[-1]),
         )  # fmt: skip
 
-    def _at(self, problem: Problem, z: Vector) -> tuple[Vector, np.ndarray]:
+    def _at(self, problem: LikelihoodProblem, z: Vector) -> tuple[Vector, np.ndarray]:
         """Return the coefficients (p,) and their covariance (p, p) for the noise model at coordinates z."""
         level = problem.value(problem.at_point(z))[1]
-        own, scales = slice(len(level.values) - len(self.first), None), self.record.scales
-        return level.values[own] / scales, level.covariance[own, own] / np.outer(scales, scales)
+        part, scales = slice(len(level.values) - len(self.first), None), self.record.scales
+        return level.values[part] / scales, level.covariance[part, part] / np.outer(scales, scales)

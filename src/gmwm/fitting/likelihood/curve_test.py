@@ -6,36 +6,30 @@ import numpy as np
 
 from gmwm.base.errors import DataError, MissingTheoryError
 from gmwm.base.remarks import Quantity, Remark
-from gmwm.fitting.inference.goodness import usable_levels
+from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.likelihood.result import LikelihoodFit
 from gmwm.measuring.covariance import Design
 from gmwm.measuring.covariance.api import variances
 
 LEVEL = 1e-3
-"""Significance level of the test. The fit does not minimise the distance to the wavelet variance, so the level is small
-(tests/likelihood/test_misfit.py measures the rate of false alarms).
-"""
+"""Significance level, small because the fit does not minimise this distance (tests/likelihood/test_misfit.py)."""
 
 
 def misfit(fit: LikelihoodFit) -> Remark | None:
-    """Return a remark if a model does not describe the wavelet variance of its recording, otherwise None.
-
-    Most of the information in the samples is about the fastest process. A model error at long scales therefore hardly
-    affects the likelihood or the whiteness of the residuals. If the model is right, η_j ν̂²_j / ν²_j(θ̂) has
-    approximately a chi-square distribution with η_j = 2 ν⁴_j / V_jj degrees of freedom at each level j. Here ν̂² is the
-    measured wavelet variance, ν²(θ̂) the one of the fitted model, and V the covariance of ν̂² under the model. The
-    smallest p-value of all levels is adjusted by Holm's method.
-    """
+    """Return a remark if a model does not describe the wavelet variance of its recording, otherwise None. Most
+    information in the samples is about the fastest process, so an error at long scales hardly affects the likelihood or
+    the whiteness of the residuals. If the model is right, η_j ν̂²_j / ν²_j(θ̂) is approximately chi-square with η_j = 2
+    ν⁴_j / V_jj degrees of freedom. The smallest p-value of all levels is adjusted by Holm's method."""
     from scipy.special import gammainc, gammaincc
 
     try:
         wv = fit.wavelet_variance
-        kept = usable_levels(wv)
-        spread = variances(fit.model, Design.of(wv).only(kept))
+        usable = usable_levels(wv)
+        spread = variances(fit.model, Design.of(wv).only(usable))
     except (DataError, MissingTheoryError):
         return None  # the recording is too short for a wavelet variance, or a process has no covariance
-    implied, measured = fit.implied[kept], wv.variance[kept]
-    if not np.any(kept) or not np.all(implied > 0):
+    implied, measured = fit.implied[usable], wv.variance[usable]
+    if not np.any(usable) or not np.all(implied > 0):
         return None
     half = implied**2 / spread
     scores = half * measured / implied
@@ -47,6 +41,6 @@ def misfit(fit: LikelihoodFit) -> Remark | None:
     worst = int(np.argmax(np.where(pvalues.size * pvalues < LEVEL, np.abs(np.log(ratios)), 0.0)))
     ratio = float(ratios[worst])
     return Remark.of(
-        "likelihood-misfit", fit.axis, tau=Quantity(float(wv.tau[kept][worst]), "s"), ratio=max(ratio, 1 / ratio),
+        "likelihood-misfit", fit.axis, tau=Quantity(float(wv.tau[usable][worst]), "s"), ratio=max(ratio, 1 / ratio),
         side="above" if ratio > 1 else "below", pvalue=pvalue,
     )  # fmt: skip

@@ -16,15 +16,15 @@ from gmwm.base.remarks import Remark
 from gmwm.fitting.estimation import Fit, fit
 from gmwm.fitting.likelihood.conditions import Regressed
 from gmwm.fitting.likelihood.curve_test import misfit
-from gmwm.fitting.likelihood.problem import Level, Problem, as_mean, nothing_to_chance
+from gmwm.fitting.likelihood.problem import LikelihoodProblem, RegressionEstimate, as_mean, nothing_to_chance
 from gmwm.fitting.likelihood.record import Record, as_record
 from gmwm.fitting.likelihood.result import LikelihoodDiagnostics, LikelihoodFit
-from gmwm.fitting.likelihood.search import Maximum, Search
+from gmwm.fitting.likelihood.search import LikelihoodSearch, Maximum
 from gmwm.fitting.likelihood.system import LEVEL, assemble, require_state
 from gmwm.measuring.regression.against import Against, Asked
 from gmwm.recording.signals import Signal
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.ladder import approximated
+from gmwm.theory.processes.ladder import approximation_remarks
 from gmwm.theory.processes.model import Model, as_model
 from gmwm.theory.processes.parameter import Fixed
 
@@ -32,74 +32,27 @@ from gmwm.theory.processes.parameter import Fixed
 def loglikelihood(
     model: Model | Process | str, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None
 ) -> float:
-    """Compute the exact Gaussian log-likelihood of a recording under a model with known parameter values.
-
-    log p(x) = −½ [N log 2π + Σ log S_t + Σ v_t²/S_t], with v_t the innovations of a Kalman filter and S_t their
-    variances. Unknown levels (the mean of the recording, the initial value of a random walk) have a flat prior and are
-    integrated out, as in an exact diffuse initialisation. The slope of a drift has the value that the model states.
-
-    Parameters
-    ----------
-    model : Model, Process or str
-        The model, with values of all parameters.
-    data : Signal or (N,) array
-        The recording. Gaps of a signal are treated as missing samples; in an array, NaN is a missing sample.
-    rate : float, optional
-        Sampling rate (Hz); needed only if `data` is an array.
-    mean : float, optional
-        Mean of the recording if it is known, for example 0 for simulated noise; unknown by default.
-
-    Returns
-    -------
-    float
-        Natural logarithm of the density of the observed samples.
-
-    Raises
-    ------
-    ModelError
-        If a parameter has no value, or the model predicts a sample exactly.
-    MissingTheoryError
-        If a term has no state-space form.
-    DataError, OptionError
-        If the data or the rate cannot be used.
-
-    References
-    ----------
-    Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., chapters 5 and 7.
-
-    Examples
-    --------
-    >>> from gmwm import Model
-    >>> white = Model.parse("WN(sigma2=1.0)")
-    >>> x = white.simulate(1000, 100.0, rng=1)
-    >>> reference = -0.5 * (1000 * np.log(2 * np.pi) + x @ x)
-    >>> bool(np.isclose(white.loglikelihood(x, rate=100.0, mean=0.0), reference, rtol=1e-13))
-    True
-    """
-    wanted = as_model(model)
-    missing = [name for name, value in wanted.parameters.items() if value is None]
+    """Compute the exact Gaussian log-likelihood of a recording; see `Model.loglikelihood`. The slope of a drift has the
+    value that the model states."""
+    terms = as_model(model)
+    missing = [name for name, value in terms.parameters.items() if value is None]
     if missing:
         raise ModelError(
-            f"the likelihood of {wanted} needs a value for {', '.join(missing)}",
+            f"the likelihood of {terms} needs a value for {', '.join(missing)}",
             advice="Write the values into the model, or fit it by maximum likelihood with {gmwm fit --likelihood}.",
         )
-    problem = Problem(_all_held(wanted), as_record(data, rate), as_mean(mean))
+    problem = LikelihoodProblem(_all_held(terms), as_record(data, rate), as_mean(mean))
     value, _ = problem.value(problem.model)
     if not math.isfinite(value):
-        raise nothing_to_chance(wanted)
+        raise nothing_to_chance(terms)
     return value
 
 
 def fit_ml(
-    model: Model | Process | str,
-    data: Signal | ArrayLike,
-    rate: float | None = None,
-    *,
-    start: Fit | LikelihoodFit | Model | str | None = None,
-    mean: float | None = None,
-    against: Against | Asked = None,
+    model: Model | Process | str, data: Signal | ArrayLike, rate: float | None = None, *,
+    start: Fit | LikelihoodFit | Model | str | None = None, mean: float | None = None, against: Against | Asked = None,
     progress: Callable[[int, float], None] | None = None,
-) -> LikelihoodFit:
+) -> LikelihoodFit:  # fmt: skip
     """Fit a sum of noise processes to a recording by maximum likelihood.
 
     The fit maximises the exact Gaussian likelihood, see `Model.loglikelihood`. A second pass of the Kalman filter, with
@@ -163,27 +116,27 @@ def fit_ml(
     >>> low < 1.0 < high
     True
     """
-    wanted, record, known = as_model(model), as_record(data, rate), as_mean(mean)
-    for process in wanted.processes:
+    terms, record, mean_value = as_model(model), as_record(data, rate), as_mean(mean)
+    for process in terms.processes:
         require_state(process)
-    asked = Asked.of(against)
-    regressed = Regressed.of(data, rate, record, asked) if asked.terms else None
+    conditions = Asked.of(against)
+    regressed = Regressed.of(data, rate, record, conditions) if conditions.terms else None
     if regressed is not None:
         record = regressed.record
-    problem = Problem(_started(wanted, record, start, regressed), record, known)
+    problem = LikelihoodProblem(_starting_model(terms, record, start, regressed), record, mean_value)
     drifts = any(not r.flat for r in problem.regressors)
     if not problem.coordinates and not drifts:
         raise ModelError(
-            f"there is nothing to estimate: every parameter of {wanted} is held",
+            f"there is nothing to estimate: every parameter of {terms} is held",
             advice="Free a parameter by leaving out `fixed(…)`; `Model.loglikelihood` computes the likelihood.",
         )
     assemble(problem.model, problem.rate)
-    found = Search(problem, progress=progress).run(problem.start())
-    if found is None:
+    maximum = LikelihoodSearch(problem, progress=progress).run(problem.start())
+    if maximum is None:
         raise nothing_to_chance(problem.model)
-    result = _as_fit(problem, found)
+    result = _as_fit(problem, maximum)
     if regressed is not None:
-        result = replace(result, regression=regressed.regression(problem, found))
+        result = replace(result, regression=regressed.regression(problem, maximum))
     if (wrong := misfit(result)) is not None:
         remarks = (*result.diagnostics.remarks, wrong)
         result = replace(result, diagnostics=replace(result.diagnostics, remarks=remarks))
@@ -196,11 +149,8 @@ def _all_held(model: Model) -> Model:
     return model.with_values({name: Fixed(value) for name, value in model.parameters.items() if value is not None})
 
 
-def _started(
-    wanted: Model,
-    record: Record,
-    start: Fit | LikelihoodFit | Model | str | None,
-    regressed: Regressed | None = None,
+def _starting_model(
+    wanted: Model, record: Record, start: Fit | LikelihoodFit | Model | str | None, regressed: Regressed | None = None
 ) -> Model:
     """Return the model with starting values from `start` or, by default, from a fit to the wavelet variance."""
     if regressed is not None:
@@ -208,31 +158,31 @@ def _started(
     if start is None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", FitWarning)
-            given = fit(wanted, record.signal(), weighting="diagonal", certify=False).model
+            first = fit(wanted, record.signal(), weighting="diagonal", certify=False).model
     else:
-        given = start.model if isinstance(start, Fit | LikelihoodFit) else as_model(start, "start")
-        if sorted(given.names) != sorted(wanted.names):
+        first = start.model if isinstance(start, Fit | LikelihoodFit) else as_model(start, "start")
+        if sorted(first.names) != sorted(wanted.names):
             raise ModelError(
-                f"start must be the same model as the fitted one, {wanted.structure}; got {given.structure}",
+                f"start must be the same model as the fitted one, {wanted.structure}; got {first.structure}",
                 argument="start",
-                got=given.structure,
+                got=first.structure,
             )
-        missing = [name for name, value in given.parameters.items() if value is None]
+        missing = [name for name, value in first.parameters.items() if value is None]
         if missing:
             raise ModelError(
                 f"start must have a value for every parameter; {', '.join(missing)} has none",
                 argument="start",
                 got=tuple(missing),
             )
-        if given.fixed_names != wanted.fixed_names or any(
-            given.parameters[n] != wanted.parameters[n] for n in wanted.fixed_names
+        if first.fixed_names != wanted.fixed_names or any(
+            first.parameters[n] != wanted.parameters[n] for n in wanted.fixed_names
         ):
-            free = {n: given.parameters[n] for n in wanted.names if n not in wanted.fixed_names}
-            given = wanted.with_values(free)
-    return given
+            free = {n: first.parameters[n] for n in wanted.names if n not in wanted.fixed_names}
+            first = wanted.with_values(free)
+    return first
 
 
-def _as_fit(problem: Problem, found: Maximum) -> LikelihoodFit:
+def _as_fit(problem: LikelihoodProblem, found: Maximum) -> LikelihoodFit:
     """Create a `LikelihoodFit` from a maximum of the likelihood, with the terms in standard order."""
     best = problem.at_point(found.z)
     value, level = problem.value(best)
@@ -244,41 +194,28 @@ def _as_fit(problem: Problem, found: Maximum) -> LikelihoodFit:
     order = best.sorted(problem.rate)
     ordered = {id(p): t for t, p in zip(order.terms, order.processes, strict=True)}
     renamed = {t: ordered[id(p)] for t, p in zip(best.terms, best.processes, strict=True)}
-    labels = [_renamed(name, renamed) for name in names]
+    labels = [_rename(name, renamed) for name in names]
     places = sorted(range(len(labels)), key=lambda k: order.names.index(labels[k]))
     constant = _level(problem, level, best)
     gone = [c.term for k, c in enumerate(problem.coordinates) if c.shape is None and found.z[k] == -math.inf]
     acts_as = _acts_as(problem, found, best, renamed)
     zero = tuple(sorted(renamed[best.terms[k]] for k in gone))
     diagnostics = LikelihoodDiagnostics(
-        acts_as=acts_as,
-        not_supported=zero,
-        evaluations=found.evaluations,
-        converged=found.converged,
+        acts_as=acts_as, not_supported=zero, evaluations=found.evaluations, converged=found.converged,
         started_at=problem.value(problem.model)[0],
         remarks=tuple(_remarks(order, acts_as, zero, converged=found.converged, problem=problem)),
-    )
+    )  # fmt: skip
     return LikelihoodFit(
-        model=order,
-        parameters={name: v for name, v in order.parameters.items() if v is not None},
-        loglikelihood=value,
-        level=constant[0],
-        level_error=constant[1],
-        mean=problem.mean,
-        samples=problem.record.observed,
-        missing=problem.record.values.size - problem.record.observed,
-        rate=problem.rate,
-        unit=problem.record.unit,
-        axis=problem.record.axis,
-        names=tuple(labels[k] for k in places),
-        covariance=covariance[np.ix_(places, places)],
-        diagnostics=diagnostics,
-        record=problem.record,
-    )
+        model=order, parameters={name: v for name, v in order.parameters.items() if v is not None}, loglikelihood=value,
+        level=constant[0], level_error=constant[1], mean=problem.mean, samples=problem.record.observed,
+        missing=problem.record.values.size - problem.record.observed, rate=problem.rate, unit=problem.record.unit,
+        axis=problem.record.axis, names=tuple(labels[k] for k in places), covariance=covariance[np.ix_(places, places)],
+        diagnostics=diagnostics, record=problem.record,
+    )  # fmt: skip
 
 
 def _remarks(
-    model: Model, acts_as: Mapping[str, str], zero: Sequence[str], *, converged: bool, problem: Problem
+    model: Model, acts_as: Mapping[str, str], zero: Sequence[str], *, converged: bool, problem: LikelihoodProblem
 ) -> Iterator[Remark]:
     """Yield the remarks about the terms of a fit and about the search."""
     axis = problem.record.axis
@@ -290,23 +227,20 @@ def _remarks(
         yield Remark.of("not-converged", axis)
     for term, process in zip(model.terms, model.processes, strict=True):
         if process.scale > 0 and term not in acts_as:
-            found = process.remarks(term, problem.record.observed, problem.rate)
-            yield from (remark.about(axis) for remark in found)
-    yield from approximated(model, problem.rate, axis)
+            remarks = process.remarks(term, problem.record.observed, problem.rate)
+            yield from (remark.about(axis) for remark in remarks)
+    yield from approximation_remarks(model, problem.rate, axis)
 
 
-def _renamed(name: str, terms: dict[str, str]) -> str:
+def _rename(name: str, terms: dict[str, str]) -> str:
     term, _, parameter = name.rpartition(".")
     return f"{terms[term]}.{parameter}"
 
 
-def _level(problem: Problem, level: Level, best: Model) -> tuple[float | None, float | None]:
-    """Return the estimated mean of the recording and its standard error.
-
-    Both are None if the mean is known, or if a random walk of the model includes it.
-
-    If the variance of the random walk is estimated as zero, its constant level is the mean.
-    """
+def _level(problem: LikelihoodProblem, level: RegressionEstimate, best: Model) -> tuple[float | None, float | None]:
+    """Return the estimated mean of the recording and its standard error. Both are None if the mean is known, or if a
+    random walk of the model includes it. If the variance of the random walk is estimated as zero, its constant level is
+    the mean."""
     if problem.mean is None:
         zero = {term for term, process in zip(best.terms, best.processes, strict=True) if process.scale == 0}
         for k, regressor in enumerate(problem.regressors):
@@ -316,7 +250,7 @@ def _level(problem: Problem, level: Level, best: Model) -> tuple[float | None, f
     return None, None
 
 
-def _acts_as(problem: Problem, found: Maximum, best: Model, renamed: dict[str, str]) -> dict[str, str]:
+def _acts_as(problem: LikelihoodProblem, found: Maximum, best: Model, renamed: dict[str, str]) -> dict[str, str]:
     """Return the terms whose shape parameter is at an end of its domain, with the process that each is equivalent to
     there."""
     out = {}
@@ -334,7 +268,9 @@ def _acts_as(problem: Problem, found: Maximum, best: Model, renamed: dict[str, s
     return out
 
 
-def _covariance(problem: Problem, found: Maximum, best: Model, level: Level) -> tuple[list[str], Matrix]:
+def _covariance(
+    problem: LikelihoodProblem, found: Maximum, best: Model, level: RegressionEstimate
+) -> tuple[list[str], Matrix]:
     """Return the names and the covariance of the parameters that are not estimated at a limit of their domain."""
     active = list(found.active)
     turned = jacobian(problem, best)
@@ -350,7 +286,7 @@ def _covariance(problem: Problem, found: Maximum, best: Model, level: Level) -> 
     if rows:
         evaluation = found.evaluation if _same(found, active) else problem.evaluate(found.z, active)
         assert evaluation is not None
-        inverse = inverted(evaluation.information)
+        inverse = invert(evaluation.information)
         by = np.array(rows)
         with np.errstate(invalid="ignore"):
             covariance = by @ inverse @ by.T
@@ -374,20 +310,20 @@ def _same(found: Maximum, active: list[int]) -> bool:
     return len(found.evaluation.gradient) == len(active) and not found.at_end
 
 
-def inverted(information: Matrix) -> Matrix:
+def invert(information: Matrix) -> Matrix:
     """Invert the information matrix. Coordinates about which the data have no information get an infinite variance."""
     size = np.sqrt(np.diag(information))
-    known = size > 0
-    size = np.where(known, size, 1.0)
+    informed = size > 0
+    size = np.where(informed, size, 1.0)
     values, vectors = np.linalg.eigh(information / np.outer(size, size))
-    kept = values > 1e-10 * values[-1]
-    inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T / np.outer(size, size)
-    lost = np.any(np.abs(vectors[:, ~kept]) > 0.1, axis=1) | ~known
+    able = values > 1e-10 * values[-1]
+    inverse = (vectors[:, able] / values[able]) @ vectors[:, able].T / np.outer(size, size)
+    lost = np.any(np.abs(vectors[:, ~able]) > 0.1, axis=1) | ~informed
     inverse[lost, lost] = np.inf
     return np.asarray(inverse)
 
 
-def jacobian(problem: Problem, model: Model) -> dict[str, Vector]:
+def jacobian(problem: LikelihoodProblem, model: Model) -> dict[str, Vector]:
     """Return the derivatives ∂θ/∂z (q,) of each parameter θ with respect to the coordinates z, by name of the
     parameter."""
     out: dict[str, Vector] = {}

@@ -17,8 +17,8 @@ from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised
-from gmwm.fitting.likelihood.problem import Problem, standardised
-from gmwm.fitting.likelihood.tracks import Modelled, posed
+from gmwm.fitting.likelihood.problem import LikelihoodProblem, standardise
+from gmwm.fitting.likelihood.tracks import Modelled, pose_filter
 from gmwm.recording.autocorrelation import autocorrelation, observed_pairs
 from gmwm.recording.options import as_whole_number
 from gmwm.recording.signals import Signal
@@ -222,59 +222,43 @@ class Residuals(Summarised, Plotted):
 
 
 def residuals(
-    model: Modelled,
-    data: Signal | ArrayLike,
-    rate: float | None = None,
-    *,
-    mean: float | None = None,
+    model: Modelled, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None,
     estimated: int | None = None,
-) -> Residuals:
+) -> Residuals:  # fmt: skip
     """Compute the standardised innovations of a recording; see `Model.residuals`."""
-    problem = posed(model, data, rate, mean)
-    values, _ = standardised(problem, problem.model)
-    wanted = getattr(model, "model", None)
+    problem = pose_filter(model, data, rate, mean)
+    values, _ = standardise(problem, problem.model)
+    terms = getattr(model, "model", None)
     lost = None
     if estimated is None:
-        estimated = 0 if wanted is None else len(wanted.names) - len(wanted.fixed_names)
-        lost = None if wanted is None else spent(Problem(wanted, problem.record, problem.mean))
+        estimated = 0 if terms is None else len(terms.names) - len(terms.fixed_names)
+        lost = None if terms is None else spent(LikelihoodProblem(terms, problem.record, problem.mean))
     else:
         estimated = as_whole_number(estimated, "estimated", 0)
     record = problem.record
     return Residuals(
-        model=problem.model,
-        values=values,
-        rate=record.rate,
-        times=record.times,
-        axis=record.axis,
-        estimated=estimated,
+        model=problem.model, values=values, rate=record.rate, times=record.times, axis=record.axis, estimated=estimated,
         spent=lost,
-    )
+    )  # fmt: skip
 
 
-_LAGS = 1000
-"""Largest number of lags of `spent`. It is larger than the default number of lags of all tests in gmwm."""
 _ENOUGH = 65_536
-"""Largest number of samples from which `spent` is computed. The result hardly depends on the length of the
-recording."""
+"""Largest number of samples from which `spent` is computed; it hardly depends on the length."""
 
 
-def spent(problem: Problem) -> Vector:
+def spent(problem: LikelihoodProblem) -> Vector:
     """Return the degrees of freedom (L,) that the estimation of parameters takes from the autocorrelation at lags 1 …
-    L.
-
-    Let r be the autocorrelation of the N residuals for the true parameters θ, and r̂ the one for the estimate θ̂. With
-    D = ∂r/∂θ, r̂ ≈ r + D(θ̂ − θ) has the covariance (1 − N D I⁻¹ Dᵀ)/N, where I is the information matrix. At lag k,
-    the parameters therefore take N D_k I⁻¹ D_kᵀ degrees of freedom. The sum over all lags is one for each parameter,
+    L. Let r be the autocorrelation of the N residuals for the true parameters θ, and r̂ the one for the estimate θ̂.
+    With D = ∂r/∂θ, r̂ ≈ r + D(θ̂ − θ) has the covariance (1 − N D I⁻¹ Dᵀ)/N, where I is the information matrix. At lag
+    k, the parameters therefore take N D_k I⁻¹ D_kᵀ degrees of freedom. The sum over all lags is one for each parameter,
     except for a common scale of all terms. The formula holds for efficient estimates. D is computed by finite
-    differences.
-
-    Source: Box and Pierce (1970), JASA 65, 1509-1526, section 3.
-    """
+    differences. Source: Box and Pierce (1970), JASA 65, 1509-1526, section 3."""
     record = problem.record
     if record.values.size > _ENOUGH:
         part = replace(record, values=record.values[:_ENOUGH])
         problem = replace(problem, record=part if part.observed > _ENOUGH // 2 else record)
-    lags = min(_LAGS, problem.record.observed // 2)
+    # Largest number of lags of `spent`. It is larger than the default number of lags of all tests in gmwm.
+    lags = min(1000, problem.record.observed // 2)
     z = problem.at(problem.model)
     active = [k for k in range(z.size) if np.isfinite(z[k])]
     here = problem.evaluate(z, active) if active else None
@@ -284,14 +268,14 @@ def spent(problem: Problem) -> Vector:
     for a, k in enumerate(active):
         step = np.zeros(z.size)
         step[k] = min(1e-2, 0.1 / math.sqrt(max(here.information[a, a], 1e-12)))
-        ends = [standardised(problem, problem.at_point(z + sign * step))[0] for sign in (1.0, -1.0)]
+        ends = [standardise(problem, problem.at_point(z + sign * step))[0] for sign in (1.0, -1.0)]
         rows.append((autocorrelation(ends[0], lags) - autocorrelation(ends[1], lags))[1:] / (2.0 * step[k]))
     slopes = np.array(rows)
     size = np.sqrt(np.diag(here.information))
     size = np.where(size > 0, size, 1.0)
     values, vectors = np.linalg.eigh(here.information / np.outer(size, size))
-    kept = values > 1e-10 * values[-1]
-    along = vectors[:, kept].T @ (slopes / size[:, None]) / np.sqrt(values[kept])[:, None]
+    able = values > 1e-10 * values[-1]
+    along = vectors[:, able].T @ (slopes / size[:, None]) / np.sqrt(values[able])[:, None]
     # If samples are missing, the variance of the autocorrelation is pairs/N² instead of 1/N.
     pairs = np.maximum(observed_pairs(problem.record.values, lags), 1.0)
     return np.asarray(problem.record.observed**2 / pairs * np.sum(np.square(along), axis=0))

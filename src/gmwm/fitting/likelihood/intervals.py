@@ -10,10 +10,10 @@ import numpy as np
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import ModelError
-from gmwm.fitting.inference.intervals import Interval, about, free_shape, parameters_by_name
-from gmwm.fitting.likelihood.estimator import inverted, jacobian
-from gmwm.fitting.likelihood.problem import Problem
-from gmwm.fitting.likelihood.search import Search
+from gmwm.fitting.estimation.intervals import Interval, about, free_shape, parameters_by_name
+from gmwm.fitting.likelihood.estimator import invert, jacobian
+from gmwm.fitting.likelihood.problem import LikelihoodProblem
+from gmwm.fitting.likelihood.search import LikelihoodSearch
 from gmwm.recording.options import as_confidence, one_of
 
 if TYPE_CHECKING:
@@ -21,15 +21,6 @@ if TYPE_CHECKING:
     from gmwm.theory.processes.parameter import Parameter
 
 Method = Literal["wald", "profile"]
-_NEAR = 2e-3
-"""Relative accuracy of the square root of the deviance at an end of a profile interval. The end then has about three
-correct digits."""
-_NEAR_A_LIMIT = 1e-2
-"""Relative accuracy of the square root of the deviance at the upper limit of a scale that is estimated as zero. The
-limit then has about two correct digits."""
-_GAIN = 1e-3
-"""Accuracy of the maximised log-likelihood in a profile. At the ends of a 95 % interval, the profile is about 2 below
-its maximum."""
 _ROUNDS = 25
 """Largest number of iterations for one end of an interval. The tolerances above end almost all searches earlier. The
 limit is needed if the other parameters diverge along the profile; see
@@ -41,7 +32,7 @@ def confidence_intervals(fit: LikelihoodFit, level: float = 0.95, method: Method
     z = NormalDist().inv_cdf((1 + as_confidence(level, "level")) / 2)
     one_of(method, "method", get_args(Method))
     errors, parameters = fit.standard_errors, parameters_by_name(fit.model)
-    profile = _Profile(fit, z)
+    profile = _ProfileLikelihood(fit, z)
     intervals: dict[str, Interval] = {}
     for name, parameter in parameters.items():
         if name in fit.model.fixed_names:
@@ -69,26 +60,21 @@ def _domain(parameter: Parameter) -> Interval:
     return (0.0, math.inf) if parameter.domain == "positive" else (-math.inf, math.inf)
 
 
-class _Profile:
+class _ProfileLikelihood:
     """The profile likelihood: the likelihood as a function of one parameter, maximised over all others."""
 
     def __init__(self, fit: LikelihoodFit, z: float) -> None:
         self.fit, self.z = fit, z
 
     def has(self, name: str) -> bool:
-        """Return whether a profile interval exists for a parameter, which must depend on one coordinate only.
-
-        Raises
-        ------
-        ModelError
-            If the fit was read from a file, which does not hold the recording.
-        """
+        """Return whether a profile interval exists for a parameter, which must depend on one coordinate only. Raises
+        ModelError if the fit was read from a file, which does not hold the recording."""
         if self.fit.record is None:
             raise ModelError(
                 f"the profile interval of {name} needs the recording, and the fit was read from a file",
                 advice="Fit the model to the recording again.",
             )
-        problem = Problem(self.fit.model, self.fit.record, self.fit.mean)
+        problem = LikelihoodProblem(self.fit.model, self.fit.record, self.fit.mean)
         if not problem.coordinates:
             return False
         self.problem = problem
@@ -105,8 +91,6 @@ class _Profile:
         high = self._end(k, name, 1)
         least, most = _domain(parameter)
         return (least if low is None else low, most if high is None else high)
-
-    # --- inside ---------------------------------------------------------------------------------------
 
     def _is(self, k: int, name: str) -> bool:
         c = self.problem.coordinates[k]
@@ -140,7 +124,9 @@ class _Profile:
         for _ in range(_ROUNDS):
             step = min(max(best[k] + step, low), high) - best[k]
             root, at = self._root(best + along * step, k)
-            if abs(root - self.z) <= _NEAR * self.z:
+            # Relative accuracy of the square root of the deviance at an end of a profile interval. The end then has
+            # about three correct digits.
+            if abs(root - self.z) <= 2e-3 * self.z:
                 break
             if root < self.z:
                 if best[k] + step in (low, high):
@@ -159,42 +145,40 @@ class _Profile:
 
     def _along(self, best: Vector, k: int) -> Vector:
         """Return the direction of the profile of coordinate k at the maximum, and set `reach` to its standard error.
-
-        The direction is I⁻¹e_k / (I⁻¹)_kk, with I the information matrix and e_k the unit vector of the coordinate.
-        """
+        The direction is I⁻¹e_k / (I⁻¹)_kk, with I the information matrix and e_k the unit vector of the coordinate."""
         gone = {k for k, c in enumerate(self.problem.coordinates) if c.shape is None and best[k] == -math.inf}
         terms = {self.problem.coordinates[i].term for i in gone}
         active = [i for i, c in enumerate(self.problem.coordinates) if c.term not in terms]
-        found, along = self.problem.evaluate(best, active), np.zeros(best.size)
+        evaluation, along = self.problem.evaluate(best, active), np.zeros(best.size)
         along[k], self.reach = 1.0, 1.0
-        if found is None:
+        if evaluation is None:
             return along
-        column = inverted(found.information)[:, active.index(k)]
+        column = invert(evaluation.information)[:, active.index(k)]
         if np.all(np.isfinite(column)):
             along[active] = column / column[active.index(k)]
             self.reach = math.sqrt(column[active.index(k)])
         return along
 
     def _limit_from_zero(self, k: int, name: str, best: Vector) -> float | None:
-        """Return the upper limit of the scale of a term that is zero at the maximum.
-
-        At this scale, the profile is z²/2 below the maximum.
-        """
+        """Return the upper limit of the scale of a term that is zero at the maximum. At this scale, the profile is z²/2
+        below the maximum."""
         at = best.copy()
         at[k] = self.problem.faint(best, k, self.fit.model, 1e-3)
-        found = self.problem.evaluate(at, [k])
-        if found is None:
+        evaluation = self.problem.evaluate(at, [k])
+        if evaluation is None:
             return None
         # For a small scale s and constant other parameters, the log-likelihood decreases by c s + ½ k s². The decrease
         # of the profile is smaller, because the other parameters are optimised.
         size = math.exp(at[k])
-        c, curvature = max(-float(found.gradient[0]) / size, 0.0), float(found.information[0, 0]) / size**2
+        c, curvature = max(-float(evaluation.gradient[0]) / size, 0.0), float(evaluation.information[0, 0]) / size**2
         coordinate = math.log((math.sqrt(c * c + curvature * self.z**2) - c) / curvature)
         before, power = None, 1.5
         for _ in range(_ROUNDS):
             at[k] = coordinate
             root, at = self._root(at, k)
-            if abs(root - self.z) <= _NEAR_A_LIMIT * self.z:
+            # Relative accuracy of the square root of the deviance at the upper limit of a scale that is estimated as
+            # zero. The limit then has about two correct digits.
+            if abs(root - self.z) <= 1e-2 * self.z:
                 break
             here = (coordinate, math.log(max(root, 1e-6)))
             if before is not None and here[0] != before[0]:
@@ -205,14 +189,14 @@ class _Profile:
 
     def _root(self, z: Vector, k: int) -> tuple[float, Vector]:
         """Return the square root of the deviance, and the coordinates of the maximum with coordinate k held at its
-        value.
-
-        The deviance is twice the difference between the maximum of the log-likelihood and its profile at coordinate k.
-        """
-        found = Search(self.problem, held=(k,), tolerance=_GAIN, revive=False).run(z)
-        if found is None:
+        value. The deviance is twice the difference between the maximum of the log-likelihood and its profile at
+        coordinate k."""
+        # Accuracy of the maximised log-likelihood in a profile. At the ends of a 95 % interval, the profile is about 2
+        # below its maximum.
+        maximum = LikelihoodSearch(self.problem, held=(k,), tolerance=1e-3, revive=False).run(z)
+        if maximum is None:
             return math.inf, z
-        return math.sqrt(max(2.0 * (self.fit.loglikelihood - found.evaluation.value), 0.0)), found.z
+        return math.sqrt(max(2.0 * (self.fit.loglikelihood - maximum.evaluation.value), 0.0)), maximum.z
 
     def _parameter(self, coordinate: float, k: int, name: str) -> float:
         at = self.problem.at(self.fit.model)

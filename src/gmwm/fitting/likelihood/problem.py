@@ -14,7 +14,7 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import MissingTheoryError, ModelError, OptionError
 from gmwm.fitting.likelihood.record import Record
 from gmwm.fitting.likelihood.system import (
-    Coordinate,
+    FreeCoordinate,
     Regressor,
     System,
     assemble,
@@ -35,7 +35,7 @@ _FAR = 12.0
 
 
 @dataclass(frozen=True, eq=False)
-class Level:
+class RegressionEstimate:
     """Labels of the m regression coefficients, with their values (m,) and covariance (m, m)."""
 
     labels: tuple[str, ...]
@@ -55,18 +55,9 @@ class Evaluation:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
-    """A likelihood as a function of coordinates, for a model with starting values and a recording.
-
-    Attributes
-    ----------
-    model : Model
-        The model with starting values of all parameters.
-    record : Record
-        The recording.
-    mean : float or None
-        Mean of the recording if it is known.
-    """
+class LikelihoodProblem:
+    """A likelihood as a function of coordinates, for a model with starting values and a recording. `model`: the model
+    with starting values of all parameters. `record`: the recording. `mean`: mean of the recording if it is known."""
 
     model: Model
     record: Record
@@ -80,19 +71,22 @@ class Problem:
     @cached_property
     def regressors(self) -> list[Regressor]:
         """The regressors: unknown levels, drifts, and the columns of a regression on conditions."""
-        own = self.record
-        found = regressors(self.model, self.rate, own.values.size, self.mean)
-        return [*found, *(Regressor(c, name, flat=True) for c, name in zip(own.columns, own.names, strict=True))]
+        record = self.record
+        courses = regressors(self.model, self.rate, record.values.size, self.mean)
+        return [
+            *courses,
+            *(Regressor(c, name, flat=True) for c, name in zip(record.columns, record.names, strict=True)),
+        ]
 
     @cached_property
-    def coordinates(self) -> tuple[Coordinate, ...]:
+    def coordinates(self) -> tuple[FreeCoordinate, ...]:
         """The free coordinates: the scale and the shape parameters of each random term, except fixed ones."""
-        found: list[Coordinate] = []
+        free: list[FreeCoordinate] = []
         for k, process in enumerate(self.model.processes):
             if is_ramp(process, self.rate):
                 continue
             if not process.is_fixed(process.scale_parameter().name):
-                found.append(Coordinate(k))
+                free.append(FreeCoordinate(k))
             shapes = process.nonlinear_parameters()
             held = [process.is_fixed(p.name) for p in shapes]
             if any(held) and not all(held):
@@ -101,13 +95,13 @@ class Problem:
                     advice="Hold all of them, or none.",
                 )
             if shapes and not held[0]:
-                found.extend(Coordinate(k, i) for i in range(len(shapes)))
-        if len(found) > _core.most_slopes:
+                free.extend(FreeCoordinate(k, i) for i in range(len(shapes)))
+        if len(free) > _core.most_slopes:
             raise ModelError(
-                f"the model has {len(found)} free parameters, and maximum likelihood allows {_core.most_slopes}",
+                f"the model has {len(free)} free parameters, and maximum likelihood allows {_core.most_slopes}",
                 advice="Use a smaller model, or hold parameters with `fixed(…)`.",
             )
-        return tuple(found)
+        return tuple(free)
 
     @cached_property
     def series(self) -> Matrix:
@@ -128,8 +122,6 @@ class Problem:
         if self.mean is not None:
             return self.mean
         return self.record.centre
-
-    # --- points ---------------------------------------------------------------------------------------
 
     def start(self) -> Vector:
         """Return the coordinates (q,) of the starting values."""
@@ -182,24 +174,19 @@ class Problem:
         return np.array(out).reshape(-1, 2)
 
     def faint(self, z: Vector, k: int, model: Model, share: float) -> float:
-        """Return a value for scale coordinate k at which its term is negligible.
-
-        The wavelet variance of the term is then at most the fraction `share` of the wavelet variance of the model, at
-        every level.
-        """
+        """Return a value for scale coordinate k at which its term is negligible. The wavelet variance of the term is
+        then at most the fraction `share` of the wavelet variance of the model, at every level."""
         levels, at = max(int(math.log2(self.record.observed)), 1), z.copy()
         at[k] = 0.0
-        own = self.at_point(at).processes[self.coordinates[k].term].wavelet_variance(levels, self.rate)
-        whole = model.wavelet_variance(levels, self.rate)
-        return math.log(share * float(np.min(whole[own > 0] / own[own > 0])))
+        curve = self.at_point(at).processes[self.coordinates[k].term].wavelet_variance(levels, self.rate)
+        total = model.wavelet_variance(levels, self.rate)
+        return math.log(share * float(np.min(total[curve > 0] / curve[curve > 0])))
 
-    def branch(self, coordinate: Coordinate) -> tuple[Branch, ...]:
+    def branch(self, coordinate: FreeCoordinate) -> tuple[Branch, ...]:
         """Return the search branches of the process that a coordinate belongs to."""
         return self.model.processes[coordinate.term].search(self.record.values.size, self.rate)
 
-    # --- likelihood -----------------------------------------------------------------------------------
-
-    def value(self, model: Model) -> tuple[float, Level]:
+    def value(self, model: Model) -> tuple[float, RegressionEstimate]:
         """Return the log-likelihood of a model with values, and the estimated regression coefficients."""
         return _likelihood(assemble(model, self.rate), self.series, self.regressors)
 
@@ -210,24 +197,24 @@ class Problem:
             model = self.at_point(z)
         except OverflowError:  # a scale can diverge along a profile
             return None
-        wanted = [self.coordinates[k] for k in active]
+        coordinates = [self.coordinates[k] for k in active]
         try:
             system = assemble(model, self.rate)
-            d = slopes(model, system, wanted, self.rate)
+            d = slopes(model, system, coordinates, self.rate)
         except MissingTheoryError:  # power-law noise has a state space only for some exponents
             return None
         value, level = _likelihood(system, self.series, self.regressors)
         if not math.isfinite(value):
             return None
         flat = [k for k, r in enumerate(self.regressors) if r.flat]
-        rest = self.series[0] - level.values @ self.series[1:] if level.values.size else self.series[0]
-        rows = np.ascontiguousarray(np.vstack([rest, *(self.series[1 + k] for k in flat)]))
+        residual = self.series[0] - level.values @ self.series[1:] if level.values.size else self.series[0]
+        rows = np.ascontiguousarray(np.vstack([residual, *(self.series[1 + k] for k in flat)]))
         good, _, _, _, _, logs, squares, information, cross, turned = _core.kalman_score(
             *system.matrices, d.F, d.Q, d.H, d.R, d.P0, rows
         )
         if not good:
             return None
-        q, m = len(wanted), len(flat)
+        q, m = len(coordinates), len(flat)
         gradient = -0.5 * (logs + squares)
         if m:
             inverse = np.linalg.inv(cross.reshape(m, m))
@@ -235,13 +222,13 @@ class Problem:
         return Evaluation(value, gradient, information.reshape(q, q), model)
 
 
-def _likelihood(system: System, series: Matrix, wanted: list[Regressor]) -> tuple[float, Level]:
+def _likelihood(system: System, series: Matrix, wanted: list[Regressor]) -> tuple[float, RegressionEstimate]:
     """Return the log-likelihood (−inf if the model predicts a sample exactly), and the regression coefficients."""
     good, count, _, logs, cross = _core.kalman_innovations(*system.matrices, series, np.empty(0))
     size = len(series)
     sums, labels = cross.reshape(size, size), tuple(r.label for r in wanted)
     if not good or not np.all(np.isfinite(sums)):
-        return -math.inf, Level(labels, np.zeros(size - 1), np.zeros((size - 1, size - 1)))
+        return -math.inf, RegressionEstimate(labels, np.zeros(size - 1), np.zeros((size - 1, size - 1)))
     beta, covariance, square = np.empty(0), np.empty((0, 0)), float(sums[0, 0])
     value = -0.5 * (count * math.log(2 * math.pi) + logs)
     if size > 1:
@@ -251,7 +238,7 @@ def _likelihood(system: System, series: Matrix, wanted: list[Regressor]) -> tupl
         flat = [k for k, r in enumerate(wanted) if r.flat]
         if flat:
             value -= 0.5 * float(np.linalg.slogdet(sums[1:, 1:][np.ix_(flat, flat)])[1])
-    return value - 0.5 * square, Level(labels, beta, covariance)
+    return value - 0.5 * square, RegressionEstimate(labels, beta, covariance)
 
 
 def _inverse(gram: Matrix) -> Matrix:
@@ -260,20 +247,16 @@ def _inverse(gram: Matrix) -> Matrix:
     return np.asarray(np.linalg.inv(gram * np.outer(scale, scale)) * np.outer(scale, scale))
 
 
-def standardised(problem: Problem, model: Model) -> tuple[Vector, int]:
-    """Return the standardised innovations (N,) and the number of fitted regression coefficients.
-
-    The innovations are NaN where a sample is missing.
-
-    The coefficients are estimated from the whole recording.
-    """
+def standardise(problem: LikelihoodProblem, model: Model) -> tuple[Vector, int]:
+    """Return the standardised innovations (N,) and the number of fitted regression coefficients. The innovations are
+    NaN where a sample is missing. The coefficients are estimated from the whole recording."""
     system = assemble(model, problem.rate)
     value, level = _likelihood(system, problem.series, problem.regressors)
     if not math.isfinite(value):
         raise nothing_to_chance(model)
-    rest = problem.series[0] - level.values @ problem.series[1:] if level.values.size else problem.series[0]
-    out = np.empty(rest.size)
-    _core.kalman_innovations(*system.matrices, np.ascontiguousarray(rest[None, :]), out)
+    residual = problem.series[0] - level.values @ problem.series[1:] if level.values.size else problem.series[0]
+    out = np.empty(residual.size)
+    _core.kalman_innovations(*system.matrices, np.ascontiguousarray(residual[None, :]), out)
     return out, len(level.values)
 
 

@@ -13,35 +13,12 @@ from gmwm.base.errors import DataError, ModelError, OptionError
 from gmwm.base.text import counted
 from gmwm.recording.signals import MINIMUM_SAMPLES, Imu, Signal
 
-_ROOM = 10_000_000
-"""Number of missing samples (80 MB) that gaps may add to a recording of any length. Longer recordings may have more;
-see `_with_gaps`. Pinned by test_gaps_that_need_too_much_memory_are_refused in
-tests/likelihood/test_loglikelihood.py."""
-
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Equally spaced samples of one axis, with optional columns of a regression.
-
-    Attributes
-    ----------
-    values : (N,) array, in `unit`
-        Samples; NaN where a sample is missing.
-    rate : float
-        Sampling rate (Hz).
-    unit, axis : str
-        Unit of the samples and name of the axis, or "".
-    start : float
-        Time of the first sample (s).
-    centre : float
-        A number near the values, subtracted before squares are computed to avoid cancellation.
-    columns : (p, N) array
-        Columns of a regression on conditions, scaled to standard deviation 1; none by default.
-    scales : (p,) array
-        Standard deviations of the columns before they were scaled.
-    names : tuple of str
-        Names of the columns.
-    """
+    """Equally spaced samples of one axis, NaN where one is missing, with optional columns of a regression. `start` is
+    the time of the first sample (s). `centre` is near the values and is subtracted before squares, to avoid
+    cancellation. `columns` (p, N) have the standard deviation 1, `scales` (p,) before they were scaled."""
 
     values: Vector
     rate: float
@@ -72,67 +49,41 @@ class Record:
         return np.asarray(self.start + np.arange(self.values.size) / self.rate)
 
     def signal(self) -> Signal:
-        """Return the recording as a signal with its short gaps filled, for its wavelet variance.
-
-        If most samples are in segments that are too short, missing samples are interpolated linearly instead.
-        """
+        """Return the recording as a signal with its short gaps filled, for its wavelet variance. If most samples are in
+        segments that are too short, missing samples are interpolated linearly instead."""
         signal = Signal.from_missing(self.values, self.rate, self.unit, self.axis).fill_gaps()
-        kept = sum(b - a for a, b in signal.segments if b - a >= MINIMUM_SAMPLES)
-        if 2 * kept >= len(signal):
+        usable = sum(b - a for a, b in signal.segments if b - a >= MINIMUM_SAMPLES)
+        if 2 * usable >= len(signal):
             return signal
         index = np.flatnonzero(np.isfinite(self.values))
-        whole = np.interp(np.arange(index[0], index[-1] + 1), index, self.values[index])
-        return Signal(whole, self.rate, self.unit, self.axis)
+        values = np.interp(np.arange(index[0], index[-1] + 1), index, self.values[index])
+        return Signal(values, self.rate, self.unit, self.axis)
 
 
 def as_record(data: Signal | ArrayLike, rate: float | None, *, name: str = "data") -> Record:
-    """Make a recording for the Kalman filter from a signal or an array.
-
-    Parameters
-    ----------
-    data : Signal or (N,) array
-        Gaps between the segments of a signal become missing samples. Their number follows from the time stamps; if the
-        clock was set back, it is 1. In an array, NaN or a masked value is a missing sample.
-    rate : float, optional
-        Sampling rate (Hz); needed only if `data` is an array.
-    name : str
-        Name of the argument, for error messages.
-
-    Returns
-    -------
-    Record
-
-    Raises
-    ------
-    DataError
-        If fewer than 8 samples are observed, if a value is infinite, or if the gaps are much longer than the recording.
-    ModelError
-        If all samples are equal.
-    OptionError
-        If the rate is missing, or differs from the rate of the signal.
-    """
+    """Make a recording for the Kalman filter. Gaps of a signal become missing samples, whose number follows from the
+    time stamps (1 if the clock was set back); in an array, NaN or a masked value is missing. `rate` is needed for an
+    array only; `name` is the argument in messages. Raises DataError if fewer than 8 samples are observed, a value is
+    infinite, or gaps are much longer than the recording; ModelError if all samples are equal; OptionError if the rate
+    is missing or differs from the signal's."""
     if isinstance(data, Signal):
         if rate is not None and as_rate(rate) != data.rate:
             raise OptionError(
-                argument="rate",
-                expected=f"{data.rate:g}, the sampling rate of the signal (Hz)",
-                got=rate,
+                argument="rate", expected=f"{data.rate:g}, the sampling rate of the signal (Hz)", got=rate,
                 advice="Leave {--rate} out.",
-            )
+            )  # fmt: skip
         values, step, unit, axis, start = _with_gaps(data), data.rate, data.unit, data.axis, data.start
     elif isinstance(data, Imu):
         raise DataError(
-            f"{name} must be one axis; got a recording of {', '.join(data)}",
-            argument=name,
-            advice="Pass one axis, for example `imu['{axis}']`.",
-            axis=data.axes[0],
-        )
+            f"{name} must be one axis; got a recording of {', '.join(data)}", argument=name,
+            advice="Pass one axis, for example `imu['{axis}']`.", axis=data.axes[0],
+        )  # fmt: skip
     else:
-        given = np.ma.filled(data.astype(np.float64), np.nan) if isinstance(data, np.ma.MaskedArray) else data
-        values, unit, axis, start = as_vector(given, name, finite=False).copy(), "", "", 0.0
+        samples = np.ma.filled(data.astype(np.float64), np.nan) if isinstance(data, np.ma.MaskedArray) else data
+        values, unit, axis, start = as_vector(samples, name, finite=False).copy(), "", "", 0.0
         step = as_rate(rate)
-    there = np.isfinite(values)
-    seen = values if bool(np.all(there)) else values[there]
+    observed = np.isfinite(values)
+    seen = values if bool(np.all(observed)) else values[observed]
     endless = int(np.count_nonzero(np.isinf(values))) if seen.size < values.size else 0
     if endless:
         at = int(np.argmax(np.isinf(values)))
@@ -169,7 +120,10 @@ def _with_gaps(signal: Signal) -> Vector:
         places.append(at)
         at += last - first
         end = time + (last - first) / signal.rate
-    if at > 10 * len(signal) + _ROOM:
+    # Number of missing samples (80 MB) that gaps may add to a recording of any length. Longer recordings may have more;
+    # see `_with_gaps`. Pinned by test_gaps_that_need_too_much_memory_are_refused in
+    # tests/likelihood/test_loglikelihood.py.
+    if at > 10 * len(signal) + 10_000_000:
         raise DataError(
             f"{signal.axis or 'the signal'} has {at - len(signal)} samples missing in gaps, and only {len(signal)} "
             "observed samples",

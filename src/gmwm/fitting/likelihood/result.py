@@ -6,29 +6,27 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.documents import Documented
 from gmwm.base.errors import ModelError
-from gmwm.base.kinds import Document, require_kinds
+from gmwm.base.kinds import Document
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Remark
 from gmwm.base.text import Named
-from gmwm.fitting.inference.asymptotic import why_no_error
+from gmwm.fitting.estimation.asymptotic import why_no_error
 from gmwm.fitting.likelihood.record import Record
 from gmwm.measuring.regression.result import Regression
 from gmwm.measuring.variance.api import wavelet_variance as measure
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.theory.processes.kalman_methods import KalmanMethods
-from gmwm.theory.processes.model import Model
+from gmwm.theory.processes.model import KalmanMethods, Model
 
 if TYPE_CHECKING:
-    from gmwm.fitting.inference.intervals import Interval
+    from gmwm.fitting.estimation.intervals import Interval
     from gmwm.fitting.likelihood.intervals import Method
-
-_SOURCE = "Pass the values that `LikelihoodFit.to_dict()` returned."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +59,7 @@ class LikelihoodDiagnostics:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class LikelihoodFit(Plotted, KalmanMethods):
+class LikelihoodFit(Documented, Plotted, KalmanMethods):
     """A model fitted to a recording by maximum likelihood.
 
     Attributes
@@ -122,10 +120,24 @@ class LikelihoodFit(Plotted, KalmanMethods):
     diagnostics: LikelihoodDiagnostics
     record: Record | None = field(default=None, repr=False)
     regression: Regression | None = None
+    _method = "maximum likelihood"
+    document = Document("maximum-likelihood fit", "Pass the values that `LikelihoodFit.to_dict()` returned.")
+    document_keys = (
+        "method=_method", "model", "parameters", "units", "loglikelihood", "aic", "bic", "level", "level_error", "mean",
+        "samples", "missing", "rate", "unit", "axis", "names", "regression", "covariance~inf", "*diagnostics",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", Named(self.parameters, "parameter"))
-        freeze(self.covariance)
+        count = len(self.names)
+        object.__setattr__(self, "covariance", freeze(self.covariance.reshape(count, count)))
+
+    def require_consistent(self) -> None:
+        """Raise ModelError if the parameters do not belong to the model."""
+        if {name: value for name, value in self.model.parameters.items() if value is not None} != self.parameters:
+            raise ModelError(
+                f"the parameters do not match the model {self.model}", argument="parameters", got=self.parameters
+            )
 
     @cached_property
     def wavelet_variance(self) -> WaveletVariance:
@@ -255,93 +267,6 @@ class LikelihoodFit(Plotted, KalmanMethods):
     def units(self) -> dict[str, str]:
         """Return the unit of every parameter, by name."""
         return self.model.units(self.unit)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fit as numbers, lists and strings for JSON, without the recording."""
-        d = self.diagnostics
-        return {
-            "method": "maximum likelihood",
-            "model": str(self.model),
-            "parameters": dict(self.parameters),
-            "units": self.units(),
-            "loglikelihood": self.loglikelihood,
-            "aic": self.aic,
-            "bic": self.bic,
-            "level": self.level,
-            "level_error": self.level_error,
-            "mean": self.mean,
-            "samples": self.samples,
-            "missing": self.missing,
-            "rate": self.rate,
-            "unit": self.unit,
-            "axis": self.axis,
-            "names": list(self.names),
-            "regression": None if self.regression is None else self.regression.to_dict(),
-            "covariance": [[v if math.isfinite(v) else None for v in row] for row in self.covariance.tolist()],
-            "acts_as": dict(d.acts_as),
-            "not_supported": list(d.not_supported),
-            "evaluations": d.evaluations,
-            "converged": d.converged,
-            "started_at": d.started_at,
-            "remarks": [remark.to_dict() for remark in d.remarks],
-        }
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> LikelihoodFit:
-        """Create a fit from the values that `to_dict` returned, also after a round trip through JSON.
-
-        The result does not contain the recording.
-
-        Raises
-        ------
-        ReadError
-            If a value is missing, or has the wrong type or size.
-
-        Examples
-        --------
-        >>> from gmwm import WN, fit_ml
-        >>> found = fit_ml(WN(), WN(sigma2=4.0).simulate(1000, 100.0, rng=1), rate=100.0)
-        >>> LikelihoodFit.from_dict(found.to_dict()).parameters == found.parameters
-        True
-        """
-        document = Document("maximum-likelihood fit", _SOURCE)
-        with document.reading():
-            model = Model.parse(values["model"])
-            parameters = {name: value for name, value in model.parameters.items() if value is not None}
-            if parameters != dict(values["parameters"]):
-                raise ModelError(
-                    f"the parameters do not match the model {model}", argument="parameters", got=values["parameters"]
-                )
-            matrix = np.array(
-                [[math.inf if v is None else v for v in row] for row in values["covariance"]], dtype=np.float64
-            ).reshape(len(values["names"]), len(values["names"]))
-            diagnostics = LikelihoodDiagnostics(
-                acts_as=dict(values["acts_as"]),
-                not_supported=tuple(values["not_supported"]),
-                evaluations=int(values["evaluations"]),
-                converged=bool(values["converged"]),
-                started_at=float(values["started_at"]),
-                remarks=tuple(Remark.from_dict(remark) for remark in values["remarks"]),
-            )
-            found = cls(
-                model=model,
-                parameters=parameters,
-                loglikelihood=float(values["loglikelihood"]),
-                level=values["level"],
-                level_error=values["level_error"],
-                mean=values["mean"],
-                samples=int(values["samples"]),
-                missing=int(values["missing"]),
-                rate=float(values["rate"]),
-                unit=str(values["unit"]),
-                axis=str(values["axis"]),
-                names=tuple(values["names"]),
-                covariance=matrix,
-                diagnostics=diagnostics,
-                regression=None if values["regression"] is None else Regression.from_dict(values["regression"]),
-            )
-        require_kinds(found, "", document)
-        return found
 
     @property
     def remarks(self) -> tuple[Remark, ...]:

@@ -9,50 +9,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.fitting.likelihood.problem import Evaluation, Problem
+from gmwm.fitting.likelihood.problem import Evaluation, LikelihoodProblem
 
 LONGEST = 2.0
 """Longest step in a coordinate. In the logarithm of a scale, it is a factor of seven."""
-TOLERANCE = 1e-9
-"""The search ends when the expected increase of the log-likelihood is below this value."""
-_ROUNDS = 200
-"""Largest number of steps. A search that reaches it is reported as not converged."""
 # The constants below decide which terms are set to zero, and which are added again. tests/likelihood/test_fit_ml.py
 # pins them: terms without support in the data are estimated as zero, and supported terms are found again.
-_WORTH = 0.01
-"""A term that is zero is added again if the expected increase of the log-likelihood is above this value."""
 _PLACES = 12
 """Number of values of the shape parameter at which a term that is zero is tried."""
-_BEYOND = 1.6
-"""Extension of this range of shapes beyond the range of a wavelet fit (a factor of 5 in β). The likelihood can also
-detect processes that decay within one sample."""
-_FAINT = 0.05
-"""A scale is set to zero on trial if the information about its logarithm is below this value. The relative standard
-error is then above 4."""
 _GONE = 1e-7
-"""A term is set to zero if the derivative of the log-likelihood with respect to the logarithm of its scale, and the
-information about it, are below this value."""
+"""Derivative and information of the logarithm of a scale below which its term is set to zero."""
 
 
 @dataclass(frozen=True, eq=False)
 class Maximum:
-    """A local maximum of the likelihood.
-
-    Attributes
-    ----------
-    z : (q,) array
-        Coordinates; −inf for the scale of a term that is zero.
-    active : tuple of int
-        Numbers of the coordinates that are not at a bound and do not belong to a term that is zero.
-    at_end : mapping of coordinate to side
-        Shape coordinates that are at a bound, with −1 for the lower bound and 1 for the upper one.
-    evaluation : Evaluation
-        The last evaluation of the likelihood.
-    evaluations : int
-        Number of evaluations.
-    converged : bool
-        Whether the search converged.
-    """
+    """Local maximum of the likelihood at the coordinates `z` (q,), −inf for the scale of a term that is zero. `active`
+    are the numbers of the coordinates that are not at a bound and do not belong to such a term; `at_end` has the shape
+    coordinates at a bound, −1 for the lower and 1 for the upper one."""
 
     z: Vector
     active: tuple[int, ...]
@@ -65,29 +38,18 @@ class Maximum:
 Progress = Callable[[int, float], None]
 
 
-class Search:
-    """A search for a local maximum of a likelihood.
-
-    Parameters
-    ----------
-    problem : Problem
-        The likelihood.
-    held : tuple of int
-        Numbers of the coordinates that do not change.
-    progress : callable, optional
-        Function that is called after each evaluation with the number of evaluations and the log-likelihood.
-    tolerance : float
-        The search ends when the expected increase of the log-likelihood is smaller than this.
-    revive : bool
-        Whether to try at the end to add terms again that became zero.
-    """
+class LikelihoodSearch:
+    """Search for a local maximum of a likelihood. The coordinates `held` do not change. `progress` is called after each
+    evaluation with their number and the log-likelihood. The search ends when the expected increase is below
+    `tolerance`. `revive` tries at the end to add terms again that became zero."""
 
     def __init__(
         self,
-        problem: Problem,
+        problem: LikelihoodProblem,
         held: tuple[int, ...] = (),
         progress: Progress | None = None,
-        tolerance: float = TOLERANCE,
+        # The search ends when the expected increase of the log-likelihood is below this value.
+        tolerance: float = 1e-9,
         revive: bool = True,
     ) -> None:
         self.problem = problem
@@ -104,16 +66,16 @@ class Search:
         `start`."""
         z = self._apart(np.clip(start, *self.problem.bounds.T))
         self.gone = {c.term for c, value in zip(self.problem.coordinates, start, strict=True) if value == -math.inf}
-        z, found, converged = self._climb(z)
-        if found is None:
+        z, evaluation, converged = self._climb(z)
+        if evaluation is None:
             return None
-        z, found = self._tidy(z, found)
+        z, evaluation = self._tidy(z, evaluation)
         # A term that was set to zero may be supported when other terms have changed. Adding it may make another term
         # supported, so there are two passes.
         for term in [*sorted(self.gone)] * 2 if self.revive else ():
-            tried = self._back(z, found, term) if term in self.gone else None
+            tried = self._back(z, evaluation, term) if term in self.gone else None
             if tried is not None:
-                z, found, converged = tried
+                z, evaluation, converged = tried
         active = self._active(z)
         ends = {
             k: side
@@ -121,15 +83,9 @@ class Search:
             if side and self.problem.coordinates[k].term not in self.gone and k not in self.held
         }
         return Maximum(
-            z=z,
-            active=tuple(k for k in active if k not in ends),
-            at_end=ends,
-            evaluation=found,
-            evaluations=self.count,
-            converged=converged,
-        )
-
-    # --- inside ---------------------------------------------------------------------------------------
+            z=z, active=tuple(k for k in active if k not in ends), at_end=ends, evaluation=evaluation,
+            evaluations=self.count, converged=converged,
+        )  # fmt: skip
 
     def _active(self, z: Vector) -> list[int]:
         return [k for k, c in enumerate(self.problem.coordinates) if k not in self.held and c.term not in self.gone]
@@ -140,22 +96,21 @@ class Search:
 
     def _evaluate(self, z: Vector, active: list[int]) -> Evaluation | None:
         self.count += 1
-        found = self.problem.evaluate(z, active)
-        if self.progress is not None and found is not None:
-            self.progress(self.count, found.value)
-        return found
+        evaluation = self.problem.evaluate(z, active)
+        if self.progress is not None and evaluation is not None:
+            self.progress(self.count, evaluation.value)
+        return evaluation
 
     def _climb(self, z: Vector) -> tuple[Vector, Evaluation | None, bool]:
-        """Climb to a local maximum with steps d = (I + μ diag I)⁻¹ g (gradient g, information matrix I, damping μ).
-
-        The steps end when the expected increase of the log-likelihood is below the tolerance or its rounding error.
-        """
+        """Climb to a local maximum with steps d = (I + μ diag I)⁻¹ g (gradient g, information matrix I, damping μ). The
+        steps end when the expected increase of the log-likelihood is below the tolerance or its rounding error."""
         active = self._active(z)
         now = self._evaluate(z, active)
         if now is None:
             return z, None, False
         damping, converged = 0.0, not active
-        for _ in range(_ROUNDS if active else 0):
+        # Largest number of steps. A search that reaches it is reported as not converged.
+        for _ in range(200 if active else 0):
             step, gain = self._step(now, z, active, damping)
             if gain < 0.0 and damping < 1e6:
                 damping = max(
@@ -199,7 +154,7 @@ class Search:
         bounds, at = self.problem.bounds[active], z[active]
         low = np.maximum(bounds[:, 0] - at, -LONGEST)
         high = np.minimum(bounds[:, 1] - at, LONGEST)
-        step = boxed(now.information, now.gradient, low=low, high=high, damping=damping)
+        step = box_step(now.information, now.gradient, low=low, high=high, damping=damping)
         return step, float(now.gradient @ step - 0.5 * step @ now.information @ step)
 
     def _give_up(self, now: Evaluation, z: Vector, active: list[int]) -> bool:
@@ -220,19 +175,21 @@ class Search:
         """Set small terms to zero if this does not decrease the likelihood."""
         active = self._active(z)
         for term, k in self.scales.items():
-            if k not in active or now.information[active.index(k), active.index(k)] > _FAINT:
+            # A scale is set to zero on trial if the information about its logarithm is below this value. The relative
+            # standard error is then above 4.
+            if k not in active or now.information[active.index(k), active.index(k)] > 0.05:
                 continue
             if len(self.gone) + 1 >= len(self.problem.model.processes):
                 break
             tried = z.copy()
             tried[k] = -math.inf
             self.gone.add(term)
-            rest = self._active(tried)
-            after = self._evaluate(tried, rest)
+            remaining = self._active(tried)
+            after = self._evaluate(tried, remaining)
             if after is None or after.value < now.value - 1e-6:
                 self.gone.discard(term)
                 continue
-            z, now, active = tried, after, rest
+            z, now, active = tried, after, remaining
         return z, now
 
     def _without(self, z: Vector) -> Vector:
@@ -242,10 +199,8 @@ class Search:
         return z
 
     def _apart(self, z: Vector) -> Vector:
-        """Separate the starting values of repeated terms with the same shape.
-
-        Terms with equal values have equal gradients and would remain equal during the search.
-        """
+        """Separate the starting values of repeated terms with the same shape. Terms with equal values have equal
+        gradients and would remain equal during the search."""
         z = z.copy()
         seen: list[tuple[type, Vector]] = []
         for term, process in enumerate(self.problem.model.processes):
@@ -259,16 +214,15 @@ class Search:
         return z
 
     def _back(self, z: Vector, now: Evaluation, term: int) -> tuple[Vector, Evaluation, bool] | None:
-        """Return the maximum with a term added that was zero, or None if the likelihood does not increase.
-
-        The term is first added with a negligible scale. With the gradient g and the information I for the logarithm of
-        the scale, the expected increase of the log-likelihood is g²/2I. If the term has one shape parameter, the whole
-        range of this parameter is tried.
-        """
+        """Return the maximum with a term added that was zero, or None if the likelihood does not increase. The term is
+        first added with a negligible scale. With the gradient g and the information I for the logarithm of the scale,
+        the expected increase of the log-likelihood is g²/2I. If the term has one shape parameter, the whole range of
+        this parameter is tried."""
         k = self.scales.get(term)
         if k is None or k in self.held:
             return None
-        most, best = _WORTH, None
+        # A term that is zero is added again if the expected increase of the log-likelihood is above this value.
+        most, best = 0.01, None
         for at in self._places(z, term):
             at[k] = self.problem.faint(at, k, now.model, 1e-4)
             tried = self._evaluate(at, [k])
@@ -283,23 +237,23 @@ class Search:
             return None
         before = set(self.gone)
         self.gone.discard(term)
-        at, found, converged = self._climb(best)
-        if found is not None and found.value > now.value + 1e-6 and term not in self.gone:
-            return at, found, converged
+        at, evaluation, converged = self._climb(best)
+        if evaluation is not None and evaluation.value > now.value + 1e-6 and term not in self.gone:
+            return at, evaluation, converged
         self.gone = before
         return None
 
     def _places(self, z: Vector, term: int) -> list[Vector]:
-        """Return points (q,) at which to try a term.
-
-        They cover the range of its shape parameter if it has one; otherwise the present shape is the only point.
-        """
+        """Return points (q,) at which to try a term. They cover the range of its shape parameter if it has one;
+        otherwise the present shape is the only point."""
         mine = [i for i, c in enumerate(self.problem.coordinates) if c.term == term and c.shape is not None]
         if len(mine) != 1:
             return [z.copy()]
         process = self.problem.model.processes[term]
         low, high = type(process).scan(self.problem.record.values.size, self.problem.rate)[0]
-        high += _BEYOND
+        # Extension of this range of shapes beyond the range of a wavelet fit (a factor of 5 in β). The likelihood can
+        # also detect processes that decay within one sample.
+        high += 1.6
         out = []
         for share in (np.arange(_PLACES) + 0.5) / _PLACES:
             at = z.copy()
@@ -308,12 +262,10 @@ class Search:
         return out
 
 
-def boxed(information: Matrix, gradient: Vector, low: Vector, high: Vector, damping: float) -> Vector:
-    """Return the step d between `low` and `high` that maximises g·d − ½ dᵀ(I + μ diag I)d, by an active-set method.
-
-    g is the gradient, I the information matrix and μ the damping. A coordinate that would leave the bounds is held at
-    its bound, and released if the gradient there points inwards.
-    """
+def box_step(information: Matrix, gradient: Vector, low: Vector, high: Vector, damping: float) -> Vector:
+    """Return the step d between `low` and `high` that maximises g·d − ½ dᵀ(I + μ diag I)d, by an active-set method. g
+    is the gradient, I the information matrix and μ the damping. A coordinate that would leave the bounds is held at its
+    bound, and released if the gradient there points inwards."""
     size = np.sqrt(np.diag(information))
     size = np.where(size > 0, size, 1.0)
     scaled = information / np.outer(size, size)
@@ -321,7 +273,7 @@ def boxed(information: Matrix, gradient: Vector, low: Vector, high: Vector, damp
     g, least, most = gradient / size, low * size, high * size
     step, free = np.zeros(g.size), np.ones(g.size, dtype=np.bool_)
     for _ in range(4 * g.size + 4):
-        step[free] = solved(scaled[np.ix_(free, free)], g[free] - scaled[np.ix_(free, ~free)] @ step[~free])
+        step[free] = solve_stable(scaled[np.ix_(free, free)], g[free] - scaled[np.ix_(free, ~free)] @ step[~free])
         out = free & ((step < least) | (step > most))
         if np.any(out):
             step = np.clip(step, least, most)
@@ -335,10 +287,10 @@ def boxed(information: Matrix, gradient: Vector, low: Vector, high: Vector, damp
     return np.asarray(np.clip(step, least, most) / size)
 
 
-def solved(matrix: Matrix, vector: Vector) -> Vector:
+def solve_stable(matrix: Matrix, vector: Vector) -> Vector:
     """Return M⁻¹ v for a matrix M with unit diagonal. Directions with eigenvalues near zero are left out."""
     if not vector.size:
         return vector
     values, vectors = np.linalg.eigh(matrix)
-    kept = values > 1e-12 * values[-1]
-    return np.asarray(vectors[:, kept] @ ((vectors[:, kept].T @ vector) / values[kept]))
+    able = values > 1e-12 * values[-1]
+    return np.asarray(vectors[:, able] @ ((vectors[:, able].T @ vector) / values[able]))

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.text import counted, p_relation
-from gmwm.fitting.inference.intervals import Interval
-from gmwm.fitting.inference.summary import (
-    Row,
-    estimate_text,
-    interval_text,
+from gmwm.fitting.estimation.intervals import Interval
+from gmwm.fitting.estimation.summary import (
+    ParameterRow,
     no_intervals,
+    rows_of,
+    short_texts,
     table_html,
     table_text,
     without_axis,
-)
+)  # fmt: skip
 from gmwm.fitting.likelihood.intervals import Method, confidence_intervals
 
 if TYPE_CHECKING:
@@ -33,16 +33,11 @@ def summary(fit: LikelihoodFit, level: float = 0.95, method: Method = "wald") ->
 
 
 def in_words(
-    fit: LikelihoodFit,
-    level: float,
-    intervals: Mapping[str, Interval],
-    residuals: Residuals | None = None,
+    fit: LikelihoodFit, level: float, intervals: Mapping[str, Interval], residuals: Residuals | None = None,
     missing: Remark | None = None,
-) -> str:
-    """Write the summary of a fit from intervals and residuals that are already computed.
-
-    `missing` is a remark that states why there are no intervals.
-    """
+) -> str:  # fmt: skip
+    """Write the summary of a fit from intervals and residuals that are already computed. `missing` is a remark that
+    states why there are no intervals."""
     words = texts(without_axis(missing, *fit.remarks))
     lines = [*head(fit, residuals), "", *table_text(rows(fit, intervals), level)]
     return "\n".join([*lines, "", *words] if words else lines)
@@ -67,10 +62,8 @@ def intervals_if_known(
 
 
 def own_residuals(fit: LikelihoodFit) -> Residuals | None:
-    """Return the residuals of the fitted recording, or None if the fit was read from a file.
-
-    The effect of conditions is subtracted from the recording.
-    """
+    """Return the residuals of the fitted recording, or None if the fit was read from a file. The effect of conditions
+    is subtracted from the recording."""
     if fit.record is None:
         return None
     record = fit.record if fit.regression is None else fit.record.without(fit.regression.estimates)
@@ -120,50 +113,21 @@ def checks_in_words(residuals: Residuals) -> str:
     return f"whiteness p {p_relation(white.p_value)} (Ljung-Box, {white.lags} lags); {normal}"
 
 
-def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[Row]:
+def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[ParameterRow]:
     """Return one row for each parameter of a fit, in the order of the terms."""
-    errors, units = fit.standard_errors, fit.units()
-    shown = []
-    for name, value in fit.parameters.items():
-        if _undetermined(fit, intervals, name):
-            shown.append(Row(name, "undetermined", interval="", error="", unit=units[name]))
-            continue
-        interval, error = "", ""
-        if name in fit.model.fixed_names:
-            interval = "held"
-        elif name in intervals:
-            interval = interval_text(*intervals[name])
-            share = errors.get(name, math.inf) / abs(value) if value else math.inf
-            if math.isfinite(share):
-                error = f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
-        shown.append(Row(name, estimate_text(value), interval=interval, error=error, unit=units[name]))
-    return shown
+    return rows_of(fit, intervals, fit.standard_errors, _undetermined(fit, intervals))
 
 
 def short_values(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> dict[str, str]:
-    """Return a short text for each parameter of a fit.
-
-    The text is the estimate with its relative standard error, an upper limit, or the process that the term acts as.
-    """
-    shown = {}
-    for row in rows(fit, intervals):
-        value = fit.parameters[row.name]
-        low, high = intervals.get(row.name, (0.0, math.inf))
-        acting = fit.diagnostics.acts_as.get(row.name.rpartition(".")[0])
-        if _undetermined(fit, intervals, row.name):
-            shown[row.name] = "—"
-        elif acting is not None:
-            shown[row.name] = "held" if row.name in fit.model.fixed_names else f"as {acting}"
-        elif math.isfinite(high) and low in (0.0, -high):
-            shown[row.name] = f"≤ {high:.2e}"
-        else:
-            shown[row.name] = (f"{value:.2e}" if value else "0") + (f" ± {row.error}" if row.error else "")
-    return shown
+    """Return a short text for each parameter of a fit; see `gmwm.estimation.summary.short_texts`."""
+    return short_texts(fit, rows(fit, intervals), intervals, _undetermined(fit, intervals))
 
 
-def _undetermined(fit: LikelihoodFit, intervals: Mapping[str, Interval], name: str) -> bool:
-    """Return whether a parameter is the shape of a term that is estimated as zero."""
-    gone = name.rpartition(".")[0] in fit.diagnostics.not_supported
-    if not gone or name in fit.model.fixed_names or fit.parameters[name] == 0:
-        return False
-    return name not in intervals or intervals[name] == (0.0, math.inf)
+def _undetermined(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[str]:
+    """Return the names of the shape parameters of terms that are estimated as zero."""
+    zero = [
+        name
+        for name, value in fit.parameters.items()
+        if name.rpartition(".")[0] in fit.diagnostics.not_supported and name not in fit.model.fixed_names and value
+    ]
+    return [name for name in zero if intervals.get(name, (0.0, math.inf)) == (0.0, math.inf)]

@@ -20,27 +20,16 @@ from gmwm.theory.processes.model import Model
 from gmwm.theory.statespace import StateSpace, powers
 
 LEVEL = "level"
-"""Label of the constant level of the recording. A model with a random walk does not have this label, because the random
-walk includes the level."""
+"""Label of the constant level of the recording, which a random walk of the model includes."""
 STEP = 0.02
-"""Step of a coordinate for numerical derivatives of the matrices by sixth-order differences. Their error is about STEP⁶
-= 6e-11; tests/likelihood/test_score.py checks them against other derivatives."""
+"""Step of sixth-order differences, with an error of about STEP⁶ = 6e-11 (tests/likelihood/test_score.py)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Regressor:
-    """A known function of time with an unknown coefficient.
-
-    Attributes
-    ----------
-    course : (N,) array
-        The function at each sample.
-    label : str
-        LEVEL, the label of the term, or the name of a condition.
-    flat : bool
-        True if the coefficient is integrated out (a level or a condition), False if it is a parameter of the model (a
-        drift).
-    """
+    """A known function of time with an unknown coefficient. `course` (N,): the function at each sample. `label`: LEVEL,
+    the label of the term, or the name of a condition. `flat`: true if the coefficient is integrated out (a level or a
+    condition), False if it is a parameter of the model (a drift)."""
 
     course: Vector
     label: str
@@ -49,19 +38,8 @@ class Regressor:
 
 @dataclass(frozen=True, eq=False)
 class TermBlock:
-    """One term of a model in the joint state vector.
-
-    Attributes
-    ----------
-    label : str
-        Label of the term.
-    process : Process
-        The process with its values.
-    space : StateSpace
-        Its state space.
-    first, last : int
-        The states of the term are first … last − 1.
-    """
+    """One term of a model in the joint state vector. `label`: label of the term. `process`: the process with its
+    values. `space`: its state space. `first`, `last`: the states of the term are first … last − 1."""
 
     label: str
     process: Process
@@ -88,13 +66,8 @@ class System:
 
 
 def require_state(process: Process) -> None:
-    """Raise an error if a process has no state-space form.
-
-    Raises
-    ------
-    MissingTheoryError
-        If the process does not define `state_space`.
-    """
+    """Raise an error if a process has no state-space form. Raises MissingTheoryError if the process does not define
+    `state_space`."""
     if not process.has("state_space"):
         raise MissingTheoryError(
             f"{process.name} does not define state_space, which the likelihood and the Kalman filter need",
@@ -104,10 +77,10 @@ def require_state(process: Process) -> None:
 
 def is_ramp(process: Process, rate: float) -> bool:
     """Return whether a process is deterministic except for its scale, like a drift."""
-    one = type(process).standard(process.nonlinear) if process.nonlinear_parameters() else type(process).standard()
-    if not one.has("state_space"):
+    unit = type(process).standard(process.nonlinear) if process.nonlinear_parameters() else type(process).standard()
+    if not unit.has("state_space"):
         return False
-    space = one.state_space(rate)
+    space = unit.state_space(rate)
     return _certain(space) and bool(np.any(space.m0))
 
 
@@ -117,13 +90,8 @@ def _certain(space: StateSpace) -> bool:
 
 
 def assemble(model: Model, rate: float) -> System:
-    """Assemble the state space of the random terms of a model with values.
-
-    Raises
-    ------
-    MissingTheoryError
-        If a term has no state-space form.
-    """
+    """Assemble the state space of the random terms of a model with values. Raises MissingTheoryError if a term has no
+    state-space form."""
     blocks, at = [], 0
     for label, process in zip(model.terms, model.processes, strict=True):
         require_state(process)
@@ -134,20 +102,14 @@ def assemble(model: Model, rate: float) -> System:
         at += space.states
     joined = StateSpace.sum(block.space for block in blocks)
     return System(
-        blocks=tuple(blocks),
-        F=np.ascontiguousarray(joined.F),
-        Q=np.ascontiguousarray(joined.Q),
-        H=np.ascontiguousarray(joined.H[0]),
-        R=float(joined.R[0, 0]),
-        P0=_start(joined),
-    )
+        blocks=tuple(blocks), F=np.ascontiguousarray(joined.F), Q=np.ascontiguousarray(joined.Q),
+        H=np.ascontiguousarray(joined.H[0]), R=float(joined.R[0, 0]), P0=_start(joined),
+    )  # fmt: skip
 
 
 def _start(space: StateSpace) -> Matrix:
-    """Return the initial covariance of the states.
-
-    A state of unknown initial level has the variance of one step, because the level itself is a regressor.
-    """
+    """Return the initial covariance of the states. A state of unknown initial level has the variance of one step,
+    because the level itself is a regressor."""
     start = np.array(space.P0)
     unknown = space.diffuse
     start[unknown, :] = 0.0
@@ -158,7 +120,7 @@ def _start(space: StateSpace) -> Matrix:
 
 def regressors(model: Model, rate: float, samples: int, mean: float | None) -> list[Regressor]:
     """Return the regressors of a model: unknown levels, and drifts whose slope is free."""
-    found, ramps = [], []
+    levels, ramps = [], []
     level = mean is None
     for label, process in zip(model.terms, model.processes, strict=True):
         if is_ramp(process, rate):
@@ -174,10 +136,10 @@ def regressors(model: Model, rate: float, samples: int, mean: float | None) -> l
             course = _course(space, int(state), samples)
             # The level of a random walk is a constant, so a second constant regressor would be redundant.
             level = level and bool(np.any(course != course[0]))
-            found.append(Regressor(course, label, flat=True))
+            levels.append(Regressor(course, label, flat=True))
     if level:
-        found.append(Regressor(np.ones(samples), LEVEL, flat=True))
-    return [*found, *ramps]
+        levels.append(Regressor(np.ones(samples), LEVEL, flat=True))
+    return [*levels, *ramps]
 
 
 def _course(space: StateSpace, state: int, samples: int) -> Vector:
@@ -191,17 +153,9 @@ def _course(space: StateSpace, state: int, samples: int) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """Derivatives of F, Q, H, R and P0 of the joint state space with respect to q coordinates.
-
-    Attributes
-    ----------
-    F, Q, P0 : (q, p, p) arrays
-        Derivatives of the transition matrix, the process noise and the initial covariance.
-    H : (q, p) array
-        Derivatives of the observation row.
-    R : (q,) array
-        Derivatives of the variance of the measurement noise.
-    """
+    """Derivatives of F, Q, H, R and P0 of the joint state space with respect to q coordinates. `F`, `Q`, `P0` (q, p,
+    p): derivatives of the transition matrix, the process noise and the initial covariance. `H` (q, p): derivatives of
+    the observation row. `R` (q,): derivatives of the variance of the measurement noise."""
 
     F: Matrix
     Q: Matrix
@@ -211,22 +165,15 @@ class Slopes:
 
 
 @dataclass(frozen=True)
-class Coordinate:
-    """A free coordinate of the likelihood.
-
-    Attributes
-    ----------
-    term : int
-        Number of the term in the model.
-    shape : int or None
-        Number of the shape coordinate of the term; None for the logarithm of its scale.
-    """
+class FreeCoordinate:
+    """A free coordinate of the likelihood. `term`: number of the term in the model. `shape`: number of the shape
+    coordinate of the term; None for the logarithm of its scale."""
 
     term: int
     shape: int | None = None
 
 
-def slopes(model: Model, system: System, coordinates: Sequence[Coordinate], rate: float) -> Slopes:
+def slopes(model: Model, system: System, coordinates: Sequence[FreeCoordinate], rate: float) -> Slopes:
     """Compute the derivatives of the state-space matrices of a model with respect to its coordinates."""
     p, q = system.H.size, len(coordinates)
     out = Slopes(np.zeros((q, p, p)), np.zeros((q, p, p)), H=np.zeros((q, p)), R=np.zeros(q), P0=np.zeros((q, p, p)))
@@ -236,14 +183,12 @@ def slopes(model: Model, system: System, coordinates: Sequence[Coordinate], rate
         here = slice(block.first, block.last)
         if coordinate.shape is None:
             out.Q[k, here, here], out.R[k], out.P0[k, here, here] = (
-                block.space.Q,
-                block.space.R[0, 0],
-                _start(block.space),
-            )
+                block.space.Q, block.space.R[0, 0], _start(block.space),
+            )  # fmt: skip
             continue
         for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
             for sign in (1, -1):
-                space = moved(block.process, coordinate.shape, sign * distance * STEP).state_space(rate)
+                space = move_shape(block.process, coordinate.shape, sign * distance * STEP).state_space(rate)
                 share = sign * weight / (60.0 * STEP)
                 out.F[k, here, here] += share * space.F
                 out.Q[k, here, here] += share * space.Q
@@ -253,7 +198,7 @@ def slopes(model: Model, system: System, coordinates: Sequence[Coordinate], rate
     return out
 
 
-def moved(process: Process, shape: int, distance: float) -> Process:
+def move_shape(process: Process, shape: int, distance: float) -> Process:
     """Return a process with one shape coordinate changed by `distance`."""
     z = type(process).coordinates(process.nonlinear.reshape(1, -1))
     z[0, shape] += distance

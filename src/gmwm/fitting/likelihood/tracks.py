@@ -17,7 +17,7 @@ from gmwm.base.errors import ModelError, OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.text import Named
 from gmwm.fitting.estimation import Fit
-from gmwm.fitting.likelihood.problem import Problem, as_mean, nothing_to_chance
+from gmwm.fitting.likelihood.problem import LikelihoodProblem, as_mean, nothing_to_chance
 from gmwm.fitting.likelihood.record import Record, as_record
 from gmwm.fitting.likelihood.result import LikelihoodFit
 from gmwm.fitting.likelihood.system import LEVEL, System, assemble
@@ -125,8 +125,8 @@ class Tracks(Plotted):
         if label not in self.mean:
             raise OptionError(argument="label", expected=f"one of {', '.join(self.mean)}", got=label)
         reach = NormalDist().inv_cdf((1 + as_confidence(level, "level")) / 2) * self.error[label]
-        known = np.isfinite(reach)
-        centre = np.where(known, self.mean[label], 0.0)
+        finite = np.isfinite(reach)
+        centre = np.where(finite, self.mean[label], 0.0)
         return centre - reach, centre + reach
 
     def __repr__(self) -> str:
@@ -148,29 +148,22 @@ def smooth_tracks(
 
 
 def predict_tracks(
-    model: Modelled,
-    data: Signal | ArrayLike,
-    steps: int,
-    rate: float | None = None,
-    *,
-    mean: float | None = None,
+    model: Modelled, data: Signal | ArrayLike, steps: int, rate: float | None = None, *, mean: float | None = None
 ) -> Tracks:
     """Predict the latent processes after the end of a recording; see `Model.predict`."""
     steps = as_whole_number(steps, "steps", 1)
     if steps > FARTHEST:
         raise OptionError(
-            argument="steps",
-            expected=f"at most {FARTHEST}",
-            got=steps,
+            argument="steps", expected=f"at most {FARTHEST}", got=steps,
             advice="Predict at a lower rate with `model.continuous(rate).discrete(lower_rate)`.",
-        )
+        )  # fmt: skip
     return _tracks("predict", model, data=data, rate=rate, mean=mean, steps=steps)
 
 
 def _tracks(
     kind: Kind, model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: float | None, steps: int = 0
 ) -> Tracks:
-    problem = posed(model, data, rate=rate, mean=mean, steps=steps)
+    problem = pose_filter(model, data, rate=rate, mean=mean, steps=steps)
     system = assemble(problem.model, problem.rate)
     labels, states, shares = _sums(problem, system)
     size = problem.record.values.size
@@ -178,64 +171,54 @@ def _tracks(
     if not _core.kalman_tracks(*system.matrices, problem.series, states, shares, kind == "smooth", means, variances):
         raise nothing_to_chance(problem.model)
     errors = np.sqrt(variances, out=variances)
-    found = {label: (means[k], errors[k]) for k, label in enumerate(labels)}
+    tracks = {label: (means[k], errors[k]) for k, label in enumerate(labels)}
     white = [block.label for block in system.blocks if block.space.states == 0]
     if white:
-        found[white[0]] = (means[-1], errors[-1])
-    _known(problem, system, found)
-    order = [label for label in (*problem.model.terms, LEVEL, BIAS) if label in found]
+        tracks[white[0]] = (means[-1], errors[-1])
+    _add_known(problem, system, tracks)
+    order = [label for label in (*problem.model.terms, LEVEL, BIAS) if label in tracks]
     part = slice(size - steps, None) if kind == "predict" else slice(None)
     record = problem.record
     return Tracks(
-        kind=kind,
-        model=problem.model,
-        rate=record.rate,
-        unit=record.unit,
-        axis=record.axis,
-        times=record.times[part],
-        data=record.values[part].copy(),
-        mean={label: found[label][0][part] for label in order},
-        error={label: found[label][1][part] for label in order},
-    )
+        kind=kind, model=problem.model, rate=record.rate, unit=record.unit, axis=record.axis, times=record.times[part],
+        data=record.values[part].copy(), mean={label: tracks[label][0][part] for label in order},
+        error={label: tracks[label][1][part] for label in order},
+    )  # fmt: skip
 
 
-def posed(model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: float | None, steps: int = 0) -> Problem:
+def pose_filter(
+    model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: float | None, steps: int = 0
+) -> LikelihoodProblem:
     """Create the likelihood problem of a model with values and a recording, with `steps` missing samples appended."""
     if isinstance(model, Fit | LikelihoodFit):
-        known = model.wavelet_variance.rate if isinstance(model, Fit) else model.rate
-        given = data.rate if isinstance(data, Signal) else rate
-        if given is not None and not math.isclose(given, known, rel_tol=RATES_ALIKE):
+        fit_rate = model.wavelet_variance.rate if isinstance(model, Fit) else model.rate
+        data_rate = data.rate if isinstance(data, Signal) else rate
+        if data_rate is not None and not math.isclose(data_rate, fit_rate, rel_tol=RATES_ALIKE):
             raise OptionError(
-                argument="rate",
-                expected=f"{known:g}, the rate of the fit (Hz), because its values are per sample",
-                got=given,
-                advice="Fit the model to data with this rate.",
-            )
-        rate = None if isinstance(data, Signal) else known
+                argument="rate", expected=f"{fit_rate:g}, the rate of the fit (Hz), because its values are per sample",
+                got=data_rate, advice="Fit the model to data with this rate.",
+            )  # fmt: skip
+        rate = None if isinstance(data, Signal) else fit_rate
         mean = model.mean if isinstance(model, LikelihoodFit) and mean is None else mean
         model = model.model
-    wanted = as_model(model)
-    missing = [name for name, value in wanted.parameters.items() if value is None]
+    terms = as_model(model)
+    missing = [name for name, value in terms.parameters.items() if value is None]
     if missing:
         raise ModelError(
-            f"the Kalman filter of {wanted} needs a value for {', '.join(missing)}",
+            f"the Kalman filter of {terms} needs a value for {', '.join(missing)}",
             advice="Write the values into the model, or fit it to data.",
         )
     record = as_record(data, rate)
     if steps:
         record = Record(
-            values=np.concatenate([record.values, np.full(steps, np.nan)]),
-            rate=record.rate,
-            unit=record.unit,
-            axis=record.axis,
-            start=record.start,
-            centre=record.centre,
-        )
-    held = wanted.with_values({name: Fixed(v) for name, v in wanted.parameters.items() if v is not None})
-    return Problem(held, record, as_mean(mean))
+            values=np.concatenate([record.values, np.full(steps, np.nan)]), rate=record.rate, unit=record.unit,
+            axis=record.axis, start=record.start, centre=record.centre,
+        )  # fmt: skip
+    held = terms.with_values({name: Fixed(v) for name, v in terms.parameters.items() if v is not None})
+    return LikelihoodProblem(held, record, as_mean(mean))
 
 
-def _sums(problem: Problem, system: System) -> tuple[list[str], Matrix, Matrix]:
+def _sums(problem: LikelihoodProblem, system: System) -> tuple[list[str], Matrix, Matrix]:
     """Return the labels of the g tracks, and the weights of the states (g, p) and of the regressors (g, m) in each
     track."""
     regressors = problem.regressors
@@ -246,33 +229,31 @@ def _sums(problem: Problem, system: System) -> tuple[list[str], Matrix, Matrix]:
             continue
         seen = np.zeros(system.H.size)
         seen[block.first : block.last] = block.space.H[0]
-        own = np.array([float(r.label == block.label) for r in regressors])
+        share = np.array([float(r.label == block.label) for r in regressors])
         labels.append(block.label)
         states.append(seen)
-        shares.append(own)
+        shares.append(share)
         if wanders(block.process, problem.rate):
             bias += seen
-            carried += own
+            carried += share
     if any(r.label == LEVEL for r in regressors):
-        own = np.array([float(r.label == LEVEL) for r in regressors])
+        share = np.array([float(r.label == LEVEL) for r in regressors])
         labels.append(LEVEL)
         states.append(np.zeros(system.H.size))
-        shares.append(own)
-        carried += own
+        shares.append(share)
+        carried += share
     labels.append(BIAS)
     return labels, np.array([*states, bias]).reshape(len(labels), -1), np.array([*shares, carried])
 
 
 def wanders(process: Process, rate: float) -> bool:
-    """Return whether a process is part of the bias.
-
-    This holds if its correlation time is longer than one sample and it is not a sinusoid.
-    """
+    """Return whether a process is part of the bias. This holds if its correlation time is longer than one sample and it
+    is not a sinusoid."""
     time = process.correlation_time(rate)
     return process.line(rate) is None and (time is None or time * rate > 1.0)
 
 
-def _known(problem: Problem, system: System, found: dict[str, tuple[Vector, Vector]]) -> None:
+def _add_known(problem: LikelihoodProblem, system: System, found: dict[str, tuple[Vector, Vector]]) -> None:
     """Add to the tracks what was subtracted from the recording: its centre or known mean, and drifts with known
     slopes."""
     bias = found[BIAS][0]

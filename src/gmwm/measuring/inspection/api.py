@@ -15,20 +15,8 @@ from gmwm.base.remarks import Remark
 from gmwm.base.threads import in_threads
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import SI_UNIT
+from gmwm.measuring.inspection import findings
 from gmwm.measuring.inspection.axis_statistics import AxisStatistics
-from gmwm.measuring.inspection.findings import (
-    MOVED,
-    OF_STAMPS,
-    of_conditions,
-    of_gravity,
-    of_motion,
-    of_rounding,
-    of_steps,
-    of_stuck,
-    of_time,
-    of_trends,
-    of_units,
-)
 from gmwm.measuring.inspection.knocks import knocks_of, steps_of
 from gmwm.measuring.inspection.result import AxisInspection, Inspection
 from gmwm.measuring.inspection.time_grid import Extent
@@ -41,15 +29,13 @@ from gmwm.recording.signals import Imu, Signal
 
 _RESTLESS = 4.0
 """Largest ratio of the standard deviation of a window to the median over all windows for a sensor at rest
-(tests/test_inspection.py)."""
+(tests/test_inspection_limits.py, as the next three constants)."""
 _CHANGES = 0.1
-"""Share of samples with a changed output, above which rounding does not explain a window without any change
-(tests/test_inspection.py)."""
+"""Share of samples with a changed output, above which rounding does not explain a window without any change."""
 _TURN = 0.1
-"""Change of the direction of gravity (degrees) above which there is a remark, as by a bias of 1.7 mg
-(tests/test_inspection.py)."""
+"""Change of the direction of gravity (degrees) above which there is a remark, as by a bias of 1.7 mg."""
 _UNEXPLAINED = 5.0
-"""Change of the direction of gravity (standard errors) that noise does not explain (tests/test_inspection.py)."""
+"""Change of the direction of gravity (standard errors) that noise does not explain."""
 
 Values = Callable[[str, int, int], Vector]
 """Function of axis, first and last index that returns the samples of a half-open range."""
@@ -143,9 +129,7 @@ class FirstPass:
         recording = self._batches.recording
         base = recording.time_base or TimeBase(recording.rate, start=self._segments.starts[0])
         return RecordingStatistics(
-            source=recording.source,
-            remarks=recording.remarks,
-            base=base,
+            source=recording.source, remarks=recording.remarks, base=base,
             extent=Extent.of(
                 recording.rate,
                 self._segments.ranges,
@@ -154,9 +138,8 @@ class FirstPass:
                 gaps_known=self._segments.gaps_known,
             ),
             resolutions={axis: step_of(sample.values()) for axis, sample in self._samples.items()},
-            values=self._batches.values,
-            temperature=self._temperature,
-        )
+            values=self._batches.values, temperature=self._temperature,
+        )  # fmt: skip
 
 
 class RecordingStatistics:
@@ -206,18 +189,18 @@ class RecordingStatistics:
         }
         stuck = {axis: self._stuck(axis, sums) for axis, sums in statistics.items()}
         turned = tilt is not None and tilt > max(_TURN, _UNEXPLAINED * tilt_noise)
-        moved = tilt is not None and turned and tilt > MOVED
+        moved = tilt is not None and turned and tilt > findings.MOVED
         remarks = (
-            *of_time(extent, self._base, self._same),
-            *of_stuck(stuck),
-            *of_motion(restless, tilt if turned else None, knocks),
-            *of_steps(tuple(steps)),
-            *of_trends(trends, self._units, extent, self._base.left > 0),
-            *of_gravity(gravity),
-            *of_rounding(axes, extent.rate),
-            *of_units(self._densities()),
-            *of_conditions(conditions.found, conditions.unknown),
-            *(remark for remark in self._remarks if remark.code not in OF_STAMPS),
+            *findings.of_time(extent, self._base, self._same),
+            *findings.of_stuck(stuck),
+            *findings.of_motion(restless, tilt if turned else None, knocks),
+            *findings.of_steps(tuple(steps)),
+            *findings.of_trends(trends, self._units, extent, self._base.left > 0),
+            *findings.of_gravity(gravity),
+            *findings.of_rounding(axes, extent.rate),
+            *findings.of_units(self._densities()),
+            *findings.of_conditions(conditions.found, conditions.unknown),
+            *(remark for remark in self._remarks if remark.code not in findings.OF_STAMPS),
         )
         segments = len(extent.segments)
         return Inspection(

@@ -22,8 +22,8 @@ from gmwm.recording.resolution import lsb
 from gmwm.recording.signals import Signal
 
 APART = 1.5
-"""Ratio of the threshold θ to a lower threshold; residuals between the two must be rare (docs/validation/tails.md and
-tests/outliers/test_spikes.py, as all constants here)."""
+"""Ratio of the threshold θ to a lower threshold; residuals between the two must be rare. docs/validation/tails.md has
+the rates of correct and wrong decisions with the constants of this file."""
 MORE = 1.6
 """Largest ratio of the numbers of residuals beyond θ / 1.5 and beyond θ. It is 2.25 for a tail with an infinite
 variance."""
@@ -88,10 +88,6 @@ def find_spikes(x: Signal) -> Spikes:
     ----------
     x : Signal
 
-    Returns
-    -------
-    Spikes
-
     Raises
     ------
     OptionError
@@ -147,16 +143,13 @@ def find_spikes(x: Signal) -> Spikes:
 def repaired(x: Signal, spikes: Spikes) -> Signal:
     """Replace spikes by samples drawn from their conditional distribution given all other samples, with a fixed seed.
 
+    Without spikes, `x` itself is returned.
+
     Parameters
     ----------
     x : Signal
     spikes : Spikes
         Result of `find_spikes`.
-
-    Returns
-    -------
-    Signal
-        The signal with its spikes replaced; `x` itself if there are none.
 
     Raises
     ------

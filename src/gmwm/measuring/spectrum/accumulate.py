@@ -63,16 +63,10 @@ class SpectrumAccumulator(OneAtATime):
 
     Parameters
     ----------
-    rate : float
-        Sampling rate (Hz).
-    length : int, optional
-        Length of the blocks (samples), an even number from 8.
-    detrend : "constant" or "linear"
-        Trend that is subtracted from each block: its mean, or a straight line.
-    start : int
-        Index of the first sample in the recording, if the accumulator processes a part of a recording.
-    unit, axis : str
-        Unit and name of the signal, for the result.
+    rate, start, unit, axis
+        The same as for `gmwm.variance.WaveletAccumulator`.
+    length, detrend
+        The same as for `gmwm.psd`.
 
     Raises
     ------
@@ -90,15 +84,9 @@ class SpectrumAccumulator(OneAtATime):
     """
 
     def __init__(
-        self,
-        rate: float,
-        *,
-        length: int | None = None,
-        detrend: Detrend = "constant",
-        start: int = 0,
-        unit: str = "",
+        self, rate: float, *, length: int | None = None, detrend: Detrend = "constant", start: int = 0, unit: str = "",
         axis: str = "",
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.rate, self.unit, self.axis = as_rate(rate), unit, axis
         self.length, self.start = checked_length(length), start
         one_of(detrend, "detrend", ("constant", "linear"))
@@ -170,10 +158,8 @@ class SpectrumAccumulator(OneAtATime):
             raise OptionError(
                 f"the following part must begin with sample {self.stop}, where this part ends; it begins with "
                 f"sample {following.start}",
-                argument="start",
-                got=following.start,
-                advice="Pass {--start} when the part is made.",
-            )
+                argument="start", got=following.start, advice="Pass {--start} when the part is made.",
+            )  # fmt: skip
         self._fold()
         following._fold()
         return self._join(following)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Vector, freeze
+from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError
 from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised, counted
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class PowerSpectrum(Summarised, Plotted):
+class PowerSpectrum(Documented, Summarised, Plotted):
     """Power spectral density of a signal by Welch's method, with confidence limits, lines and bumps.
 
     Attributes
@@ -39,16 +40,12 @@ class PowerSpectrum(Summarised, Plotted):
         of a model is two-sided and therefore half as large.
     degrees_of_freedom : (n,) array
         Equivalent degrees of freedom of each density.
-    rate : float
-        Sampling rate (Hz).
-    samples : int
-        Length of the signal, without the missing samples in gaps.
+    rate, samples : float, int
+        Sampling rate (Hz), and length of the signal, without the missing samples in gaps.
     length, blocks : int
         Length of the blocks (samples), and number of blocks.
-    unit, axis : str
-        Unit and name of the signal; "" if they are unknown.
-    confidence : float
-        Confidence level of the limits.
+    unit, axis, confidence : str, str, float
+        Unit and name of the signal ("" if they are unknown), and confidence level of the limits.
     lines : tuple of Line
         Lines, sorted by frequency. The probability of any false line or bump in a recording of noise is at most 1 %.
     bumps : tuple of Bump
@@ -78,6 +75,11 @@ class PowerSpectrum(Summarised, Plotted):
     confidence: float = 0.95
     lines: tuple[Line, ...] = ()
     bumps: tuple[Bump, ...] = ()
+
+    document_keys = (
+        "frequencies", "density", "degrees_of_freedom", "rate", "samples", "length", "blocks", "resolution", "unit",
+        "axis", "confidence", "lines", "bumps",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         as_confidence(self.confidence)
@@ -143,34 +145,15 @@ class PowerSpectrum(Summarised, Plotted):
             for values in (self.density, self.frequencies, self.degrees_of_freedom)
         )
         return replace(
-            self,
-            frequencies=frequencies,
-            density=density,
-            degrees_of_freedom=pooled_freedom(freedom, count),
-        )
+            self, frequencies=frequencies, density=density, degrees_of_freedom=pooled_freedom(freedom, count),
+        )  # fmt: skip
 
     def detectable_amplitude(self, frequency: ArrayLike, power: float = 0.9) -> Vector:
         """Return the smallest amplitude (u) of a sinusoid that is found as a line with a given probability.
 
-        Parameters
-        ----------
-        frequency : float or array
-            Frequencies of sinusoids (Hz).
-        power : float
-            Probability of detection, from 0.5 to below 1.
+        `frequency` (Hz) may be an array. `power` is the probability of detection, from 0.5 to below 1. The amplitude is
+        NaN if a frequency is too close to 0 or above half the rate. Raises DataError if the spectrum is smoothed.
 
-        Returns
-        -------
-        array
-            Amplitude for each frequency; NaN if a frequency is too close to 0 or above half the rate.
-
-        Raises
-        ------
-        DataError
-            If the spectrum is smoothed.
-
-        Examples
-        --------
         >>> from gmwm import psd
         >>> x = np.random.default_rng(1).normal(size=2**17)
         >>> psd(x, rate=100.0).detectable_amplitude([1.0, 30.0]).round(3)
@@ -179,36 +162,6 @@ class PowerSpectrum(Summarised, Plotted):
         from gmwm.measuring.spectrum.peaks import detectable_amplitude
 
         return detectable_amplitude(self, frequency, power)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain numbers, lists and strings for JSON."""
-        return {
-            "frequencies": self.frequencies.tolist(),
-            "density": self.density.tolist(),
-            "degrees_of_freedom": self.degrees_of_freedom.tolist(),
-            "rate": self.rate,
-            "samples": self.samples,
-            "length": self.length,
-            "blocks": self.blocks,
-            "resolution": self.resolution,
-            "unit": self.unit,
-            "axis": self.axis,
-            "confidence": self.confidence,
-            "lines": [asdict(line) for line in self.lines],
-            "bumps": [{**asdict(bump), "quality": bump.quality} for bump in self.bumps],
-        }
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> PowerSpectrum:
-        """Restore a spectrum from `values`, the output of `to_dict`."""
-        fields = {name: value for name, value in values.items() if name != "resolution"}
-        for name in ("frequencies", "density", "degrees_of_freedom"):
-            fields[name] = np.asarray(fields[name], dtype=np.float64)
-        fields["lines"] = tuple(Line(**line) for line in fields["lines"])
-        fields["bumps"] = tuple(
-            Bump(**{name: value for name, value in bump.items() if name != "quality"}) for bump in fields["bumps"]
-        )
-        return cls(**fields)
 
     def to_frame(self) -> DataFrame:
         """Return a Polars data frame with the columns frequency, density, lower, upper and degrees_of_freedom."""

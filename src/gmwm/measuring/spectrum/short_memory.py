@@ -29,8 +29,7 @@ data. A resonance at four times the lowest frequency changes it by 0.13; the dat
 ACCURACY = 0.005
 """Relative error that is added to every density, so that a few precise frequencies do not determine the shape."""
 FLOOR = 1e-4
-"""Density, relative to low frequencies, below which a stop band is ignored, far below the noise of rounded outputs
-(tests/spectrum/test_short_memory.py, an FIR filter)."""
+"""Density, relative to low frequencies, below which a stop band is ignored, far below the noise of rounded outputs."""
 KNOWN = 2.0
 """Prior standard deviation of the logarithm of the factor on the known part. Its slow terms come from a fit without
 this shape, and may be wrong by a factor of several (docs/validation/sensors.md)."""
@@ -55,20 +54,10 @@ class Alternative:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SpectralShape:
-    """ARMA process whose power spectral density describes the measured density at high frequencies.
-
-    Attributes
-    ----------
-    phi, theta : (p,), (q,) arrays
-        Coefficients of the process X_t = Σ φ_i X_{t−i} + ε_t + Σ θ_i ε_{t−i}.
-    innovation, covariance : float, (p + q, p + q) array
-        Variance of ε, in unit², and covariance of the errors of the coefficients.
-    misfit : float
-        Mean squared difference between the logarithms of the measured and the fitted density, relative to its
-        expectation; near 1 for a good fit.
-    alternatives : tuple of Alternative
-        Processes of other orders with a weight of at least 1 %.
-    """
+    """ARMA process whose power spectral density describes the measured density at high frequencies: X_t = Σ φ_i X_{t−i}
+    + ε_t + Σ θ_i ε_{t−i}. `innovation` is the variance of ε (unit²), and `covariance` that of the errors of the
+    coefficients. `misfit` is the mean squared difference between the logarithms of both densities, relative to its
+    expectation, near 1 for a good fit. `alternatives` are processes of other orders with a weight of at least 1 %."""
 
     phi: Vector
     theta: Vector
@@ -90,7 +79,7 @@ class SpectralShape:
 def short_memory(
     frequencies: Vector, density: Vector, degrees_of_freedom: Vector, *, rate: float, known: Vector
 ) -> SpectralShape:
-    """Fit an ARMA process to the part of a power spectral density that other processes do not explain.
+    """Fit an ARMA process to the part of a power spectral density that other processes (`known`) do not explain.
 
     The sum of squares of log(measured / model) is minimised, with weights 1 / (2/η + 0.005²). The search starts with
     white noise and adds one to four roots at a time, from several starting points near the largest residuals. It stops
@@ -99,16 +88,8 @@ def short_memory(
     uncertain is not used. Source: Brockwell and Davis (1991), Time Series: Theory and Methods, section 10.8, for the
     likelihood that these least squares approximate.
 
-    Parameters
-    ----------
-    frequencies : (n,) array
-        Frequencies (Hz), ascending, without the frequencies of lines.
-    density, degrees_of_freedom : (n,) arrays
-        Measured two-sided density (unit² per cycle per sample, σ² for white noise), and its degrees of freedom η.
-    rate : float
-        Sampling rate (Hz).
-    known : (n,) array
-        Density of the other processes, called the known part.
+    `frequencies` (Hz) ascend and exclude lines, and `density` is two-sided (unit² per cycle per sample, σ² for white
+    noise).
     """
     angles = 2 * math.pi * frequencies / rate
     plateau = float(np.median(density[: max(density.size // 8, 3)]))

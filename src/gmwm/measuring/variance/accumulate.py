@@ -13,7 +13,7 @@ from gmwm.base.arrays import Vector, as_rate
 from gmwm.base.errors import DataError, OptionError, ReadError
 from gmwm.base.locks import one_at_a_time
 from gmwm.measuring.confidence_limits import chi_square_limits
-from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY, biweight, require_robust
 from gmwm.measuring.variance.coefficients import require_digits
 from gmwm.measuring.variance.open_segments import DEEPEST, EXACT, SegmentedAccumulator
@@ -41,17 +41,13 @@ class WaveletAccumulator(SegmentedAccumulator):
 
     Parameters
     ----------
-    rate : float
-        Sampling rate (Hz).
-    levels : int, optional
-        Number of levels J; by default all levels that have a coefficient.
+    rate, levels : float, int
+        Sampling rate (Hz), and number of levels J, by default all that have a coefficient.
     exact : int
         Number of levels that use every coefficient, from 6 to 24. The accumulator takes 16 · 2^exact bytes, and some MB
         for samples that are not processed yet.
-    start : int
-        Index of the first sample in the recording, if the accumulator processes a part of a recording.
-    unit, axis : str
-        Unit and name of the signal, for the result.
+    start, unit, axis : int, str, str
+        Index of the first sample in the recording, and unit and name of the signal.
     robust : bool
         Whether to support robust results. Fine histograms of the coefficients then take some 64 kB per level, and the
         run time is four times as long. Robust results have a relative error of 1e-4, or 5e-3 at a level with so many
@@ -82,17 +78,9 @@ class WaveletAccumulator(SegmentedAccumulator):
     """
 
     def __init__(
-        self,
-        rate: float,
-        *,
-        levels: int | None = None,
-        exact: int = EXACT,
-        start: int = 0,
-        unit: str = "",
-        axis: str = "",
-        robust: bool = False,
-        held: int | None = None,
-    ) -> None:
+        self, rate: float, *, levels: int | None = None, exact: int = EXACT, start: int = 0, unit: str = "",
+        axis: str = "", robust: bool = False, held: int | None = None,
+    ) -> None:  # fmt: skip
         collector = SKETCH_COLLECTOR if robust else None
         super().__init__(DEEPEST if levels is None else levels, exact, start, collector, held=held)
         self.rate, self.unit, self.axis, self.robust = as_rate(rate), unit, axis, bool(robust)
@@ -138,7 +126,7 @@ class WaveletAccumulator(SegmentedAccumulator):
             self._require_counts()
         self._require_samples()
         if self.holds_all:
-            wv = signal_wavelet_variance(
+            wv = wavelet_variance(
                 self._signal(), levels=min(self.levels, max(self.lengths).bit_length() - 1), robust=robust,
                 efficiency=efficiency, confidence=confidence, fill_gaps=False,
             )  # fmt: skip
@@ -194,12 +182,9 @@ class WaveletAccumulator(SegmentedAccumulator):
         return SketchCoefficients.of(sketches, reach)
 
     def _curve(
-        self,
-        confidence: float = 0.95,
-        robust: RobustVariances | None = None,
-        efficiency: float | None = None,
+        self, confidence: float = 0.95, robust: RobustVariances | None = None, efficiency: float | None = None,
         slope: float | None = None,
-    ) -> WaveletVariance:
+    ) -> WaveletVariance:  # fmt: skip
         """Return the result for the samples so far, with classical variances or with the robust variances `found`."""
         self._fold()
         variance, counts = self._variances()

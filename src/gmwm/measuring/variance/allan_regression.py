@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Vector
+from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Remark, texts
@@ -57,10 +58,8 @@ def coefficient_unit(term: Term, unit: str, units: Literal["si", "datasheet"] = 
     if units == "datasheet" and find_unit(unit) is None:
         raise OptionError(
             f"datasheet units need an angular rate or an acceleration; the data have {unit or 'no unit'}",
-            argument="unit",
-            got=unit,
-            advice="Use {--units=si}.",
-        )
+            argument="unit", got=unit, advice="Use {--units=si}.",
+        )  # fmt: skip
     si, factor = noise_unit(-LAWS[term].slope, unit, empty="unit")
     if units == "si":
         return si, factor
@@ -118,7 +117,7 @@ _Reason = Literal["slope", "chance", "few", "rising"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class AllanRegression(Summarised, Plotted):
+class AllanRegression(Documented, Summarised, Plotted):
     """Noise coefficients from the slopes of an Allan deviation, with the fitted lines.
 
     Attributes
@@ -147,11 +146,9 @@ class AllanRegression(Summarised, Plotted):
                 return line
         if any(remark.subject == term for remark in self.remarks):
             raise OptionError(
-                argument="term",
-                expected=f"one of the terms found ({', '.join(self.coefficients) or 'none'})",
-                got=term,
-                advice="`remarks` has the reason why a term is not found.",
-            )
+                argument="term", expected=f"one of the terms found ({', '.join(self.coefficients) or 'none'})",
+                got=term, advice="`remarks` has the reason why a term is not found.",
+            )  # fmt: skip
         raise OptionError(argument="term", expected=f"one of {', '.join(LAWS)}", got=term)
 
     def to_dict(self) -> dict[str, Any]:
@@ -163,14 +160,6 @@ class AllanRegression(Summarised, Plotted):
             for line in self.lines
         ]  # fmt: skip
         return {"allan": self.allan.to_dict(), "lines": lines, "remarks": [remark.to_dict() for remark in self.remarks]}
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> AllanRegression:
-        """Restore a result from `values`, the output of `to_dict`."""
-        names = ("term", "coefficient", "first", "last", "points", "bound")
-        lines = tuple(SlopeLine(**{name: line[name] for name in names}) for line in values["lines"])
-        remarks = tuple(map(Remark.from_dict, values["remarks"]))
-        return cls(allan=ClusterVariance.from_dict(values["allan"]), lines=lines, remarks=remarks)
 
     def summary(self, units: Literal["si", "datasheet"] = "si") -> str:
         """Format a table of the coefficients, their units ("si" or "datasheet") and the averaging times of the fits."""
@@ -196,14 +185,10 @@ class AllanRegression(Summarised, Plotted):
 
 
 def avlr(
-    x: ClusterVariance | Signal | ArrayLike,
-    rate: float | None = None,
-    *,
-    terms: Iterable[Term] = ("Q", "N", "B", "K", "R"),
-    ranges: Mapping[Term, tuple[float, float]] | None = None,
-    tolerance: float = 0.2,
-    least_freedom: float = 5.0,
-) -> AllanRegression:
+    x: ClusterVariance | Signal | ArrayLike, rate: float | None = None, *,
+    terms: Iterable[Term] = ("Q", "N", "B", "K", "R"), ranges: Mapping[Term, tuple[float, float]] | None = None,
+    tolerance: float = 0.2, least_freedom: float = 5.0,
+) -> AllanRegression:  # fmt: skip
     """Estimate noise coefficients by regression on the slopes of the Allan deviation.
 
     This is the classical method, which gmwm includes for comparison. In the logarithmic plot of the Allan deviation σ
@@ -261,11 +246,9 @@ def avlr(
     allan = x if isinstance(x, ClusterVariance) else allan_variance(x, rate)
     if allan.family == "hadamard" or allan.kind == "modified":
         raise OptionError(
-            f"the lines can be fitted to an Allan deviation only; got {with_article(allan.title)}",
-            argument="x",
-            got=x,
+            f"the lines can be fitted to an Allan deviation only; got {with_article(allan.title)}", argument="x", got=x,
             advice="Use `gmwm.allan_variance`.",
-        )
+        )  # fmt: skip
     if isinstance(x, ClusterVariance) and rate is not None and rate != allan.rate:
         raise contradicting_rate(rate, allan.rate, "curve")
     requested = list(terms)

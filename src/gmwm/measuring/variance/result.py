@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector, freeze
+from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark, texts
@@ -34,7 +35,7 @@ _OUTCOMES = {"mad": "robust-mad", "mean": "robust-mean", "zero": "robust-zero"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class WaveletVariance(Summarised, Plotted):
+class WaveletVariance(Documented, Summarised, Plotted):
     """Wavelet variance ν̂² of a signal at the dyadic scales τ_j = 2^j samples, with confidence limits.
 
     Attributes
@@ -45,14 +46,10 @@ class WaveletVariance(Summarised, Plotted):
         Estimates and confidence limits.
     counts : (J,) int array
         Number of wavelet coefficients M_j of each estimate.
-    rate : float
-        Sampling rate (Hz).
-    samples : int
-        Length N of the signal, without the missing samples in gaps.
-    unit, axis : str
-        Unit and name of the signal; "" if they are unknown.
-    confidence : float
-        Confidence level of the limits.
+    rate, samples : float, int
+        Sampling rate (Hz), and length N of the signal, without the missing samples in gaps.
+    unit, axis, confidence : str, str, float
+        Unit and name of the signal ("" if they are unknown), and confidence level of the limits.
     filter, transform : str
         Name of the wavelet filter, and "modwt" or "dwt".
     segments : tuple of int
@@ -118,6 +115,12 @@ class WaveletVariance(Summarised, Plotted):
     regression: Any = None
     recordings: Mapping[str, WaveletVariance] = field(default_factory=dict)
 
+    document_keys = (
+        "levels", "scales", "tau", "variance", "lower", "upper", "counts", "rate", "samples", "segments?", "filled?",
+        "rise?", "strides?", "unit?", "axis?", "confidence?", "filter?", "transform?", "robust", "efficiency", "slope?",
+        "excess?", "model_error?", "regression?", "diagnostics?", "recordings?",
+    )  # fmt: skip
+
     def __post_init__(self) -> None:
         for name in ("levels", "variance", "lower", "upper", "counts"):
             if getattr(self, name).shape != (self.levels.size,):
@@ -181,21 +184,10 @@ class WaveletVariance(Summarised, Plotted):
 
     @classmethod
     def from_values(
-        cls,
-        variance: ArrayLike,
-        samples: int,
-        rate: float,
-        lower: ArrayLike | None = None,
-        upper: ArrayLike | None = None,
-        *,
-        robust: bool = False,
-        efficiency: float | None = None,
-        filter: str = "haar",
-        transform: Transform = "modwt",
-        confidence: float = 0.95,
-        unit: str = "",
-        axis: str = "",
-    ) -> WaveletVariance:
+        cls, variance: ArrayLike, samples: int, rate: float, lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None, *, robust: bool = False, efficiency: float | None = None, filter: str = "haar",
+        transform: Transform = "modwt", confidence: float = 0.95, unit: str = "", axis: str = "",
+    ) -> WaveletVariance:  # fmt: skip
         """Create a wavelet variance from published values at the levels 1, 2, ….
 
         Parameters
@@ -233,10 +225,8 @@ class WaveletVariance(Summarised, Plotted):
         if counts[-1] < 1:
             raise DataError(
                 f"{values.size} levels need at least {wavelet.width(values.size)} samples; got {samples}",
-                argument="samples",
-                got=samples,
-                advice="Pass the length of the signal, or fewer levels.",
-            )
+                argument="samples", got=samples, advice="Pass the length of the signal, or fewer levels.",
+            )  # fmt: skip
         efficiency = _checked_efficiency(robust, efficiency)
         eta = degrees_of_freedom(counts, levels, transform) * (efficiency or 1.0)
         low, high = chi_square_limits(values, eta, confidence)
@@ -256,70 +246,30 @@ class WaveletVariance(Summarised, Plotted):
             robust=robust, efficiency=efficiency,
         )  # fmt: skip
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain numbers, lists and strings for JSON."""
-        return {
-            "levels": self.levels.tolist(),
-            "scales": self.scales.tolist(),
-            "tau": self.tau.tolist(),
-            "variance": self.variance.tolist(),
-            "lower": self.lower.tolist(),
-            "upper": self.upper.tolist(),
-            "counts": self.counts.tolist(),
-            "rate": self.rate,
-            "samples": self.samples,
-            "segments": list(self.segments),
-            "filled": self.filled,
-            "rise": self.rise,
-            "strides": list(self.strides),
-            "unit": self.unit,
-            "axis": self.axis,
-            "confidence": self.confidence,
-            "filter": self.filter,
-            "transform": self.transform,
-            "robust": self.robust,
-            "efficiency": self.efficiency,
-            "slope": self.slope,
-            "excess": None if self.excess is None else self.excess.tolist(),
-            "model_error": self.model_error,
-            "regression": None if self.regression is None else self.regression.to_dict(),
-            "diagnostics": dict(self.diagnostics),
-            "recordings": {name: curve.to_dict() for name, curve in self.recordings.items()},
-        }
-
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> WaveletVariance:
         """Restore a result from `values`, the output of `to_dict`."""
         from gmwm.measuring.regression.result import Regression
 
-        derived = ("scales", "tau")
-        fields = {name: value for name, value in values.items() if name not in derived}
-        for name, kind in (("levels", np.int64), ("counts", np.int64)):
-            fields[name] = np.asarray(fields[name], dtype=kind)
-        levels, samples = fields["levels"], fields["samples"]
-        ascend = levels.ndim == 1 and levels.size > 0 and levels[0] >= 1 and bool(np.all(np.diff(levels) > 0))
-        if not ascend or levels[-1] > 62 or 1 << int(levels[-1]) > samples:
-            raise DataError(
-                f"levels must ascend from 1, and 2^level must not exceed the {samples} samples; got {levels.tolist()}"
-            )
-        if fields["robust"] and fields["efficiency"] is None:
-            raise DataError("a robust variance must have an efficiency")
-        _checked_efficiency(fields["robust"], fields["efficiency"])
-        for name in ("variance", "lower", "upper"):
-            fields[name] = np.asarray(fields[name], dtype=np.float64)
-        if fields.get("excess") is not None:
-            fields["excess"] = np.asarray(fields["excess"], dtype=np.float64)
-        if fields.get("regression") is not None:
-            fields["regression"] = Regression.from_dict(fields["regression"])
-        for name in ("segments", "strides"):
-            fields[name] = tuple(int(number) for number in fields.get(name, ()))
-        fields["recordings"] = {name: cls.from_dict(curve) for name, curve in fields.get("recordings", {}).items()}
-        result = cls(**fields)
-        result._require_possible()
-        return result
+        regression = values.get("regression")
+        result = super().from_dict({**values, "regression": None})
+        return result if regression is None else replace(result, regression=Regression.from_dict(regression))
 
-    def _require_possible(self) -> None:
-        """Raise a DataError if no recording of this length has these numbers of coefficients and degrees of freedom."""
+    def require_consistent(self) -> None:
+        """Raise a DataError if no recording of this length has these levels, coefficients and degrees of freedom."""
+        if self.robust and self.efficiency is None:
+            raise DataError("a robust variance must have an efficiency")
+        _checked_efficiency(self.robust, self.efficiency)
+        levels = self.levels.tolist()
+        if (
+            not levels
+            or levels[0] < 1
+            or levels != sorted(set(levels))
+            or levels[-1] > 62
+            or 1 << levels[-1] > self.samples
+        ):
+            expected = f"levels must ascend from 1, and 2^level must not exceed the {self.samples} samples"
+            raise DataError(f"{expected}; got {levels}")
         if not 0 <= self.filled <= self.samples:
             raise DataError(argument="filled", expected=f"from 0 to the {self.samples} samples", got=self.filled)
         if self.segments and (min(self.segments) < 1 or sum(self.segments) != self.samples):
@@ -426,13 +376,11 @@ class WaveletVariance(Summarised, Plotted):
         diagnostics = {name: {key: [values[k] for k in indices if k < len(values)] for key, values in content.items()}
                        if name == "robust" else content for name, content in self.diagnostics.items()}  # fmt: skip
         return replace(
-            self,
-            **arrays,
-            diagnostics=diagnostics,
+            self, **arrays, diagnostics=diagnostics,
             strides=tuple(self.strides[k] for k in indices) if self.strides else (),
             excess=None if self.excess is None else self.excess[np.ix_(indices, indices)],
             recordings={name: curve._at(indices[indices < len(curve)]) for name, curve in self.recordings.items()},
-        )
+        )  # fmt: skip
 
     def __repr__(self) -> str:
         kind = "robust " if self.robust else ""

@@ -17,7 +17,7 @@ from gmwm.showing.exporters.findings import of_ramps
 from gmwm.showing.exporters.matrices import rows
 from gmwm.showing.exporters.text import cautions, commented, paragraphs, plain, recording
 from gmwm.showing.exporters.two_states import STATES, TwoStates, is_ramp_of, two_states
-from gmwm.theory.processes.ladder import approximated
+from gmwm.theory.processes.ladder import approximation_remarks
 from gmwm.theory.processes.model import Model
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ class StateSpaces(Exporter):
         states = (
             remark
             for axis, fit in calibration.items()
-            for remark in approximated(fit.model, fit.wavelet_variance.rate, axis)
+            for remark in approximation_remarks(fit.model, fit.wavelet_variance.rate, axis)
         )
         return (*cautions(calibration), *of_ramps(calibration), *states)
 

@@ -14,17 +14,13 @@ from gmwm.theory.processes.linear_recursion import PHI, SEASONAL_PHI, SEASONAL_T
 
 
 class _Arma(Lagged, abstract=True, listed=False):
-    """Methods that AR, MA, ARMA and SARMA processes share.
-
-    They return the special cases of a class, and the class that contains two given classes as special cases.
-    """
+    """Methods that AR, MA, ARMA and SARMA processes share. They return the special cases of a class, and the class that
+    contains two given classes as special cases."""
 
     @classmethod
     def instead_of_repeats(cls, count: int) -> str:
-        """Return the text of the single term to write instead of `count` terms of this class.
-
-        A sum of independent autoregressions is an ARMA process, and a sum of moving averages is a moving average.
-        """
+        """Return the text of the single term to write instead of `count` terms of this class. A sum of independent
+        autoregressions is an ARMA process, and a sum of moving averages is a moving average."""
         p, q, seasonal_p, seasonal_q, _ = cls.full_orders()
         if p + seasonal_p == 0 or seasonal_p + seasonal_q > 0:
             return cls.name
@@ -42,11 +38,11 @@ class _Arma(Lagged, abstract=True, listed=False):
         """Return the class whose orders are the larger ones of both classes; None if the periods differ."""
         if not issubclass(other, _Arma):
             return None
-        one, two = cls.full_orders(), other.full_orders()
-        period, second = one[-1], two[-1]
+        orders, other_orders = cls.full_orders(), other.full_orders()
+        period, second = orders[-1], other_orders[-1]
         if 1 not in (period, second) and period != second:
             return None
-        return _of_orders(tuple(map(max, one[:-1], two[:-1])), max(period, second))
+        return _of_orders(tuple(map(max, orders[:-1], other_orders[:-1])), max(period, second))
 
 
 class AR(_Arma, abstract=True):
@@ -151,11 +147,9 @@ class ARMA(_Arma, abstract=True):
         if p == 0 or q == 0:
             simpler = f"{AR.name}({p})" if p else f"{MA.name}({q})" if q else f"{cls.name}(1, 1)"
             raise ModelError(
-                f"p and q of {cls.written()} must be at least 1; got {p} and {q}",
-                got=(p, q),
-                advice="Write `{simpler}`.",
-                simpler=simpler,
-            )
+                f"p and q of {cls.written()} must be at least 1; got {p} and {q}", got=(p, q),
+                advice="Write `{simpler}`.", simpler=simpler,
+            )  # fmt: skip
 
 
 class SARMA(_Arma, abstract=True):
@@ -192,11 +186,9 @@ class SARMA(_Arma, abstract=True):
         if seasonal_p + seasonal_q == 0:
             simpler = f"{ARMA.name}({p}, {q})" if p and q else f"{AR.name}({p})" if p else f"{MA.name}({max(q, 1)})"
             raise ModelError(
-                f"P or Q of {cls.written()} must be at least 1; got 0 and 0",
-                got=(0, 0),
-                advice="Write `{simpler}`.",
+                f"P or Q of {cls.written()} must be at least 1; got 0 and 0", got=(0, 0), advice="Write `{simpler}`.",
                 simpler=simpler,
-            )
+            )  # fmt: skip
 
 
 def _of_orders(orders: tuple[int, ...], period: int) -> type[_Arma]:

@@ -12,20 +12,14 @@ from gmwm.base.arrays import Vector
 from gmwm.theory.processes.physical import Physical
 
 SHORT = 1.0
-"""Correlation time (s) below which noise is white at τ = 1 s, where IEEE Std 952 defines N. N is then the square root
-of the density at low frequencies."""
+"""Correlation time (s) below which noise is white at τ = 1 s, where IEEE Std 952 defines N."""
 HALF = 0.5
 """Share of the power that defines the bandwidth and the width of a peak."""
 PEAK = 2.0
 """Smallest ratio of a maximum of the density to the density at low frequencies for which it is a resonance."""
 _POINTS = 2048
-_PIECES = 64
-_ROUNDS = 9
-"""Number of rounds in the search for a crossing. Each round divides the interval by 64, so the last interval is 2⁻⁵⁴
-times as long as the first."""
 STEP = 1e-5
-"""Relative step of one-sided differences. Their relative error is of the same size
-(tests/processes/test_band_limit.py)."""
+"""Relative step and relative error of one-sided differences (tests/processes/test_band_limit.py)."""
 
 Density = Callable[[NDArray[np.float64]], Vector]
 """A power spectral density, as a function of frequencies (Hz)."""
@@ -34,19 +28,9 @@ Density = Callable[[NDArray[np.float64]], Vector]
 def band_numbers(
     density: Density, rate: float, slopes: Mapping[str, float], *, free: Mapping[str, Density]
 ) -> tuple[Physical, ...]:
-    """Return the datasheet numbers of a stationary process with a short correlation time.
-
-    Parameters
-    ----------
-    density : function of frequencies (Hz)
-        Two-sided power spectral density (u²/Hz).
-    rate : float
-        Sampling rate (Hz).
-    slopes : mapping of parameter name to float
-        Derivative ∂ ln N / ∂ ln θ for each parameter θ.
-    free : mapping of parameter name to function
-        For each shape parameter θ that is not fixed, the density of the process with θ multiplied by 1 + `STEP`.
-    """
+    """Return the datasheet numbers of a stationary process with a short correlation time. `density`: two-sided power
+    spectral density (u²/Hz). `rate`: sampling rate (Hz). `slopes`: derivative ∂ ln N / ∂ ln θ for each parameter θ.
+    `free`: for each shape parameter θ that is not fixed, the density of the process with θ multiplied by 1 + `STEP`."""
     values = _band(density, rate)
     moved = {name: _band(other, rate) for name, other in free.items()}
     numbers = [Physical("N", "white noise density", math.sqrt(_at_zero(density)), 0.5, slopes=slopes)]
@@ -60,11 +44,7 @@ def band_numbers(
     return tuple(numbers)
 
 
-_TITLES = {
-    "f_b": "bandwidth at half the power",
-    "f_r": "resonance frequency",
-    "Q_r": "quality factor of the resonance",
-}
+_TITLES = {"f_b": "bandwidth at half the power", "f_r": "resonance frequency", "Q_r": "quality factor of the resonance"}
 
 
 def _at_zero(density: Density) -> float:
@@ -72,65 +52,59 @@ def _at_zero(density: Density) -> float:
 
 
 def _band(density: Density, rate: float) -> dict[str, float]:
-    """Return the bandwidth f_b (Hz), the resonance frequency f_r (Hz) and the quality factor Q_r, by symbol.
-
-    A quantity that does not exist is left out.
-    """
-    found = {}
+    """Return the bandwidth f_b (Hz), the resonance frequency f_r (Hz) and the quality factor Q_r, by symbol. A quantity
+    that does not exist is left out."""
+    numbers = {}
     grid = np.linspace(0.0, 0.5 * rate, _POINTS)
     values, low = density(grid), _at_zero(density)
     last = int(np.flatnonzero(values >= HALF * low)[-1])
     if last < _POINTS - 1:
         # Above the bandwidth, the density stays below half of its value at low frequencies.
-        found["f_b"] = _crossing(density, HALF * low, grid[last], grid[last + 1])
+        numbers["f_b"] = _crossing(density, HALF * low, grid[last], grid[last + 1])
     centre = _peak(density, grid, values)
     top = float(density(np.array([centre]))[0])
     if top >= PEAK * low and centre < 0.4999 * rate:
-        found["f_r"] = centre
+        numbers["f_r"] = centre
         quality = _quality(density, rate, centre, top)
         if quality is not None:
-            found["Q_r"] = quality
-    return found
+            numbers["Q_r"] = quality
+    return numbers
 
 
 def _peak(density: Density, grid: Vector, values: Vector) -> float:
-    """Return the frequency (Hz) of the highest maximum of a density with these `values` on a grid.
-
-    The density is evaluated on a finer grid around the maximum and interpolated by a parabola. A still finer grid
-    would find rounding errors, because the density is flat at its maximum.
-    """
+    """Return the frequency (Hz) of the highest maximum of a density with these `values` on a grid. The density is
+    evaluated on a finer grid around the maximum and interpolated by a parabola. A still finer grid would find rounding
+    errors, because the density is flat at its maximum."""
     place = int(np.clip(np.argmax(values), 1, _POINTS - 2))
     fine = np.linspace(grid[place - 1], grid[place + 1], _POINTS)
-    found = density(fine)
-    place = int(np.clip(np.argmax(found), 1, _POINTS - 2))
-    left, top, right = found[place - 1 : place + 2]
-    bend = left - 2 * top + right
-    shift = np.clip((left - right) / (2 * bend), -1.0, 1.0) if bend < 0 else 0.0
+    densities = density(fine)
+    place = int(np.clip(np.argmax(densities), 1, _POINTS - 2))
+    before, top, after = densities[place - 1 : place + 2]
+    bend = before - 2 * top + after
+    shift = np.clip((before - after) / (2 * bend), -1.0, 1.0) if bend < 0 else 0.0
     return float(fine[place] + shift * (fine[1] - fine[0]))
 
 
 def _quality(density: Density, rate: float, centre: float, top: float) -> float | None:
     """Return the quality factor, which is the resonance frequency divided by the width of the peak at half its power.
-
-    It is None if the density does not fall to half the power on both sides of the peak.
-    """
+    It is None if the density does not fall to half the power on both sides of the peak."""
     grid = np.linspace(0.0, 0.5 * rate, _POINTS * 4)
     below = grid[density(grid) < HALF * top]
     low, high = below[below < centre], below[below > centre]
     if not low.size or not high.size:
         return None
-    left = _crossing(density, HALF * top, centre, low[-1])
+    low_end = _crossing(density, HALF * top, centre, low[-1])
     right = _crossing(density, HALF * top, centre, high[0])
-    return centre / (right - left)
+    return centre / (right - low_end)
 
 
 def _crossing(density: Density, level: float, inside: float, outside: float) -> float:
-    """Return the frequency (Hz) between `inside` and `outside` at which the density falls below `level`.
-
-    The density is above the level at the frequency `inside` and below it at `outside`.
-    """
-    for _ in range(_ROUNDS):
-        grid = np.linspace(inside, outside, _PIECES + 1)
+    """Return the frequency (Hz) between `inside` and `outside` at which the density falls below `level`. The density is
+    above the level at the frequency `inside` and below it at `outside`."""
+    # Number of rounds in the search for a crossing. Each round divides the interval by 64, so the last interval is 2⁻⁵⁴
+    # times as long as the first.
+    for _ in range(9):
+        grid = np.linspace(inside, outside, 64 + 1)
         first = int(np.argmax(np.append(density(grid[1:-1]) < level, True))) + 1
         inside, outside = grid[first - 1], grid[first]
     return float((inside + outside) / 2)

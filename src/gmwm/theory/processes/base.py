@@ -23,10 +23,9 @@ from gmwm.base.guests import admit_guests
 from gmwm.base.remarks import Remark
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
-from gmwm.theory.processes import circulant_embedding, filtered, haar_covariance
+from gmwm.theory.processes import circulant_embedding, filtered
 from gmwm.theory.processes.definition import check_calls, check_members, check_name, function_of
-from gmwm.theory.processes.exponential_sum import ExponentialSum
-from gmwm.theory.processes.haar_covariance import LagGrid
+from gmwm.theory.processes.haar_theory import HaarTheory
 from gmwm.theory.processes.parameter import Branch, Fixed, Parameter, Value
 from gmwm.theory.processes.physical import Physical
 from gmwm.theory.processes.start_context import Occasion
@@ -40,41 +39,29 @@ registry: dict[str, type[Process]] = {}
 """All processes by name, in the order in which they are listed."""
 
 Theory = Literal[
-    "wavelet_variance",
-    "running_sum_covariance",
-    "autocovariance",
-    "psd",
-    "state_space",
-    "simulate",
-    "coefficient_covariance",
-    "memory",
-    "generalised_covariance",
-    "allan_variance",
-]
+    "wavelet_variance", "running_sum_covariance", "autocovariance", "psd", "state_space", "simulate",
+    "coefficient_covariance", "memory", "generalised_covariance", "allan_variance",
+]  # fmt: skip
 
 # The sources from which each piece of theory can be derived. The first source that the process defines is used.
 _SOURCES: dict[str, tuple[str, ...]] = {
     "wavelet_variance": ("running_sum_covariance", "state_space", "autocovariance"),
-    "running_sum_covariance": ("state_space", "autocovariance"),
-    "autocovariance": ("state_space",),
-    "psd": ("state_space",),
-    "simulate": ("state_space", "autocovariance"),
-    "state_space": (),
-    "coefficient_covariance": ("memory",),
-    "memory": (),
+    "running_sum_covariance": ("state_space", "autocovariance"), "autocovariance": ("state_space",),
+    "psd": ("state_space",), "simulate": ("state_space", "autocovariance"), "state_space": (),
+    "coefficient_covariance": ("memory",), "memory": (),
     "generalised_covariance": ("autocovariance", "running_sum_covariance"),
     "allan_variance": ("running_sum_covariance",),
-}
+}  # fmt: skip
 _NEEDS_STATIONARITY = frozenset({"running_sum_covariance", "autocovariance", "psd"})
 # The longest sum over lags: 2^24 doubles take 128 MB. Pinned by test_a_sum_that_would_take_too_long_is_refused.
 _LONGEST_SUM = 2**24
 
 
-class Process(ABC):
+class Process(HaarTheory, ABC):
     """Base class of noise processes. Each process is a frozen dataclass whose fields are its parameters.
 
-    All theory is per sample and in SI units; u is the unit of the signal. The module docstring of `noise.py` explains
-    how to add a process. The methods share these arguments:
+    All theory is per sample and in SI units; u is the unit of the signal. The page docs/howto/add-a-process.md
+    explains how to add a process. The methods share these arguments:
 
     - `rate`: sampling rate (Hz)
     - `levels`: number J of levels, or an ascending list of levels
@@ -178,9 +165,9 @@ class Process(ABC):
 
     def with_values(self, **values: Value) -> Self:
         """Return a copy with other values. A fixed parameter stays fixed if its new value is a number."""
-        known = [p.name for p in self.parameters]
+        names = [p.name for p in self.parameters]
         for name, value in values.items():
-            if name not in known:
+            if name not in names:
                 raise self.no_parameter(name)
             if value is not None and not isinstance(value, Fixed) and self.is_fixed(name):
                 values[name] = Fixed(value)
@@ -189,8 +176,8 @@ class Process(ABC):
     @classmethod
     def no_parameter(cls, name: str) -> ModelError:
         """Return the error for a parameter `name` that the process does not have."""
-        known = ", ".join(p.name for p in cls.parameters)
-        return ModelError(f"{cls.name} has no parameter {name!r}; its parameters are {known}", argument=name, got=name)
+        names = ", ".join(p.name for p in cls.parameters)
+        return ModelError(f"{cls.name} has no parameter {name!r}; its parameters are {names}", argument=name, got=name)
 
     @classmethod
     @cache
@@ -221,8 +208,8 @@ class Process(ABC):
     @classmethod
     def standard(cls, nonlinear: Iterable[float] = ()) -> Self:
         """Return the process with scale coefficient 1 and these nonlinear parameters."""
-        given = dict(zip((p.name for p in cls.nonlinear_parameters()), map(float, nonlinear), strict=True))
-        return cls(**given, **{cls.scale_parameter().name: cls.value_from(1.0)})
+        shape = dict(zip((p.name for p in cls.nonlinear_parameters()), map(float, nonlinear), strict=True))
+        return cls(**shape, **{cls.scale_parameter().name: cls.value_from(1.0)})
 
     @classmethod
     def instead_of_repeats(cls, count: int) -> str:
@@ -246,28 +233,15 @@ class Process(ABC):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Compute the wavelet variance for scale coefficient 1.
+        """Compute the wavelet variance (n, J) of n processes for scale coefficient 1; q may be 0.
 
-        Parameters
-        ----------
-        nonlinear : (n, q) array
-            n sets of nonlinear parameters; q may be 0.
-        levels : int or (J,) array
-            Wavelet levels; a number J means 1 … J.
-        rate : float
-            Sampling rate (Hz).
-        filter : WaveletFilter
-            Wavelet filter. A subclass that has closed forms for some filters calls `super().shape` for the others.
-
-        Returns
-        -------
-        (n, J) array
+        A subclass that has closed forms for some filters calls `super().shape` for the others.
         """
-        wanted, made = as_levels(levels), [cls.standard(row) for row in np.asarray(nonlinear)]
-        if filter is HAAR and made and cls._derives("state_space"):
-            return haar_variances([process.state_space(rate) for process in made], wanted)
-        rows = [process._variance_under(filter, wanted, rate) for process in made]
-        return np.array(rows, dtype=np.float64).reshape(len(rows), wanted.size)
+        numbers, processes = as_levels(levels), [cls.standard(row) for row in np.asarray(nonlinear)]
+        if filter is HAAR and processes and cls._derives("state_space"):
+            return haar_variances([process.state_space(rate) for process in processes], numbers)
+        rows = [process._variance_under(filter, numbers, rate) for process in processes]
+        return np.array(rows, dtype=np.float64).reshape(len(rows), numbers.size)
 
     @classmethod
     def shape_jacobian(
@@ -275,15 +249,15 @@ class Process(ABC):
     ) -> Matrix:
         """Compute the derivatives (n, J, q) of `shape` with respect to the parameters; by central differences of order
         6."""
-        wanted, theta = as_levels(levels), np.asarray(nonlinear, dtype=np.float64)
-        result = np.zeros((len(theta), wanted.size, theta.shape[1]))
+        numbers, theta = as_levels(levels), np.asarray(nonlinear, dtype=np.float64)
+        result = np.zeros((len(theta), numbers.size, theta.shape[1]))
         room = cls.room(theta)
         for k, step in enumerate(0.01 * room.T):
             for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
                 for sign in (1, -1):
                     moved = theta.copy()
                     moved[:, k] += sign * distance * step
-                    result[:, :, k] += sign * weight * cls.shape(moved, wanted, rate, filter)
+                    result[:, :, k] += sign * weight * cls.shape(moved, numbers, rate, filter)
             result[:, :, k] /= 60.0 * step[:, None]
         return result
 
@@ -322,20 +296,11 @@ class Process(ABC):
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """Draw starting values (draws, 1 + q), with the scale coefficient first.
+        """Draw starting values (draws, 1 + q), with the scale coefficient first, by Algorithm 3 of Balamuta et al.
 
-        The draws follow Algorithm 3 of Balamuta et al. (see `Sampled`). For other processes, the coordinates are
-        uniform over the range of `scan`, and the share of the process in the sum of the wavelet variances is uniform.
-
-        Parameters
-        ----------
-        occasion : Occasion
-            The data and the other terms.
-        rng : numpy.random.Generator
-        draws : int
-            Number of draws.
-        before : tuple of (draws, q) array
-            The nonlinear parameters drawn for earlier terms of the same class.
+        `occasion` has the data and the other terms, `draws` is the number of draws, and `before` has the nonlinear
+        parameters (draws, q) of earlier terms of the same class. By default, the coordinates are uniform over the range
+        of `scan`, and the share of the process in the sum of the wavelet variances is uniform.
         """
         ends = cls.scan(occasion.samples, occasion.rate)
         nonlinear = cls.at_coordinates(ends[:, 0] + rng.random((draws, len(ends))) * (ends[:, 1] - ends[:, 0]))
@@ -420,42 +385,6 @@ class Process(ABC):
         """Return the state space in continuous time, whose discretisation at `rate` is `state_space`; None if none."""
         return ContinuousStateSpace.of(self.state_space(rate), rate)
 
-    def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Compute the covariances 2^(j+k) Cov(W_{j,t}, W_{k,t+u}) (n,) of Haar wavelet coefficients, in u².
-
-        Each of the n entries of `at` has a pair of levels j ≤ k, given by the half-scales `fine` = 2^(j−1) and
-        `coarse` = 2^(k−1), and a `lag` u. The default uses the autocovariance at the lags up to `memory`.
-        """
-        lags = self.memory(rate) if self._gives("memory") else None
-        if lags is None:
-            raise self.missing("coefficient_covariance")
-        return haar_covariance.short_memory(at, self.autocovariance(np.arange(lags + 1), rate))
-
-    def exponential_sum(self, rate: float) -> ExponentialSum | None:
-        """Return the covariance of the running sum as a sum of exponentials; None if it does not have this form.
-
-        The covariance of wavelet variances is then computed in closed form. The class that defines the covariance of a
-        process must define it. The default uses the autocovariance at the lags up to `memory`.
-        """
-        lags = self.memory(rate) if self._gives("memory") and not self._gives("coefficient_covariance") else None
-        return None if lags is None else ExponentialSum.of_table(self.autocovariance(np.arange(lags + 1), rate))
-
-    def exponential_mixture(self, rate: float, samples: int) -> ExponentialSum | None:
-        """Return a sum of exponentials that approximates a process without `exponential_sum`; None by default.
-
-        The relative error of the covariances of Haar wavelet coefficients must be below 1e-9 for up to `samples`
-        samples.
-        """
-        return None
-
-    def memory(self, rate: float) -> int | None:
-        """Return the lag L beyond which the autocovariance is negligible, apart from exponentials with rates `decays`.
-
-        It is 0 if `coefficient_covariance` is a closed form, and None if L is unknown or exceeds
-        `short_memory.LONGEST`. For None, the covariance of wavelet variances takes seconds at 10^6 samples.
-        """
-        return 0 if self._gives("coefficient_covariance") else None
-
     @property
     def error_cumulant(self) -> float:
         """Fourth cumulant κ₄ (u⁴) of the errors e_t of a process X_t = e_t − e_{t−1}; 0 if they are Gaussian.
@@ -468,11 +397,6 @@ class Process(ABC):
     def line(self, rate: float) -> tuple[float, float] | None:
         """Return the power (u²) and frequency (cycles per sample) of a sinusoid; None for Gaussian noise."""
         return None
-
-    def decays(self, rate: float) -> tuple[float, ...]:
-        """Return the decay rates (per sample) of the exponentials in `coefficient_covariance`; < 0 for alternating
-        signs."""
-        return ()
 
     def mean(self, t: ArrayLike) -> Vector:
         """Return the mean (u) at sample numbers t; it is 0 for every process except a drift."""
@@ -501,16 +425,8 @@ class Process(ABC):
         return None
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
-        """Return remarks on parameter values that were estimated from a recording.
-
-        Parameters
-        ----------
-        term : str
-            Label of the process in its model, such as "GM[1]".
-        samples : int
-        rate : float
-            Sampling rate (Hz).
-        """
+        """Return remarks on parameter values that were estimated from a recording; `term` is a label such as
+        "GM[1]"."""
         return ()
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
@@ -548,12 +464,9 @@ class Process(ABC):
         what = theory.replace("_", " ").replace("running sum", "running-sum").replace("psd", "power spectral density")
         what = "cannot be simulated" if theory == "simulate" else f"has no {what}"
         return MissingTheoryError(
-            f"{self.name} {what}{'' if self.stationary else ' (it is not stationary)'}",
-            advice="It defines {defined}.",
-            theory=theory,
-            process=self.name,
-            defined=", ".join(defined),
-        )
+            f"{self.name} {what}{'' if self.stationary else ' (it is not stationary)'}", advice="It defines {defined}.",
+            theory=theory, process=self.name, defined=", ".join(defined),
+        )  # fmt: skip
 
     def _variance_under(
         self, filter: WaveletFilter, levels: np.ndarray[Any, np.dtype[np.int64]], rate: float
@@ -612,8 +525,8 @@ class Process(ABC):
 
     def __str__(self) -> str:
         fields = ((p.name, getattr(self, p.name)) for p in self.parameters)
-        given = [f"{name}={value!r}" for name, value in fields if value is not None]
-        return f"{self.name}({', '.join(given)})" if given else self.name
+        values = [f"{name}={value!r}" for name, value in fields if value is not None]
+        return f"{self.name}({', '.join(values)})" if values else self.name
 
     def __repr__(self) -> str:
         return str(self) if str(self).endswith(")") else f"{self}()"

@@ -41,15 +41,8 @@ Numbers = NDArray[Any]
 
 @dataclass(frozen=True, eq=False)
 class Matern:
-    """Values of the Matérn correlation M at distances x, each (n,).
-
-    Attributes
-    ----------
-    correlation, lost : (n,) array
-        M and its complement 1 − M.
-    by_distance, by_smoothness : (n,) array
-        Derivatives of 1 − M with respect to ln x and to the smoothness ν.
-    """
+    """Values of the Matérn correlation M at distances x, each (n,). `correlation`, `lost` (n,): M and its complement 1
+    − M. `by_distance`, `by_smoothness` (n,): derivatives of 1 − M with respect to ln x and to the smoothness ν."""
 
     correlation: Vector
     lost: Vector
@@ -65,8 +58,8 @@ def matern(x: Vector, nu: float) -> Matern:
     parts[1][x >= _FAR] = 1.0
     for inside, form in (((x > 0) & (x < edge), _series), ((x >= edge) & (x < _FAR), _integral)):
         if np.any(inside):
-            for part, found in zip(parts, form(x[inside], nu), strict=True):
-                part[inside] = found
+            for part, value in zip(parts, form(x[inside], nu), strict=True):
+                part[inside] = value
     return Matern(*parts)
 
 
@@ -91,21 +84,21 @@ def _integral(x: Vector, nu: float) -> tuple[Vector, Vector, Vector, Vector]:
 
 def _series(x: Vector, nu: float) -> tuple[Vector, Vector, Vector, Vector]:
     log = 2.0 * np.log(0.5 * x)
-    whole, complex_nu = round(nu), complex(nu, _STEP)
-    epsilon = complex(nu - whole, _STEP)
+    order, complex_nu = round(nu), complex(nu, _STEP)
+    epsilon = complex(nu - order, _STEP)
     after, before = _log_gamma_slopes(epsilon), _log_gamma_slopes(-epsilon)
-    lost, slope = _low_powers(log, complex_nu, whole)
-    front = (-1.0) ** whole * _over_sine(epsilon)
-    if whole:
-        front *= np.exp(-epsilon * after[whole - 1]) / math.gamma(whole)
+    lost, slope = _low_powers(log, complex_nu, order)
+    front = (-1.0) ** order * _over_sine(epsilon)
+    if order:
+        front *= np.exp(-epsilon * after[order - 1]) / math.gamma(order)
     else:
         gamma = np.exp(epsilon * after[0])
         power = front / gamma**2 * np.exp(complex_nu * log)
         lost, slope = lost + power, slope + 2.0 * complex_nu * power
         front *= epsilon / gamma
     # Pairs y^k and y^(ν + i), k = n + i, with n the integer nearest ν; for n = 0 the first pair is 1 and y^ν.
-    i = np.arange(0 if whole else 1, _pairs(float(log.max())))[:, None]
-    k = whole + i
+    i = np.arange(0 if order else 1, _pairs(float(log.max())))[:, None]
+    k = order + i
     size = front * np.exp(epsilon * before[i] - _LOG_FACTORIALS[k] - _LOG_FACTORIALS[i] + k * log)
     kappa = log - after[k] - before[i]
     pair = size * kappa * _relative_exponential(epsilon * kappa)
@@ -115,10 +108,8 @@ def _series(x: Vector, nu: float) -> tuple[Vector, Vector, Vector, Vector]:
 
 
 def _low_powers(log: Vector, nu: complex, whole: int) -> tuple[Numbers, Numbers]:
-    """Compute −Σ y^k / (k! (1 − ν)(2 − ν)…(k − ν)) over 1 ≤ k < `whole`, and its derivative with respect to ln x.
-
-    `log` is ln y = 2 ln(x/2).
-    """
+    """Compute −Σ y^k / (k! (1 − ν)(2 − ν)…(k − ν)) over 1 ≤ k < `whole`, and its derivative with respect to ln x. `log`
+    is ln y = 2 ln(x/2)."""
     total, slope = np.zeros(log.size, dtype=np.complex128), np.zeros(log.size, dtype=np.complex128)
     term = complex(1.0)
     for k in range(1, whole):
@@ -133,9 +124,6 @@ def _pairs(log: float) -> int:
     """Return the number of terms y^i / i!² that are not negligible for the largest y, whose logarithm is `log`."""
     size = np.arange(_PAIRS) * max(log, 0.0) - 2.0 * _LOG_FACTORIALS[:_PAIRS]
     return int(np.count_nonzero(size > -_GONE))
-
-
-# --- functions that support complex steps --------------------------------------------------------------
 
 
 def _relative_exponential(z: Numbers) -> Numbers:

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import MissingTheoryError
 
-ROUNDING = 1e-9
-"""Size of negative eigenvalues, relative to the largest eigenvalue, below which they are treated as rounding errors."""
 LARGEST = 1 << 21
 """Largest M. The circulant matrix has 2M rows."""
 
@@ -30,9 +28,7 @@ def half_period(n: int) -> int:
 
 def amplitudes(autocovariance: Callable[[Vector], Vector], half: int) -> Vector:
     """Compute the square roots (M + 1,) of the eigenvalues of the circulant matrix of r(0), …, r(M), with M = `half`.
-
-    Negative eigenvalues are set to zero: for the autocovariances of all callers they are rounding errors.
-    """
+    Negative eigenvalues are set to zero: for the autocovariances of all callers they are rounding errors."""
     return np.asarray(np.sqrt(np.maximum(_eigenvalues(autocovariance, half), 0.0)))
 
 
@@ -42,18 +38,15 @@ def _eigenvalues(autocovariance: Callable[[Vector], Vector], half: int) -> Vecto
 
 
 def safe_amplitudes(autocovariance: Callable[[Vector], Vector], n: int) -> Vector:
-    """Compute `amplitudes` for n samples of any autocovariance; M is doubled until no eigenvalue is negative.
-
-    Raises
-    ------
-    MissingTheoryError
-        If negative eigenvalues remain for a matrix of 2^22 rows. Either the function is not an autocovariance, or it
-        decays too slowly.
-    """
+    """Compute `amplitudes` for n samples of any autocovariance; M is doubled until no eigenvalue is negative. Raises
+    MissingTheoryError if negative eigenvalues remain for a matrix of 2^22 rows. Either the function is not an
+    autocovariance, or it decays too slowly."""
     half = half_period(n)
     while half <= LARGEST:
         eigenvalues = _eigenvalues(autocovariance, half)
-        if eigenvalues.min() >= -ROUNDING * eigenvalues.max():
+        # Size of negative eigenvalues, relative to the largest eigenvalue, below which they are treated as rounding
+        # errors.
+        if eigenvalues.min() >= -1e-9 * eigenvalues.max():
             return np.asarray(np.sqrt(np.maximum(eigenvalues, 0.0)))
         half *= 2
     raise MissingTheoryError(

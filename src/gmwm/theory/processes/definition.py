@@ -34,11 +34,9 @@ def check_members(cls: type[Process], wavelet_variance_sources: tuple[str, ...])
 
 
 def check_name(cls: type[Process], registry: Mapping[str, type[Process]]) -> None:
-    """Raise ModelError if another class has the same name; upper and lower case are not distinguished.
-
-    A class that is defined again, as in a notebook, replaces its older definition.
-    """
-    older = next((known for name, known in registry.items() if name.casefold() == cls.name.casefold()), None)
+    """Raise ModelError if another class has the same name; upper and lower case are not distinguished. A class that is
+    defined again, as in a notebook, replaces its older definition."""
+    older = next((process for name, process in registry.items() if name.casefold() == cls.name.casefold()), None)
     if older is None:
         return
     if not defined_anew(cls, older) or older.name != cls.name:
@@ -58,17 +56,19 @@ def check_calls(cls: type[Process], base: type[Process]) -> None:
         expected = getattr(base, name, None)
         if name.startswith("_") or not isfunction(function_of(method)) or not callable(expected):
             continue
-        wanted = {
+        signatures = {
             n: p for n, p in signature(expected).parameters.items() if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)
         }
-        needed = [name for name, p in wanted.items() if p.default is p.empty]
+        needed = [name for name, p in signatures.items() if p.default is p.empty]
         try:
-            given = signature(getattr(cls, name))
-            given.bind(*needed)
-            given.bind(*wanted)
+            own_signature = signature(getattr(cls, name))
+            own_signature.bind(*needed)
+            own_signature.bind(*signatures)
         except TypeError as error:
             of_class = ismethod(expected)
-            written = ", ".join((["cls"] if of_class else []) + [f"{w}=…" if w not in needed else w for w in wanted])
+            written = ", ".join(
+                (["cls"] if of_class else []) + [f"{w}=…" if w not in needed else w for w in signatures]
+            )
             raise ModelError(
                 f"{cls.__name__}.{name} must be {'a class method, ' if of_class else ''}{name}({written}); "
                 f"it is {name}{signature(function_of(method))}",

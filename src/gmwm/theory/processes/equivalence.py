@@ -11,39 +11,14 @@ from gmwm.theory.processes.base import Process, registry
 
 
 def likeness(
-    process: Process,
-    name: str,
-    levels: NDArray[np.int64],
-    rate: float,
-    filter: WaveletFilter = HAAR,
+    process: Process, name: str, levels: NDArray[np.int64], rate: float, filter: WaveletFilter = HAAR,
     matrix: Matrix | None = None,
-) -> Process | None:
-    """Return the process `name` whose wavelet variance is closest to the wavelet variance ν² of `process`.
+) -> Process | None:  # fmt: skip
+    """Return the process `name` whose wavelet variance is closest to the wavelet variance ν² of `process`, such as a
+    random walk for a Gauss-Markov process that is slower than the recording. Its scale coefficient is c = sᵀΩν² / sᵀΩs,
+    where s is its wavelet variance for scale coefficient 1; without `matrix` Ω, all levels have the same weight
+    relative to their variance. None if `name` is not registered, has shape parameters, or is zero at all levels.
 
-    Its scale coefficient is c = sᵀΩν² / sᵀΩs, where s is its wavelet variance for scale coefficient 1. For example, a
-    Gauss-Markov process whose correlation time is much longer than the recording is replaced by a random walk.
-
-    Parameters
-    ----------
-    process : Process
-        Process whose parameters all have values.
-    name : str
-        Name of a registered process without shape parameters.
-    levels : (J,) int array
-        Wavelet levels.
-    rate : float
-        Samples per second (Hz).
-    filter : WaveletFilter
-    matrix : (J, J) array, optional
-        Weighting matrix Ω; by default all levels have the same weight, relative to their variance.
-
-    Returns
-    -------
-    Process or None
-        None if `name` is not registered, has shape parameters, or has a wavelet variance of zero at all levels.
-
-    Examples
-    --------
     >>> from gmwm.processes import GM
     >>> walk = likeness(GM(beta=1e-9, sigma2=1.0), "RW", np.arange(1, 13), rate=100.0)
     >>> f"{walk.name} {walk.scale:.3g}"
@@ -62,6 +37,6 @@ def likeness(
         # Scale by the square root of the diagonal of Ω, because Ω may be of the order of 1e300.
         root = np.sqrt(np.diag(matrix))
         share = matrix / np.outer(root, root)
-        seen, wanted = root * shape, root * variance
-        scale = float(seen @ share @ wanted / (seen @ share @ seen))
+        seen, target = root * shape, root * variance
+        scale = float(seen @ share @ target / (seen @ share @ seen))
     return kind(**{kind.scale_parameter().name: kind.value_from(max(scale, 0.0))})

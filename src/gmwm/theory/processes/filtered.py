@@ -28,9 +28,6 @@ from gmwm.theory.statespace import StateSpace
 Levels = NDArray[np.int64]
 
 
-# --- white noise, quantization noise, drift -----------------------------------------------------------
-
-
 def white_shape(filter: WaveletFilter, levels: Levels) -> Vector:
     """Compute the wavelet variances ν_j² = 2^−j (J,) of white noise of variance 1, which are the same for any
     filter."""
@@ -38,12 +35,10 @@ def white_shape(filter: WaveletFilter, levels: Levels) -> Vector:
 
 
 def quantization_shape(filter: WaveletFilter, levels: Levels) -> Vector:
-    """Compute the wavelet variances (J,) of quantization noise e_t − e_{t−1} with Var e = 1.
-
-    ν_j² = 2[r_j(0) − r_j(1)], where r_j is the autocorrelation of the wavelet filter of level j.
-    """
+    """Compute the wavelet variances (J,) of quantization noise e_t − e_{t−1} with Var e = 1. ν_j² = 2[r_j(0) − r_j(1)],
+    where r_j is the autocorrelation of the wavelet filter of level j."""
     step = _transition(_autocorrelation(without_zero(filter)), filter.length)
-    base = _folded(_autocorrelation(np.convolve(filter.wavelet / np.sqrt(2.0), [1.0, -1.0])), filter.length)
+    base = _fold(_autocorrelation(np.convolve(filter.wavelet / np.sqrt(2.0), [1.0, -1.0])), filter.length)
     u = np.zeros(base.size)
     u[0] = 1.0
     values = np.empty(int(levels[-1]))
@@ -54,11 +49,9 @@ def quantization_shape(filter: WaveletFilter, levels: Levels) -> Vector:
 
 
 def error_filters(filter: WaveletFilter, level: int, most: int) -> list[tuple[Levels, Vector]]:
-    """Return the positions and taps of the filters (1 − z) h_j(z) at levels 1 … `level`.
-
-    These filters give the wavelet coefficients of X_t = e_t − e_{t−1} from the errors e_t. The list ends before the
-    first filter with more than `most` taps. For the Haar filter there are three taps at every level.
-    """
+    """Return the positions and taps of the filters (1 − z) h_j(z) at levels 1 … `level`. These filters give the wavelet
+    coefficients of X_t = e_t − e_{t−1} from the errors e_t. The list ends before the first filter with more than `most`
+    taps. For the Haar filter there are three taps at every level."""
     taps = np.convolve(filter.wavelet / np.sqrt(2.0), [1.0, -1.0])
     places, factor = np.flatnonzero(taps), without_zero(filter)
     taps = np.asarray(taps[places], dtype=np.float64)
@@ -72,10 +65,8 @@ def error_filters(filter: WaveletFilter, level: int, most: int) -> list[tuple[Le
 
 
 def drift_shape(filter: WaveletFilter, levels: Levels) -> Vector:
-    """Compute the wavelet variances (J,) of a drift of slope 1; 0 for a filter with two or more vanishing moments.
-
-    ν_j² = (Σ_l l h_{j,l})² = 4^(j−1) (Σ_l l h_{1,l})².
-    """
+    """Compute the wavelet variances (J,) of a drift of slope 1; 0 for a filter with two or more vanishing moments. ν_j²
+    = (Σ_l l h_{j,l})² = 4^(j−1) (Σ_l l h_{1,l})²."""
     return np.asarray(np.ldexp(filter.first_moment**2 / 2.0, 2 * (levels - 1)))
 
 
@@ -83,16 +74,6 @@ def without_zero(filter: WaveletFilter) -> Vector:
     """Return the taps of g(z)/(1 + z), where g is the smoothing filter, which has a zero at z = −1."""
     sign = (-1.0) ** np.arange(filter.length)
     return np.asarray((np.cumsum(filter.scaling / np.sqrt(2.0) * sign) * sign)[:-1])
-
-
-# --- first-order Markov processes and the random walk -------------------------------------------------
-
-_NEAR_MINUS_ONE = 0.1
-"""λ below which the wavelet variance for φ = −e^(−λ) is computed by `_near_minus_one`. At this λ both methods are
-accurate."""
-
-_BLOCK = 2**18
-"""Largest number of multiplications per matrix product: larger products start BLAS threads, which is slower here."""
 
 
 def walk_shape(filter: WaveletFilter, levels: Levels) -> Vector:
@@ -116,7 +97,9 @@ def gm_slope(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
 def ar1_shape(phi: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
     """Compute the wavelet variances (n, J) of AR1 processes with φ (n,) and innovation variance 1."""
     lam = log_decay(phi)
-    near = (phi < 0) & (lam < _NEAR_MINUS_ONE)
+    # λ below which the wavelet variance for φ = −e^(−λ) is computed by `_near_minus_one`. At this λ both methods are
+    # accurate.
+    near = (phi < 0) & (lam < 0.1)
     values = np.empty((phi.size, levels.size))
     values[near] = _near_minus_one(lam[near], filter, levels)
     values[~near] = _driven(lam[~near], np.where(phi[~near] < 0, -1.0, 1.0), filter, levels, slopes=False)[0]
@@ -124,13 +107,12 @@ def ar1_shape(phi: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
 
 
 def _driven(lam: Vector, sign: Vector, filter: WaveletFilter, levels: Levels, *, slopes: bool) -> tuple[Matrix, Matrix]:
-    """Compute the variances (n, J) of unit white noise filtered by h_j(z)/(1 − φz), with φ = ±e^(−λ).
-
-    The second array (n, J) has their derivatives with respect to λ, which are computed for φ > 0 if `slopes`. The
-    recursion propagates u_j (K, n), with one column for each φ.
-    """
+    """Compute the variances (n, J) of unit white noise filtered by h_j(z)/(1 − φz), with φ = ±e^(−λ). The second array
+    (n, J) has their derivatives with respect to λ, which are computed for φ > 0 if `slopes`. The recursion propagates
+    u_j (K, n), with one column for each φ."""
     even, odd, spread = _markov_steps(filter)
-    most = _BLOCK // spread.size
+    # Largest number of multiplications per matrix product: larger products start BLAS threads, which is slower here.
+    most = 2**18 // spread.size
     if lam.size > most:
         parts = [slice(k, k + most) for k in range(0, lam.size, most)]
         done = [_driven(lam[part], sign[part], filter, levels, slopes=slopes) for part in parts]
@@ -157,12 +139,10 @@ def _driven(lam: Vector, sign: Vector, filter: WaveletFilter, levels: Levels, *,
 
 
 def _against_ratio(v: Matrix, phi: Vector, below: Vector, above: Vector) -> tuple[Vector, Vector]:
-    """Compute Σ_k v_k s(k) (n,) and its derivative with respect to φ (n,).
-
-    s is the autocovariance of unit white noise filtered by (1 − z)/(1 − φz): s(0) = 2/(1 + φ) and
-    s(k) = −φ^(k−1) (1 − φ)/(1 + φ). The factor 1 − z of every wavelet filter is applied analytically, so there is no
-    cancellation for φ → 1. `below` is 1 − φ and `above` is 1 + φ.
-    """
+    """Compute Σ_k v_k s(k) (n,) and its derivative with respect to φ (n,). s is the autocovariance of unit white noise
+    filtered by (1 − z)/(1 − φz): s(0) = 2/(1 + φ) and s(k) = −φ^(k−1) (1 − φ)/(1 + φ). The factor 1 − z of every
+    wavelet filter is applied analytically, so there is no cancellation for φ → 1. `below` is 1 − φ and `above` is 1 +
+    φ."""
     polynomial, slope = np.zeros_like(phi), np.zeros_like(phi)
     for k in range(len(v) - 1, 0, -1):
         slope = slope * phi + polynomial
@@ -173,11 +153,9 @@ def _against_ratio(v: Matrix, phi: Vector, below: Vector, above: Vector) -> tupl
 
 @lru_cache(maxsize=64)
 def _markov_steps(filter: WaveletFilter) -> tuple[Matrix, Matrix, Matrix]:
-    """Return the matrices E and O of the step u → [(1 + φ²) E + φ O] u to the next level, and a matrix C.
-
-    The step belongs to the factor g(z)(1 + φz). C maps u to Σ_m u(m) r_q(m − l), where r_q is the autocorrelation of
-    q(z) = h(z)/(1 − z), the wavelet filter without its factor 1 − z.
-    """
+    """Return the matrices E and O of the step u → [(1 + φ²) E + φ O] u to the next level, and a matrix C. The step
+    belongs to the factor g(z)(1 + φz). C maps u to Σ_m u(m) r_q(m − l), where r_q is the autocorrelation of q(z) =
+    h(z)/(1 − z), the wavelet filter without its factor 1 − z."""
     reach = filter.length
     plain = _autocorrelation(filter.scaling / np.sqrt(2.0))
     shifted = np.convolve(plain, [1.0, 0.0, 1.0])
@@ -200,16 +178,14 @@ def _folded_autocorrelations(filter: WaveletFilter, levels: int) -> Matrix:
 
 def _near_minus_one(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
     """Compute the wavelet variances (n, J) of AR1 processes with φ = −ψ = −e^(−λ) and innovation variance 1, λ small.
-
     At level 1 the wavelet filter does not cancel the pole of 1/(1 + ψz). From level 2 on, the zero of the smoothing
-    filter at z = −1 cancels it analytically: (1 + z)/(1 + ψz) has the autocovariance s(0) = 2/(1 + ψ),
-    s(k) = (−ψ)^(k−1) ρ, ρ = (1 − ψ)/(1 + ψ). The autocovariance of the scaling coefficients is then that of a moving
-    average minus κ ψ^(2|k|).
-    """
+    filter at z = −1 cancels it analytically: (1 + z)/(1 + ψz) has the autocovariance s(0) = 2/(1 + ψ), s(k) =
+    (−ψ)^(k−1) ρ, ρ = (1 − ψ)/(1 + ψ). The autocovariance of the scaling coefficients is then that of a moving average
+    minus κ ψ^(2|k|)."""
     psi, below, size = np.exp(-lam), -np.expm1(-lam), filter.length
     above = 1.0 + psi
     values = np.empty((lam.size, int(levels[-1])))
-    r = _folded(_autocorrelation(filter.wavelet / np.sqrt(2.0)), size)
+    r = _fold(_autocorrelation(filter.wavelet / np.sqrt(2.0)), size)
     k = np.arange(size + 1)
     values[:, 0] = (np.exp(-np.outer(lam, k)) * (-1.0) ** k) @ r / (below * above)
 
@@ -222,8 +198,8 @@ def _near_minus_one(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matri
     near = np.zeros((size + 1, lam.size))
     for place in range(size // 2):
         lag = 2 * place - n
-        there = np.where(lag == 0, (2.0 / above)[:, None], continued(np.abs(lag)))
-        near[place] = (there - continued(lag)) @ r
+        covariances = np.where(lag == 0, (2.0 / above)[:, None], continued(np.abs(lag)))
+        near[place] = (covariances - continued(lag)) @ r
     kappa = -continued(-n) @ r
     below_these = np.arange(1, values.shape[1])
     if below_these.size:
@@ -232,18 +208,13 @@ def _near_minus_one(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matri
     return values[:, levels - 1]
 
 
-# --- any process: from its state space, or from its autocovariance ------------------------------------
-
-
 def state_space_variance(space: StateSpace, filter: WaveletFilter, levels: Levels) -> Vector:
-    """Compute the wavelet variances ν_j² (J,) of a stationary process from its state space.
-
-    The recursion over levels propagates −½E(V_{t+k} − V_t)² of the scaling coefficients V. Values at lags k ≤ L, the
-    filter length, are stored individually. Values at longer lags are the last component of −(A^k d). A is the
-    transition over 2^j samples with the accumulated difference as an additional state, which avoids cancellation if the
-    states change slowly. The rounding error grows to 2^j times the machine precision only if the spectrum vanishes at
-    f = 0, as for quantization noise, which has its own closed form. The cost is O(J(L² + L p²)) for p states.
-    """
+    """Compute the wavelet variances ν_j² (J,) of a stationary process from its state space. The recursion over levels
+    propagates −½E(V_{t+k} − V_t)² of the scaling coefficients V. Values at lags k ≤ L, the filter length, are stored
+    individually. Values at longer lags are the last component of −(A^k d). A is the transition over 2^j samples with
+    the accumulated difference as an additional state, which avoids cancellation if the states change slowly. The
+    rounding error grows to 2^j times the machine precision only if the spectrum vanishes at f = 0, as for quantization
+    noise, which has its own closed form. The cost is O(J(L² + L p²)) for p states."""
     p, reach = space.states, filter.length
     a = np.zeros((p + 1, p + 1))
     a[:p, :p], a[p, :p], a[p, p] = space.F, space.H[0] @ (np.eye(p) - space.F), 1.0
@@ -284,10 +255,8 @@ def _last(a: Matrix, x: Vector, count: int) -> Vector:
 
 def autocovariance_variance(covariance: Vector, filter: WaveletFilter, levels: Levels) -> Vector:
     """Compute the wavelet variances ν_j² = Σ_k r_j(k) c(k) (J,) from an autocovariance c, known up to a constant.
-
     `covariance` has the values at the lags 0, 1, …, `lags_needed` − 1. r_j is the autocorrelation of the wavelet filter
-    of level j.
-    """
+    of level j."""
     smooth, detail = (_autocorrelation(f / np.sqrt(2.0)) for f in (filter.scaling, filter.wavelet))
     reach = filter.length - 1
     values = np.empty(int(levels[-1]))
@@ -304,15 +273,12 @@ def lags_needed(filter: WaveletFilter, level: int) -> int:
     return filter.width(level)
 
 
-# --- autocorrelations as even sequences ---------------------------------------------------------------
-
-
 def _autocorrelation(filter: Vector) -> Vector:
     """Return the autocorrelation r(−K) … r(K) of a short filter of K + 1 taps."""
     return np.correlate(filter, filter, "full")
 
 
-def _folded(even: Vector, reach: int) -> Vector:
+def _fold(even: Vector, reach: int) -> Vector:
     """Fold an even sequence a(−K) … a(K) into weights (a(0), 2a(1), …, 2a(reach))."""
     middle = even.size // 2
     half = np.zeros(reach + 1)

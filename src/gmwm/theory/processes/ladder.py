@@ -7,14 +7,11 @@ mixture of the spectra 2bs²/(b² + ω²) of Gauss-Markov processes with all rec
 
 Similarly, (β² + ω²)^(−p), 0 < p < 1, is a mixture of 1/(b² + ω²) with b² = β² (1 + g) over all g > 0. The trapezoidal
 rule over ln b or ln g turns the mixture into a sum. Its relative error decreases as 2 exp(−π²/h) with the step h of
-ln b, because the integrand is analytic up to the imaginary part ±π/2 (Trefethen and Weideman 2014). Processes that are
+ln b, because the integrand is analytic up to the imaginary part ±π/2 (Trefethen and Weideman 2014,
+SIAM Review 56, 385-458). Processes that are
 faster than the sampling rate add up to white noise, and processes that are slower than the recording act as one
 process. The variances of both are geometric series, so that all variances are smooth functions of α and of the
 smoothness.
-
-References
-----------
-Trefethen, L. N. and Weideman, J. A. C. (2014), The exponentially convergent trapezoidal rule, SIAM Review 56, 385-458.
 """
 
 from __future__ import annotations
@@ -36,43 +33,27 @@ if TYPE_CHECKING:
     from gmwm.theory.processes.model import Model
 
 STEP = math.log(8.0)
-"""Step of ln b. A factor of 8 leaves a ripple of 0.6 % in the Allan deviation of flicker noise
-(tests/processes/test_ladder.py)."""
+"""Step of ln b; a factor of 8 leaves a ripple of 0.6 % in flicker noise (tests/processes/test_ladder.py)."""
 FASTEST = 4.0
 """Largest b in 1/sample: faster processes are treated as white noise."""
 BAND = 22
 """The state space of power-law noise approximates the Allan deviation up to 2^BAND samples."""
-_BEYOND = 5
-"""The slowest process has a correlation time of at least 2^(BAND + _BEYOND) samples, so that it acts as a random walk
-over 2^BAND samples."""
 SMOOTHEST = 5.0
 """Largest smoothness of a Matérn process. A larger one has more states, which are nearly collinear."""
-_SAMPLED = 0.1
-"""Largest b (1/sample) of the processes in the continuous-time model. White noise replaces faster processes, whose
-samples would add too much noise because they are not averaged over the sampling interval."""
-_ROUNDING = 1e-9
-"""Relative error of the Allan deviation below which a state space counts as exact."""
-_SERIES = 1e-2
-"""b (1/sample) below which the variance of the mean over a sampling interval is computed from a series, with a relative
-error below 1e-8."""
 
 
 @lru_cache(maxsize=256)
 def power_law(epsilon: float) -> tuple[StateSpace, ContinuousStateSpace]:
-    """Return the state spaces, in discrete and in continuous time, of power-law noise with ν_1² = 1, at 1 Hz.
-
-    In discrete time, the Gauss-Markov processes are averaged over each sampling interval, because the noise is. Their
-    mean depends on the noise within the interval, which is an additional state. The states are combinations of the
+    """Return the state spaces, in discrete and in continuous time, of power-law noise with ν_1² = 1, at 1 Hz. In
+    discrete time, the Gauss-Markov processes are averaged over each sampling interval, because the noise is. Their mean
+    depends on the noise within the interval, which is an additional state. The states are combinations of the
     Gauss-Markov processes with this noise, so that F is diagonal. In continuous time, white noise replaces the fastest
-    processes, because a discretisation samples the states and does not average them.
-
-    Parameters
-    ----------
-    epsilon : float
-        ε = α − 1, from −1 to 1.
-    """
+    processes, because a discretisation samples the states and does not average them. `epsilon`: ε = α − 1, from −1 to
+    1."""
     alpha = 1.0 + epsilon
-    count = 1 + math.ceil((math.log(FASTEST) + (BAND + _BEYOND) * math.log(2.0)) / STEP)
+    # The slowest process has a correlation time of at least 2^(BAND + 5) samples, so that it acts as a random walk over
+    # 2^BAND samples.
+    count = 1 + math.ceil((math.log(FASTEST) + (BAND + 5) * math.log(2.0)) / STEP)
     b = FASTEST * np.exp(-STEP * np.arange(count))
     # The density of the mixture at which the Allan variance is 2 n^ε is κ α(1 + α)/Γ(2 − α). At the ends, α = 0 and 2,
     # the factors α and 2 − α cancel with those of the geometric series.
@@ -81,25 +62,27 @@ def power_law(epsilon: float) -> tuple[StateSpace, ContinuousStateSpace]:
     series = float(over_exponent(np.asarray(alpha - 2.0), np.asarray(STEP)))
     s2[-1] = 0.5 * size * alpha * STEP * b[-1] ** (1.0 - alpha) / series
     white = size * (2.0 - alpha) * STEP * FASTEST**-alpha / float(over_exponent(np.asarray(alpha), np.asarray(STEP)))
-    fast = b > _SAMPLED
+    # Largest b (1/sample) of the processes in the continuous-time model. White noise replaces faster processes, whose
+    # samples would add too much noise because they are not averaged over the sampling interval.
+    fast = b > 0.1
     slow, power = b[~fast], s2[~fast]
     density = white + float(np.sum(2.0 * s2[fast] / b[fast]))
     smooth = ContinuousStateSpace(
         A=np.diag(-slow), Qc=np.diag(2.0 * slow * power), H=np.ones(slow.size), Rc=density, P0=np.diag(power)
     )
-    return _averaged(b, s2, white), smooth
+    return _average(b, s2, white), smooth
 
 
-def _averaged(b: Vector, s2: Vector, white: float) -> StateSpace:
+def _average(b: Vector, s2: Vector, white: float) -> StateSpace:
     """Return the state space of the sum of Gauss-Markov processes averaged over intervals of length 1, and white noise.
-
     The processes have the reciprocal correlation times `b` and the variances `s2`; the white noise has the variance
-    `white`.
-    """
+    `white`."""
     decay, lost = np.exp(-b), -np.expm1(-b)
     mean = lost / b
     direct = 2.0 * (b - lost) / b**2 - mean**2
-    near = b < _SERIES
+    # b (1/sample) below which the variance of the mean over a sampling interval is computed from a series, with a
+    # relative error below 1e-8.
+    near = b < 1e-2
     direct[near] = b[near] * (2.0 / 3.0 - b[near] * (0.5 - b[near] * (7.0 / 30.0 - b[near] / 12.0)))
     within, shared = float(s2 @ direct), s2 * lost**2 / b
     # x' = e^(−b) x + w and mean = c x + v, Cov(w, v) = shared. Of w, v explains shared/within, and the state
@@ -119,19 +102,11 @@ def _averaged(b: Vector, s2: Vector, white: float) -> StateSpace:
 
 @lru_cache(maxsize=256)
 def matern(unit: float, nu: float) -> ContinuousStateSpace:
-    """Return the state space of a Matérn process of variance 1, at 1 Hz.
-
-    Its spectrum (β² + ω²)^(−ν−½) is the product of (β² + ω²)^(−p), 0 < p ≤ 1, which is a mixture of Gauss-Markov
-    processes, and of several factors 1/(β² + ω²). Each factor is a Gauss-Markov process that is driven by the output of
-    the factor before. For ν = ½, 3/2, 5/2, … the mixture is a single process, and the state space is exact.
-
-    Parameters
-    ----------
-    unit : float
-        β per sample.
-    nu : float
-        Smoothness, at most `SMOOTHEST`.
-    """
+    """Return the state space of a Matérn process of variance 1, at 1 Hz. Its spectrum (β² + ω²)^(−ν−½) is the product
+    of (β² + ω²)^(−p), 0 < p ≤ 1, which is a mixture of Gauss-Markov processes, and of several factors 1/(β² + ω²). Each
+    factor is a Gauss-Markov process that is driven by the output of the factor before. For ν = ½, 3/2, 5/2, … the
+    mixture is a single process, and the state space is exact. `unit`: β per sample. `nu`: smoothness, at most
+    `SMOOTHEST`."""
     from scipy.linalg import solve_continuous_lyapunov
 
     chain = max(0, math.ceil(nu - 0.5))
@@ -150,8 +125,8 @@ def matern(unit: float, nu: float) -> ContinuousStateSpace:
     # faster processes.
     white = sine * step * g[0] ** -p / math.expm1(step * p) if p < 1.0 else 0.0
     # For p = 1, sin πp is a rounding error.
-    kept = drive > 1e-12 * last
-    b, drive = b[kept], drive[kept]
+    able = drive > 1e-12 * last
+    b, drive = b[able], drive[able]
     count = b.size + chain
     a, density, seen = np.zeros((count, count)), np.zeros((count, count)), np.zeros(count)
     a[: b.size, : b.size] = np.diag(-b)
@@ -166,9 +141,11 @@ def matern(unit: float, nu: float) -> ContinuousStateSpace:
         seen[:] = 1.0
     start = solve_continuous_lyapunov(a, -density)
     # The faster processes are white at the samples: the variance of each is drive β²/2b.
-    rest = 0.0 if chain or p == 1.0 else _fast_variance(sine, step, top=float(g[0]), p=p, unit=unit)
-    total = float(seen @ start @ seen) + rest
-    return ContinuousStateSpace(A=a, Qc=density / total, H=seen, Rc=rest / total, P0=(start + start.T) / (2.0 * total))
+    remainder = 0.0 if chain or p == 1.0 else _fast_variance(sine, step, top=float(g[0]), p=p, unit=unit)
+    total = float(seen @ start @ seen) + remainder
+    return ContinuousStateSpace(
+        A=a, Qc=density / total, H=seen, Rc=remainder / total, P0=(start + start.T) / (2.0 * total)
+    )
 
 
 def _fast_variance(sine: float, step: float, *, top: float, p: float, unit: float) -> float:
@@ -176,12 +153,10 @@ def _fast_variance(sine: float, step: float, *, top: float, p: float, unit: floa
     return 0.5 * unit * sine * step * math.pow(top, 0.5 - p) / math.expm1(step * (p - 0.5))
 
 
-def started(process: Process, rate: float) -> StateSpace:
-    """Return the state space of a process in which power-law noise starts at zero, as a random walk does.
-
-    Power-law noise has no stationary distribution: in its state space, the initial variance of the slowest states
-    depends only on `BAND`.
-    """
+def start_at_zero(process: Process, rate: float) -> StateSpace:
+    """Return the state space of a process in which power-law noise starts at zero, as a random walk does. Power-law
+    noise has no stationary distribution: in its state space, the initial variance of the slowest states depends only on
+    `BAND`."""
     space = process.state_space(rate)
     if process.stationary or not process.approximate or not process.scale:
         return space
@@ -192,9 +167,8 @@ def started(process: Process, rate: float) -> StateSpace:
 
 
 def state_space_error(process: Process, rate: float) -> float:
-    """Return the largest relative error of the Allan deviation that the state space of a process implies.
-
-    The error is evaluated at averaging times of 1, 2, 4, …, 2^22 samples. It is 0 if the state space is exact.
+    """Return the largest relative error of the Allan deviation that the state space of a process implies. The error is
+    evaluated at averaging times of 1, 2, 4, …, 2^22 samples. It is 0 if the state space is exact.
 
     >>> from gmwm import FN
     >>> round(state_space_error(FN(b2=1.0), rate=100.0), 4)
@@ -202,23 +176,15 @@ def state_space_error(process: Process, rate: float) -> float:
     """
     if not process.approximate or process.scale == 0:
         return 0.0
-    found = 2.0 * process.state_space(rate).haar_variance(BAND + 1)
-    error = float(np.max(np.abs(np.sqrt(found / process.allan_variance(2 ** np.arange(BAND + 1), rate)) - 1.0)))
-    return error if error > _ROUNDING else 0.0
+    implied = 2.0 * process.state_space(rate).haar_variance(BAND + 1)
+    error = float(np.max(np.abs(np.sqrt(implied / process.allan_variance(2 ** np.arange(BAND + 1), rate)) - 1.0)))
+    # Relative error of the Allan deviation below which a state space counts as exact.
+    return error if error > 1e-9 else 0.0
 
 
-def approximated(model: Model, rate: float, axis: str = "") -> tuple[Remark, ...]:
-    """Return a remark on the terms of a model whose state space is an approximation, with the largest error.
-
-    Parameters
-    ----------
-    model : Model
-        Model with all values.
-    rate : float
-        Samples per second (Hz).
-    axis : str
-        Name of the axis.
-    """
+def approximation_remarks(model: Model, rate: float, axis: str = "") -> tuple[Remark, ...]:
+    """Return a remark on the terms of a model whose state space is an approximation, with the largest error. `model`:
+    model with all values. `rate`: samples per second (Hz). `axis`: name of the axis."""
     named = zip(model.terms, model.processes, strict=True)
     errors = {term: error for term, process in named if (error := state_space_error(process, rate))}
     if not errors:

@@ -26,40 +26,36 @@ from gmwm.theory.processes import rational
 from gmwm.theory.processes.band_limit import SHORT, STEP, Density, band_numbers
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
-from gmwm.theory.processes.ordered import Coefficients, Ordered
+from gmwm.theory.processes.ordered import Ordered, Polynomial
 from gmwm.theory.processes.parameter import Parameter
 from gmwm.theory.processes.physical import Physical
-from gmwm.theory.processes.short_memory import LONGEST, NEGLIGIBLE, ShortMemory, trimmed
+from gmwm.theory.processes.short_memory import LONGEST, NEGLIGIBLE, ShortMemory, trim
 from gmwm.theory.processes.validation import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace
 
-PHI = Coefficients("phi", "φ", "p", "autoregressive coefficient")
-THETA = Coefficients("theta", "θ", "q", "moving average coefficient")
-SEASONAL_PHI = Coefficients("sphi", "Φ", "P", "seasonal autoregressive coefficient")
-SEASONAL_THETA = Coefficients("stheta", "Θ", "Q", "seasonal moving average coefficient")
+PHI = Polynomial("phi", "φ", "p", "autoregressive coefficient")
+THETA = Polynomial("theta", "θ", "q", "moving average coefficient")
+SEASONAL_PHI = Polynomial("sphi", "Φ", "P", "seasonal autoregressive coefficient")
+SEASONAL_THETA = Polynomial("stheta", "Θ", "Q", "seasonal moving average coefficient")
 
 _PLACES = (PHI.name, THETA.name, SEASONAL_PHI.name, SEASONAL_THETA.name)
 CANCELLING = 0.05
-"""Distance between a root of φ and a root of θ below which a remark says that the two nearly cancel. Pinned by
-tests/processes/test_arma.py and tests/estimation/test_arma_fits.py."""
+"""Distance of a root of φ from a root of θ that nearly cancel (tests/processes/test_arma.py)."""
 _FARTHEST, _FARTHEST_AVERAGE = 2.5, 2.0
 """Largest coordinates of starting values, which are artanh of partial autocorrelations: tanh 2.5 = 0.987 for φ and Φ,
 and tanh 2 = 0.964 for θ and Θ. The estimates are not limited. Pinned by tests/processes/test_arma.py."""
-_SLOW = 64
-"""Number of lags. If the exponential of a real root lasts longer, its contribution is computed in closed form."""
 _REAL = 1e-12
 """Imaginary part of a root, relative to its modulus, below which the root is real."""
 _BRIEF, _SMALL = 0.3, 1e-4
 """Modulus of a root below which its exponential is part of a table, and the same limit for the power of the modulus by
 which the amplitude of the exponential is divided."""
 _REST = 1e-14
-"""Autocovariance, relative to the variance, that is left out at the end of a table."""
+"""Autocovariance, relative to the largest value of a table, that is left out at its end."""
+_ROUNDING = 1e-26
+"""Autocovariance, relative to the variance, that is a rounding error of double-double arithmetic."""
 _LARGEST = 1e6
 """Largest amplitude of an exponential, relative to the variance. Larger amplitudes belong to roots that nearly
 coincide, and their sums lose more than six digits."""
-_SEPARATE = 0.1
-"""Smallest distance of a root with a closed form from all other roots, relative to its distance from the unit
-circle."""
 
 
 class Lagged(Ordered, abstract=True, listed=False):
@@ -84,10 +80,8 @@ class Lagged(Ordered, abstract=True, listed=False):
         return max(p + period * seasonal_p, q + period * seasonal_q)
 
     def check_values(self) -> None:
-        """Raise ModelError if a polynomial is not stationary or not invertible.
-
-        Polynomials with a coefficient without a value are not checked.
-        """
+        """Raise ModelError if a polynomial is not stationary or not invertible. Polynomials with a coefficient without
+        a value are not checked."""
         for polynomial in self.polynomials:
             values = self.coefficients(polynomial.name)
             if not values or None in values:
@@ -111,55 +105,47 @@ class Lagged(Ordered, abstract=True, listed=False):
         if all(self.is_fixed(p.name) for p in self.nonlinear_parameters()):
             return ()
         *_, period = self.full_orders()
-        found: dict[tuple[float, int], NDArray[np.complex128]] = {}
+        roots_by_sign: dict[tuple[float, int], NDArray[np.complex128]] = {}
         for part, span in self._factors():
             lag = period if part in (SEASONAL_PHI, SEASONAL_THETA) else 1
-            found[_sign(part), lag] = rational.roots(_sign(part) * self.nonlinear[span])
+            roots_by_sign[_sign(part), lag] = rational.roots(_sign(part) * self.nonlinear[span])
         remarks = []
         for lag in (1, period) if period > 1 else (1,):
-            own, other = (found.get((sign, lag), np.empty(0)) for sign in (1.0, -1.0))
-            near = np.abs(np.subtract.outer(own, other))
+            autoregressive, averaging = (roots_by_sign.get((sign, lag), np.empty(0)) for sign in (1.0, -1.0))
+            near = np.abs(np.subtract.outer(autoregressive, averaging))
             if near.size and near.min() < CANCELLING:
                 a, b = np.unravel_index(int(near.argmin()), near.shape)
-                roots = {"ar_root": _root_text(own[a]), "ma_root": _root_text(other[b])}
+                roots = {"ar_root": _root_text(autoregressive[a]), "ma_root": _root_text(averaging[b])}
                 remarks.append(Remark.of("roots-cancel", term=term, **roots))
-            if own.size and np.abs(own).max() > 1.0 - 10.0 / samples:
-                remarks.append(Remark.of("ar-root-near-one", term=term, modulus=float(np.abs(own).max())))
-            if other.size and np.abs(other).max() > 1.0 - 5.0 / math.sqrt(samples):
-                remarks.append(Remark.of("ma-root-near-one", term=term, modulus=float(np.abs(other).max())))
+            if autoregressive.size and np.abs(autoregressive).max() > 1.0 - 10.0 / samples:
+                remarks.append(Remark.of("ar-root-near-one", term=term, modulus=float(np.abs(autoregressive).max())))
+            if averaging.size and np.abs(averaging).max() > 1.0 - 5.0 / math.sqrt(samples):
+                remarks.append(Remark.of("ma-root-near-one", term=term, modulus=float(np.abs(averaging).max())))
         return tuple(remarks)
-
-    # --- shape ----------------------------------------------------------------------------------------
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Compute the wavelet variances (n, J) for innovation variance 1.
-
-        Rows of coefficients that are not stationary give NaN.
-        """
-        wanted, rows = as_levels(levels), np.ascontiguousarray(nonlinear, dtype=np.float64)
-        out = np.empty((len(rows), int(wanted[-1])))
+        """Compute the wavelet variances (n, J) for innovation variance 1. Rows of coefficients that are not stationary
+        give NaN."""
+        numbers, rows = as_levels(levels), np.ascontiguousarray(nonlinear, dtype=np.float64)
+        out = np.empty((len(rows), int(numbers[-1])))
         _core.arma_shapes(cls.full_orders(), rows, rational.odd_lags(filter), out)
-        return out[:, wanted - 1]
+        return out[:, numbers - 1]
 
     @classmethod
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """Compute the derivatives (n, J, q) of the wavelet variances with respect to the coefficients.
-
-        The innovation variance is 1. Rows of coefficients that are not stationary give NaN.
-        """
-        wanted, rows = as_levels(levels), np.ascontiguousarray(nonlinear, dtype=np.float64)
-        out = np.empty((*rows.shape, int(wanted[-1])))
+        """Compute the derivatives (n, J, q) of the wavelet variances with respect to the coefficients. The innovation
+        variance is 1. Rows of coefficients that are not stationary give NaN."""
+        numbers, rows = as_levels(levels), np.ascontiguousarray(nonlinear, dtype=np.float64)
+        out = np.empty((*rows.shape, int(numbers[-1])))
         _core.arma_slopes(cls.full_orders(), rows, rational.odd_lags(filter), out)
-        return np.ascontiguousarray(np.swapaxes(out[:, :, wanted - 1], 1, 2))
-
-    # --- coordinates ----------------------------------------------------------------------------------
+        return np.ascontiguousarray(np.swapaxes(out[:, :, numbers - 1], 1, 2))
 
     @classmethod
     @cache
-    def _factors(cls) -> list[tuple[Coefficients, slice]]:
+    def _factors(cls) -> list[tuple[Polynomial, slice]]:
         """Return the polynomials and the slices of their coefficients in the nonlinear parameters."""
         ends = np.cumsum([0, *cls.orders[: len(cls.polynomials)]]).tolist()
         spans = [slice(a, b) for a, b in pairwise(ends)]
@@ -167,10 +153,8 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def room(cls, nonlinear: Matrix) -> Matrix:
-        """Return a step (n, q) that keeps each polynomial stationary or invertible, by Rouché's theorem.
-
-        The step is half the minimum modulus of the polynomial on the unit circle.
-        """
+        """Return a step (n, q) that keeps each polynomial stationary or invertible, by Rouché's theorem. The step is
+        half the minimum modulus of the polynomial on the unit circle."""
         result = np.empty(np.shape(nonlinear))
         for part, span in cls._factors():
             result[:, span] = rational.clearance(_sign(part) * np.asarray(nonlinear)[:, span])[:, None]
@@ -178,10 +162,8 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def coordinates(cls, nonlinear: Matrix) -> Matrix:
-        """Return artanh of the partial autocorrelations (n, q) of each polynomial; NaN if they are undefined.
-
-        For a polynomial θ or Θ, these are the partial autocorrelations of the autoregression with the coefficients −θ.
-        """
+        """Return artanh of the partial autocorrelations (n, q) of each polynomial; NaN if they are undefined. For a
+        polynomial θ or Θ, these are the partial autocorrelations of the autoregression with the coefficients −θ."""
         result = np.empty(np.shape(nonlinear))
         for part, span in cls._factors():
             result[:, span] = rational.coordinates(_sign(part) * np.asarray(nonlinear)[:, span])
@@ -197,11 +179,9 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def scan(cls, samples: int, rate: float) -> Matrix:
-        """Return the ranges (q, 2) of the coordinates of starting values.
-
-        They limit the partial autocorrelations to ±0.987 for φ and Φ and to ±0.964 for θ and Θ. At the first lag, the
-        upper limit is 1 − 1/N for φ and 1 − s/N for Φ in a recording of N samples, if this is larger.
-        """
+        """Return the ranges (q, 2) of the coordinates of starting values. They limit the partial autocorrelations to
+        ±0.987 for φ and Φ and to ±0.964 for θ and Θ. At the first lag, the upper limit is 1 − 1/N for φ and 1 − s/N for
+        Φ in a recording of N samples, if this is larger."""
         ends = np.empty((sum(cls.orders[: len(cls.polynomials)]), 2))
         for part, span in cls._factors():
             ends[span] = (-_FARTHEST, _FARTHEST) if _sign(part) > 0 else (-_FARTHEST_AVERAGE, _FARTHEST_AVERAGE)
@@ -210,22 +190,15 @@ class Lagged(Ordered, abstract=True, listed=False):
                 ends[span.start, 1] = max(_FARTHEST, 0.5 * math.log(2.0 * samples / period))
         return ends
 
-    # --- theory ---------------------------------------------------------------------------------------
-
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Compute the autocovariance r(k) (u²).
-
-        It satisfies r(k) = Σ φ_i r(k − i) for lags beyond the degree of θ(B)Θ(B^s), with the coefficients φ_i of
-        φ(B)Φ(B^s).
-        """
+        """Compute the autocovariance r(k) (u²). It satisfies r(k) = Σ φ_i r(k − i) for lags beyond the degree of
+        θ(B)Θ(B^s), with the coefficients φ_i of φ(B)Φ(B^s)."""
         as_rate(rate)
         return self._autocovariance(np.abs(as_lags(lags)), from_zero=False)
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Compute the generalised covariance (u²).
-
-        It is r(m) − r(0) if r(1) > r(0)/2, which avoids cancellation for slow processes, and r(m) otherwise.
-        """
+        """Compute the generalised covariance (u²). It is r(m) − r(0) if r(1) > r(0)/2, which avoids cancellation for
+        slow processes, and r(m) otherwise."""
         as_rate(rate)
         r0, r1 = self._autocovariance(np.arange(2), from_zero=False)
         return self._autocovariance(np.abs(as_lags(lags)), from_zero=bool(r1 > 0.5 * r0))
@@ -240,26 +213,22 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     def memory(self, rate: float) -> int | None:
         """Return the lag at which the autocovariance, without the exponentials of slow real roots, becomes negligible.
-
-        It is None if this lag is too large.
-        """
-        known = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
-        return None if known is None else known.lags
+        It is None if this lag is too large."""
+        tail = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
+        return None if tail is None else tail.lags
 
     def decays(self, rate: float) -> tuple[float, ...]:
         """Return the decay rate −ln |λ| of each slow real root λ, with a minus sign for a negative root."""
-        known = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
-        return () if known is None else known.decays
+        tail = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
+        return () if tail is None else tail.decays
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Compute the covariances (n,) of Haar wavelet coefficients (u²).
-
-        Slow real roots contribute exponentials in closed form; a table of the autocovariance gives the rest.
-        """
-        known = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
-        if known is None:
+        """Compute the covariances (n,) of Haar wavelet coefficients (u²). Slow real roots contribute exponentials in
+        closed form; a table of the autocovariance gives the rest."""
+        tail = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
+        if tail is None:
             raise self.missing("coefficient_covariance")
-        return self.scale * known.coefficient_covariance(at)
+        return self.scale * tail.coefficient_covariance(at)
 
     def exponential_sum(self, rate: float) -> ExponentialSum | None:
         """Return an exponential for each root of φ(B)Φ(B^s), and a table for short-lived roots and the moving average.
@@ -284,10 +253,8 @@ class Lagged(Ordered, abstract=True, listed=False):
         return density
 
     def state_space(self, rate: float) -> StateSpace:
-        """Return the state space with the states Z_t, Z_{t−1}, …, which start in their stationary distribution.
-
-        Z is the autoregression φ(B) Φ(B^s) Z_t = ε_t, and X_t = θ(B) Θ(B^s) Z_t.
-        """
+        """Return the state space with the states Z_t, Z_{t−1}, …, which start in their stationary distribution. Z is
+        the autoregression φ(B) Φ(B^s) Z_t = ε_t, and X_t = θ(B) Θ(B^s) Z_t."""
         as_rate(rate)
         p, _, seasonal_p, _, period = self.full_orders()
         phi, theta, _, _ = self._recursion()
@@ -307,15 +274,13 @@ class Lagged(Ordered, abstract=True, listed=False):
         as_rate(rate)
         n, count = as_paths(n, paths)
         phi, theta, predictors, deviations = self._recursion()
-        draws, rest = as_rng(rng).standard_normal((count, n + theta.size)), math.sqrt(self.scale)
-        _core.mix(draws, phi, theta, predictors, rest * deviations, rest)
+        draws, deviation = as_rng(rng).standard_normal((count, n + theta.size)), math.sqrt(self.scale)
+        _core.mix(draws, phi, theta, predictors, deviation * deviations, deviation)
         return np.ascontiguousarray(draws[:, theta.size :]).reshape(shape_of_paths(n, paths))
 
     def correlation_time(self, rate: float) -> float | None:
-        """Return the correlation time −Δt/ln |λ| (s), where λ is the root of φ(B)Φ(B^s) with the largest modulus.
-
-        It is 0 for a moving average, and None if an autoregressive coefficient has no value.
-        """
+        """Return the correlation time −Δt/ln |λ| (s), where λ is the root of φ(B)Φ(B^s) with the largest modulus. It is
+        0 for a moving average, and None if an autoregressive coefficient has no value."""
         slowest = 0.0
         for part, _ in self._factors():
             if _sign(part) < 0:
@@ -338,11 +303,9 @@ class Lagged(Ordered, abstract=True, listed=False):
         return (replace(density, value=density.value * math.sqrt(self.scale)), *others)
 
     def _recursion(self) -> tuple[Vector, Vector, Matrix, Vector]:
-        """Return the coefficients of φ(B)Φ(B^s) and θ(B)Θ(B^s), and the predictors that start a simulation.
-
-        The last two arrays are the coefficients of the best linear predictors of lower orders, and the standard
-        deviations of their prediction errors for σ² = 1.
-        """
+        """Return the coefficients of φ(B)Φ(B^s) and θ(B)Θ(B^s), and the predictors that start a simulation. The last
+        two arrays are the coefficients of the best linear predictors of lower orders, and the standard deviations of
+        their prediction errors for σ² = 1."""
         p, q, seasonal_p, seasonal_q, period = self.full_orders()
         size = p + period * seasonal_p
         phi, theta, predictors = np.empty(size), np.empty(q + period * seasonal_q), np.empty((size, size))
@@ -367,10 +330,8 @@ def _largest_root(values: tuple[float | None, ...]) -> float:
 def _band_numbers(
     kind: type[Lagged], parameters: tuple[float, ...], free: tuple[str, ...], rate: float
 ) -> tuple[Physical, ...]:
-    """Return the density N, the bandwidth and the resonance for innovation variance 1.
-
-    They include derivatives with respect to the coefficients `free`, which are not fixed.
-    """
+    """Return the density N, the bandwidth and the resonance for innovation variance 1. They include derivatives with
+    respect to the coefficients `free`, which are not fixed."""
     at, process = np.array(parameters), kind.standard(parameters)
     slopes = {kind.scale_parameter().name: 0.5}
     moved: dict[str, Density] = {}
@@ -380,8 +341,8 @@ def _band_numbers(
             # ln N = ½ ln σ² + ln(1 + Σθ) − ln(1 − Σφ), and the same for the seasonal polynomials.
             slopes[parameter.name] = parameters[k] / (1 - sign * float(values.sum()))
             if parameter.name in free:
-                there = np.where(np.arange(at.size) == k, at * (1 + STEP), at)
-                moved[parameter.name] = partial(process._density, there, rate=rate)
+                stepped = np.where(np.arange(at.size) == k, at * (1 + STEP), at)
+                moved[parameter.name] = partial(process._density, stepped, rate=rate)
     return band_numbers(partial(process._density, at, rate=rate), rate, slopes, free=moved)
 
 
@@ -393,23 +354,26 @@ def _short_memory(orders: tuple[int, int, int, int, int], parameters: tuple[floa
     values = np.array(parameters, dtype=np.float64)
     season = values[p + q : p + q + seasonal_p]
     slow = np.abs(rational.roots(season)) ** (1.0 / period)
-    own = rational.roots(values[:p])
+    roots = rational.roots(values[:p])
     # A slow real root has a closed form, unless it nearly cancels with another one.
-    real = np.abs(own.imag) < 1e-12
-    apart = np.array([real[k] and _lasting(abs(root)) > _SLOW for k, root in enumerate(own)], dtype=np.bool_)
+    real = np.abs(roots.imag) < 1e-12
+    # Number of lags. If the exponential of a real root lasts longer, its contribution is computed in closed form.
+    apart = np.array([real[k] and _lasting(abs(root)) > 64 for k, root in enumerate(roots)], dtype=np.bool_)
     for k in np.flatnonzero(apart):
-        others = np.concatenate([np.delete(own, k), rational.roots(season) if period == 1 else []])
-        apart[k] = not seasonal_p and np.all(np.abs(others - own[k]) > _SEPARATE * (1.0 - abs(own[k])))
-    size = np.concatenate([np.abs(own[~apart]), slow])
+        others = np.concatenate([np.delete(roots, k), rational.roots(season) if period == 1 else []])
+        # Smallest distance of a root with a closed form from all other roots, relative to its distance from the unit
+        # circle.
+        apart[k] = not seasonal_p and np.all(np.abs(others - roots[k]) > 0.1 * (1.0 - abs(roots[k])))
+    size = np.concatenate([np.abs(roots[~apart]), slow])
     reach = q + period * seasonal_q + p + period * seasonal_p + math.ceil(_lasting(size.max(initial=0.0)))
     if reach > 2 * LONGEST:
         return None
     count = int(np.count_nonzero(apart))
     r, exponentials = np.empty(reach + 1), np.empty((4, count))
-    _core.arma_without(orders, values, np.array([own[apart].real, np.zeros(count)]), exponentials, r)
-    found = trimmed(r)
+    _core.arma_without(orders, values, np.array([roots[apart].real, np.zeros(count)]), exponentials, r)
+    table = trim(r)
     decays = np.where(exponentials[3] > 0, -exponentials[2], exponentials[2])
-    return None if found is None else ShortMemory(found, tuple(exponentials[0].tolist()), tuple(decays.tolist()))
+    return None if table is None else ShortMemory(table, tuple(exponentials[0].tolist()), tuple(decays.tolist()))
 
 
 @lru_cache(maxsize=64)
@@ -437,9 +401,10 @@ def _exponential_sum(orders: tuple[int, int, int, int, int], parameters: tuple[f
     variance = abs(float(table[0] + amplitudes.real.sum()))
     if not np.all(np.isfinite(rows)) or np.abs(amplitudes).max(initial=0.0) > _LARGEST * variance:
         return None
-    felt = np.flatnonzero(np.abs(table) > _REST * variance)
-    rest = ExponentialSum.of_table(table[: felt[-1] + 1] if felt.size else table[:1])
-    return replace(rest, amplitudes=amplitudes, decays=decays, bare=np.zeros(upper.size, dtype=np.bool_))
+    # White noise far below a variance that alternates is the largest part at most scales.
+    felt = np.flatnonzero(np.abs(table) > max(_REST * np.abs(table).max(), _ROUNDING * variance))
+    remainder = ExponentialSum.of_table(table[: felt[-1] + 1]) if felt.size else ExponentialSum()
+    return replace(remainder, amplitudes=amplitudes, decays=decays, bare=np.zeros(upper.size, dtype=np.bool_))
 
 
 def _lasting(modulus: float) -> float:
@@ -450,7 +415,7 @@ def _lasting(modulus: float) -> float:
     return (-math.log(NEGLIGIBLE) + 3.0 * math.log1p(1.0 / decay)) / decay
 
 
-def _sign(part: Coefficients) -> float:
+def _sign(part: Polynomial) -> float:
     """Return 1 for polynomials 1 − φ₁B − …, and −1 for 1 + θ₁B + …"""
     return -1.0 if part in (THETA, SEASONAL_THETA) else 1.0
 
@@ -459,7 +424,7 @@ def _root_text(root: complex) -> str:
     return f"{root.real:.3g}" if abs(root.imag) < 1e-9 else f"{root.real:.3g} ± {abs(root.imag):.3g}i"
 
 
-def _advice(part: Coefficients) -> str:
+def _advice(part: Polynomial) -> str:
     if _sign(part) > 0:
         return "Use smaller coefficients; for a zero at 1 use a random walk."
     return "Use the coefficients with this zero inverted, which give the same spectrum up to a factor."

@@ -29,8 +29,7 @@ from gmwm.theory.statespace import StateSpace
 _PROCESS = "first-order Markov"
 
 FEW_TIMES = 30
-"""Number of correlation times in a recording below which confidence intervals have less than their nominal coverage;
-see docs/validation, study `short`."""
+"""Correlation times in a recording below which intervals cover too little; docs/validation, study `short`."""
 SEARCH_BEND = 0.01
 """The search coordinate is linear in λ below `SEARCH_BEND`/N and logarithmic above. At λ = `SEARCH_BEND`/N a recording
 of N samples cannot distinguish the process from a random walk; see test_search_branches_run_along_the_parameter."""
@@ -39,12 +38,10 @@ SEARCH_HIGH = 40.0
 
 
 @dataclass(frozen=True)
-class _Coordinate:
-    """Search coordinate u of λ = bend·(e^(u − low) − 1 + `least`), with bend = `SEARCH_BEND`/N and low = ln bend.
-
-    At the lower end of the range, λ = `least`·bend, the process is practically a random walk. For larger λ, u
-    approaches ln λ.
-    """
+class _DecayCoordinate:
+    """Search coordinate u of λ = bend·(e^(u − low) − 1 + `least`), with bend = `SEARCH_BEND`/N and low = ln bend. At
+    the lower end of the range, λ = `least`·bend, the process is practically a random walk. For larger λ, u approaches
+    ln λ."""
 
     bend: float
     least: float
@@ -67,12 +64,9 @@ class _Coordinate:
 
 
 def _ar1_branch(samples: int, sign: float, low_acts_as: str | None) -> Branch:
-    """Return the search branch φ = ±e^(−λ) of an AR1 process.
-
-    Its smallest λ is larger than for Gauss-Markov processes, because the resolution of φ near 1 is limited in double
-    precision.
-    """
-    along = _Coordinate(SEARCH_BEND / samples, least=1e-3)
+    """Return the search branch φ = ±e^(−λ) of an AR1 process. Its smallest λ is larger than for Gauss-Markov processes,
+    because the resolution of φ near 1 is limited in double precision."""
+    along = _DecayCoordinate(SEARCH_BEND / samples, least=1e-3)
 
     def coordinate(phi: float) -> float | None:
         if (phi < 0) != (sign < 0):
@@ -80,15 +74,10 @@ def _ar1_branch(samples: int, sign: float, low_acts_as: str | None) -> Branch:
         return along.of(float(exponential.log_decay(np.array([phi]))[0]))
 
     return Branch(
-        along.low,
-        along.high,
-        values=lambda u: sign * np.exp(-along.decay(u))[:, None],
-        slope=lambda u: -sign * np.exp(u - along.decay(u))[:, None],
-        coordinate=coordinate,
-        low_acts_as=low_acts_as,
-        high_acts_as=WN.name,
-        exponential=Exponential(along.bend, along.least, sign, innovation=True),
-    )
+        along.low, along.high, values=lambda u: sign * np.exp(-along.decay(u))[:, None],
+        slope=lambda u: -sign * np.exp(u - along.decay(u))[:, None], coordinate=coordinate, low_acts_as=low_acts_as,
+        high_acts_as=WN.name, exponential=Exponential(along.bend, along.least, sign, innovation=True),
+    )  # fmt: skip
 
 
 class _Markov(Process, abstract=True):
@@ -118,10 +107,8 @@ class _Markov(Process, abstract=True):
         return np.asarray(-0.5 * s2 * (m * -math.expm1(-lam) / (1 - phi) - 2 * phi * power / (1 - phi) ** 2))
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Compute the generalised covariance A(m) (u²).
-
-        It is s²(φ^|m| − 1) for positive φ, which loses no digits for φ near 1, and s²φ^|m| for negative φ.
-        """
+        """Compute the generalised covariance A(m) (u²). It is s²(φ^|m| − 1) for positive φ, which loses no digits for φ
+        near 1, and s²φ^|m| for negative φ."""
         s2, sign, lam = self._pole(as_rate(rate))
         return s2 * np.expm1(-lam * np.abs(as_lags(lags))) if sign > 0 else self.autocovariance(lags, rate)
 
@@ -145,11 +132,8 @@ class _Markov(Process, abstract=True):
         return (sign * lam,)
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """Compute the Allan variance (u²) of clusters of n samples.
-
-        For positive φ it is twice the wavelet variance at the half-scale n, in closed form. For negative φ it follows
-        from the covariance of the running sum.
-        """
+        """Compute the Allan variance (u²) of clusters of n samples. For positive φ it is twice the wavelet variance at
+        the half-scale n, in closed form. For negative φ it follows from the covariance of the running sum."""
         s2, sign, lam = self._pole(as_rate(rate))
         if sign < 0:
             return super().allan_variance(clusters, rate)
@@ -171,10 +155,8 @@ class _Markov(Process, abstract=True):
         return StateSpace(F=sign * math.exp(-lam), Q=-s2 * math.expm1(-2.0 * lam), H=1.0, P0=s2)
 
     def continuous(self, rate: float) -> ContinuousStateSpace | None:
-        """Return the state space in continuous time with A = −λ/Δt and Qc = 2λs²/Δt; None if φ ≤ 0.
-
-        It is computed from λ, because ln φ loses digits for φ near 1.
-        """
+        """Return the state space in continuous time with A = −λ/Δt and Qc = 2λs²/Δt; None if φ ≤ 0. It is computed from
+        λ, because ln φ loses digits for φ near 1."""
         s2, sign, lam = self._pole(as_rate(rate))
         if sign < 0 or not math.isfinite(lam):
             return None
@@ -205,7 +187,7 @@ FASTEST_DRAWN = 0.999995
 """Largest φ of the starting values in Algorithm 3 of Balamuta et al. (see `Sampled`)."""
 
 
-def _drawn(occasion: Occasion, rng: np.random.Generator, draws: int, before: Vector | None, number: int) -> Matrix:
+def _draw(occasion: Occasion, rng: np.random.Generator, draws: int, before: Vector | None, number: int) -> Matrix:
     """Draw marginal variances s² and coefficients φ (draws, 2) by Algorithm 3 of Balamuta et al. (see `Sampled`).
 
     The condition of a draw is `occasion.first` plus `number`, the number of earlier Markov terms. φ₋ (`before`) is the
@@ -287,8 +269,8 @@ class AR1(_Markov):
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """Draw σ² and φ (draws, 2) as described at `_drawn`."""
-        drawn = _drawn(occasion, rng, draws=draws, before=before[-1][:, 0] if before else None, number=len(before))
+        """Draw σ² and φ (draws, 2) as described at `_draw`."""
+        drawn = _draw(occasion, rng, draws=draws, before=before[-1][:, 0] if before else None, number=len(before))
         return np.column_stack([drawn[:, 0] * (1.0 - drawn[:, 1] ** 2), drawn[:, 1]])
 
     def _pole(self, rate: float) -> tuple[float, float, float]:
@@ -367,7 +349,7 @@ class GM(_Markov):
     @classmethod
     def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:
         """Return one search branch, from a random walk (small β) to white noise (large β)."""
-        along = _Coordinate(SEARCH_BEND / samples, least=1e-8)
+        along = _DecayCoordinate(SEARCH_BEND / samples, least=1e-8)
         return (
             Branch(
                 along.low,
@@ -383,9 +365,9 @@ class GM(_Markov):
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """Draw σ² and φ = e^(−βΔt) as described at `_drawn`, and return σ² and β (draws, 2)."""
+        """Draw σ² and φ = e^(−βΔt) as described at `_draw`, and return σ² and β (draws, 2)."""
         phi = np.exp(-before[-1][:, 0] / occasion.rate) if before else None
-        drawn = _drawn(occasion, rng, draws=draws, before=phi, number=len(before))
+        drawn = _draw(occasion, rng, draws=draws, before=phi, number=len(before))
         # φ = 0 is white noise, for which β would be infinite.
         decay = np.minimum(exponential.log_decay(drawn[:, 1]), SEARCH_HIGH)
         return np.column_stack([drawn[:, 0], occasion.rate * decay])
@@ -405,10 +387,8 @@ class GM(_Markov):
 
 
 def _bias(s2: float, beta: float, time: dict[str, float], walk: dict[str, float]) -> tuple[Physical, ...]:
-    """Return the correlation time T_c and the driving noise density q_c, with their derivatives `time` and `walk`.
-
-    For τ ≪ T_c the process acts as a random walk with K = q_c.
-    """
+    """Return the correlation time T_c and the driving noise density q_c, with their derivatives `time` and `walk`. For
+    τ ≪ T_c the process acts as a random walk with K = q_c."""
     return (
         Physical("T_c", "correlation time", 1.0 / beta, 1.0, signal_power=0, slopes=time),
         Physical("q_c", "driving noise density", math.sqrt(2.0 * beta * s2), -0.5, slopes=walk),

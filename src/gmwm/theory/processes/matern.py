@@ -21,19 +21,14 @@ from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.ladder import SMOOTHEST
 from gmwm.theory.processes.ladder import matern as ladder
 from gmwm.theory.processes.parameter import Parameter, Value
-from gmwm.theory.processes.short_memory import LONGEST, NEGLIGIBLE, ShortMemory, trimmed
+from gmwm.theory.processes.short_memory import LONGEST, NEGLIGIBLE, ShortMemory, trim
 from gmwm.theory.processes.validation import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace
 
-_MANY = 4096
-"""Smallest number of lags for which the correlation is interpolated, because this is then faster. Interpolation does
-not change the result: tests/processes/test_matern.py, test_many_lags_are_interpolated_to_all_digits."""
 _ONE_BY_ONE = 64
 """Number of lags that are computed individually, before the first octave of interpolated lags."""
 _SHORT = 512
 """Largest length (samples) of paths that are simulated with a square root of their covariance matrix."""
-_GONE = 1e-18
-"""Correlations below this value are treated as zero; it is below the rounding error of 1."""
 _LONGEST = 2**24
 """Largest half period of a circulant embedding (samples): 2^24 doubles take 128 MB."""
 
@@ -85,20 +80,18 @@ class MAT(Process):
     nu: Value = None
     sigma2: Value = None
 
-    # --- the shape --------------------------------------------------------------------------------------
-
     @classmethod
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
         """Compute the derivatives (n, J, 2) of the wavelet variances with respect to β and ν, for σ² = 1."""
-        wanted, rows = as_levels(levels), []
-        sums = smooth_autocovariance.sums(filter, int(wanted[-1]))
+        numbers, rows = as_levels(levels), []
+        sums = smooth_autocovariance.sums(filter, int(numbers[-1]))
         for beta, nu in np.asarray(nonlinear, dtype=np.float64):
             at = matern(sums.places * (beta / rate), nu)
-            slopes, _ = sums.variance(-np.stack([at.by_distance, at.by_smoothness]), wanted)
+            slopes, _ = sums.variance(-np.stack([at.by_distance, at.by_smoothness]), numbers)
             rows.append(slopes.T / [beta, 1.0])
-        return np.array(rows).reshape(-1, wanted.size, 2)
+        return np.array(rows).reshape(-1, numbers.size, 2)
 
     def _variance_under(self, filter: WaveletFilter, levels: NDArray[np.int64], rate: float) -> Vector:
         sums = smooth_autocovariance.sums(filter, int(levels[-1]))
@@ -125,8 +118,6 @@ class MAT(Process):
         smoothness = cls.parameters[1].coordinate(np.array([0.1, 3.0]))
         return np.array([[math.log(rate / samples), math.log(rate)], smoothness])
 
-    # --- theory -----------------------------------------------------------------------------------------
-
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
         """Compute the autocovariance r(k) = σ² M(βkΔt), where M is the Matérn correlation."""
         return self._at_lags("correlation", lags, rate)
@@ -145,15 +136,15 @@ class MAT(Process):
 
     def memory(self, rate: float) -> int | None:
         """Return the lag at which the autocovariance becomes negligible; None if this lag is too large."""
-        known = _short_memory(self.value("beta") / rate, self.value("nu"))
-        return None if known is None else known.lags
+        tail = _short_memory(self.value("beta") / rate, self.value("nu"))
+        return None if tail is None else tail.lags
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
         """Compute the covariances (n,) of Haar wavelet coefficients (u²) from a table of the autocovariance."""
-        known = _short_memory(self.value("beta") / rate, self.value("nu"))
-        if known is None:
+        tail = _short_memory(self.value("beta") / rate, self.value("nu"))
+        if tail is None:
             raise self.missing("coefficient_covariance")
-        return self.scale * known.coefficient_covariance(at)
+        return self.scale * tail.coefficient_covariance(at)
 
     def exponential_sum(self, rate: float) -> ExponentialSum | None:
         """Return the table of the autocovariance; None if it is too long."""
@@ -181,8 +172,8 @@ class MAT(Process):
             first[:, h.size :],
         ])  # fmt: skip
         values, sizes = np.sum(terms, axis=0), np.sum(np.abs(terms), axis=0)
-        found = np.where(sizes[0] < sizes[1], values[0], values[1]) / h**2
-        return np.asarray(self.scale * found.reshape(n.shape))
+        result = np.where(sizes[0] < sizes[1], values[0], values[1]) / h**2
+        return np.asarray(self.scale * result.reshape(n.shape))
 
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
@@ -225,13 +216,11 @@ class MAT(Process):
         if nu > SMOOTHEST:
             raise MissingTheoryError(
                 f"{self.name} has a state space for a smoothness ν of at most {SMOOTHEST:g}; got {nu:g}",
-                advice="Use a smaller `nu`, or fit the wavelet variance.",
-                theory="state_space",
-                process=self.name,
-            )
-        one = ladder(self.value("beta") / rate, nu)
+                advice="Use a smaller `nu`, or fit the wavelet variance.", theory="state_space", process=self.name,
+            )  # fmt: skip
+        space = ladder(self.value("beta") / rate, nu)
         return ContinuousStateSpace(
-            A=rate * one.A, Qc=size * rate * one.Qc, H=one.H, Rc=size * one.Rc / rate, P0=size * one.P0
+            A=rate * space.A, Qc=size * rate * space.Qc, H=space.H, Rc=size * space.Rc / rate, P0=size * space.P0
         )
 
     def correlation_time(self, rate: float) -> float | None:
@@ -251,26 +240,26 @@ class MAT(Process):
                 break
         return math.exp(log) / beta
 
-    # --- private methods --------------------------------------------------------------------------------
-
     def _at_lags(self, what: str, lags: ArrayLike, rate: float) -> Vector:
         k, rate = np.abs(as_lags(lags)), as_rate(rate)
         beta, nu = self.value("beta"), self.value("nu")
-        if k.size < _MANY:
-            found = getattr(matern(k.ravel() * (beta / rate), nu), what)
+        # Smallest number of lags for which the correlation is interpolated, because this is then faster. Interpolation
+        # does not change the result: tests/processes/test_matern.py, test_many_lags_are_interpolated_to_all_digits.
+        if k.size < 4096:
+            values = getattr(matern(k.ravel() * (beta / rate), nu), what)
         else:
             longest = int(k.max())
             places = smooth_autocovariance.spread_places(_ONE_BY_ONE, max(longest // _ONE_BY_ONE, 1).bit_length())
-            found = smooth_autocovariance.spread(
+            values = smooth_autocovariance.spread(
                 getattr(matern(places * (beta / rate), nu), what), k.ravel(), _ONE_BY_ONE
             )
-        return np.asarray(self.scale * found.reshape(k.shape))
+        return np.asarray(self.scale * values.reshape(k.shape))
 
     def _root(self, n: int, rate: float) -> Matrix:
         """Return R such that RᵀR is the correlation matrix of n samples."""
         t = np.arange(n, dtype=np.float64)
-        known = matern(t * (self.value("beta") / rate), self.value("nu")).correlation
-        values, vectors = np.linalg.eigh(known[np.abs(np.subtract.outer(np.arange(n), np.arange(n)))])
+        correlations = matern(t * (self.value("beta") / rate), self.value("nu")).correlation
+        values, vectors = np.linalg.eigh(correlations[np.abs(np.subtract.outer(np.arange(n), np.arange(n)))])
         return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
 
     def _amplitudes(self, n: int, rate: float) -> Vector:
@@ -278,7 +267,8 @@ class MAT(Process):
         beta, nu, half = self.value("beta"), self.value("nu"), circulant_embedding.half_period(n)
         if nu > 0.5:
             far = np.arange(8.0, 400.0, dtype=np.float64)
-            reach = far[np.argmax(matern(far, nu).correlation < _GONE)] * rate / beta
+            # Correlations below this value are treated as zero; it is below the rounding error of 1.
+            reach = far[np.argmax(matern(far, nu).correlation < 1e-18)] * rate / beta
             half = max(half, circulant_embedding.half_period(math.ceil(min(reach, 2.0 * _LONGEST))))
         if half > _LONGEST:
             raise MissingTheoryError(
@@ -297,5 +287,5 @@ def _short_memory(unit: float, nu: float) -> ShortMemory | None:
     if matern(np.array([LONGEST * unit]), nu).correlation[0] > NEGLIGIBLE:
         return None
     lags = np.arange(math.ceil((50.0 + 5.0 * nu) / unit) + 1, dtype=np.float64)
-    found = trimmed(matern(lags * unit, nu).correlation)
-    return None if found is None else ShortMemory(found)
+    table = trim(matern(lags * unit, nu).correlation)
+    return None if table is None else ShortMemory(table)

@@ -4,29 +4,159 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations, groupby
-from typing import Any
+from itertools import groupby
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.base.documents import write_as_text
 from gmwm.base.errors import ModelError
 from gmwm.recording.signals import Signal
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.kalman_methods import KalmanMethods
 from gmwm.theory.processes.parameter import Value
-from gmwm.theory.processes.validation import as_paths, as_rng, shape_of_paths
+from gmwm.theory.processes.validation import as_paths, as_rng, require_distinct_terms, shape_of_paths
 from gmwm.theory.statespace import StateSpace
 
+if TYPE_CHECKING:
+    from gmwm.fitting.likelihood import Residuals, Tracks
+    from gmwm.fitting.likelihood.tracks import Modelled
+
 MOST_TERMS = 100
-"""Largest number of terms of a model. A wavelet variance has at most 62 levels, so more terms can never be
-estimated."""
+"""Largest number of terms; a wavelet variance has at most 62 levels, so more can never be estimated."""
+
+
+class KalmanMethods:
+    """Methods that apply a model with values to a recording; `Model`, `Fit` and `LikelihoodFit` inherit from it."""
+
+    @property
+    def _modelled(self) -> Modelled:
+        """The object itself, with its type for `gmwm.likelihood`."""
+        return cast("Modelled", self)
+
+    def kalman_filter(
+        self, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None
+    ) -> Tracks:
+        """Estimate the latent processes at each sample from this and all earlier samples, as a real-time filter does.
+
+        Parameters
+        ----------
+        data : Signal or (N,) array
+            The recording. Gaps of a signal are missing samples; in an array, NaN marks a missing sample.
+        rate : float, optional
+            Sampling rate (Hz). A model needs it with an array; a fit knows it.
+        mean : float, optional
+            Mean of the recording, in its unit, if it is known; unknown by default.
+
+        Returns
+        -------
+        Tracks
+            Mean and standard deviation of each latent process at each sample.
+
+        Raises
+        ------
+        ModelError
+            If a parameter has no value, or the model predicts a sample without error.
+        MissingTheoryError
+            If a term has no state-space form.
+        DataError, OptionError
+            If the data, the rate or the mean is invalid.
+
+        Examples
+        --------
+        >>> from gmwm import RW, WN
+        >>> model = WN(sigma2=1.0) + RW(gamma2=1e-4)
+        >>> tracks = model.kalman_filter(model.simulate(1000, 100.0, rng=1), rate=100.0)
+        >>> tracks.labels
+        ('WN', 'RW', 'bias')
+        """
+        from gmwm.fitting.likelihood import filter_tracks
+
+        return filter_tracks(self._modelled, data, rate, mean=mean)
+
+    def smooth(self, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None) -> Tracks:
+        """Estimate the latent processes at each sample from the whole recording, by the fixed-interval smoother.
+
+        The parameters, the result and the errors are those of `kalman_filter`: `data`, `rate` and `mean`.
+
+        References
+        ----------
+        Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., section 4.4.
+        """
+        from gmwm.fitting.likelihood import smooth_tracks
+
+        return smooth_tracks(self._modelled, data, rate, mean=mean)
+
+    def predict(
+        self, data: Signal | ArrayLike, steps: int, rate: float | None = None, *, mean: float | None = None
+    ) -> Tracks:
+        """Predict the latent processes after the end of a recording, from all of its samples.
+
+        `data`, `rate` and `mean` are the same as for `kalman_filter`.
+
+        Parameters
+        ----------
+        steps : int
+            Number of samples to predict, from 1 to 10 million.
+
+        Returns
+        -------
+        Tracks
+            Mean and standard deviation of each latent process at the `steps` samples after the recording.
+
+        Raises
+        ------
+        OptionError
+            If `steps` is out of range; the other errors are those of `kalman_filter`.
+
+        Examples
+        --------
+        >>> from gmwm import GM
+        >>> model = 1 * GM(beta=1.0, sigma2=4.0)
+        >>> ahead = model.predict(model.simulate(1000, 100.0, rng=1), 10_000, rate=100.0, mean=0.0)
+        >>> print(f"{ahead.error['GM'][0]:.2f} {ahead.error['GM'][-1]:.2f}")
+        0.28 2.00
+        """
+        from gmwm.fitting.likelihood import predict_tracks
+
+        return predict_tracks(self._modelled, data, steps, rate, mean=mean)
+
+    def residuals(
+        self, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None,
+        estimated: int | None = None,
+    ) -> Residuals:  # fmt: skip
+        """Compute the standardised innovations, which are one-step prediction errors over their standard deviations.
+
+        `data`, `rate` and `mean` are the same as for `kalman_filter`.
+
+        Parameters
+        ----------
+        estimated : int, optional
+            Number of parameters that were estimated from this recording. Each of them reduces the degrees of freedom of
+            the Ljung-Box test by one. The default is 0 for a model; for a fit it follows from the information matrix.
+
+        Returns
+        -------
+        Residuals
+            The innovations, with tests of whiteness and of normality. They are white and Gaussian with variance 1 if
+            the model is correct.
+
+        Examples
+        --------
+        >>> from gmwm import RW, WN, fit_ml
+        >>> x = (WN(sigma2=1.0) + RW(gamma2=1e-4)).simulate(5_000, 100.0, rng=1)
+        >>> fit_ml(WN() + RW(), x, rate=100.0).residuals(x).ljung_box().p_value > 0.01
+        True
+        """
+        from gmwm.fitting.likelihood import residuals
+
+        return residuals(self._modelled, data, rate, mean=mean, estimated=estimated)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -39,8 +169,9 @@ class Model(KalmanMethods):
 
     The methods share their arguments with `Process`: `rate` in Hz; `levels`, their number J or an ascending list;
     `lags` (samples); `frequencies` (Hz); `filter`, a name or a `WaveletFilter`; `n` and `paths`, the number of samples
-    and of sample paths; `rng`, a NumPy Generator or a seed. A method raises `MissingTheoryError` if a term does not
-    define the theory; check with `has`.
+    and of sample paths; `rng`, a NumPy Generator or a seed. A method raises `ModelError` if a parameter has no
+    value, `MissingTheoryError` if a term does not define the theory (check with `has`), and `OptionError` if an
+    argument is invalid.
 
     Parameters
     ----------
@@ -70,20 +201,15 @@ class Model(KalmanMethods):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "processes", tuple(self.processes))
-        given: tuple[object, ...] = self.processes
-        for process in given:
-            if not isinstance(process, Process):
-                raise _no_model(process, "every term of a model must be a process, such as GM()", "processes")
-        if not self.processes:
-            raise ModelError("a model needs at least one process; got none", got=self.processes, argument="processes")
-        if len(self.processes) > MOST_TERMS:
-            raise ModelError(
-                f"a model has at most {MOST_TERMS} terms; got {len(self.processes)}",
-                got=len(self.processes),
-                argument="processes",
-            )
-        _check_repeats(self.processes)
-        _check_parametrisations(self.processes)
+        terms: tuple[object, ...] = self.processes
+        for term in terms:
+            if not isinstance(term, Process):
+                raise _no_model(term, "every term of a model must be a process, such as GM()", "processes")
+        if not terms:
+            raise ModelError("a model needs at least one process; got none", got=terms, argument="processes")
+        if (count := len(terms)) > MOST_TERMS:
+            raise ModelError(f"a model has at most {MOST_TERMS} terms; got {count}", got=count, argument="processes")
+        require_distinct_terms(self.processes)
 
     @classmethod
     def parse(cls, text: str) -> Model:
@@ -96,10 +222,6 @@ class Model(KalmanMethods):
             them by name or in the order of the parameters: `AR1(phi=0.9)`, `AR1(0.9, 0.1)`. Write `fixed(0.1)` for a
             value that is not estimated. Orders come first: `ARMA(2, 1)`.
 
-        Returns
-        -------
-        Model
-
         Raises
         ------
         ModelError
@@ -107,16 +229,12 @@ class Model(KalmanMethods):
 
         Examples
         --------
-        >>> Model.parse("2*GM + WN(sigma2=fixed(1e-6))")
-        Model('2*GM + WN(sigma2=fixed(1e-06))')
         >>> Model.parse("AR1(0.9, 0.1)")
         Model('AR1(phi=0.9, sigma2=0.1)')
         """
         from gmwm.theory.processes.parse import parse_model
 
         return parse_model(text)
-
-    # --- parameters -----------------------------------------------------------------------------------
 
     @cached_property
     def terms(self) -> tuple[str, ...]:
@@ -130,12 +248,12 @@ class Model(KalmanMethods):
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Labels of all parameters, such as "GM[1].beta" and "WN.sigma2", in the order of the terms."""
-        return tuple(f"{t}.{p.name}" for t, process in self._labelled() for p in process.parameters)
+        return tuple(f"{t}.{p.name}" for t, process in self._by_label() for p in process.parameters)
 
     @property
     def parameters(self) -> dict[str, float | None]:
         """Value of each parameter by label; None if it is to be estimated."""
-        return {f"{t}.{k}": v for t, process in self._labelled() for k, v in process.values.items()}
+        return {f"{t}.{k}": v for t, process in self._by_label() for k, v in process.values.items()}
 
     @property
     def structure(self) -> str:
@@ -148,13 +266,13 @@ class Model(KalmanMethods):
         >>> Model.parse("GM + RW").units("rad/s")
         {'GM.beta': '1/s', 'GM.sigma2': '(rad/s)²', 'RW.gamma2': '(rad/s)² per sample'}
         """
-        return {f"{t}.{p.name}": p.unit(signal_unit) for t, process in self._labelled() for p in process.parameters}
+        return {f"{t}.{p.name}": p.unit(signal_unit) for t, process in self._by_label() for p in process.parameters}
 
     @cached_property
     def fixed_names(self) -> frozenset[str]:
         """Labels of the fixed parameters."""
         return frozenset(
-            f"{t}.{p.name}" for t, process in self._labelled() for p in process.parameters if process.is_fixed(p.name)
+            f"{t}.{p.name}" for t, process in self._by_label() for p in process.parameters if process.is_fixed(p.name)
         )
 
     @property
@@ -181,7 +299,7 @@ class Model(KalmanMethods):
                 process.with_values(
                     **{p.name: values[f"{t}.{p.name}"] for p in process.parameters if f"{t}.{p.name}" in values}
                 )
-                for t, process in self._labelled()
+                for t, process in self._by_label()
             )
         )
 
@@ -195,34 +313,9 @@ class Model(KalmanMethods):
         same = all(process is other for process, other in zip(ordered, self.processes, strict=True))
         return self if same else Model(tuple(ordered))
 
-    # --- theory ---------------------------------------------------------------------------------------
-
     def wavelet_variance(self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR) -> Vector:
-        """Compute the theoretical wavelet variance ν_j² of the sum for a wavelet filter.
+        """Compute the wavelet variance ν_j² (J,) of the sum in u², at scales of 2^j samples.
 
-        Parameters
-        ----------
-        levels : int or (J,) ascending ints
-            Levels j, with scales of 2^j samples; a number J means 1 … J.
-        rate : float
-            Sampling rate (Hz).
-        filter : str or WaveletFilter
-            Wavelet filter, see `gmwm.filters.find_filter`.
-
-        Returns
-        -------
-        (J,) array
-            Wavelet variance, in u² for a signal in the unit u.
-
-        Raises
-        ------
-        ModelError
-            If a parameter has no value.
-        OptionError
-            If the levels are not ascending integers from 1, the rate is not positive, or the filter is unknown.
-
-        Examples
-        --------
         >>> from gmwm.processes import RW, WN
         >>> (WN(sigma2=4.0) + RW(gamma2=1.0)).wavelet_variance(3, rate=100.0, filter="d4").round(4)
         array([2.1875, 1.2637, 0.9849])
@@ -240,22 +333,22 @@ class Model(KalmanMethods):
         {'WN': array([2. , 1. , 0.5]), 'RW': array([0.25  , 0.375 , 0.6875])}
         """
         self._require_complete("decomposition")
-        return {t: process.wavelet_variance(levels, rate, filter) for t, process in self._labelled()}
+        return {t: process.wavelet_variance(levels, rate, filter) for t, process in self._by_label()}
 
     def jacobian(self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR) -> Matrix:
         """Compute the derivatives ∂ν_j²/∂θ (J, p) with respect to the p parameters, in the order of `names`."""
         self._require_complete("Jacobian")
-        wanted, rate, wavelet, columns = as_levels(levels), as_rate(rate), find_filter(filter), []
+        numbers, rate, wavelet, columns = as_levels(levels), as_rate(rate), find_filter(filter), []
         for process in self.processes:
             theta = process.nonlinear.reshape(1, -1)
-            slopes = iter((process.scale * process.shape_jacobian(theta, wanted, rate, wavelet)[0]).T)
+            slopes = iter((process.scale * process.shape_jacobian(theta, numbers, rate, wavelet)[0]).T)
             for parameter in process.parameters:
                 if (power := parameter.scale_power) is None:
                     columns.append(next(slopes))
                 else:
                     # power − 1 = 0 must give 1 for a value of 0 too, as 0**0 does.
                     factor = power * process.value(parameter.name) ** (power - 1)
-                    columns.append(factor * process.shape(theta, wanted, rate, wavelet)[0])
+                    columns.append(factor * process.shape(theta, numbers, rate, wavelet)[0])
         return np.column_stack(columns)
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
@@ -301,7 +394,7 @@ class Model(KalmanMethods):
         """Return, for each state of `state_space`, the label of the term to which it belongs; white noise has no
         state."""
         self._require("state_space")
-        return tuple(t for t, process in self._labelled() for _ in range(process.state_space(rate).states))
+        return tuple(t for t, process in self._by_label() for _ in range(process.state_space(rate).states))
 
     def continuous(self, rate: float) -> ContinuousStateSpace:
         """Return the state space of the sum in continuous time, in which each term has its own states.
@@ -313,13 +406,11 @@ class Model(KalmanMethods):
         ('QN',)
         """
         self._require("state_space")
-        return ContinuousStateSpace.sum({t: process.continuous(rate) for t, process in self._labelled()})
+        return ContinuousStateSpace.sum({t: process.continuous(rate) for t, process in self._by_label()})
 
     def has(self, theory: str) -> bool:
         """Return whether every term defines this theory; see `Process.has`."""
         return all(p.has(theory) for p in self.processes)
-
-    # --- likelihood; `KalmanMethods` has the other methods that use the Kalman filter ----------------------
 
     def loglikelihood(self, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None) -> float:
         """Compute the exact Gaussian log-likelihood of a recording, by the Kalman filter.
@@ -329,28 +420,7 @@ class Model(KalmanMethods):
         v_t are the innovations and S_t their variances. Unknown levels (the mean of the recording and the initial value
         of a random walk) have a flat prior and are integrated out, which equals an exact diffuse initialisation.
 
-        Parameters
-        ----------
-        data : Signal or (N,) array
-            The recording. Gaps of a signal are missing samples; in an array, NaN marks a missing sample.
-        rate : float, optional
-            Sampling rate (Hz), required if `data` is an array.
-        mean : float, optional
-            Mean of the recording, in its unit, if it is known; unknown by default.
-
-        Returns
-        -------
-        float
-            Natural logarithm of the joint density of the samples that are not missing.
-
-        Raises
-        ------
-        ModelError
-            If a parameter has no value, or the model predicts a sample without error.
-        MissingTheoryError
-            If a term has no state-space form.
-        DataError, OptionError
-            If the data, the rate or the mean is invalid.
+        `data`, `rate`, `mean` and the errors are the same as for `kalman_filter`.
 
         References
         ----------
@@ -364,57 +434,26 @@ class Model(KalmanMethods):
         >>> bool(np.isclose(Model((WN(sigma2=1.0),)).loglikelihood(x, 100.0, mean=0.0), reference, rtol=1e-13))
         True
         """
-        from gmwm.fitting.likelihood.estimator import loglikelihood
+        from gmwm.fitting.likelihood import loglikelihood
 
         return loglikelihood(self, data, rate, mean=mean)
-
-    # --- simulation -----------------------------------------------------------------------------------
 
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """Simulate Gaussian sample paths of the sum; stationary terms start in their stationary distribution.
+        """Simulate Gaussian sample paths of the sum, an array (n,), or (paths, n) if `paths` is given.
 
-        Parameters
-        ----------
-        n : int
-            Number of samples.
-        rate : float
-            Sampling rate (Hz).
-        rng : numpy.random.Generator or int
-            Random number generator, or its seed.
-        paths : int or None
-            Number of paths; None for a single path of shape (n,).
+        Stationary terms start in their stationary distribution.
 
-        Returns
-        -------
-        (n,) or (paths, n) array
-            Sample paths, in the unit u of the signal.
-
-        Raises
-        ------
-        ModelError
-            If a parameter has no value.
-        MissingTheoryError
-            If a term cannot be simulated.
-        OptionError
-            If n or paths is not a positive integer, the rate is not positive, or rng is neither a generator nor a seed.
-
-        Examples
-        --------
         >>> model = Model.parse("WN(sigma2=4) + RW(gamma2=1)")
-        >>> model.simulate(1000, rate=100.0, rng=1).shape
-        (1000,)
         >>> model.simulate(1000, rate=100.0, rng=1, paths=3).shape
         (3, 1000)
         """
-        self._require("simulate")
-        as_paths(n, paths)
-        generator, rate, by_label = as_rng(rng), as_rate(rate), dict(self._labelled())
+        terms = self._paths(n, rate, rng, paths)
         total = np.zeros(shape_of_paths(n, paths))
         # Terms are added in the order of drawing, so that rounding does not depend on the order of the terms.
-        for label in self.drawing_order():
-            total += by_label[label].simulate(n, rate, generator, paths)
+        for _, path in terms:
+            total += path
         return total
 
     def simulate_terms(
@@ -427,15 +466,20 @@ class Model(KalmanMethods):
         >>> {label: path.shape for label, path in terms.items()}
         {'WN': (1000,), 'RW': (1000,)}
         """
+        by_label = dict(self._paths(n, rate, rng, paths))
+        return {label: by_label[label] for label in self.terms}
+
+    def _paths(
+        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None
+    ) -> Iterator[tuple[str, NDArray[np.float64]]]:
         self._require("simulate")
         as_paths(n, paths)
-        generator, rate, by_label = as_rng(rng), as_rate(rate), dict(self._labelled())
-        drawn = {label: by_label[label].simulate(n, rate, generator, paths) for label in self.drawing_order()}
-        return {label: drawn[label] for label in self.terms}
+        generator, rate, by_label = as_rng(rng), as_rate(rate), dict(self._by_label())
+        return ((t, by_label[t].simulate(n, rate, generator, paths)) for t in self.drawing_order())
 
     def drawing_order(self) -> list[str]:
         """Return the labels in the order in which `simulate` draws the terms, sorted by the text of each term."""
-        return [label for _, label in sorted((str(p), t) for t, p in self._labelled())]
+        return [label for _, label in sorted((str(p), t) for t, p in self._by_label())]
 
     # --- algebra and text -----------------------------------------------------------------------------
 
@@ -464,19 +508,17 @@ class Model(KalmanMethods):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Model):
             return NotImplemented
-        return self._counted == other._counted
+        return self._multiset == other._multiset
 
     def __hash__(self) -> int:
-        return hash(frozenset(self._counted.items()))
+        return hash(frozenset(self._multiset.items()))
 
     @cached_property
-    def _counted(self) -> Counter[Process]:
-        """Number of occurrences of each process."""
+    def _multiset(self) -> Counter[Process]:
         return Counter(self.processes)
 
     @cached_property
     def _written(self) -> str:
-        """Text of the model with its values."""
         return _text(str(p) for p in self.processes)
 
     def __str__(self) -> str:
@@ -485,9 +527,7 @@ class Model(KalmanMethods):
     def __repr__(self) -> str:
         return f"Model({str(self)!r})"
 
-    # --- private methods ------------------------------------------------------------------------------
-
-    def _labelled(self) -> list[tuple[str, Process]]:
+    def _by_label(self) -> list[tuple[str, Process]]:
         return list(zip(self.terms, self.processes, strict=True))
 
     def _sum(self, theory: str, of: Callable[[Process], Vector]) -> Vector:
@@ -498,11 +538,11 @@ class Model(KalmanMethods):
         self._require_complete(theory.replace("_", " "))
         lacking = [p for p in self.processes if not p.has(theory)]
         if lacking:
-            rest = [str(p) for p in self.processes if p not in lacking]
+            others = [str(p) for p in self.processes if p not in lacking]
             error = lacking[0].missing(theory)
-            if rest:
+            if others:
                 error.advice += " All other terms define it: use `{rest}`."
-                error.facts["rest"] = " + ".join(rest)
+                error.facts["rest"] = " + ".join(others)
             raise error
 
     def _require_complete(self, what: str) -> None:
@@ -514,6 +554,8 @@ class Model(KalmanMethods):
                 missing=tuple(missing),
             )
 
+
+write_as_text(Model, Model.parse)
 
 ModelLike = Model | Process | str
 """Types that are accepted as a model."""
@@ -539,52 +581,6 @@ def _no_model(got: object, message: str, argument: str) -> ModelError:
     if isinstance(got, type) and issubclass(got, Process):
         return ModelError(message, argument=argument, got=got, advice="Write `{term}`.", term=f"{got.name}()")
     return ModelError(message, argument=argument, got=got)
-
-
-def _check_repeats(processes: tuple[Process, ...]) -> None:
-    counts = Counter(p.name for p in processes)
-    if len(counts) == len(processes):
-        return
-    for name, count in counts.items():
-        process = next(p for p in processes if p.name == name)
-        if count > 1 and not process.repeatable:
-            raise ModelError(
-                f"{name} cannot be repeated {count} times, because no data can distinguish the terms",
-                argument="processes",
-                got=name,
-                advice="Write `{instead}` once.",
-                instead=process.instead_of_repeats(count),
-                count=count,
-            )
-    fixed = [p for p in processes if all(p.is_fixed(q.name) for q in p.nonlinear_parameters())]
-    for a, b in combinations(fixed, 2):
-        if type(a) is type(b) and _hold_the_same_shape(a, b):
-            held = ", ".join(f"{p.name}={getattr(a, p.name)}" for p in a.nonlinear_parameters())
-            raise ModelError(
-                f"two terms {a.name} are both fixed at {held}, so that no data can distinguish them",
-                advice="Fix them at different values, fix one of them only, or fix their variances too.",
-                name=a.name,
-            )
-
-
-def _hold_the_same_shape(a: Process, b: Process) -> bool:
-    shapes = [p.name for p in a.nonlinear_parameters()]
-    scale = a.scale_parameter().name
-    held = all(getattr(a, name) == getattr(b, name) for name in shapes)
-    return held and not (a.is_fixed(scale) and b.is_fixed(scale))
-
-
-def _check_parametrisations(processes: tuple[Process, ...]) -> None:
-    chosen: dict[str, str] = {}
-    for process in processes:
-        if process.parametrises is not None and chosen.setdefault(process.parametrises, process.name) != process.name:
-            first = chosen[process.parametrises]
-            raise ModelError(
-                f"{first} and {process.name} are two parametrisations of one process ({process.parametrises})",
-                advice="Write all such terms as {first}, or all as {second}.",
-                first=first,
-                second=process.name,
-            )
 
 
 def _text(terms: Iterable[str]) -> str:

@@ -1,29 +1,4 @@
-"""White noise and quantization noise.
-
-How to add a process
---------------------
-Write a class like `WN` below, in this file or in a new one. Import it in `processes/__init__.py`; the order there is
-the order in which processes are listed. The class is a complete process with these members:
-
-1. `name`, `title` and `parameters`, and one dataclass field for each parameter. Exactly one parameter has a
-   `scale_power`: it scales the wavelet variance. `parameter.py` describes all properties of a parameter, and
-   `markov.py` has an example of a parameter that changes the shape. Read a value with `self.value("beta")`.
-2. One of the following methods, from which the base class derives the rest:
-
-   - `state_space` gives all theory, at every level;
-   - `autocovariance` gives all theory except a state space;
-   - `running_sum_covariance` gives the wavelet variance and its covariance;
-   - `shape` gives the wavelet variance only.
-
-3. `correlation_time` and `physical`, if the parameters correspond to quantities of a datasheet.
-
-The parser, the command line and the tests in `tests/laws` find the class by themselves. Run `pytest tests/laws` to test
-it. The docstring of `Process` in `base.py` has an example of ten lines.
-
-Override another method only if a closed form is more accurate or faster than the default of `base.py`. The tests in
-`tests/laws` compare each override with the default. For small x compute 1 − e^(−x) as −expm1(−x), which does not lose
-digits. Define `search` if the shape has one parameter, so that the global optimality of a fit can be proven.
-"""
+"""White noise and quantization noise. docs/howto/add-a-process.md explains how to add a process."""
 
 from __future__ import annotations
 
@@ -208,10 +183,7 @@ class QN(Process):
         """Return the state space with the states e_t and e_{t−1}, in which e_t is treated as Gaussian."""
         q2 = self.scale
         return StateSpace(
-            F=[[0.0, 0.0], [1.0, 0.0]],
-            Q=[[q2, 0.0], [0.0, 0.0]],
-            H=[1.0, -1.0],
-            P0=[[q2, 0.0], [0.0, q2]],
+            F=[[0.0, 0.0], [1.0, 0.0]], Q=[[q2, 0.0], [0.0, 0.0]], H=[1.0, -1.0], P0=[[q2, 0.0], [0.0, q2]]
         )
 
     def simulate(

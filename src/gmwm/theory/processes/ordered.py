@@ -49,18 +49,10 @@ def find_class(name: str) -> type[Process] | None:
 
 
 @dataclass(frozen=True)
-class Coefficients:
-    """Coefficients of one polynomial, which are numbered from 1, such as phi1, phi2, ….
-
-    Parameters
-    ----------
-    name, symbol : str
-        Name and symbol of a coefficient without its number, such as "phi" and "φ".
-    order : str
-        Name of the order, which is the number of coefficients, such as "p".
-    description : str
-        Description of one coefficient.
-    """
+class Polynomial:
+    """Coefficients of one polynomial, which are numbered from 1, such as phi1, phi2, …. `name`, `symbol`: name and
+    symbol of a coefficient without its number, such as "phi" and "φ". `order`: name of the order, which is the number
+    of coefficients, such as "p". `description`: description of one coefficient."""
 
     name: str
     symbol: str
@@ -84,13 +76,11 @@ class Coefficients:
 
 
 class Ordered(Process, abstract=True):
-    """Process with orders. A subclass defines the polynomials and the theory for all orders.
+    """Process with orders. A subclass defines the polynomials and the theory for all orders. Create an instance from
+    its orders, `AR(2)`, to estimate all parameters, or `AR(2, phi1=1.4, sigma2=fixed(1.0))`. Alternatively, give the
+    coefficients: `AR(phi=[1.4, -0.6], sigma2=1.0)`. All three are instances of `AR.of(2)`."""
 
-    Create an instance from its orders, `AR(2)`, to estimate all parameters, or `AR(2, phi1=1.4, sigma2=fixed(1.0))`.
-    Alternatively, give the coefficients: `AR(phi=[1.4, -0.6], sigma2=1.0)`. All three are instances of `AR.of(2)`.
-    """
-
-    polynomials: ClassVar[tuple[Coefficients, ...]]
+    polynomials: ClassVar[tuple[Polynomial, ...]]
     """The polynomials, in the order of the arguments."""
     period_name: ClassVar[str | None] = None
     """Name of the period, which is the last order; None for a process without a period."""
@@ -110,8 +100,6 @@ class Ordered(Process, abstract=True):
             cls.order_class, cls.parameters, cls._made = cls, (), {}
             ordered_classes[cls.name] = cls
 
-    # --- classes of the orders ------------------------------------------------------------------------
-
     @classmethod
     def order_names(cls) -> tuple[str, ...]:
         """Return the names of the orders, such as ("p", "q"), in the order of the arguments."""
@@ -125,13 +113,8 @@ class Ordered(Process, abstract=True):
 
     @classmethod
     def of(cls, *orders: int) -> type[Self]:
-        """Return the class of these orders.
-
-        Raises
-        ------
-        ModelError
-            If an order is missing, negative or too large, or all orders are zero.
-        """
+        """Return the class of these orders. Raises ModelError if an order is missing, negative or too large, or all
+        orders are zero."""
         ordered = cls.order_class
         key = ordered._checked_orders(orders)
         if key not in ordered._made:
@@ -140,31 +123,29 @@ class Ordered(Process, abstract=True):
 
     @classmethod
     def _checked_orders(cls, orders: Iterable[object]) -> tuple[int, ...]:
-        given, names = tuple(orders), cls.order_names()
-        if len(given) != len(names):
+        values, names = tuple(orders), cls.order_names()
+        if len(values) != len(names):
             first = cls.polynomials[0].name
             raise ModelError(
                 f"{cls.name} needs its orders, {cls.written()}, or its coefficients, {first}=[…]; "
-                f"got {len(given)} orders",
-                got=given,
+                f"got {len(values)} orders",
+                got=values,
                 argument="orders",
             )
-        for name, order in zip(names, given, strict=True):
+        for name, order in zip(names, values, strict=True):
             least = 2 if name == cls.period_name else 0
             if isinstance(order, bool) or not isinstance(order, (int, np.integer)) or order < least:
                 message = f"{name} of {cls.written()} must be a whole number from {least}; got {order!r}"
                 raise ModelError(message, argument=name, got=order)
-        whole = tuple(int(order) for order in given)  # type: ignore[call-overload]
-        reach = cls.lags(whole)
+        numbers = tuple(int(order) for order in values)  # type: ignore[call-overload]
+        reach = cls.lags(numbers)
         if reach > MOST_LAGS:
             raise ModelError(
-                f"{_name(cls, whole)} reaches back {reach} samples; the maximum is {MOST_LAGS}",
-                got=whole,
-                reach=reach,
-                argument="orders",
-            )
-        cls.check_orders(whole)
-        return whole
+                f"{_name(cls, numbers)} reaches back {reach} samples; the maximum is {MOST_LAGS}", got=numbers,
+                reach=reach, argument="orders",
+            )  # fmt: skip
+        cls.check_orders(numbers)
+        return numbers
 
     @classmethod
     def lags(cls, orders: tuple[int, ...]) -> int:
@@ -183,48 +164,42 @@ class Ordered(Process, abstract=True):
 
         def body(namespace: dict[str, Any]) -> None:
             namespace.update(
-                name=_name(cls, orders),
-                title=f"{cls.title} of order {', '.join(map(str, orders))}",
-                parameters=parameters,
-                orders=orders,
-                __doc__=cls.__doc__,
-                __module__=cls.__module__,
+                name=_name(cls, orders), title=f"{cls.title} of order {', '.join(map(str, orders))}",
+                parameters=parameters, orders=orders, __doc__=cls.__doc__, __module__=cls.__module__,
                 __annotations__={p.name: Value for p in parameters},
                 **dict.fromkeys((p.name for p in parameters), None),
-            )
+            )  # fmt: skip
 
-        made = new_class(_name(cls, orders), (cls,), {"register": False}, body)
-        return dataclass(frozen=True, repr=False, init=False)(made)
-
-    # --- instances ------------------------------------------------------------------------------------
+        kind = new_class(_name(cls, orders), (cls,), {"register": False}, body)
+        return dataclass(frozen=True, repr=False, init=False)(kind)
 
     def __new__(cls, *orders: int, **values: Any) -> Self:
         """Create an instance of the class with these orders, or with the number of coefficients given."""
         if cls.order_class is cls:
-            found = cls.of(*cls._orders_of(orders, values))
+            kind = cls.of(*cls._orders_of(orders, values))
         else:
             if orders and cls._orders_of(orders, values) != cls.orders:
                 raise ModelError(f"{cls.name} has the orders {cls.orders}; got {orders}", got=orders, argument="orders")
-            found = cls
-        return object.__new__(found)
+            kind = cls
+        return object.__new__(kind)
 
     def __init__(self, *orders: int, **values: Value | Sequence[Value]) -> None:
-        given = {name: value for name, value in values.items() if name not in self.order_names()}
+        parameters = {name: value for name, value in values.items() if name not in self.order_names()}
         for polynomial in self.polynomials:
-            if (sequence := given.pop(polynomial.name, None)) is not None:
+            if (sequence := parameters.pop(polynomial.name, None)) is not None:
                 for i, value in enumerate(_sequence(sequence, self, polynomial), 1):
                     name = f"{polynomial.name}{i}"
-                    if name in given:
+                    if name in parameters:
                         raise ModelError(
                             f"{self.name}.{name} is given twice, in {polynomial.name} and by itself", argument=name
                         )
-                    given[name] = value
-        known = [p.name for p in self.parameters]
-        for name in given:
-            if name not in known:
+                    parameters[name] = value
+        names = [p.name for p in self.parameters]
+        for name in parameters:
+            if name not in names:
                 raise self.no_parameter(name)
-        for name in known:
-            object.__setattr__(self, name, given.get(name))
+        for name in names:
+            object.__setattr__(self, name, parameters.get(name))
         self.__post_init__()
 
     def __post_init__(self) -> None:
@@ -245,37 +220,37 @@ class Ordered(Process, abstract=True):
     @classmethod
     def _orders_of(cls, orders: tuple[int, ...], values: Mapping[str, Any]) -> tuple[int, ...]:
         """Return the orders that are given, or the orders that follow from the numbers of coefficients."""
-        given = list(orders)
+        numbers = list(orders)
         if cls.period_name is not None and cls.period_name in values:
-            if len(given) >= len(cls.order_names()):
+            if len(numbers) >= len(cls.order_names()):
                 raise ModelError(f"the {cls.period_name} of {cls.written()} is given twice", argument=cls.period_name)
-            given.append(values[cls.period_name])
+            numbers.append(values[cls.period_name])
         counts = {p.order: len(_sequence(values[p.name], cls, p)) for p in cls.polynomials if _is_given(values, p.name)}
         named = [values[name] for name in cls.order_names() if name in values and name != cls.period_name]
         if named and not orders and not counts:
-            given = [*named, *given]
+            numbers = [*named, *numbers]
         if not counts:
-            return tuple(given)
+            return tuple(numbers)
         if not orders:
-            return (*(counts.get(p.order, 0) for p in cls.polynomials), *given)
-        for polynomial, order in zip(cls.polynomials, given, strict=False):
+            return (*(counts.get(p.order, 0) for p in cls.polynomials), *numbers)
+        for polynomial, order in zip(cls.polynomials, numbers, strict=False):
             if counts.get(polynomial.order, order) != order:
                 raise ModelError(
-                    f"{_name(cls.order_class, tuple(given))} has {polynomial.order} = {order!r}, but "
+                    f"{_name(cls.order_class, tuple(numbers))} has {polynomial.order} = {order!r}, but "
                     f"{polynomial.name} has {counts[polynomial.order]} values",
                     argument=polynomial.order,
                     got=order,
                     advice="Give either orders or coefficients.",
                 )
-        return tuple(given)
+        return tuple(numbers)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _again, (self.order_class, self.orders, {p.name: getattr(self, p.name) for p in self.parameters})
 
     def __str__(self) -> str:
-        given = [f"{p.name}={v!r}" for p in self.parameters if (v := getattr(self, p.name)) is not None]
+        values = [f"{p.name}={v!r}" for p in self.parameters if (v := getattr(self, p.name)) is not None]
         orders = [str(n) for n in self.orders]
-        return f"{self.order_class.name}({', '.join([*orders, *given])})" if given else self.name
+        return f"{self.order_class.name}({', '.join([*orders, *values])})" if values else self.name
 
     def coefficients(self, name: str) -> list[float | None]:
         """Return the values of the coefficients called `name`, fixed or not; None for a coefficient without a value."""
@@ -295,13 +270,11 @@ def _is_given(values: Mapping[str, Any], name: str) -> bool:
     return values.get(name) is not None
 
 
-def _sequence(values: Any, owner: Any, polynomial: Coefficients) -> list[Value]:
+def _sequence(values: Any, owner: Any, polynomial: Polynomial) -> list[Value]:
     if isinstance(values, (str, Fixed, Mapping)) or not isinstance(values, Iterable):
         raise ModelError(
             f"{polynomial.name} of {owner.name} must be a list of coefficients; got {values!r}",
-            argument=polynomial.name,
-            got=values,
-            advice="A single coefficient is called `{first}`.",
+            argument=polynomial.name, got=values, advice="A single coefficient is called `{first}`.",
             first=f"{polynomial.name}1",
-        )
+        )  # fmt: skip
     return [value.item() if isinstance(value, np.generic) else value for value in values]

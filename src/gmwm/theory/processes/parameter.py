@@ -148,8 +148,6 @@ class Parameter:
             raise _wrong(f"{name} ({self.description})", expected, value, argument=name)
         return number
 
-    # --- unconstrained coordinates --------------------------------------------------------------------
-
     def room(self, values: Vector) -> Vector:
         """Compute the distance (n,) of each of the `values` (n,) from the nearest end of the domain.
 
@@ -194,18 +192,10 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Exponential:
-    """Form of a branch whose processes have exponential autocovariances, which a compiled kernel can search.
-
-    Parameters
-    ----------
-    bend, least : float
-        Constants of λ = `bend`·(e^(u − low) − 1 + `least`), where u is the search coordinate and `low` its lower end.
-    sign : float
-        1 for the autocovariance e^(−λ|k|), and −1 for (−1)^k e^(−λ|k|).
-    innovation : bool
-        True if the parameter is φ and scale coefficient 1 means innovation variance 1, as for `AR1`. False if the
-        parameter is λ times the rate and scale coefficient 1 means marginal variance 1, as for `GM`.
-    """
+    """Form of a branch whose processes have exponential autocovariances, which a compiled kernel can search: λ =
+    `bend`·(e^(u − low) − 1 + `least`) for the search coordinate u with the lower end low. `sign` is 1 for e^(−λ|k|),
+    and −1 for (−1)^k e^(−λ|k|). With `innovation`, the parameter is φ and scale coefficient 1 means innovation variance
+    1, as for `AR1`; otherwise they are λ times the rate and marginal variance 1, as for `GM`."""
 
     bend: float
     least: float

@@ -27,8 +27,7 @@ from gmwm.theory.processes.ordered import Ordered, ordered_classes
 from gmwm.theory.processes.parameter import Fixed, Value
 
 _TOKEN = re.compile(
-    r"\s*(?:(?P<name>[A-Za-z_]\w*)|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<mark>[-+*(),=\[\]]))",
-    re.ASCII,
+    r"\s*(?:(?P<name>[A-Za-z_]\w*)|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<mark>[-+*(),=\[\]]))", re.ASCII
 )
 # Enough for 100 terms of 100 characters. It limits the run time for an invalid text. Pinned by
 # test_a_text_of_a_sum_that_is_no_model.
@@ -36,24 +35,9 @@ _LONGEST_TEXT = 10_000
 
 
 def parse_model(text: str) -> Model:
-    """Parse the text of a model.
+    """Parse the text of a model. `text`: sum of processes, in the grammar of the module docstring. Raises ModelError if
+    the text cannot be read, with the position of the error, or the processes cannot be summed.
 
-    Parameters
-    ----------
-    text : str
-        Sum of processes, in the grammar of the module docstring.
-
-    Returns
-    -------
-    Model
-
-    Raises
-    ------
-    ModelError
-        If the text cannot be read, with the position of the error, or the processes cannot be summed.
-
-    Examples
-    --------
     >>> parse_model("2*GM + WN(sigma2=fixed(1e-6))")
     Model('2*GM + WN(sigma2=fixed(1e-06))')
     >>> parse_model("AR1(0.9, fixed(0.1))")
@@ -72,7 +56,7 @@ def parse_model(text: str) -> Model:
             got=len(text),
             argument="text",
         )
-    return _Reader(text).model()
+    return _ModelParser(text).model()
 
 
 @dataclass(frozen=True)
@@ -83,7 +67,7 @@ class _Token:
 
 
 @dataclass
-class _Reader:
+class _ModelParser:
     """Recursive-descent parser of the text of one model."""
 
     text: str
@@ -129,13 +113,13 @@ class _Reader:
     def _process(self) -> Process:
         token = self._advance()
         if token.kind != "name":
-            self._fail(token, f"expected a process, one of {_known()}")
+            self._fail(token, f"expected a process, one of {_registered()}")
         process = _find(token.text)
         if process is None:
             admit_guest_processes()
             process = _find(token.text)
         if process is None:
-            self._fail(token, f"there is no process of this name; the processes are {_known()}")
+            self._fail(token, f"there is no process of this name; the processes are {_registered()}")
         opened = self._take("(")
         if issubclass(process, Ordered):
             orders = self._orders(process) if opened else []
@@ -149,9 +133,9 @@ class _Reader:
                 process = process.of(*orders)
             except ModelError as error:
                 self._fail(token, error)
-        given = self._arguments(process) if opened else {}
+        arguments = self._arguments(process) if opened else {}
         try:
-            return process(**given)
+            return process(**arguments)
         except ModelError as error:
             self._fail(token, error)
 
@@ -172,28 +156,26 @@ class _Reader:
         return orders
 
     def _coefficients(self, ordered: type[Ordered]) -> dict[str, Any]:
-        """Read the arguments of a process that is written without leading orders.
-
-        The arguments are lists of coefficients, single parameters, or orders with a name.
-        """
-        given: dict[str, Any] = {}
+        """Read the arguments of a process that is written without leading orders. The arguments are lists of
+        coefficients, single parameters, or orders with a name."""
+        arguments: dict[str, Any] = {}
         while not self._take(")"):
-            if given:
+            if arguments:
                 self._expect(",", "between parameters")
             token = self._advance()
             if token.kind != "name":
                 self._fail(token, f'expected coefficients by name, such as {ordered.polynomials[0].name}=[…], or ")"')
-            if token.text in given:
+            if token.text in arguments:
                 self._fail(token, "this is given twice")
             self._expect("=", f"after {token.text}")
             if token.text in ordered.order_names():
                 number = self._advance()
                 if not number.text.isdigit():
                     self._fail(number, f"expected an order, a whole number, as in {ordered.written()}")
-                given[token.text] = int(number.text[:9])
+                arguments[token.text] = int(number.text[:9])
             else:
-                given[token.text] = self._list() if self._take("[") else self._value()
-        return given
+                arguments[token.text] = self._list() if self._take("[") else self._value()
+        return arguments
 
     def _list(self) -> list[float | Fixed]:
         values: list[float | Fixed] = []
@@ -208,10 +190,10 @@ class _Reader:
         example = f"{next(iter(parameters))}=…"
         if not issubclass(process, Ordered):
             example = f"{process.name}({example})"
-        given: dict[str, Value] = {}
+        arguments: dict[str, Value] = {}
         named = False
         while not self._take(")"):
-            if given:
+            if arguments:
                 self._expect(",", "between parameters")
             token = self._next
             by_name = token.kind == "name" and token.text != "fixed"
@@ -221,24 +203,24 @@ class _Reader:
                     self._fail(
                         token, f"{process.name} has no such parameter; its parameters are {', '.join(parameters)}"
                     )
-                if name in given:
+                if name in arguments:
                     self._fail(token, "this parameter is given twice")
                 self._expect("=", f"after {name}")
             elif token.kind != "number" and token.text not in ("fixed", "+", "-"):
                 self._fail(token, f'expected a parameter by name, such as {example}, or ")"')
             elif named:
                 self._fail(token, f"values without a name must come before values with a name; write {example}")
-            elif len(given) == len(parameters):
+            elif len(arguments) == len(parameters):
                 self._fail(token, f"too many values; the parameters of {process.name} are {', '.join(parameters)}")
             else:
-                name = list(parameters)[len(given)]
+                name = list(parameters)[len(arguments)]
             named = named or by_name
             start, value = self._next, self._value()
             try:
-                given[name] = parameters[name].checked(value, process.name)
+                arguments[name] = parameters[name].checked(value, process.name)
             except ModelError as error:
                 self._fail(start, error)
-        return given
+        return arguments
 
     def _value(self) -> float | Fixed:
         if self._next.text == "fixed":
@@ -299,5 +281,5 @@ def _find(name: str) -> type[Process] | type[Ordered] | None:
     return next((process for known, process in classes.items() if known.casefold() == name.casefold()), None)
 
 
-def _known() -> str:
+def _registered() -> str:
     return ", ".join([*registry, *(ordered.written() for ordered in ordered_classes.values())])

@@ -55,17 +55,15 @@ def sum_covariance(lags: Vector, epsilon: float) -> Vector:
 
 
 def falling(epsilon: Numbers, terms: int) -> list[Numbers]:
-    """Compute the binomial coefficients C(2 + ε, 2k) divided by ε, for k = 2, 3, …, `terms` + 1.
-
-    The factor ε of the binomial coefficients is omitted, so no division is needed.
-    """
-    found, product = [], (2 + epsilon) * (1 + epsilon) / 2
+    """Compute the binomial coefficients C(2 + ε, 2k) divided by ε, for k = 2, 3, …, `terms` + 1. The factor ε of the
+    binomial coefficients is omitted, so no division is needed."""
+    coefficients, product = [], (2 + epsilon) * (1 + epsilon) / 2
     for k in range(2, terms + 2):
         product = product * (epsilon - (2 * k - 3)) / ((2 * k - 1) * 2 * k)
         if k > 2:  # omit the factor ε
             product = product * (epsilon - (2 * k - 4))
-        found.append(product)
-    return found
+        coefficients.append(product)
+    return coefficients
 
 
 def bend(lags: Vector, epsilon: float) -> Vector:
@@ -104,10 +102,8 @@ def power_bend(lags: Vector, epsilon: float) -> Vector:
 
 
 def second_bend(step: Vector, lags: Vector, epsilon: float) -> Vector:
-    """Compute the second difference of q by 1, and of the result by `step` ≥ 1, at real lags.
-
-    Covariances of wavelet coefficients of two levels are such differences.
-    """
+    """Compute the second difference of q by 1, and of the result by `step` ≥ 1, at real lags. Covariances of wavelet
+    coefficients of two levels are such differences."""
     t, r = np.abs(np.asarray(lags, dtype=np.float64)), np.asarray(step, dtype=np.float64)
     out = np.empty_like(t)
     near = t < _NEAR * (1 + r)
@@ -128,38 +124,31 @@ def second_bend(step: Vector, lags: Vector, epsilon: float) -> Vector:
 
 
 def spectrum(frequencies: Vector, epsilon: float) -> Vector:
-    """Compute the spectral density of the sampled noise with ν_1² = 1, at |f| ≤ ½ (cycles per sample).
-
-    It is C (sin(πf)/π)² Σ_k |f + k|^(−α−2) with C = Γ(3+ε) sin(πε/2) (2π)^(−α)/(2^ε − 1). The sum over k ≠ 0 consists
-    of two Hurwitz zeta functions.
-    """
+    """Compute the spectral density of the sampled noise with ν_1² = 1, at |f| ≤ ½ (cycles per sample). It is C
+    (sin(πf)/π)² Σ_k |f + k|^(−α−2) with C = Γ(3+ε) sin(πε/2) (2π)^(−α)/(2^ε − 1). The sum over k ≠ 0 consists of two
+    Hurwitz zeta functions."""
     from scipy.special import zeta
 
     f, alpha = np.abs(frequencies), epsilon + 1.0
     half = 0.5 * math.pi
     sine = half * float(np.sinc(0.5 * epsilon)) * float(unit_factor(np.asarray(epsilon)))
     constant = math.gamma(3.0 + epsilon) * sine * (2.0 * math.pi) ** -alpha
-    rest = (np.sin(math.pi * f) / math.pi) ** 2 * (zeta(2.0 + alpha, 1.0 + f) + zeta(2.0 + alpha, 1.0 - f))
+    aliases = (np.sin(math.pi * f) / math.pi) ** 2 * (zeta(2.0 + alpha, 1.0 + f) + zeta(2.0 + alpha, 1.0 - f))
     with np.errstate(divide="ignore"):
-        return np.asarray(constant * (np.sinc(f) ** 2 * f**-alpha + rest))
-
-
-# --- wavelet variance -----------------------------------------------------------------------------------
+        return np.asarray(constant * (np.sinc(f) ** 2 * f**-alpha + aliases))
 
 
 def powers_of_two(epsilon: Numbers, levels: NDArray[np.int64]) -> Numbers:
     """Compute 2^((j−1)ε) (n, J). The exponent is split into two parts to avoid rounding errors."""
     coarse = np.round(np.real(epsilon) * 2.0**20) / 2.0**20
     steps = (levels - 1).astype(np.float64)
-    rest = np.exp(math.log(2.0) * np.outer(epsilon - coarse, steps))
-    return np.asarray(np.exp2(np.outer(coarse, steps)) * rest)
+    ratio = np.exp(math.log(2.0) * np.outer(epsilon - coarse, steps))
+    return np.asarray(np.exp2(np.outer(coarse, steps)) * ratio)
 
 
 def filtered_shape(epsilon: Numbers, filter: WaveletFilter, levels: NDArray[np.int64]) -> Numbers:
-    """Compute the wavelet variances ν_j² (n, J) under any filter, for noise whose Haar variance at level 1 is 1.
-
-    If the spectrum vanishes at f = 0 (ε < −1), they are computed from the running sum and the differenced filter.
-    """
+    """Compute the wavelet variances ν_j² (n, J) under any filter, for noise whose Haar variance at level 1 is 1. If the
+    spectrum vanishes at f = 0 (ε < −1), they are computed from the running sum and the differenced filter."""
     eps = np.asarray(epsilon)
     out = np.empty((eps.size, int(levels[-1])), dtype=eps.dtype)
     summed = np.real(eps) < -1
@@ -168,7 +157,7 @@ def filtered_shape(epsilon: Numbers, filter: WaveletFilter, levels: NDArray[np.i
         tail = np.concatenate([(2 + e) * (1 + e), *(2 * c for c in falling(e, _TERMS - 1))], axis=1)
         near = _bend_rows(e, _REACH * filter.length) - (3 + e)
         out[~summed] = (
-            -0.5 * unit_factor(e) * _carried(e, near, tail=tail, filter=filter, count=int(levels[-1]), summed=False)
+            -0.5 * unit_factor(e) * _carry(e, near, tail=tail, filter=filter, count=int(levels[-1]), summed=False)
         )
     if np.any(summed):
         e = eps[summed, None] + 2
@@ -179,20 +168,18 @@ def filtered_shape(epsilon: Numbers, filter: WaveletFilter, levels: NDArray[np.i
             0.5
             * unit_factor(e - 2)
             / (e - 2)
-            * _carried(e, near, tail=tail, filter=filter, count=int(levels[-1]), summed=True)
+            * _carry(e, near, tail=tail, filter=filter, count=int(levels[-1]), summed=True)
         )
     return np.asarray(out[:, levels - 1] * powers_of_two(eps, levels))
 
 
-def _carried(eps: Numbers, near: Numbers, tail: Numbers, filter: WaveletFilter, count: int, *, summed: bool) -> Numbers:
+def _carry(eps: Numbers, near: Numbers, tail: Numbers, filter: WaveletFilter, count: int, *, summed: bool) -> Numbers:
     """Compute Σ_k d(k) c_j(k) / 2^((j−1)ε) (n, J) at levels j = 1 … J, where d is the autocorrelation of the wavelet
-    filter.
-
-    c_j(k) is the covariance of the input of level j, up to a constant; J is `count`. The smoothing filter maps c_j to
-    c_{j+1}. Values at short lags are stored individually; `near` has those of c_1. At longer lags c_j has the form
-    a_0 (k^ε − 1)/ε + Σ_s a_s k^(ε−2s); `tail` has the coefficients a of c_1. The filter preserves this form, and the
-    even moments of its autocorrelation give the new coefficients. The division at each level keeps the values bounded.
-    """
+    filter. c_j(k) is the covariance of the input of level j, up to a constant; J is `count`. The smoothing filter maps
+    c_j to c_{j+1}. Values at short lags are stored individually; `near` has those of c_1. At longer lags c_j has the
+    form a_0 (k^ε − 1)/ε + Σ_s a_s k^(ε−2s); `tail` has the coefficients a of c_1. The filter preserves this form, and
+    the even moments of its autocorrelation give the new coefficients. The division at each level keeps the values
+    bounded."""
     length, reach = filter.length, _REACH * filter.length
     detail, step, moments = _tables(filter, reach, summed)
     passed = _passages(eps, moments)
@@ -223,11 +210,9 @@ def _bend_rows(eps: Numbers, reach: int) -> Numbers:
 
 
 def _passages(eps: Numbers, moments: Vector) -> Numbers:
-    """Return the factors (n, S, S) by which a_s contributes to a_t at the next level, t ≥ s.
-
-    The factor is 4^(−t) C(ε − 2s, 2(t − s)) μ_(2(t−s)), where μ_i is moment i of the autocorrelation of the smoothing
-    filter. For a_0, the coefficient of (k^ε − 1)/ε, the binomial coefficient is divided by ε.
-    """
+    """Return the factors (n, S, S) by which a_s contributes to a_t at the next level, t ≥ s. The factor is 4^(−t) C(ε −
+    2s, 2(t − s)) μ_(2(t−s)), where μ_i is moment i of the autocorrelation of the smoothing filter. For a_0, the
+    coefficient of (k^ε − 1)/ε, the binomial coefficient is divided by ε."""
     out = np.zeros((len(eps), _TERMS, _TERMS), dtype=eps.dtype)
     for s in range(_TERMS):
         top, coefficient = eps[:, 0] - 2 * s, np.ones(len(eps), dtype=eps.dtype)
@@ -243,12 +228,9 @@ def _passages(eps: Numbers, moments: Vector) -> Numbers:
 
 @lru_cache(maxsize=64)
 def _tables(filter: WaveletFilter, reach: int, summed: bool) -> tuple[Vector, Matrix, Vector]:
-    """Return the tables of a filter that `_carried` uses.
-
-    They are the autocorrelation of the wavelet filter h at lags ≥ 0, the matrix of the step to the next level, and the
-    even moments of the autocorrelation of the smoothing filter g. If `summed`, the filters are (1 − z) h(z) and
-    2g(z)/(1 + z), for the running sum.
-    """
+    """Return the tables of a filter that `_carried` uses. They are the autocorrelation of the wavelet filter h at lags
+    ≥ 0, the matrix of the step to the next level, and the even moments of the autocorrelation of the smoothing filter
+    g. If `summed`, the filters are (1 − z) h(z) and 2g(z)/(1 + z), for the running sum."""
     smooth, detail = filter.scaling / math.sqrt(2.0), filter.wavelet / math.sqrt(2.0)
     if summed:
         smooth, detail = 2.0 * without_zero(filter), np.convolve(detail, [1.0, -1.0])

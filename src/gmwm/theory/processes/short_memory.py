@@ -17,26 +17,16 @@ from gmwm.theory.processes import haar_covariance
 from gmwm.theory.processes.haar_covariance import LagGrid
 
 LONGEST = 2048
-"""Largest number of lags L. With 19 levels, the covariance matrix of the wavelet variances is then a sum over 3 million
-terms, which takes 0.1 s and 150 MB; see benchmarks."""
+"""Largest number of lags L: with 19 levels, 3 million terms, 0.1 s and 150 MB; see benchmarks."""
 NEGLIGIBLE = 1e-11
-"""Size of ρ(m), relative to the largest |ρ| or to r(0), below which longer lags are left out. The relative error of the
-covariance matrix of the wavelet variances is then below 1e-10."""
+"""Relative size of ρ(m) that is left out; the error of the covariance is then below 1e-10."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShortMemory:
-    """Autocovariance for scale coefficient 1, as the sum of a table and of exponentials Σ a e^(−λ|k|).
-
-    Attributes
-    ----------
-    autocovariance : (L + 1,) array
-        Table r(0), …, r(L) of the autocovariance without the exponentials.
-    amplitudes : tuple of float
-        Amplitude a of each exponential.
-    decays : tuple of float
-        Decay rate λ (per sample) of each exponential; a negative rate means (−1)^k e^(−|λ|k).
-    """
+    """Autocovariance for scale coefficient 1, as the sum of a table and of exponentials Σ a e^(−λ|k|). `autocovariance`
+    (L + 1,): table r(0), …, r(L) of the autocovariance without the exponentials. `amplitudes`: amplitude a of each
+    exponential. `decays`: decay rate λ (per sample) of each exponential; a negative rate means (−1)^k e^(−|λ|k)."""
 
     autocovariance: Vector
     amplitudes: tuple[float, ...] = ()
@@ -56,11 +46,9 @@ class ShortMemory:
         return total
 
 
-def trimmed(autocovariance: Vector) -> Vector | None:
+def trim(autocovariance: Vector) -> Vector | None:
     """Truncate an autocovariance at the lag beyond which it is negligible; return None if this lag is too large.
-
-    `autocovariance` must include this lag and some longer ones.
-    """
+    `autocovariance` must include this lag and some longer ones."""
     tails = np.cumsum(np.cumsum(autocovariance[:0:-1]))[::-1]
     least = NEGLIGIBLE * max(abs(float(autocovariance[0])), float(np.abs(tails).max(initial=0.0)))
     # tails[m] is −ρ(m), and r(m + 1) is a part of it.

@@ -63,8 +63,6 @@ class SIN(Process):
         """Return whether the process defines this theory. A sinusoid has no power spectral density."""
         return super().has(theory) and theory != "psd"
 
-    # --- the shape --------------------------------------------------------------------------------------
-
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
         """Compute the wavelet variances (n, J) for P = 1, which are the squared gains |H_j(f₀)|²."""
@@ -82,11 +80,9 @@ class SIN(Process):
         """Return the range (1, 2) of ln f₀, from one period per recording to half the sampling rate."""
         return np.log([[rate / samples, rate / 2]])
 
-    # --- theory -----------------------------------------------------------------------------------------
-
     def line(self, rate: float) -> tuple[float, float]:
         """Return the power P, and f₀Δt or its alias in cycles per sample."""
-        return self.scale, float(_folded(np.array([self.value("frequency")]), rate)[0]) / rate
+        return self.scale, float(_fold(np.array([self.value("frequency")]), rate)[0]) / rate
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
         """Compute the autocovariance r(k) = P cos(2πf₀kΔt)."""
@@ -164,24 +160,21 @@ class SIN(Process):
             return ()
         if turn % 2 == 0:
             return (Remark.of("line-invisible", term=term, frequency=Quantity(frequency, "Hz")),)
-        found = {"frequency": Quantity(frequency, "Hz"), "half": Quantity(half, "Hz")}
-        return (Remark.of("line-at-half-rate", term=term, **found),)
+        facts = {"frequency": Quantity(frequency, "Hz"), "half": Quantity(half, "Hz")}
+        return (Remark.of("line-at-half-rate", term=term, **facts),)
 
     def _turns(self, lags: NDArray[np.int64], rate: float) -> Vector:
         """Compute f₀kΔt modulo 1 at the full precision of f₀ for any lag."""
-        below = _folded(np.array(self.value("frequency")), rate)
+        below = _fold(np.array(self.value("frequency")), rate)
         # Products of a lag below 2^29 with the first 24 digits are exact.
         first = below.astype(np.float32).astype(np.float64)
         return np.asarray((np.fmod(lags * first, rate) + np.fmod(lags * (below - first), rate)) / rate)
 
 
-# --- the squared gain of a filter at one frequency ----------------------------------------------------
-
-
-def _folded(frequency: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
+def _fold(frequency: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
     """Reduce frequencies (Hz) by multiples of the rate to ±rate/2, without rounding."""
-    rest = np.fmod(frequency, rate)
-    return np.asarray(np.where(np.abs(rest) > 0.5 * rate, rest - np.copysign(rate, rest), rest))
+    alias = np.fmod(frequency, rate)
+    return np.asarray(np.where(np.abs(alias) > 0.5 * rate, alias - np.copysign(rate, alias), alias))
 
 
 def _gain(frequency: Vector, levels: NDArray[np.int64], rate: float, filter: WaveletFilter) -> tuple[Matrix, Matrix]:
@@ -193,11 +186,9 @@ def _gain(frequency: Vector, levels: NDArray[np.int64], rate: float, filter: Wav
 
 def _haar_gain(frequency: Matrix, half: Vector, rate: float) -> tuple[Matrix, Matrix]:
     """Compute the squared gain sin⁴ a / (h² sin² b) and its derivative with respect to f, with a = πhfΔt and b = πfΔt.
-
-    The angle a is first reduced without rounding.
-    """
-    below = _folded(frequency, rate)
-    a, b = np.pi * (_folded(below * half, rate) / rate), np.pi * (below / rate)
+    The angle a is first reduced without rounding."""
+    below = _fold(frequency, rate)
+    a, b = np.pi * (_fold(below * half, rate) / rate), np.pi * (below / rate)
     # If the frequency is a multiple of the rate, all samples are equal, and every wavelet filter gives zero.
     still = b == 0
     sine_b = np.where(still, 1.0, np.sin(b))
@@ -211,16 +202,14 @@ def _haar_gain(frequency: Matrix, half: Vector, rate: float) -> tuple[Matrix, Ma
 def _any_gain(
     frequency: Vector, levels: NDArray[np.int64], rate: float, filter: WaveletFilter
 ) -> tuple[Matrix, Matrix]:
-    """Compute the squared gain Π_{i < j−1} G(2^i φ) · G(½ − 2^(j−1) φ) and its derivative with respect to f.
-
-    G is half the squared gain of the scaling filter, and φ = fΔt.
-    """
+    """Compute the squared gain Π_{i < j−1} G(2^i φ) · G(½ − 2^(j−1) φ) and its derivative with respect to f. G is half
+    the squared gain of the scaling filter, and φ = fΔt."""
     gain, slope = np.ones(frequency.size), np.zeros(frequency.size)
-    below = _folded(frequency, rate)
+    below = _fold(frequency, rate)
     gains = np.empty((frequency.size, int(levels[-1])))
     slopes = np.empty_like(gains)
     for j in range(gains.shape[1]):
-        here, factor = _folded(np.ldexp(below, j), rate), np.ldexp(1.0 / rate, j)
+        here, factor = _fold(np.ldexp(below, j), rate), np.ldexp(1.0 / rate, j)
         # Near half the rate the cosine is proportional to the distance from half the rate, which is exact.
         cosine, sine = np.sin(np.pi * (0.5 * rate - np.abs(here)) / rate), np.sin(np.pi * here / rate)
         value, change = _scaling_gain(cosine, sine, filter)
@@ -232,29 +221,26 @@ def _any_gain(
 
 
 def _scaling_gain(cosine: Vector, sine: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
-    """Compute G(φ) = (4 cos² πφ)^p R(φ) and its derivative with respect to φ, from cos πφ and sin πφ.
-
-    The scaling filter g(z) = (1 + z)^p Q(z) has p zeros at half the sampling rate, which are factored out to keep full
-    accuracy near them. For filters with 2p taps, R is the polynomial of Daubechies in sin² πφ. For other filters R is
-    |Q|².
-    """
+    """Compute G(φ) = (4 cos² πφ)^p R(φ) and its derivative with respect to φ, from cos πφ and sin πφ. The scaling
+    filter g(z) = (1 + z)^p Q(z) has p zeros at half the sampling rate, which are factored out to keep full accuracy
+    near them. For filters with 2p taps, R is the polynomial of Daubechies in sin² πφ. For other filters R is |Q|²."""
     p, power, slope = filter.vanishing_moments, 4.0 * cosine**2, -8.0 * np.pi * cosine * sine
     if filter.length == 2 * p:
         terms = np.array([math.comb(p - 1 + k, k) for k in range(p)]) / 4.0**p
-        rest, turn = np.polyval(terms[::-1], sine**2), -0.25 * slope * np.polyval(np.polyder(terms[::-1]), sine**2)
+        gain, turn = np.polyval(terms[::-1], sine**2), -0.25 * slope * np.polyval(np.polyder(terms[::-1]), sine**2)
     else:
         taps, z = _without_zeros(filter), (cosine - 1j * sine) ** 2
         q = np.polyval(taps[::-1], z)
-        rest = np.abs(q) ** 2
+        gain = np.abs(q) ** 2
         turn = 4.0 * np.pi * np.imag(np.polyval((taps * np.arange(taps.size))[::-1], z) * np.conj(q))
-    return np.asarray(power**p * rest), np.asarray(p * power ** (p - 1) * slope * rest + power**p * turn)
+    return np.asarray(power**p * gain), np.asarray(p * power ** (p - 1) * slope * gain + power**p * turn)
 
 
 @lru_cache(maxsize=64)
 def _without_zeros(filter: WaveletFilter) -> Vector:
     """Return the coefficients of Q(z) in the scaling filter g(z) = (1 + z)^p Q(z), which has p zeros at z = −1."""
-    rest = filtered.without_zero(filter)
+    factor = filtered.without_zero(filter)
     for _ in range(filter.vanishing_moments - 1):
-        sign = (-1.0) ** np.arange(rest.size)
-        rest = np.asarray((np.cumsum(rest * sign) * sign)[:-1])
-    return rest
+        sign = (-1.0) ** np.arange(factor.size)
+        factor = np.asarray((np.cumsum(factor * sign) * sign)[:-1])
+    return factor

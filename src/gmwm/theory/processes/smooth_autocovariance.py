@@ -22,11 +22,9 @@ from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.theory.filters import WaveletFilter
 
 NODES = 20
-"""Chebyshev points per octave [a, 2a] of lags. The singularity at lag 0 is 1.5 a away from the centre of the octave, so
-the interpolation error is about 5.8^−20."""
+"""Chebyshev points per octave [a, 2a] of lags; the interpolation error is about 5.8^−20."""
 _SPILL = 8
-"""Octave from which the filter is so short compared with the octave that the polynomial of the next octave is
-extrapolated to lags slightly outside it."""
+"""Octave from which the polynomial of the next octave is extrapolated to lags slightly outside it."""
 _SHORT = 64
 """Number of lags that are summed individually."""
 _TOGETHER = 2**14
@@ -36,31 +34,23 @@ Levels = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Sums:
-    """Sums ν_j² = Σ_p weights[j − 1, p] A(places[p]) that give the wavelet variances under one filter.
-
-    Attributes
-    ----------
-    places : (P,) array
-        Lags (samples), not necessarily integers, at which the autocovariance A is needed.
-    weights : (J, P) array
-        Weights of A at these lags, for each level.
-    """
+class LagSums:
+    """Sums ν_j² = Σ_p weights[j − 1, p] A(places[p]) that give the wavelet variances under one filter. `places` (P,):
+    lags (samples), not necessarily integers, at which the autocovariance A is needed. `weights` (J, P): weights of A at
+    these lags, for each level."""
 
     places: Vector
     weights: Matrix
 
     def variance(self, known: Matrix, levels: Levels) -> tuple[Matrix, Matrix]:
-        """Compute the wavelet variances (n, J) from n autocovariances at `places` (n, P).
-
-        The second array (n, J) has the sums of the absolute values of the terms, which measure the cancellation.
-        """
+        """Compute the wavelet variances (n, J) from n autocovariances at `places` (n, P). The second array (n, J) has
+        the sums of the absolute values of the terms, which measure the cancellation."""
         weights = self.weights[levels - 1]
         return np.asarray(known @ weights.T), np.asarray(np.abs(known) @ np.abs(weights).T)
 
 
 @lru_cache(maxsize=64)
-def sums(filter: WaveletFilter, level: int) -> Sums:
+def sums(filter: WaveletFilter, level: int) -> LagSums:
     """Return the sums for levels 1 … `level` of a filter."""
     reach, octaves = _reach(filter), level + _SPILL
     near_step, far_step = _near_step(filter, reach), _far_step(filter, reach, octaves)
@@ -77,7 +67,7 @@ def sums(filter: WaveletFilter, level: int) -> Sums:
         near = from_near[: reach + 1]
         spread[:2] += from_near[reach + 1 :].reshape(2, NODES)
         far = spread
-    return Sums(freeze(spread_places(reach, octaves)), freeze(rows))
+    return LagSums(freeze(spread_places(reach, octaves)), freeze(rows))
 
 
 def _reach(filter: WaveletFilter) -> int:
@@ -87,10 +77,8 @@ def _reach(filter: WaveletFilter) -> int:
 
 @lru_cache(maxsize=64)
 def _near_step(filter: WaveletFilter, reach: int) -> Matrix:
-    """Return the matrix (T + 1, T + 1 + 2 NODES) that computes A_{i+1} at lags 0 … T from A_i; T is `reach`.
-
-    A_i is given at the lags 0 … T and at the points of the first two octaves.
-    """
+    """Return the matrix (T + 1, T + 1 + 2 NODES) that computes A_{i+1} at lags 0 … T from A_i; T is `reach`. A_i is
+    given at the lags 0 … T and at the points of the first two octaves."""
     lags = np.arange(2 * reach + filter.length)
     takes = np.eye(lags.size, reach + 1 + 2 * NODES)
     for octave, here in enumerate(((lags > reach) & (lags <= 2 * reach), lags > 2 * reach)):
@@ -105,10 +93,8 @@ def _near_step(filter: WaveletFilter, reach: int) -> Matrix:
 
 @lru_cache(maxsize=64)
 def _far_step(filter: WaveletFilter, reach: int, octaves: int) -> NDArray[np.float64]:
-    """Return the matrices (octaves, NODES, 3 NODES) that compute A_{i+1} in each octave from A_i.
-
-    A_i is given at the points of the same octave and of the next two octaves.
-    """
+    """Return the matrices (octaves, NODES, 3 NODES) that compute A_{i+1} in each octave from A_i. A_i is given at the
+    points of the same octave and of the next two octaves."""
     smooth = np.correlate(filter.scaling, filter.scaling, "full") / 2.0
     n = np.arange(1 - filter.length, filter.length)
     table = np.zeros((octaves, NODES, 3 * NODES))
@@ -122,33 +108,18 @@ def _far_step(filter: WaveletFilter, reach: int, octaves: int) -> NDArray[np.flo
     return freeze(table)
 
 
-# --- sums up to any lag -------------------------------------------------------------------------------
-
-
 def partial_sums(known: Callable[[Vector], Matrix], ends: NDArray[np.int64]) -> tuple[Matrix, Matrix]:
-    """Compute the sums of f(k) and of k f(k) over k = 1 … m, for functions f that are smooth in each octave.
-
-    A Gauss rule for sums over integers gives the sum over each octave. The last octave ends at m.
-
-    Parameters
-    ----------
-    known : function of lags (n,)
-        Returns the values (functions, n) of one or more functions f; lags need not be integers.
-    ends : (ends,) int array
-        Upper limits m ≥ 0.
-
-    Returns
-    -------
-    two (functions, ends) arrays
-    """
+    """Compute the sums of f(k) and of k f(k) over k = 1 … m, for functions f that are smooth in each octave. A Gauss
+    rule for sums over integers gives the sum over each octave. The last octave ends at m. `known`: returns the values
+    (functions, n) of one or more functions f; lags need not be integers. `ends` (ends,): upper limits m ≥ 0."""
     first = known(np.arange(1.0, _SHORT + 1))
     moments = np.stack([first, first * np.arange(1.0, _SHORT + 1)])
     near = np.concatenate([np.zeros_like(moments[:, :, :1]), np.cumsum(moments, axis=2)], axis=2)
     octave = np.where(ends <= _SHORT, 0, np.frexp((ends - 0.5) / _SHORT)[1] - 1)
     starts = _SHORT << np.arange(int(octave.max(initial=0)))
-    whole = np.concatenate([np.zeros((2, len(first), 1)), np.cumsum(_pieces(known, starts, starts), axis=2)], axis=2)
+    totals = np.concatenate([np.zeros((2, len(first), 1)), np.cumsum(_pieces(known, starts, starts), axis=2)], axis=2)
     start = _SHORT << octave
-    total = near[:, :, np.minimum(ends, _SHORT)] + whole[:, :, octave]
+    total = near[:, :, np.minimum(ends, _SHORT)] + totals[:, :, octave]
     beyond = ends > _SHORT
     total[:, :, beyond] += _pieces(known, start[beyond], (ends - start)[beyond])
     return total[0], total[1]
@@ -166,11 +137,9 @@ def _pieces(
 
 
 def _rules(counts: Vector) -> tuple[Matrix, Matrix]:
-    """Compute Gauss rules for sums over M consecutive integers, with M from `counts` (n,).
-
-    Returns the nodes relative to the centre and their weights, both (n, NODES). The rules follow from Jacobi matrices
-    with b_i = i² (M² − i²)/(4(4i² − 1)). If M is less than the number of nodes, b_M = 0 removes the surplus nodes.
-    """
+    """Compute Gauss rules for sums over M consecutive integers, with M from `counts` (n,). Returns the nodes relative
+    to the centre and their weights, both (n, NODES). The rules follow from Jacobi matrices with b_i = i² (M² −
+    i²)/(4(4i² − 1)). If M is less than the number of nodes, b_M = 0 removes the surplus nodes."""
     i = np.arange(1.0, NODES)
     b = np.maximum(i**2 * (counts[:, None] ** 2 - i**2) / (4.0 * (4.0 * i**2 - 1.0)), 0.0)
     matrices = np.zeros((counts.size, NODES, NODES))
@@ -179,19 +148,16 @@ def _rules(counts: Vector) -> tuple[Matrix, Matrix]:
     return np.asarray(nodes), np.asarray(counts[:, None] * vectors[:, 0, :] ** 2)
 
 
-# --- interpolation ------------------------------------------------------------------------------------
-
-
 def spread(known: Vector, lags: NDArray[np.int64], reach: int) -> Vector:
     """Interpolate a function at integer lags ≥ 0 from its values at the lags of `spread_places`."""
     out, coefficients = np.empty(lags.size), known[reach + 1 :].reshape(-1, NODES) @ _coefficients().T
     for start in range(0, lags.size, _TOGETHER):
-        part, found = lags[start : start + _TOGETHER], out[start : start + _TOGETHER]
+        part, target = lags[start : start + _TOGETHER], out[start : start + _TOGETHER]
         where = np.where(part <= reach, -1, np.frexp((part - 0.5) / reach)[1] - 1)
-        found[where < 0] = known[part[where < 0]]
+        target[where < 0] = known[part[where < 0]]
         for p in np.unique(where[where >= 0]).tolist():
             here = where == p
-            found[here] = chebyshev.chebval(2.0 * np.ldexp(part[here] / reach, -p) - 3.0, coefficients[p])
+            target[here] = chebyshev.chebval(2.0 * np.ldexp(part[here] / reach, -p) - 3.0, coefficients[p])
     return out
 
 

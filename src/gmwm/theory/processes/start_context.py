@@ -17,27 +17,9 @@ white noise ("quantization"), as fast ("white"), or more slowly ("markov")."""
 
 @dataclass(frozen=True, eq=False)
 class Occasion:
-    """Quantities of the data that Algorithms 2 and 3 of Balamuta et al. (see `Sampled`) use.
-
-    Attributes
-    ----------
-    total : float, in unit²
-        σ̂_T², the sum of the wavelet variances over all levels.
-    spread : float, in unit per sample
-        (max x − min x)/N.
-    dominant : "quantization", "white" or "markov"
-        The noise type that dominates the first levels.
-    first : (draws,) int array
-        Condition, 1 or 2, of Algorithm 3 for the first autoregression of each draw.
-    levels : (J,) int array
-        Wavelet levels of the data.
-    samples : int
-        Length N of the recording (samples).
-    rate : float
-        Sampling rate (Hz).
-    filter : WaveletFilter
-        Wavelet filter of the data.
-    """
+    """Quantities of the data for Algorithms 2 and 3 of Balamuta et al. (see `Sampled`): `total` is σ̂_T², the sum of
+    the wavelet variances over all levels, `spread` is (max x − min x)/N, `dominant` the noise type of the first levels,
+    and `first` (draws,) the condition, 1 or 2, of Algorithm 3 for the first autoregression of each draw."""
 
     total: float
     spread: float

@@ -1,12 +1,19 @@
-"""Validation of process arguments: lags, frequencies, path counts and random generators."""
+"""Validation of the arguments of processes, and of the terms of a model."""
 
 from __future__ import annotations
+
+from collections import Counter
+from itertools import combinations
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Vector
-from gmwm.base.errors import OptionError
+from gmwm.base.errors import ModelError, OptionError
+
+if TYPE_CHECKING:
+    from gmwm.theory.processes.base import Process
 
 
 def as_lags(lags: ArrayLike) -> NDArray[np.int64]:
@@ -14,11 +21,9 @@ def as_lags(lags: ArrayLike) -> NDArray[np.int64]:
     array = np.asarray(lags)
     if array.dtype.kind not in "iu":
         raise OptionError(
-            argument="lags",
-            expected="integers (samples)",
-            got=lags,
+            argument="lags", expected="integers (samples)", got=lags,
             advice="Convert a time in seconds with `round(time * rate)`.",
-        )
+        )  # fmt: skip
     return array.astype(np.int64)
 
 
@@ -27,11 +32,9 @@ def as_clusters(clusters: ArrayLike) -> NDArray[np.int64]:
     array = np.asarray(clusters)
     if array.dtype.kind not in "iu" or np.any(array < 1):
         raise OptionError(
-            argument="clusters",
-            expected="whole numbers of samples from 1",
-            got=clusters,
+            argument="clusters", expected="whole numbers of samples from 1", got=clusters,
             advice="Convert a time in seconds with `round(time * rate)`.",
-        )
+        )  # fmt: skip
     return array.astype(np.int64)
 
 
@@ -56,9 +59,8 @@ def as_rng(rng: object) -> np.random.Generator:
 
 
 def as_seed(rng: object) -> int:
-    """Return `rng` if it is an integer seed, or a seed drawn from a NumPy Generator.
-
-    Parallel work needs a seed instead of a Generator, and results record the seed.
+    """Return `rng` if it is an integer seed, or a seed drawn from a NumPy Generator. Parallel work needs a seed instead
+    of a Generator, and results record the seed.
 
     >>> as_seed(3), as_seed(np.random.default_rng(1)) == as_seed(np.random.default_rng(1))
     (3, True)
@@ -81,3 +83,50 @@ def as_paths(n: object, paths: object) -> tuple[int, int]:
 def shape_of_paths(n: int, paths: int | None) -> tuple[int, ...]:
     """Return the shape of simulated paths: (n,) if `paths` is None, and (paths, n) otherwise."""
     return (n,) if paths is None else (paths, n)
+
+
+def require_distinct_terms(processes: tuple[Process, ...]) -> None:
+    """Raise ModelError if data cannot distinguish two terms, or if one process occurs in two parametrisations."""
+    _require_repeatable(processes)
+    _require_one_parametrisation(processes)
+
+
+def _require_repeatable(processes: tuple[Process, ...]) -> None:
+    counts = Counter(p.name for p in processes)
+    if len(counts) == len(processes):
+        return
+    for name, count in counts.items():
+        process = next(p for p in processes if p.name == name)
+        if count > 1 and not process.repeatable:
+            raise ModelError(
+                f"{name} cannot be repeated {count} times, because no data can distinguish the terms",
+                argument="processes", got=name, advice="Write `{instead}` once.",
+                instead=process.instead_of_repeats(count), count=count,
+            )  # fmt: skip
+    fixed = [p for p in processes if all(p.is_fixed(q.name) for q in p.nonlinear_parameters())]
+    for a, b in combinations(fixed, 2):
+        if type(a) is type(b) and _have_same_shape(a, b):
+            held = ", ".join(f"{p.name}={getattr(a, p.name)}" for p in a.nonlinear_parameters())
+            raise ModelError(
+                f"two terms {a.name} are both fixed at {held}, so that no data can distinguish them",
+                advice="Fix them at different values, fix one of them only, or fix their variances too.",
+                name=a.name,
+            )
+
+
+def _have_same_shape(a: Process, b: Process) -> bool:
+    shapes = [p.name for p in a.nonlinear_parameters()]
+    scale = a.scale_parameter().name
+    held = all(getattr(a, name) == getattr(b, name) for name in shapes)
+    return held and not (a.is_fixed(scale) and b.is_fixed(scale))
+
+
+def _require_one_parametrisation(processes: tuple[Process, ...]) -> None:
+    chosen: dict[str, str] = {}
+    for process in processes:
+        if process.parametrises is not None and chosen.setdefault(process.parametrises, process.name) != process.name:
+            first = chosen[process.parametrises]
+            raise ModelError(
+                f"{first} and {process.name} are two parametrisations of one process ({process.parametrises})",
+                advice="Write all such terms as {first}, or all as {second}.", first=first, second=process.name,
+            )  # fmt: skip

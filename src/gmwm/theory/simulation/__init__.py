@@ -5,11 +5,6 @@ from gmwm.theory.simulation.components import SimulatedImu, SimulatedSignal
 from gmwm.theory.simulation.reference import example_recording, reference_imu
 
 __all__ = [
-    "SimulatedImu",
-    "SimulatedSignal",
-    "example_recording",
-    "models_by_axis",
-    "reference_imu",
-    "simulate",
+    "SimulatedImu", "SimulatedSignal", "example_recording", "models_by_axis", "reference_imu", "simulate",
     "simulate_signal",
-]
+]  # fmt: skip

@@ -29,39 +29,21 @@ _ACCELEROMETERS = tuple(axis for axis in AXES if axis_quantity(axis) == "accel")
 
 @overload
 def simulate(
-    models: Mapping[str, ModelLike] | ModelLike,
-    *,
-    rate: float,
-    rng: int | np.random.Generator,
-    duration: float | None = None,
-    samples: int | None = None,
-    resolution: Mapping[str, float] | None = None,
-    gravity: str | None = "accel_z",
-    components: Literal[False] = False,
-) -> Imu: ...
+    models: Mapping[str, ModelLike] | ModelLike, *, rate: float, rng: int | np.random.Generator,
+    duration: float | None = None, samples: int | None = None, resolution: Mapping[str, float] | None = None,
+    gravity: str | None = "accel_z", components: Literal[False] = False,
+) -> Imu: ...  # fmt: skip
 @overload
 def simulate(
-    models: Mapping[str, ModelLike] | ModelLike,
-    *,
-    rate: float,
-    rng: int | np.random.Generator,
-    duration: float | None = None,
-    samples: int | None = None,
-    resolution: Mapping[str, float] | None = None,
-    gravity: str | None = "accel_z",
-    components: Literal[True],
-) -> SimulatedImu: ...
+    models: Mapping[str, ModelLike] | ModelLike, *, rate: float, rng: int | np.random.Generator,
+    duration: float | None = None, samples: int | None = None, resolution: Mapping[str, float] | None = None,
+    gravity: str | None = "accel_z", components: Literal[True],
+) -> SimulatedImu: ...  # fmt: skip
 def simulate(
-    models: Mapping[str, ModelLike] | ModelLike,
-    *,
-    rate: float,
-    rng: int | np.random.Generator,
-    duration: float | None = None,
-    samples: int | None = None,
-    resolution: Mapping[str, float] | None = None,
-    gravity: str | None = "accel_z",
-    components: bool = False,
-) -> Imu | SimulatedImu:
+    models: Mapping[str, ModelLike] | ModelLike, *, rate: float, rng: int | np.random.Generator,
+    duration: float | None = None, samples: int | None = None, resolution: Mapping[str, float] | None = None,
+    gravity: str | None = "accel_z", components: bool = False,
+) -> Imu | SimulatedImu:  # fmt: skip
     """Simulate a static recording with known noise, from a noise model for each axis.
 
     The noise of an axis is X_t = Σ_k X_t^(k), where X^(k) is the process of term k of its model. Each axis has its own
@@ -122,7 +104,7 @@ def simulate(
         raise OptionError(argument="gravity", expected=f"one of {', '.join(_ACCELEROMETERS)} or None", got=gravity)
     streams = dict(zip(AXES, np.random.SeedSequence(seed).spawn(len(AXES)), strict=True))
 
-    arrays, made = {}, {}
+    arrays, signals = {}, {}
     for axis, model in truth.items():
         generator = np.random.default_rng(streams[axis])
         _require_values(axis, model)
@@ -130,28 +112,22 @@ def simulate(
         with _errors_about(axis):
             if components:
                 unit = SI_UNIT[axis_quantity(axis)]
-                made[axis] = _simulated(
+                signals[axis] = _simulate(
                     model, n, rate, generator, unit=unit, axis=axis, offset=offset, step=steps.get(axis)
                 )
-                arrays[axis] = made[axis].signal.values
+                arrays[axis] = signals[axis].signal.values
             else:
-                arrays[axis] = _finished(model.simulate(n, rate, generator), offset, steps.get(axis))
+                arrays[axis] = _finish(model.simulate(n, rate, generator), offset, steps.get(axis))
     imu = Imu.from_arrays(arrays, rate, source=f"simulation with seed {seed}")
     remarks = tuple(Remark.of("simulated", axis, model=str(truth[axis]), seed=seed) for axis in imu.axes)
     imu = replace(imu, remarks=remarks)
-    return SimulatedImu(imu=imu, axes=made) if components else imu
+    return SimulatedImu(imu=imu, axes=signals) if components else imu
 
 
 def simulate_signal(
-    model: ModelLike,
-    *,
-    rate: float,
-    rng: int | np.random.Generator,
-    duration: float | None = None,
-    samples: int | None = None,
-    unit: str = "",
-    resolution: float | None = None,
-) -> SimulatedSignal:
+    model: ModelLike, *, rate: float, rng: int | np.random.Generator, duration: float | None = None,
+    samples: int | None = None, unit: str = "", resolution: float | None = None,
+) -> SimulatedSignal:  # fmt: skip
     """Simulate one signal from a model, and return it with the latent process of each term.
 
     The signal is X_t = Σ_k X_t^(k), where X^(k) is the latent process of term k of the model.
@@ -198,20 +174,12 @@ def simulate_signal(
     n = _length(rate, duration, samples)
     step = None if resolution is None else _step(resolution)
     _require_values("", truth)
-    return _simulated(truth, n, rate, as_rng(rng), unit=unit, step=step)
+    return _simulate(truth, n, rate, as_rng(rng), unit=unit, step=step)
 
 
 def models_by_axis(models: Mapping[str, ModelLike] | ModelLike) -> dict[str, Model]:
-    """Return the model of each axis, in the order of the axes, from the argument `models` of `simulate`.
-
-    Raises
-    ------
-    OptionError
-        If `models` is neither a model nor a mapping of axes or sensors to models, or if it is empty.
-
-    >>> models_by_axis({"gyro": "WN(sigma2=1.0)", "gyro_y": "QN(q2=2.0)"})
-    {'gyro_x': Model('WN(sigma2=1.0)'), 'gyro_y': Model('QN(q2=2.0)'), 'gyro_z': Model('WN(sigma2=1.0)')}
-    """
+    """Return the model of each axis, in the order of the axes, from the argument `models` of `simulate`. Raises
+    OptionError if `models` is neither a model nor a mapping of axes or sensors to models, or if it is empty."""
     if isinstance(models, str | Process | Model):
         return dict.fromkeys(AXES, as_model(models))
     if not isinstance(models, Mapping) or not models:
@@ -237,10 +205,7 @@ def _length(rate: float, duration: float | None, samples: int | None) -> int:
     if (duration is None) == (samples is None):
         what = "no length is given" if duration is None else "two lengths are given, a duration and a number of samples"
         raise OptionError(
-            what,
-            argument="duration",
-            got=duration,
-            advice="Pass either {--duration} (s) or {--samples}.",
+            what, argument="duration", got=duration, advice="Pass either {--duration} (s) or {--samples}."
         )
     if duration is not None:
         if not (math.isfinite(duration) and duration > 0):
@@ -249,10 +214,8 @@ def _length(rate: float, duration: float | None, samples: int | None) -> int:
         if n < MINIMUM_SAMPLES:
             raise OptionError(
                 f"{duration:g} s at {rate:g} Hz are {n} samples, but at least {MINIMUM_SAMPLES} are needed",
-                argument="duration",
-                got=duration,
-                advice="Pass a longer {--duration}.",
-            )
+                argument="duration", got=duration, advice="Pass a longer {--duration}.",
+            )  # fmt: skip
         return n
     if isinstance(samples, bool) or not isinstance(samples, int | np.integer) or samples < MINIMUM_SAMPLES:
         raise OptionError(argument="samples", expected=f"an integer, at least {MINIMUM_SAMPLES}", got=samples)
@@ -281,17 +244,10 @@ def _errors_about(axis: str) -> Iterator[None]:
         raise
 
 
-def _simulated(
-    model: Model,
-    n: int,
-    rate: float,
-    rng: np.random.Generator,
-    *,
-    unit: str,
-    axis: str = "",
-    offset: float = 0.0,
+def _simulate(
+    model: Model, n: int, rate: float, rng: np.random.Generator, *, unit: str, axis: str = "", offset: float = 0.0,
     step: float | None,
-) -> SimulatedSignal:
+) -> SimulatedSignal:  # fmt: skip
     """Simulate a signal and its latent processes, and add these in the same order as `Model.simulate`."""
     drawn = model.simulate_terms(n, rate, rng)
     total = np.zeros(n)
@@ -299,15 +255,15 @@ def _simulated(
     for term in model.drawing_order():
         total += drawn[term]
         parts[term] = Signal(drawn[term], rate, unit, f"{axis} {term}".strip())
-    signal = Signal(_finished(total, offset, step), rate, unit, axis)
+    signal = Signal(_finish(total, offset, step), rate, unit, axis)
     return SimulatedSignal(signal=signal, components=parts, model=model, offset=offset, resolution=step)
 
 
-def _finished(path: Vector, offset: float, step: float | None) -> Vector:
+def _finish(path: Vector, offset: float, step: float | None) -> Vector:
     """Add an offset to a path, in place, and round the result."""
     if offset:
         path += offset
-    return path if step is None else _rounded(path, step)
+    return path if step is None else _quantise(path, step)
 
 
 def _step(step: float, axis: str = "") -> float:
@@ -318,7 +274,7 @@ def _step(step: float, axis: str = "") -> float:
     return float(step)
 
 
-def _rounded(path: Vector, step: float) -> Vector:
+def _quantise(path: Vector, step: float) -> Vector:
     """Round to the nearest multiple of `step`."""
     inverse = round(1 / step)
     # Division by an integer gives the double nearest to a decimal such as 0.0123, which is short in a text file.

@@ -47,15 +47,11 @@ class SimulatedSignal(Plotted):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A mapping proxy cannot be pickled, so the copy is made from a dict.
-        made = partial(
-            SimulatedSignal,
-            signal=self.signal,
-            components=dict(self.components),
-            model=self.model,
-            offset=self.offset,
+        build = partial(
+            SimulatedSignal, signal=self.signal, components=dict(self.components), model=self.model, offset=self.offset,
             resolution=self.resolution,
-        )
-        return made, ()
+        )  # fmt: skip
+        return build, ()
 
     def __getitem__(self, term: str) -> Signal:
         try:
@@ -140,31 +136,11 @@ class SimulatedImu:
         return iter(self.axes)
 
     def __repr__(self) -> str:
-        parts = "; ".join(f"{axis} = {' + '.join(one.model.terms)}" for axis, one in self.axes.items())
+        parts = "; ".join(f"{axis} = {' + '.join(signal.model.terms)}" for axis, signal in self.axes.items())
         return f"SimulatedImu({self.imu!r}; {parts})"
 
     def write_components(self, path: str | os.PathLike[str]) -> tuple[str, ...]:
-        """Write the latent processes as a table with one column each.
-
-        The columns are `time [s]` and one for each term of each axis, such as `gyro_x WN [rad/s]`, with full precision.
-        `gmwm.read(path, columns={"gyro_x": "gyro_x WN [rad/s]"})` reads one of them. If writing fails, no file
-        remains.
-
-        Parameters
-        ----------
-        path : path
-            File to write, ending in .csv or .parquet.
-
-        Returns
-        -------
-        tuple of str
-            Names of the columns after the time.
-
-        Raises
-        ------
-        OptionError
-            If the path has another ending.
-        """
+        """Write the latent processes of all axes to the file `path`; see `SimulatedSignal.write_components`."""
         return _write_components(list(self.axes.values()), path)
 
 

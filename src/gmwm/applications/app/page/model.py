@@ -19,9 +19,9 @@ from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import GmwmError
 from gmwm.base.text import p_text
 from gmwm.choosing.selection.search import ModelChoice
+from gmwm.fitting.estimation.model_error import relative_misfit
 from gmwm.fitting.estimation.result import Fit
-from gmwm.fitting.inference.model_error import relative_misfit
-from gmwm.fitting.inference.summary import IntervalMethod, estimate_text, intervals_if_known, rows, test_in_words
+from gmwm.fitting.estimation.summary import IntervalMethod, estimate_text, intervals_if_known, rows, test_in_words
 from gmwm.measuring.inspection.findings import covariates_text, effect_text
 from gmwm.recording.signals import Imu
 from gmwm.showing.plots.labels import axis_title

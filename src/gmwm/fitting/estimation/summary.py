@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -13,18 +13,18 @@ import numpy as np
 from gmwm.base.errors import GmwmError, MissingTheoryError, ModelError
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.tables import align
-from gmwm.fitting.inference.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap, least_draws
-from gmwm.fitting.inference.goodness import GoodnessOfFit, goodness_of_fit
-from gmwm.fitting.inference.intervals import Interval, Method, confidence_intervals
+from gmwm.fitting.estimation.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap, least_draws
+from gmwm.fitting.estimation.goodness import GoodnessOfFit, goodness_of_fit
+from gmwm.fitting.estimation.intervals import Interval, Method, confidence_intervals
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.validation import as_seed
 
 if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
+    from gmwm.fitting.likelihood.result import LikelihoodFit
 
 PROVEN = 1e-3
-"""Largest gap at which a summary calls a fit the global optimum. It is 10 times `CERTIFIED_GAP`, the gap at which the
-search stops unless it reaches its limit of nodes first."""
+"""Largest gap of a global optimum in words, 10 times `CERTIFIED_GAP`, which the limit of nodes may exceed."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class IntervalMethod:
 
 
 @dataclass(frozen=True)
-class Row:
+class ParameterRow:
     """Texts of one row of a table of parameters."""
 
     name: str
@@ -78,10 +78,8 @@ def test_in_words(fit: Fit, how: IntervalMethod) -> tuple[GoodnessOfFit | None, 
 
 
 def inference(fit: Fit, how: IntervalMethod) -> dict[str, Any]:
-    """Return the intervals, the standard errors and the test as plain numbers and strings for JSON.
-
-    None replaces a number that is infinite, and a test that cannot be computed.
-    """
+    """Return the intervals, the standard errors and the test as plain numbers and strings for JSON. None replaces a
+    number that is infinite, and a test that cannot be computed."""
     intervals, _ = intervals_if_known(fit, how)
     test, _ = test_in_words(fit, how)
     return {
@@ -104,14 +102,19 @@ def standard_errors(fit: Fit, how: IntervalMethod) -> dict[str, float]:
     return bootstrap(fit, how.draws, how.seed).errors if how.method == "bootstrap" else fit.standard_errors
 
 
-def rows(fit: Fit, intervals: dict[str, Interval], how: IntervalMethod) -> list[Row]:
+def rows(fit: Fit, intervals: dict[str, Interval], how: IntervalMethod) -> list[ParameterRow]:
     """Return one row of texts for each parameter of a fit, in the order of the terms."""
-    units = fit.units()
-    errors = standard_errors(fit, how) if intervals else {}
-    shown = []
+    return rows_of(fit, intervals, standard_errors(fit, how) if intervals else {}, fit.undetermined)
+
+
+def rows_of(
+    fit: Fit | LikelihoodFit, intervals: Mapping[str, Interval], errors: Mapping[str, float], unknown: Collection[str]
+) -> list[ParameterRow]:
+    """Return one row of texts for each parameter; the data do not determine the parameters `unknown`."""
+    units, table = fit.units(), []
     for name, value in fit.parameters.items():
-        if name in fit.undetermined:
-            shown.append(Row(name, "undetermined", interval="", error="", unit=units[name]))
+        if name in unknown:
+            table.append(ParameterRow(name, "undetermined", interval="", error="", unit=units[name]))
             continue
         interval, error = "", ""
         if name in fit.model.fixed_names:
@@ -120,8 +123,8 @@ def rows(fit: Fit, intervals: dict[str, Interval], how: IntervalMethod) -> list[
             interval = interval_text(*intervals[name])
             if math.isfinite(share := errors.get(name, math.inf) / abs(value) if value else math.inf):
                 error = f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
-        shown.append(Row(name, estimate_text(value), interval=interval, error=error, unit=units[name]))
-    return shown
+        table.append(ParameterRow(name, estimate_text(value), interval=interval, error=error, unit=units[name]))
+    return table
 
 
 def no_intervals(error: GmwmError) -> Remark:
@@ -135,25 +138,30 @@ def without_axis(*remarks: Remark | None) -> list[Remark]:
 
 
 def short_values(fit: Fit, how: IntervalMethod) -> dict[str, str]:
-    """Return a short text for each parameter.
-
-    It is the estimate with its relative standard error, an upper limit, or the process as which the term acts.
-    """
+    """Return a short text for each parameter; see `short_texts`."""
     intervals, _ = intervals_if_known(fit, how)
-    shown = {}
-    for row in rows(fit, intervals, how):
+    return short_texts(fit, rows(fit, intervals, how), intervals, fit.undetermined)
+
+
+def short_texts(
+    fit: Fit | LikelihoodFit, table: list[ParameterRow], intervals: Mapping[str, Interval], unknown: Collection[str]
+) -> dict[str, str]:
+    """Return a short text for each parameter: the estimate with its relative standard error, an upper limit, or the
+    process as which the term acts."""
+    words = {}
+    for row in table:
         low, high = intervals.get(row.name, (0.0, math.inf))
         acting = fit.diagnostics.acts_as.get(row.name.rpartition(".")[0])
-        if row.name in fit.undetermined:
-            shown[row.name] = "—"
+        if row.name in unknown:
+            words[row.name] = "—"
         elif acting is not None:
-            shown[row.name] = "held" if row.name in fit.model.fixed_names else f"as {acting}"
+            words[row.name] = "held" if row.name in fit.model.fixed_names else f"as {acting}"
         elif math.isfinite(high) and low in (0.0, -high):
-            shown[row.name] = f"≤ {high:.2e}"
+            words[row.name] = f"≤ {high:.2e}"
         else:
             value = fit.parameters[row.name]
-            shown[row.name] = (f"{value:.2e}" if value else "0") + (f" ± {row.error}" if row.error else "")
-    return shown
+            words[row.name] = (f"{value:.2e}" if value else "0") + (f" ± {row.error}" if row.error else "")
+    return words
 
 
 def estimate_text(value: float) -> str:
@@ -173,14 +181,34 @@ def interval_text(low: float, high: float) -> str:
 
 
 def summary(
-    fit: Fit,
-    level: float = 0.95,
-    method: Method = "asymptotic",
-    *,
-    draws: int = DRAWS,
+    fit: Fit, level: float = 0.95, method: Method = "asymptotic", *, draws: int = DRAWS,
     rng: int | np.random.Generator = 0,
-) -> str:
-    """Return the text of `Fit.summary`."""
+) -> str:  # fmt: skip
+    """Describe the fit in text.
+
+    Parameters
+    ----------
+    level : float
+        Confidence level of the intervals, between 0 and 1.
+    method : "asymptotic" or "bootstrap"
+        Source of the intervals and the test: theory, or `draws` simulated recordings.
+    draws : int
+        Number of simulated recordings.
+    rng : int or numpy.random.Generator
+        Source of the draws; the same integer gives the same result.
+
+    Returns
+    -------
+    str
+        Text with the model, the number of samples, the rate, the levels and the weighting; the objective with its
+        bounds; the goodness-of-fit test; a table of the parameters with estimate, interval, relative standard error
+        and unit; and the remarks.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown or out of range.
+    """
     how = IntervalMethod(level, method, draws, as_seed(rng))
     intervals, missing = intervals_if_known(fit, how)
     table = rows(fit, intervals, how)
@@ -189,9 +217,9 @@ def summary(
     return "\n".join([*lines, "", *words] if words else lines)
 
 
-def table_text(table: list[Row], level: float) -> list[str]:
+def table_text(table: list[ParameterRow], level: float) -> list[str]:
     """Format the rows of parameters as aligned columns with a header."""
-    heads = Row("parameter", "estimate", interval=f"{100 * level:g} % interval", error="error", unit="unit")
+    heads = ParameterRow("parameter", "estimate", interval=f"{100 * level:g} % interval", error="error", unit="unit")
     return align([astuple(row) for row in (heads, *table)], right={1, 2, 3})
 
 
@@ -220,26 +248,24 @@ def head(fit: Fit, how: IntervalMethod) -> list[str]:
 
 
 def as_html(fit: Fit) -> str:
-    """Return the summary as HTML with a table of the parameters."""
+    """Return the summary as HTML with a table of the parameters, for notebooks."""
     how = IntervalMethod()
     intervals, missing = intervals_if_known(fit, how)
     words = texts(without_axis(missing, *fit.diagnostics.remarks), Dialect.HTML)
     return table_html(head(fit, how), rows(fit, intervals, how), words)
 
 
-def table_html(head: Sequence[str], rows: Iterable[Row], words: Iterable[str]) -> str:
-    """Return HTML with a title and facts (`head`), a table of parameters with 95 % intervals (`rows`), and remarks.
-
-    The remarks (`words`) are HTML already.
-    """
+def table_html(head: Sequence[str], rows: Iterable[ParameterRow], words: Iterable[str]) -> str:
+    """Return HTML with a title and facts (`head`), a table of parameters with 95 % intervals (`rows`), and remarks. The
+    remarks (`words`) are HTML already."""
     cells = "".join(
         f"<tr><td>{escape(row.name)}</td><td>{escape(row.estimate)}</td><td>{escape(row.interval)}</td>"
         f"<td>{escape(row.error)}</td><td>{escape(row.unit)}</td></tr>"
         for row in rows
     )
     names = ("parameter", "estimate", "95 % interval", "error", "unit")
-    title, *rest = head
-    facts = "\n".join(rest).splitlines()
+    title, *lines = head
+    facts = "\n".join(lines).splitlines()
     return (
         f"<div><b>{escape(title)}</b>{''.join(f'<br>{escape(fact)}' for fact in facts)}"
         f"<table><thead><tr>{''.join(f'<th>{name}</th>' for name in names)}</tr></thead><tbody>{cells}</tbody></table>"

@@ -11,10 +11,10 @@ import numpy as np
 
 from gmwm.base.arrays import Matrix
 from gmwm.base.errors import OptionError
+from gmwm.fitting.estimation.asymptotic import no_noise, sandwich_of
+from gmwm.fitting.estimation.bootstrap import DRAWS, as_draws, bootstrap, least_draws
 from gmwm.fitting.estimation.reweighting import REWEIGHTED, reciprocal
 from gmwm.fitting.estimation.weighting import precision
-from gmwm.fitting.inference.asymptotic import no_noise, sandwich_of
-from gmwm.fitting.inference.bootstrap import DRAWS, as_draws, bootstrap, least_draws
 from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.covariance import Design, covariances
 from gmwm.recording.options import as_confidence, one_of
@@ -30,38 +30,78 @@ Method = Literal["asymptotic", "bootstrap"]
 Interval = tuple[float, float]
 
 ROUNDING = 1e-8
-"""Tolerance of the correlations in a covariance that a user passes. It allows for a matrix that was written with 8
-digits."""
-_UNKNOWN = 14.0
-"""Half width of a confidence interval for the logarithm of a parameter above which the parameter is not determined. It
-is a factor of a million."""
-_ROUNDS = 60
-"""Largest number of iterations for an upper limit. In every fit of tests/inference/test_inference_laws.py, `_SETTLED`
-ends the iteration earlier."""
-_SETTLED = 1e-4
-"""Relative accuracy of an upper limit; limits are shown with four digits."""
+"""Tolerance of the correlations in a covariance of the user, which may have been written with 8 digits."""
+UNDETERMINED = 14.0
+"""Half width of an interval for a logarithm, a factor of a million, above which a parameter is not determined."""
 
 
 def confidence_intervals(
-    fit: Fit,
-    level: float = 0.95,
-    method: Method = "asymptotic",
-    *,
-    covariance: Matrix | None = None,
-    draws: int = DRAWS,
-    rng: int | np.random.Generator = 0,
-) -> dict[str, Interval]:
-    """Compute a confidence interval for every estimated parameter; see `Fit.confidence_intervals`."""
+    fit: Fit, level: float = 0.95, method: Method = "asymptotic", *, covariance: Matrix | None = None,
+    draws: int = DRAWS, rng: int | np.random.Generator = 0,
+) -> dict[str, Interval]:  # fmt: skip
+    """Compute a confidence interval (low, high) for every estimated parameter, by name.
+
+    With the estimate θ̂, its standard error SE and the normal quantile z:
+
+    - The interval of a variance or a correlation time is θ̂ exp(±z SE/θ̂), which is symmetric for the logarithm.
+    - The interval of φ of an AR1 is symmetric for artanh φ.
+    - The interval of the slope ω of a drift, which has a sign, is ω̂ ± z SE.
+    - If the data do not exclude that a white noise, a random walk or a drift is zero, the interval is from 0 to an
+      upper limit (for a drift, from −limit to limit). This one-sided limit of a 95 % interval has the level 97.5 %.
+    - If the data do not determine a parameter, the interval is (0, inf).
+
+    Parameters
+    ----------
+    level : float
+        Confidence level, between 0 and 1.
+    method : "asymptotic" or "bootstrap"
+        Source of the intervals: the exact covariance of the wavelet variance, or quantiles of the estimates from
+        `draws` simulated recordings.
+    covariance : (J, J) array, optional
+        Covariance V that replaces the covariance of the fitted model, for example from `empirical_covariance`; only
+        with method="asymptotic". It must belong to the wavelet variance that was fitted. The empirical covariance
+        of data with outliers belongs to the classical estimate, not to a robust fit.
+    draws : int
+        Number of simulated recordings, at least 2 / (1 − level) − 1, which is 39 for 95 %.
+    rng : int or numpy.random.Generator
+        Source of the draws; the same integer gives the same result.
+
+    Returns
+    -------
+    dict of name to (low, high)
+        Intervals, in the units of the parameters.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown or out of range, or `covariance` is not a covariance matrix of J levels.
+    ModelError
+        If the model has no noise at some level.
+    MissingTheoryError
+        If the covariance of a process is unknown.
+
+    References
+    ----------
+    Guerrier, Skaloud, Stebler and Victoria-Feser (2013), JASA 108, 1021-1030, theorem 2.
+
+    Examples
+    --------
+    >>> from gmwm import WN, RW, fit
+    >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(20_000, 100.0, rng=1)
+    >>> low, high = fit(WN() + RW(), x, rate=100.0).confidence_intervals()["WN.sigma2"]
+    >>> low < 4.0 < high
+    True
+    """
     level = as_confidence(level, "level")
     one_of(method, "method", get_args(Method))
     seed = as_seed(rng) if method == "bootstrap" else 0
     if covariance is None:
         # The intervals are cached, because upper limits are slow, and a summary, a datasheet and a file all use them.
-        kept: dict[tuple[object, ...], dict[str, Interval]] = fit.__dict__.setdefault("_intervals", {})
+        cache: dict[tuple[object, ...], dict[str, Interval]] = fit.__dict__.setdefault("_intervals", {})
         key = (level, method, draws, seed)
-        if key not in kept:
-            kept[key] = _intervals(fit, level, method=method, covariance=None, draws=draws, seed=seed)
-        return dict(kept[key])
+        if key not in cache:
+            cache[key] = _intervals(fit, level, method=method, covariance=None, draws=draws, seed=seed)
+        return dict(cache[key])
     return _intervals(fit, level, method=method, covariance=covariance, draws=draws, seed=seed)
 
 
@@ -99,22 +139,20 @@ def _intervals(
 
 
 def with_quick_intervals(fit: Fit, level: float) -> Fit:
-    """Return a copy of a fit with quickly computed intervals, for models that have little weight in a comparison.
-
-    The upper limit of a scale coefficient ĉ is then ĉ + z SE(ĉ), without iteration. The fit itself is not changed, so
-    that its intervals stay exact.
-    """
+    """Return a copy of a fit with quickly computed intervals, for models that have little weight in a comparison. The
+    upper limit of a scale coefficient ĉ is then ĉ + z SE(ĉ), without iteration. The fit itself is not changed, so that
+    its intervals stay exact."""
     key = (level, "asymptotic", DRAWS, 0)
     if key in fit.__dict__.get("_intervals", {}):
         return fit
-    found, z = _asymptotic(fit, level, None), NormalDist().inv_cdf((1 + level) / 2)
+    limits, z = _asymptotic(fit, level, None), NormalDist().inv_cdf((1 + level) / 2)
     errors = dict(zip(fit.sandwich.names, np.sqrt(np.diag(fit.sandwich.relative)).tolist(), strict=True))
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
         for parameter in process.parameters:
             name = f"{term}.{parameter.name}"
             if process.is_fixed(parameter.name):
                 continue
-            found.setdefault(name, (0.0, math.inf))
+            limits.setdefault(name, (0.0, math.inf))
             if (
                 parameter.scale_power
                 and name in errors
@@ -122,9 +160,9 @@ def with_quick_intervals(fit: Fit, level: float) -> Fit:
                 and is_weak(fit, name, parameter, z)
             ):
                 high = process.value_from(process.scale * (1 + z * (parameter.scale_power or 1.0) * errors[name]))
-                found[name] = (-high if parameter.domain == "real" else 0.0, high)
+                limits[name] = (-high if parameter.domain == "real" else 0.0, high)
     quick = copy(fit)
-    quick.__dict__["_intervals"] = {key: found}
+    quick.__dict__["_intervals"] = {key: limits}
     return quick
 
 
@@ -137,26 +175,23 @@ def is_weak(fit: Fit, name: str, parameter: Parameter, z: float = 1.96) -> bool:
     """Return whether a scale parameter is zero, or its scale coefficient is at most z standard errors above zero."""
     if fit.parameters[name] == 0:
         return True
-    found, power = fit.sandwich.sampling, parameter.scale_power or 1.0
-    place = found.names.index(name)
-    return z * power * math.sqrt(found.relative[place, place]) >= 1
+    errors, power = fit.sandwich.sampling, parameter.scale_power or 1.0
+    place = errors.names.index(name)
+    return z * power * math.sqrt(errors.relative[place, place]) >= 1
 
 
 def _asymptotic(fit: Fit, level: float, covariance: Matrix | None) -> dict[str, Interval]:
-    found = fit.sandwich
+    errors = fit.sandwich
     if covariance is not None:
-        found = sandwich_of(
-            fit.model,
-            Design.of(fit.wavelet_variance),
-            matrix=fit.weighting_matrix,
-            wavelet=_as_covariance(fit, covariance),
-            acts_as=fit.diagnostics.acts_as,
-        )
+        errors = sandwich_of(
+            fit.model, Design.of(fit.wavelet_variance), matrix=fit.weighting_matrix,
+            wavelet=_as_covariance(fit, covariance), acts_as=fit.diagnostics.acts_as,
+        )  # fmt: skip
     z = NormalDist().inv_cdf((1 + level) / 2)
     parameters = parameters_by_name(fit.model)
     return {
         name: about(parameters[name], value, float(z * abs(value) * math.sqrt(square)))
-        for name, value, square in zip(found.names, found.values.tolist(), np.diag(found.relative), strict=True)
+        for name, value, square in zip(errors.names, errors.values.tolist(), np.diag(errors.relative), strict=True)
     }
 
 
@@ -170,11 +205,9 @@ def parameters_by_name(model: Model) -> dict[str, Parameter]:
 
 
 def about(parameter: Parameter, value: float, reach: float) -> Interval:
-    """Return the confidence interval of a parameter for an estimate `value` and a half width `reach`.
-
-    The interval is symmetric after a transformation (logarithm or artanh) that keeps its ends inside the domain of the
-    parameter; for a parameter that can be any real number it is value ± reach.
-    """
+    """Return the confidence interval of a parameter for an estimate `value` and a half width `reach`. The interval is
+    symmetric after a transformation (logarithm or artanh) that keeps its ends inside the domain of the parameter; for a
+    parameter that can be any real number it is value ± reach."""
     if parameter.domain == "real":
         return value - reach, value + reach
     if parameter.domain == "between":
@@ -182,7 +215,7 @@ def about(parameter: Parameter, value: float, reach: float) -> Interval:
         half, share = (high - low) / 2, (2 * value - low - high) / (high - low)
         centre, reach = math.atanh(share), reach / half / (1 - share * share)
         return low + half * (1 + math.tanh(centre - reach)), low + half * (1 + math.tanh(centre + reach))
-    if reach / value > _UNKNOWN:
+    if reach / value > UNDETERMINED:
         return 0.0, math.inf
     factor = math.exp(reach / value)
     return value / factor, value * factor
@@ -217,21 +250,16 @@ def _as_covariance(fit: Fit, covariance: Matrix) -> Matrix:
 
 def _no_covariance(what: str, got: object) -> OptionError:
     return OptionError(
-        f"covariance must {what}",
-        argument="covariance",
-        got=got,
+        f"covariance must {what}", argument="covariance", got=got,
         advice="Compute it with `empirical_covariance(x, rate)`.",
-    )
+    )  # fmt: skip
 
 
 def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> float:
-    """Return the upper limit of a scale parameter.
-
-    If the parameter had this value, an estimate as small as the actual one would have the probability (1 − level)/2.
-    The scale coefficient c of the limit solves c = ĉ + z SE(c), where ĉ is the estimate. SE(c) is the standard error
-    for a model with this c, because the standard error increases with c. In addition, no process can exceed the data: c
-    times its wavelet variance is at most the upper chi-square limit of each of the J levels, at (1 − level)/(2J).
-    """
+    """Return the upper limit of a scale parameter, at which an estimate as small as the actual one has the probability
+    (1 − level)/2. The limit of the scale coefficient c solves c = ĉ + z SE(c), because the standard error increases
+    with c. No process can exceed the data: c times its wavelet variance is at most the upper chi-square limit of each
+    of the J levels, at (1 − level)/(2J)."""
     wv = fit.wavelet_variance
     process = fit.model.processes[fit.model.terms.index(term)]
     name = f"{term}.{parameter.name}"
@@ -245,34 +273,34 @@ def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> floa
     estimate = process.scale
     # Start from a scale that contributes at most 0.1 % of the fitted curve.
     scale = max(estimate, 1e-3 * float(np.min(fit.implied[seen] / shape[seen])))
-    power, spread = parameter.scale_power or 1.0, _spread(fit, name)
+    power, spread = parameter.scale_power or 1.0, _added_error(fit, name)
     tried: list[tuple[float, float]] = []
-    for _ in range(_ROUNDS):
+    # Every fit of tests/inference/test_inference_laws.py ends earlier, by the relative accuracy below.
+    for _ in range(60):
         relative = _relative_error(fit, fit.model.with_values({name: process.value_from(scale)}), name)
         after = estimate + z * power * math.hypot(relative * scale, spread * estimate)
         if not after < largest:
             break
-        if abs(after - scale) <= _SETTLED * after:
+        # Limits are shown with four digits.
+        if abs(after - scale) <= 1e-4 * after:
             return process.value_from(after)
         tried.append((math.log(scale), math.log(after)))
         scale = min(math.exp(_fixed_point(tried[-2:])), largest)
     return process.value_from(largest)
 
 
-def _spread(fit: Fit, name: str) -> float:
+def _added_error(fit: Fit, name: str) -> float:
     """Return the relative standard error that the spread between recordings adds to a parameter in quadrature."""
-    found = fit.sandwich
-    if found.without_spread is None or name not in found.names:
+    errors = fit.sandwich
+    if errors.without_spread is None or name not in errors.names:
         return 0.0
-    place = found.names.index(name)
-    return math.sqrt(max(found.relative[place, place] - found.without_spread.relative[place, place], 0.0))
+    place = errors.names.index(name)
+    return math.sqrt(max(errors.relative[place, place] - errors.without_spread.relative[place, place], 0.0))
 
 
 def _fixed_point(tried: list[tuple[float, float]]) -> float:
-    """Return the fixed point of the line through the last two points (x, f(x)).
-
-    The last f(x) is returned if there is only one point, or if the line is too steep.
-    """
+    """Return the fixed point of the line through the last two points (x, f(x)). The last f(x) is returned if there is
+    only one point, or if the line is too steep."""
     x, value = tried[-1]
     if len(tried) < 2 or tried[0][0] == x:
         return value
@@ -289,6 +317,6 @@ def _relative_error(fit: Fit, model: Model, name: str) -> float:
     else:
         diagonal = fit.weighting in REWEIGHTED
         matrix = np.diag(reciprocal(np.diag(for_weights), model)) if diagonal else fit.weighting_matrix
-    found = sandwich_of(model, design, matrix=matrix, wavelet=wavelet, acts_as=fit.diagnostics.acts_as)
-    place = found.names.index(name)
-    return math.sqrt(found.relative[place, place])
+    errors = sandwich_of(model, design, matrix=matrix, wavelet=wavelet, acts_as=fit.diagnostics.acts_as)
+    place = errors.names.index(name)
+    return math.sqrt(errors.relative[place, place])

@@ -14,51 +14,29 @@ from typing import Any
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.documents import Documented
 from gmwm.base.errors import GmwmError
-from gmwm.fitting.estimation.estimator import as_fit
-from gmwm.fitting.estimation.linearised import columns_of, relative_jacobian, unexplained
+from gmwm.fitting.estimation.goodness import usable_levels
+from gmwm.fitting.estimation.linearised import columns_of, relative_jacobian, square_of_rest
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.reweighting import nearly_settled
 from gmwm.fitting.estimation.weighting import precision, square_root
-from gmwm.fitting.inference.goodness import usable_levels
 from gmwm.measuring.covariance import Design, covariance
 from gmwm.measuring.covariance.api import variances
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.model import Model
 
 LARGEST = 1.0
-"""Largest error that is considered, because a model that is wrong by a factor of two is useless
-(tests/inference/test_model_error.py)."""
+"""Largest error; a model that is wrong by a factor of two is useless (tests/inference/test_model_error.py)."""
 IMPLAUSIBLE = 0.01
 """Significance level of the test of the coarse levels of one fit. It is 1 % because a unit has several axes."""
-SMALLEST = 1e-5
-"""Smallest error that is considered. It is far below the relative standard error of any level."""
-_ROUNDS = 2
-"""Largest number of fits with weights that follow from the error."""
-_SETTLED = 0.05
-"""Relative change of the error below which no further fit is needed."""
-_HALVINGS = 24
-"""Number of steps of the bisection for the error."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RelativeMisfit:
-    """Relative difference between the wavelet variances of a model and of the data.
-
-    Attributes
-    ----------
-    distance : (J,) array
-        Relative difference d at each level, ν²/ν̂² − 1, with the wavelet variance ν² of the model and ν̂² of the data.
-    error : (J,) array
-        Relative standard error s of the data at each level.
-    judged : (J,) bool array
-        Mask of the levels with more than 30 degrees of freedom, which are judged.
-    largest, rms : float
-        Largest and root-mean-square difference over the judged levels, after the part that chance explains is
-        subtracted: √max(d² − s², 0).
-    tau : float
-        Scale (s) of the largest difference.
-    """
+class RelativeMisfit(Documented):
+    """Relative difference between a model and its data. `distance` (J,) is d = ν²/ν̂² − 1 at each level, `error` (J,)
+    the relative standard error s of the data, and `judged` (J,) marks the levels with more than 30 degrees of freedom.
+    `largest` and `rms` summarise √max(d² − s², 0) over these levels; `tau` (s) is the scale of the largest."""
 
     distance: Vector
     error: Vector
@@ -70,20 +48,6 @@ class RelativeMisfit:
     def __post_init__(self) -> None:
         for array in (self.distance, self.error, self.judged):
             freeze(array)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the misfit as plain numbers and lists for JSON."""
-        return {
-            "distance": self.distance.tolist(), "error": self.error.tolist(), "judged": self.judged.tolist(),
-            "largest": self.largest, "rms": self.rms, "tau": self.tau,
-        }  # fmt: skip
-
-    @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> RelativeMisfit:
-        """Restore a misfit from `values`, the output of `to_dict`."""
-        arrays = {name: np.array(values[name], dtype=np.float64) for name in ("distance", "error")}
-        judged = np.array(values["judged"], dtype=np.bool_)
-        return cls(**{**values, **arrays, "judged": judged})
 
 
 MANY = 30.0
@@ -108,18 +72,9 @@ def relative_misfit(fit: Fit) -> RelativeMisfit:
 
 
 def implausible_levels(fit: Fit, size: float = IMPLAUSIBLE) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Return a mask (J,) of the coarse levels that differ from the model by more than chance explains.
-
-    Levels with at most 30 degrees of freedom are tested. Each test uses a chi-square distribution with the mean and the
-    variance that the model implies.
-
-    Parameters
-    ----------
-    fit : Fit
-        Fit whose levels are tested.
-    size : float
-        Probability that at least one level of a recording of the model is marked.
-    """
+    """Return a mask (J,) of the coarse levels, with at most 30 degrees of freedom, that differ from the model by more
+    than chance explains. Each test uses a chi-square distribution with the mean and variance that the model implies.
+    `size` is the probability that at least one level of a recording of the model is marked."""
     from scipy.special import gammainc, gammaincc
 
     wv = fit.wavelet_variance
@@ -135,33 +90,19 @@ def implausible_levels(fit: Fit, size: float = IMPLAUSIBLE) -> np.ndarray[Any, n
 
 
 def model_error(fit: Fit) -> float:
-    """Estimate the relative error τ of a fitted model.
-
-    It is 0 if chance explains the difference from the data. The model is then fitted with the weights that follow from
-    τ, and τ is estimated from this fit.
-
-    Parameters
-    ----------
-    fit : Fit
-        Fit whose weights follow from its own model ("optimal" or "diagonal").
-
-    Returns
-    -------
-    float
-        Relative error τ, at most 1.
-
-    References
-    ----------
-    Paule and Mandel (1982), Consensus values and weighting factors, J. Res. NBS 87, 377-385.
-    """
+    """Estimate the relative error τ, at most 1, of a fit whose weights follow from its model; 0 if chance explains the
+    difference from the data. The model is fitted with the weights that follow from τ, and τ is estimated again. Source:
+    Paule and Mandel (1982), J. Res. NBS 87, 377-385."""
     error = Distance.of(fit).error()
-    for _ in range(_ROUNDS if error else 0):
+    # Largest number of fits with weights that follow from the error.
+    for _ in range(2 if error else 0):
         try:
             again = nearly_fitted(fit.model, having_error(fit.wavelet_variance, error), fit.weighting)
         except GmwmError:
             break
         before, error = error, Distance.of(replace(again, wavelet_variance=fit.wavelet_variance)).error()
-        if abs(error - before) <= _SETTLED * error:
+        # Relative change of the error below which no further fit is needed.
+        if abs(error - before) <= 0.05 * error:
             break
     return error
 
@@ -172,28 +113,16 @@ def having_error(wv: WaveletVariance, error: float) -> WaveletVariance:
 
 
 def nearly_fitted(model: Model, wv: WaveletVariance, weighting: str) -> Fit:
-    """Fit a model with weights that have converged to a few per cent, to compare models.
-
-    The fit has no certificate of the global optimum.
-    """
-    return as_fit(nearly_settled(model, wv, weighting)[0], wv, weighting)
+    """Fit a model with weights that have converged to a few per cent, to compare models. The fit has no certificate of
+    the global optimum."""
+    return Fit.of(nearly_settled(model, wv, weighting)[0], wv, weighting)
 
 
 @dataclass(frozen=True, eq=False)
 class Distance:
-    """Difference between a fit and its data at the J levels that the goodness-of-fit test uses.
-
-    Attributes
-    ----------
-    left : (J,) array
-        Residuals ν̂² − ν², in unit².
-    scatter : (J, J) array
-        Covariance V of ν̂², including the excess of the data.
-    slopes : (J, p) array
-        Derivatives of ν² with respect to the logarithms of the parameters.
-    curve : (J,) array
-        Fitted wavelet variance ν².
-    """
+    """Difference between a fit and its data at the J levels that the goodness-of-fit test uses. `left` (J,): residuals
+    ν̂² − ν², in unit². `scatter` (J, J): covariance V of ν̂², including the excess of the data. `slopes` (J, p):
+    derivatives of ν² with respect to the logarithms of the parameters. `curve` (J,): fitted wavelet variance ν²."""
 
     left: Vector
     scatter: Matrix
@@ -219,31 +148,28 @@ class Distance:
 
     @property
     def surely(self) -> float:
-        """p-value of the test if every level counted as a degree of freedom.
-
-        It is at least the p-value of any model whose terms are a part of the fitted model.
-        """
+        """p-value of the test if every level counted as a degree of freedom. It is at least the p-value of any model
+        whose terms are a part of the fitted model."""
         from scipy.special import gammaincc
 
         return float(gammaincc(self.left.size / 2, self.statistic(0.0) / 2))
 
     def statistic(self, error: float) -> float:
-        """Compute the chi-square statistic for a model with a relative error.
-
-        The part of the residuals that a change of the parameters explains is left out.
-        """
+        """Compute the chi-square statistic for a model with a relative error. The part of the residuals that a change
+        of the parameters explains is left out."""
         root = square_root(precision(self.scatter + np.diag((error * self.curve) ** 2)))
-        return unexplained(root @ self.left, root @ self.slopes)[0]
+        return square_of_rest(root @ self.left, root @ self.slopes)[0]
 
     def error(self) -> float:
         """Return the relative error for which the statistic equals its degrees of freedom; 0 if it is smaller
         anyway."""
         if self.freedom < 1 or self.statistic(0.0) <= self.freedom:
             return 0.0
-        low, high = SMALLEST, LARGEST
+        # Smallest error that is considered. It is far below the relative standard error of any level.
+        low, high = 1e-5, LARGEST
         if self.statistic(high) > self.freedom:
             return LARGEST
-        for _ in range(_HALVINGS):
+        for _ in range(24):
             middle = float(np.sqrt(low * high))
             low, high = (middle, high) if self.statistic(middle) > self.freedom else (low, middle)
         return float(np.sqrt(low * high))

@@ -22,51 +22,17 @@ Python is small. The number must not depend on the machine, because the simulate
 
 
 def simulated_variances(
-    model: Model,
-    design: Design,
-    draws: int,
-    seed: int,
-    *,
-    threads: int | None = None,
+    model: Model, design: Design, draws: int, seed: int, *, threads: int | None = None,
     progress: Callable[[int], None] | None = None,
-) -> Matrix:
-    """Simulate independent sample paths of a model, and compute their wavelet variances.
+) -> Matrix:  # fmt: skip
+    """Simulate independent sample paths of a model with values, and compute their wavelet variances (draws, J) in u².
+    Each batch of paths has a random stream that depends on the seed and its number. The result therefore does not
+    depend on `threads`, and a longer run begins with the rows of a shorter one. Stationary processes start from their
+    stationary distribution, the errors of quantization noise are uniform, and segments between gaps are independent.
+    Each thread (by default one per processor) needs the memory of about three paths, or of three batches of 1 MiB.
+    `progress` is called in the thread of the caller with the number of finished paths. Raises OptionError if `draws`,
+    `seed` or `threads` is out of range, and ModelError if a value is missing or a process cannot be simulated.
 
-    Paths are drawn in batches. Each batch has its own random stream, which depends on the seed and the number of the
-    batch. The result therefore does not depend on `threads`, and the first rows of a longer run are the rows of a
-    shorter run. Stationary processes start from their stationary distribution, and the errors of quantization noise are
-    uniform. Segments between gaps are independent paths.
-
-    Parameters
-    ----------
-    model : Model
-        Model whose parameters all have values.
-    design : Design
-        Levels, samples, rate, filter, transform and estimator of the wavelet variance.
-    draws : int
-        Number of paths B.
-    seed : int
-        Seed, zero or positive; the same seed gives the same paths.
-    threads : int, optional
-        Number of threads; by default one for each processor. Each thread needs the memory of about three paths, or of
-        three batches of 1 MiB if paths are shorter.
-    progress : callable, optional
-        Function that is called in the thread of the caller with the number of paths that are finished.
-
-    Returns
-    -------
-    (B, J) array
-        Wavelet variance of each path, in u² for a signal in the unit u.
-
-    Raises
-    ------
-    OptionError
-        If `draws`, `seed` or `threads` is not a whole number in its range.
-    ModelError
-        If a parameter has no value, or a process cannot be simulated.
-
-    Examples
-    --------
     >>> from gmwm.processes import WN
     >>> design = Design(np.arange(1, 4), samples=1000, rate=100.0)
     >>> simulated_variances(Model((WN(sigma2=2.0),)), design, draws=1000, seed=1).mean(axis=0).round(2)
@@ -103,16 +69,14 @@ def simulated_variances(
 
 
 def _measure(model: Model, design: Design, together: int, rng: np.random.Generator, rows: Matrix) -> None:
-    """Fill `rows` (n, J) with the wavelet variances of the first n paths of a batch.
-
-    A batch is always drawn completely, because the paths depend on its size.
-    """
-    deepest, wanted = int(design.levels[-1]), design.levels - 1
+    """Fill `rows` (n, J) with the wavelet variances of the first n paths of a batch. A batch is always drawn
+    completely, because the paths depend on its size."""
+    deepest, rows_of_levels = int(design.levels[-1]), design.levels - 1
     segments = [model.simulate(length, design.rate, rng, together) for length in design.lengths]
     for row, *path in zip(rows, *segments, strict=False):
         row[:] = variances_alone(
             path, design.filter, transform=design.transform, levels=deepest, efficiency=design.efficiency
-        )[wanted]
+        )[rows_of_levels]
 
 
 def _stream(seed: int, batch: int) -> np.random.Generator:
@@ -121,12 +85,9 @@ def _stream(seed: int, batch: int) -> np.random.Generator:
 
 
 def _keep_memory(batch: int) -> None:
-    """Prevent the allocator from returning the memory of a batch to the system, because the next batch needs it.
-
-    glibc returns free memory to the system if it exceeds twice the largest block that was freed, up to 32 MiB. To get
-    it back page by page can take longer than the computation. The block that is allocated and freed here is never
-    accessed and costs nothing.
-    """
+    """Prevent the allocator from returning the memory of a batch to the system. glibc returns free memory above twice
+    the largest block that was freed, up to 32 MiB, and getting it back page by page can take longer than the
+    computation. The block that is allocated and freed here is never accessed and costs nothing."""
     np.empty(min(8 * batch, 31 << 17))
 
 

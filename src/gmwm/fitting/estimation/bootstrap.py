@@ -13,8 +13,8 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.errors import FitWarning, OptionError
 from gmwm.fitting.estimation.problem import pose
-from gmwm.fitting.estimation.solver import estimated, solve_near
-from gmwm.fitting.inference.simulated_curves import simulated_variances
+from gmwm.fitting.estimation.simulated_curves import simulated_variances
+from gmwm.fitting.estimation.solver import model_of, solve_near
 from gmwm.measuring.covariance import Design
 from gmwm.theory.processes.validation import as_seed
 
@@ -76,28 +76,60 @@ class Bootstrap:
 def bootstrap(
     fit: Fit, draws: int = DRAWS, rng: int | np.random.Generator = 0, *, progress: Callable[[int], None] | None = None
 ) -> Bootstrap:
-    """Fit the model of a fit to recordings that are simulated from the fit; see `Fit.bootstrap`."""
+    """Estimate the parameters from each of many recordings that are simulated from the fit (parametric bootstrap).
+
+    Each recording has the length and the gaps of the data. Gauss-Markov and autoregressive terms start from their
+    stationary distribution. Each recording is fitted with the weights of this fit, and robustly if this fit is
+    robust.
+
+    Parameters
+    ----------
+    draws : int
+        Number of simulated recordings, at least 2.
+    rng : int or numpy.random.Generator
+        Source of the draws; the same integer gives the same result. The result records the integer seed, which is
+        drawn from a Generator if one is given.
+    progress : callable, optional
+        Function that is called with the number of recordings that are finished.
+
+    Returns
+    -------
+    Bootstrap
+        Estimates from all recordings, with their standard errors and quantiles.
+
+    Raises
+    ------
+    OptionError
+        If `draws` or `rng` has an invalid value.
+    MissingTheoryError
+        If a process cannot be simulated.
+
+    Examples
+    --------
+    >>> from gmwm import WN, fit
+    >>> found = fit(WN(), WN(sigma2=4.0).simulate(4096, 100.0, rng=1), rate=100.0)
+    >>> again = found.bootstrap(draws=100, rng=1)
+    >>> 0.5 < again.errors["WN.sigma2"] / found.standard_errors["WN.sigma2"] < 1.5
+    True
+    """
     draws, seed = as_draws(draws, LEAST_DRAWS, "a standard deviation"), as_seed(rng)
-    kept: dict[tuple[int, int], Bootstrap] = fit.__dict__.setdefault("_bootstraps", {})
-    if (draws, seed) not in kept:
-        kept[draws, seed] = _bootstrap(fit, draws, seed, progress)
-    return kept[draws, seed]
+    cache: dict[tuple[int, int], Bootstrap] = fit.__dict__.setdefault("_bootstraps", {})
+    if (draws, seed) not in cache:
+        cache[draws, seed] = _bootstrap(fit, draws, seed, progress)
+    return cache[draws, seed]
 
 
 def as_draws(draws: int, least: int, what: str, name: str = "draws") -> int:
-    """Check that a number of simulated recordings is a whole number of at least `least`, and return it.
-
-    `what` says in the error for what purpose this number is required.
-    """
+    """Check that a number of simulated recordings is a whole number of at least `least`, and return it. `what` says in
+    the error for what purpose this number is required."""
     if isinstance(draws, bool) or not isinstance(draws, int | np.integer) or draws < least:
         raise OptionError(argument=name, expected=f"a whole number of at least {least}, for {what}", got=draws)
     return int(draws)
 
 
 def least_draws(level: float) -> int:
-    """Return the smallest number of draws for an interval of this confidence level.
-
-    The smallest of n estimates is the quantile 1 / (n + 1), and the largest one the quantile n / (n + 1).
+    """Return the smallest number of draws for an interval of this confidence level. The smallest of n estimates is the
+    quantile 1 / (n + 1), and the largest one the quantile n / (n + 1).
 
     >>> least_draws(0.95), least_draws(0.99)
     (39, 199)
@@ -110,7 +142,7 @@ def _bootstrap(fit: Fit, draws: int, seed: int, progress: Callable[[int], None] 
     wv = fit.wavelet_variance
     variances = simulated_variances(fit.model, Design.of(wv), draws, seed, progress=progress)
     problem = pose(fit.model, wv, fit.weighting_matrix)
-    known = wv.variance - problem.observed
+    offset = wv.variance - problem.observed
     free = [name for name in fit.parameters if name not in fit.model.fixed_names]
     # The wavelet variance does not determine the sign of a drift; the sign of an AR coefficient is estimated.
     signed = {f"{t}.{p.scale_parameter().name}" for t, p in zip(fit.model.terms, fit.model.processes, strict=True)}
@@ -120,9 +152,9 @@ def _bootstrap(fit: Fit, draws: int, seed: int, progress: Callable[[int], None] 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FitWarning)
         for k, variance in enumerate(variances):
-            drawn = problem.observing(variance - known)
+            drawn = problem.observing(variance - offset)
             solution = solve_near(drawn)
-            model = estimated(drawn, solution, None).sorted(wv.rate)
+            model = model_of(drawn, solution, None).sorted(wv.rate)
             parameters = model.parameters
             implied[k] = model.wavelet_variance(wv.levels, wv.rate, wv.filter)
             estimates[k] = sign * np.array([parameters[name] for name in free], dtype=np.float64)

@@ -76,25 +76,31 @@ class Sandwich:
 
 
 def sandwich(fit: Fit) -> Sandwich:
-    """Compute the covariance of the estimates of a fit; see `Fit.sandwich`."""
-    design, acts_as = Design.of(fit.wavelet_variance), fit.diagnostics.acts_as
-    wavelet = noise_covariance(fit.model, design)
-    found = sandwich_of(fit.model, design, matrix=fit.weighting_matrix, wavelet=wavelet, acts_as=acts_as)
-    if len(fit.wavelet_variance.recordings) < 2:
-        return found
-    total = wavelet + spread_of_mean(fit)
-    both = sandwich_of(fit.model, design, matrix=fit.weighting_matrix, wavelet=total, acts_as=acts_as)
-    return replace(both, without_spread=found)
+    """Covariance of the estimates by the sandwich formula.
 
-
-def noise_covariance(model: Model, design: Design) -> Matrix:
-    """Return the covariance V (J, J) of the wavelet variance of a model that has noise at every level.
+    The object also has the names of the estimated parameters, their relative standard errors, and the covariance V
+    of the wavelet variance.
 
     Raises
     ------
     ModelError
         If the model has no noise at some level.
+    MissingTheoryError
+        If the covariance of a process is unknown.
     """
+    design, acts_as = Design.of(fit.wavelet_variance), fit.diagnostics.acts_as
+    wavelet = noise_covariance(fit.model, design)
+    result = sandwich_of(fit.model, design, matrix=fit.weighting_matrix, wavelet=wavelet, acts_as=acts_as)
+    if len(fit.wavelet_variance.recordings) < 2:
+        return result
+    total = wavelet + spread_of_mean(fit)
+    both = sandwich_of(fit.model, design, matrix=fit.weighting_matrix, wavelet=total, acts_as=acts_as)
+    return replace(both, without_spread=result)
+
+
+def noise_covariance(model: Model, design: Design) -> Matrix:
+    """Return the covariance V (J, J) of the wavelet variance of a model that has noise at every level. Raises
+    ModelError if the model has no noise at some level."""
     wavelet = covariance(model, design)
     if not np.all(np.diag(wavelet) > 0):
         raise no_noise(model)
@@ -112,23 +118,18 @@ def no_noise(model: Model) -> ModelError:
 def sandwich_of(
     model: Model, design: Design, matrix: Matrix, wavelet: Matrix, acts_as: Mapping[str, str] | None = None
 ) -> Sandwich:
-    """Compute the covariance of estimates from the weighting matrix Ω = `matrix` and the covariance V = `wavelet`.
-
-    The shape of a term that acts as another process is left out, and the parameters of the term are not reported. A
-    term that is estimated as zero may have a positive true value, and the other terms would then be smaller. Its scale
-    is therefore treated as free, which makes the standard errors of the other terms larger and conservative.
-    """
+    """Compute the covariance of estimates from Ω = `matrix` and V = `wavelet`. The parameters of a term that acts as
+    another process are not reported. The scale of a term that is estimated as zero is free, because its true value may
+    be positive; the standard errors of the other terms are then conservative."""
     columns, reported = columns_of(model, acts_as or {})
     values = sizes_of(model, columns)
     slopes = np.column_stack([relative_jacobian(model, design, columns), *_unseen(model, design)])
     relative = relative_covariance(slopes, matrix, wavelet)[: len(columns), : len(columns)]
-    kept = [k for k, name in enumerate(columns) if name in reported]
+    places = [k for k, name in enumerate(columns) if name in reported]
     return Sandwich(
-        names=tuple(columns[k] for k in kept),
-        values=values[kept],
-        relative=relative[np.ix_(kept, kept)],
+        names=tuple(columns[k] for k in places), values=values[places], relative=relative[np.ix_(places, places)],
         wavelet=wavelet,
-    )
+    )  # fmt: skip
 
 
 def _unseen(model: Model, design: Design) -> list[Vector]:
@@ -143,7 +144,11 @@ def _unseen(model: Model, design: Design) -> list[Vector]:
 
 
 def standard_errors(fit: Fit) -> dict[str, float]:
-    """Return the standard errors by name; see `Fit.standard_errors`."""
+    """Standard error of each estimated parameter, by name, in the unit of the parameter.
+
+    A parameter that is fixed, zero or at an end of its domain has no standard error. Looking it up raises a
+    KeyError that states the reason. Raises the errors of `sandwich`.
+    """
     errors = fit.sandwich.errors
     return Named(errors, "standard error of", why_no_error(fit.model, errors, fit.diagnostics.acts_as))
 

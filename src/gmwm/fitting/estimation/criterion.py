@@ -1,27 +1,27 @@
-"""Wavelet information criterion, which measures how well a fitted model predicts the wavelet variance of a new
-recording.
+"""Wavelet information criterion: the expected loss of a fitted model on another recording.
 
-The objective of a fit is smaller for its own data than for other data. The mean of this difference is called the
-optimism. The criterion is the objective plus the optimism.
+The objective of a fit is smaller for its own data than for other data, on average by the optimism. The criterion is the
+objective plus the optimism.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.documents import Documented
+from gmwm.fitting.estimation.asymptotic import noise_covariance
+from gmwm.fitting.estimation.bootstrap import DRAWS, bootstrap
+from gmwm.fitting.estimation.intervals import Method
 from gmwm.fitting.estimation.linearised import COLLINEAR
 from gmwm.fitting.estimation.problem import Problem, pose, unit_shape
-from gmwm.fitting.estimation.solver import estimated, solve
+from gmwm.fitting.estimation.solver import model_of, solve
 from gmwm.fitting.estimation.weighting import Weights
-from gmwm.fitting.inference.asymptotic import noise_covariance
-from gmwm.fitting.inference.bootstrap import DRAWS, bootstrap
-from gmwm.fitting.inference.intervals import Method
 from gmwm.measuring.covariance import Design
 from gmwm.recording.options import one_of
 from gmwm.theory.filters import WaveletFilter
@@ -30,14 +30,9 @@ from gmwm.theory.processes.base import Process
 if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
 
-BEND = 1e-4
-"""Relative step of the nonlinear parameters for second derivatives by central differences of first derivatives.
-ε^(1/4), with the machine precision ε, is the best order of magnitude. tests/inference/test_criterion.py compares the
-criterion with the bootstrap."""
-
 
 @dataclass(frozen=True, kw_only=True)
-class Criterion:
+class Criterion(Documented):
     """Expected loss of a fitted model on another recording of the same kind, WIC = loss + optimism.
 
     Attributes
@@ -53,21 +48,59 @@ class Criterion:
     loss: float
     optimism: float
     method: Method
+    document_keys = ("value", "loss", "optimism", "method")
 
     @property
     def value(self) -> float:
         """Sum of the loss and the optimism; smaller is better."""
         return self.loss + self.optimism
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the criterion as plain numbers and strings for JSON."""
-        return {"value": self.value, "loss": self.loss, "optimism": self.optimism, "method": self.method}
-
 
 def wic(
     fit: Fit, method: Method = "asymptotic", *, draws: int = DRAWS, rng: int | np.random.Generator = 0
 ) -> Criterion:
-    """Compute the wavelet information criterion of a fit; see `Fit.wic`."""
+    """Compute the wavelet information criterion, which is the expected loss of the fit on another recording.
+
+    Values of several models are only comparable for the same Ω; `gmwm.rank` and `gmwm.select` ensure this.
+
+    Parameters
+    ----------
+    method : "asymptotic" or "bootstrap"
+        Source of the optimism, the amount by which the fit to the data has a smaller loss than to another
+        recording. For "asymptotic" it is 2 tr[ΩDH⁻¹DᵀΩV] with H = DᵀΩD − Σ_k [Ω(ν̂ − ν)]_k ∂²ν_k/∂θ∂θᵀ. For
+        "bootstrap" it is
+        2 Σ_jk Ω_jk Cov(ν̂_j*, ν_k(θ̂*)) over `draws` recordings (*) that are simulated from the fit.
+    draws : int
+        Number of simulated recordings.
+    rng : int or numpy.random.Generator
+        Source of the draws; the same integer gives the same result.
+
+    Returns
+    -------
+    Criterion
+        Value of the criterion, and the loss and the optimism, whose sum it is.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown or out of range.
+    ModelError
+        If the model has no noise at some level.
+    MissingTheoryError
+        If the covariance of a process is unknown ("asymptotic"), or a process cannot be simulated ("bootstrap").
+
+    References
+    ----------
+    Efron (2004), The estimation of prediction error, JASA 99, 619-632; equation 5 of Balamuta, Guerrier, Molinari
+    and Yang.
+
+    Examples
+    --------
+    >>> from gmwm import RW, WN, fit
+    >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-2)).simulate(20_000, 100.0, rng=1)
+    >>> round(fit(WN() + RW(), x, rate=100.0, weighting="optimal").wic().optimism)  # two for each parameter
+    4
+    """
     one_of(method, "method", get_args(Method))
     if method == "bootstrap":
         drawn = bootstrap(fit, draws, rng)
@@ -79,11 +112,8 @@ def wic(
 
 def optimism(fit: Fit, wavelet: Matrix, weights: Weights | None = None) -> float:
     """Compute the optimism 2 tr[ΩDH⁻¹DᵀΩV] by first-order theory; `wavelet` is the covariance V (J, J) of ν̂².
-
-    `weights` are the weights of the fit, if other fits share them.
-
-    D = ∂ν²/∂θ, and H = DᵀΩD − Σ_k [Ω(ν̂ − ν)]_k ∂²ν_k/∂θ∂θᵀ.
-    """
+    `weights` are the weights of the fit, if other fits share them. D = ∂ν²/∂θ, and H = DᵀΩD − Σ_k [Ω(ν̂ − ν)]_k
+    ∂²ν_k/∂θ∂θᵀ."""
     wv = fit.wavelet_variance
     root = (Weights(fit.weighting_matrix) if weights is None else weights).root
     design = Design.of(wv)
@@ -137,24 +167,21 @@ def _derivatives(
 
 
 def _of_process(
-    process: Process,
-    levels: NDArray[np.int64],
-    rate: float,
-    filter: WaveletFilter,
-    pull: Vector,
+    process: Process, levels: NDArray[np.int64], rate: float, filter: WaveletFilter, pull: Vector,
     free: NDArray[np.intp],
-) -> tuple[Matrix, Matrix]:
-    """Return the derivatives of `_derivatives` for one process.
-
-    The first parameter is the scale coefficient; the others are the nonlinear parameters with the indices `free`.
-    """
+) -> tuple[Matrix, Matrix]:  # fmt: skip
+    """Return the derivatives of `_derivatives` for one process. The first parameter is the scale coefficient; the
+    others are the nonlinear parameters with the indices `free`."""
     if not process.nonlinear_parameters():
         return unit_shape(type(process).standard(), levels, rate, filter)[:, None], np.zeros((1, 1))
     at = process.nonlinear
     moved = [at]
     steps, room = np.empty(free.size), process.room(at.reshape(1, -1))[0]
     for i, k in enumerate(free):
-        steps[i] = BEND * room[k]
+        # Relative step of the nonlinear parameters for second derivatives by central differences of first derivatives.
+        # ε^(1/4), with the machine precision ε, is the best order of magnitude. tests/inference/test_criterion.py
+        # compares the criterion with the bootstrap.
+        steps[i] = 1e-4 * room[k]
         moved += [at + steps[i] * np.eye(at.size)[k], at - steps[i] * np.eye(at.size)[k]]
     shape = process.shape(at.reshape(1, -1), levels, rate, filter)[0]
     slope = np.empty((levels.size, 1 + free.size))
@@ -171,10 +198,8 @@ def _of_process(
 
 
 def covariance_trace(variances: Matrix, implied: Matrix, matrix: Matrix) -> float:
-    """Compute the optimism 2 tr[Cov(ν̂*, ν(θ̂*)) Ω] from B simulated recordings.
-
-    `variances` (B, J) has their wavelet variances ν̂*, and `implied` (B, J) those of the models fitted to them.
-    """
+    """Compute the optimism 2 tr[Cov(ν̂*, ν(θ̂*)) Ω] from B simulated recordings. `variances` (B, J) has their wavelet
+    variances ν̂*, and `implied` (B, J) those of the models fitted to them."""
     centred = variances - variances.mean(axis=0)
     fitted = implied - implied.mean(axis=0)
     return float(2 * np.einsum("bj,jk,bk->", fitted, matrix, centred) / (len(variances) - 1))
@@ -184,14 +209,12 @@ def implied_by_refits(
     problem: Problem, known: Vector, variances: Matrix, progress: Callable[[int], None] | None = None
 ) -> Matrix:
     """Return the wavelet variances ν(θ̂*) (B, J) of the models fitted to the wavelet variances `variances` (B, J).
-
     `problem` has the model and the weights. `known` (J,) is the wavelet variance of the processes that are entirely
-    fixed.
-    """
+    fixed."""
     rows = np.empty_like(variances)
     for k, variance in enumerate(variances):
         drawn = problem.observing(variance - known)
-        model = estimated(drawn, solve(drawn, certify=False), None)
+        model = model_of(drawn, solve(drawn, certify=False), None)
         rows[k] = model.wavelet_variance(problem.levels, problem.rate, problem.filter)
         if progress is not None:
             progress(k + 1)

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import freeze
+from gmwm.base.documents import Documented
 from gmwm.base.errors import ModelError
 from gmwm.base.text import Summarised, counted
-from gmwm.fitting.estimation.estimator import refitted
-from gmwm.fitting.estimation.linearised import slopes_of, unexplained
+from gmwm.fitting.estimation.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap
+from gmwm.fitting.estimation.intervals import Method
+from gmwm.fitting.estimation.linearised import slopes_of, square_of_rest, usable_in
 from gmwm.fitting.estimation.reweighting import REWEIGHTED
 from gmwm.fitting.estimation.weighting import precision, square_root
-from gmwm.fitting.inference.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap
-from gmwm.fitting.inference.intervals import Method
 from gmwm.measuring.covariance import Design, covariance
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import one_of
@@ -24,13 +24,9 @@ from gmwm.recording.options import one_of
 if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
 
-LEAST_FREEDOM = 3.0
-"""Degrees of freedom M_j / 2^j above which a level is used. The test at the 5 % level then has this size
-(docs/validation/goodness.md). If all levels of a recording are available, the two coarsest are left out."""
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class GoodnessOfFit(Summarised):
+class GoodnessOfFit(Documented, Summarised):
     """Test of the hypothesis that the data come from the fitted model.
 
     Attributes
@@ -60,17 +56,6 @@ class GoodnessOfFit(Summarised):
     def __post_init__(self) -> None:
         freeze(self.levels)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the test as plain numbers, lists and strings for JSON."""
-        return {
-            "statistic": self.statistic,
-            "df": self.df,
-            "pvalue": self.pvalue,
-            "levels": self.levels.tolist(),
-            "left_out": list(self.left_out),
-            "method": self.method,
-        }
-
     def summary(self) -> str:
         """Describe the test in one line."""
         law = f"chi-square {self.statistic:.4g} on {self.df} degrees of freedom"
@@ -95,7 +80,51 @@ class GoodnessOfFit(Summarised):
 def goodness_of_fit(
     fit: Fit, method: Method = "asymptotic", *, draws: int = DRAWS, rng: int | np.random.Generator = 0
 ) -> GoodnessOfFit:
-    """Test whether the data could come from the fitted model; see `Fit.goodness_of_fit`."""
+    """Test whether the data could come from the fitted model, for any weighting Ω of the fit.
+
+    With the residuals r = ν̂² − ν²(θ̂), the covariance V of ν̂² and D = ∂ν²/∂θ at the estimate,
+
+        T = rᵀV⁻¹r − rᵀV⁻¹D (DᵀV⁻¹D)⁻¹ DᵀV⁻¹r ~ χ² with (levels − parameters) degrees of freedom.
+
+    The test leaves out the coarsest levels, whose ν̂² has a skewed distribution for recordings of any length. With
+    these levels, a test at the 5 % level would reject about 8 % of correct models. The model is fitted again
+    without them. This fit has the same weighting if it is "diagonal" or "optimal". Otherwise it is "diagonal",
+    because estimates with other weights may be too inaccurate for the chi-square distribution to hold. Parameters
+    that are zero or at an end of their domain do not count.
+
+    Parameters
+    ----------
+    method : "asymptotic" or "bootstrap"
+        Source of the p-value: the chi-square distribution, or the objectives of `draws` recordings that are
+        simulated from the fitted model, with all levels.
+    draws : int
+        Number of simulated recordings, at least 19, because p is at least 1 / (draws + 1).
+    rng : int or numpy.random.Generator
+        Source of the draws; the same integer gives the same result.
+
+    Returns
+    -------
+    GoodnessOfFit
+        Statistic, degrees of freedom and p-value.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown or out of range.
+    ModelError
+        If no degree of freedom is left.
+    MissingTheoryError
+        If the covariance of a process is unknown.
+
+    Examples
+    --------
+    >>> from gmwm import RW, WN, fit
+    >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-2)).simulate(20_000, 100.0, rng=1)
+    >>> fit(WN() + RW(), x, rate=100.0).goodness_of_fit().pvalue > 0.05
+    True
+    >>> fit(WN(), x, rate=100.0).goodness_of_fit().pvalue < 1e-6
+    True
+    """
     one_of(method, "method", get_args(Method))
     wv = fit.wavelet_variance
     if method == "bootstrap":
@@ -103,18 +132,14 @@ def goodness_of_fit(
         drawn = bootstrap(fit, draws, rng).objectives
         larger = int(np.count_nonzero(drawn >= fit.objective))
         return GoodnessOfFit(
-            statistic=fit.objective,
-            df=None,
-            pvalue=(1 + larger) / (1 + drawn.size),
-            levels=wv.levels.copy(),
-            left_out=(),
-            method=method,
-        )
+            statistic=fit.objective, df=None, pvalue=(1 + larger) / (1 + drawn.size), levels=wv.levels.copy(),
+            left_out=(), method=method,
+        )  # fmt: skip
     # The result is cached, because the test needs another fit, and a summary, a file and a table all show the test.
     if "_goodness" not in fit.__dict__:
         fit.__dict__["_goodness"] = _by_theory(fit)
-    found: GoodnessOfFit = fit.__dict__["_goodness"]
-    return found
+    test: GoodnessOfFit = fit.__dict__["_goodness"]
+    return test
 
 
 def _by_theory(fit: Fit) -> GoodnessOfFit:
@@ -126,17 +151,13 @@ def _by_theory(fit: Fit) -> GoodnessOfFit:
     free = len(fit.model.names) - len(fit.model.fixed_names)
     if used < free:
         raise _too_few(fit, free, used)
-    short = fit if used == len(wv) and fit.weighting in REWEIGHTED else refitted(fit, wv.first(used))
+    short = fit if used == len(wv) and fit.weighting in REWEIGHTED else fit.refit(wv.first(used))
     statistic, count = _statistic(short)
     df = used - count
     return GoodnessOfFit(
-        statistic=statistic,
-        df=df,
-        pvalue=float(gammaincc(df / 2, statistic / 2)),
-        levels=wv.levels[:used].copy(),
-        left_out=tuple(int(j) for j in wv.levels[used:]),
-        method="asymptotic",
-    )
+        statistic=statistic, df=df, pvalue=float(gammaincc(df / 2, statistic / 2)), levels=wv.levels[:used].copy(),
+        left_out=tuple(int(j) for j in wv.levels[used:]), method="asymptotic",
+    )  # fmt: skip
 
 
 def _too_few(fit: Fit, parameters: int, levels: int) -> ModelError:
@@ -152,11 +173,6 @@ def usable_levels(wv: WaveletVariance) -> NDArray[np.bool_]:
     return usable_in(Design.of(wv))
 
 
-def usable_in(design: Design) -> NDArray[np.bool_]:
-    """Return a mask (J,) of the levels of a design that have enough degrees of freedom for the test."""
-    return np.asarray(design.degrees_of_freedom > LEAST_FREEDOM)
-
-
 def _statistic(fit: Fit) -> tuple[float, int]:
     """Return the statistic T, and the number of free parameters that the data determine."""
     wv = fit.wavelet_variance
@@ -164,4 +180,4 @@ def _statistic(fit: Fit) -> tuple[float, int]:
     if slopes.shape[1] >= len(wv):
         raise _too_few(fit, slopes.shape[1], len(wv))
     root = square_root(precision(covariance(fit.model, Design.of(wv))))
-    return unexplained(root @ (wv.variance - fit.implied), root @ slopes)
+    return square_of_rest(root @ (wv.variance - fit.implied), root @ slopes)

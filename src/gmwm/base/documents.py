@@ -1,0 +1,183 @@
+"""Documents of results: the fields of a dataclass as JSON values, and back; CONTRIBUTING.md, "Documents", is a guide.
+
+A class states the keys of its document in `document_keys`, in their order; by default, they are its fields. An entry is
+`"name"`, or `"key=name"` if the key is not the name of the attribute. After it, `"?"` marks a key that documents may
+lack; with `"~inf"` or `"~nan"`, null replaces infinite and undefined numbers, and is read as this number. `"*name"`
+writes the keys of a member into the document itself. A name that is not a field is written and not read.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
+from types import NoneType, UnionType
+from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeVar, Union, get_args, get_origin
+
+import numpy as np
+
+from gmwm.base.errors import OptionError
+from gmwm.base.kinds import Document, array_type, field_types, require_kinds
+
+T = TypeVar("T")
+
+_TEXTS: dict[type, tuple[Callable[[Any], str], Callable[[str], Any]]] = {}
+"""Classes that a document writes as a text: the function that writes it, and the function that reads it."""
+
+
+def write_as_text(kind: type[T], read: Callable[[str], T], write: Callable[[T], str] = str) -> None:
+    """Let documents contain the objects of a class as a text."""
+    _TEXTS[kind] = write, read
+
+
+class Entry(NamedTuple):
+    """Entry of `document_keys`; `default` is the number that null stands for, `inlined` marks `"*name"`."""
+
+    key: str
+    name: str
+    default: float | None
+    is_field: bool
+    optional: bool
+    inlined: bool
+
+
+_ENTRIES: dict[Any, tuple[Entry, ...]] = {}
+
+
+def entries_of(kind: Any) -> tuple[Entry, ...]:
+    """Return the entries of the document of a dataclass."""
+    if kind in _ENTRIES:
+        return _ENTRIES[kind]
+    names = [field.name for field in fields(kind)]
+    entries = []
+    for text in getattr(kind, "document_keys", ()) or names:
+        key, _, name = text.lstrip("*").rstrip("?").partition("=")
+        name, _, default = (name or key).partition("~")
+        entries.append(
+            Entry(key.partition("~")[0], name, default=float(default) if default else None, is_field=name in names,
+                  optional=text.endswith("?"), inlined=text.startswith("*"))
+        )  # fmt: skip
+    return _ENTRIES.setdefault(kind, tuple(entries))
+
+
+class Documented:
+    """Base of dataclasses with a document for JSON.
+
+    A class with `document` checks what it reads: each field against its annotation and the meaning of its name.
+    """
+
+    document_keys: ClassVar[tuple[str, ...]] = ()
+    document: ClassVar[Document | None] = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the document: numbers, lists, texts and mappings for JSON."""
+        return _written(self)
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Self:
+        """Restore an object from the output of `to_dict`, also after a round trip through JSON.
+
+        All numbers are exactly the same.
+
+        Parameters
+        ----------
+        values : mapping of key to value
+            The document. Keys that the class does not know are ignored.
+
+        Raises
+        ------
+        ReadError
+            If a value is missing, or has the wrong type, size or range.
+        """
+        if cls.document is None:
+            return _read(cls, values)
+        with cls.document.reading():
+            result = _read(cls, values)
+        require_kinds(result, "", cls.document)
+        return result
+
+    def require_consistent(self) -> None:
+        """Raise an error if fields that were read contradict each other; by default, they never do."""
+
+
+def plain(value: Any, default: float | None = None) -> Any:
+    """Convert a value to numbers, lists, texts and mappings for JSON.
+
+    Parameters
+    ----------
+    value : object
+        Number, text, array, sequence, mapping, dataclass, or object with the method `to_dict`.
+    default : float, optional
+        If given, None replaces numbers that are infinite or undefined.
+    """
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, float) and default is not None and not math.isfinite(value):
+        return None
+    if type(value) in _TEXTS:
+        return _TEXTS[type(value)][0](value)
+    if hasattr(value, "to_dict"):
+        return value.to_dict()
+    if is_dataclass(value):
+        return _written(value)
+    if isinstance(value, Mapping):
+        return {key: plain(item, default) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item, default) for item in value]
+    return value
+
+
+def _written(result: Any) -> dict[str, Any]:
+    content: dict[str, Any] = {}
+    for entry in entries_of(type(result)):
+        value = getattr(result, entry.name)
+        value = plain(value() if callable(value) else value, entry.default)
+        content.update(value if entry.inlined else {entry.key: value})
+    return content
+
+
+def _read(kind: type[T], values: Mapping[str, Any]) -> T:
+    """Read the fields of a dataclass from its document."""
+    types, content = field_types(kind), {}
+    for entry in entries_of(kind):
+        if entry.is_field and not (entry.optional and entry.key not in values):
+            value = values if entry.inlined else values[entry.key]
+            content[entry.name] = _value(types[entry.name], value, entry)
+    result = kind(**content)
+    if isinstance(result, Documented):
+        result.require_consistent()
+    return result
+
+
+def _value(kind: Any, value: Any, entry: Entry) -> Any:
+    """Read a value whose annotation is `kind`. A value of the wrong type is left as it is if a check names it later."""
+    if (number_type := array_type(kind)) is not None:
+        return np.array(_filled(value, entry.default), dtype=number_type)
+    origin, inner = get_origin(kind), get_args(kind)
+    if origin in (Union, UnionType):
+        kinds = [one for one in inner if one is not NoneType]
+        return value if value is None or len(kinds) > 1 else _value(kinds[0], value, entry)
+    if origin is Literal and value not in inner:
+        raise OptionError(argument=entry.key, expected=f"one of {', '.join(map(str, inner))}", got=value)
+    if origin is tuple:
+        kinds = [inner[0]] * len(value) if inner[-1] is ... else list(inner)
+        return tuple(_value(one, item, entry) for one, item in zip(kinds, value, strict=True))
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return {inner[0](key): _value(inner[1], item, entry) for key, item in value.items()}
+    if kind in (int, float) and not isinstance(value, str | bool):
+        return kind(_filled(value, entry.default))
+    if kind in _TEXTS:
+        return _TEXTS[kind][1](value)
+    reader = getattr(kind, "from_dict", None)
+    if reader is not None and getattr(reader, "__func__", None) is not Documented.from_dict.__func__:  # type: ignore[attr-defined]
+        return reader(value)
+    return _read(kind, value) if hasattr(kind, "__dataclass_fields__") else value
+
+
+def _filled(value: Any, default: float | None) -> Any:
+    """Replace None by the number that it stands for."""
+    if default is None:
+        return value
+    if isinstance(value, list):
+        return [_filled(item, default) for item in value]
+    return default if value is None else value
