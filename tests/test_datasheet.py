@@ -15,7 +15,7 @@ from gmwm.base.errors import OptionError
 from gmwm.base.units import datasheet_units, noise_unit
 from gmwm.choosing.datasheets import Datasheet, Entry
 from gmwm.choosing.datasheets.bias import lowest
-from gmwm.choosing.datasheets.equivalent_terms import translated
+from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from gmwm.theory.processes import Process, registry
 from gmwm.theory.processes.parameter import Parameter, Value
 from tests.helpers import codes, only, raises
@@ -54,24 +54,26 @@ def near(x: float, rel: float = 1e-6) -> object:
 
 def test_numbers_are_those_of_the_formulas():
     found = sheet_of(FULL.structure, exact(FULL))
-    phi = math.exp(-20.0 / RATE)
     wanted = {
         "Q": math.sqrt(1e-6) / RATE,
-        # With the term of 0.05 s, which is white noise where N is read.
-        "N": math.sqrt((1e-6 + 4e-8 * (1 + phi) / (1 - phi)) / RATE),
-        "K": math.sqrt(1e-13 * RATE),
+        "N of WN": 1e-4,
+        "K of RW": math.sqrt(1e-13 * RATE),
         "R": -2e-9 * RATE,
         "T_c[1]": 1 / 20.0,
         "q_c[1]": math.sqrt(2 * 20.0 * 4e-8),
         "T_c[2]": 1 / 0.5,
         "q_c[2]": math.sqrt(2 * 0.5 * 1e-8),
     }
-    assert list(found) == ["Q", "N", "B", "K", "R", *list(wanted)[4:]]
+    assert list(found)[:5] == ["N", "K", "B", "Q", "R"]
+    assert set(found) == {"N", "K", "B", *wanted}
+    numbers = filter_numbers(FULL.processes, RATE)
+    assert (found["N"].value, found["K"].value) == near((numbers.N, numbers.K), 1e-4)
     for symbol, value in wanted.items():
         assert found[symbol].value == near(value, 1e-4), symbol
     assert {symbol: entry.unit for symbol, entry in found.items()} == {
         "Q": "rad", "N": "rad/s/√Hz", "B": "rad/s", "K": "rad/s/√s", "R": "rad/s²",
         "T_c[1]": "s", "q_c[1]": "rad/s/√s", "T_c[2]": "s", "q_c[2]": "rad/s/√s",
+        "N of WN": "rad/s/√Hz", "K of RW": "rad/s/√s",
     }  # fmt: skip
     assert (found["N"].term, found["q_c[2]"].term, found["B"].term) == (None, "GM[2]", None)
     assert (found.axis, found.model, found.samples, found.horizon) == (
@@ -87,7 +89,8 @@ def test_a_number_of_one_parameter_has_the_ends_of_its_interval():
     for level in (0.5, 0.95):
         ends, found = fit.confidence_intervals(level), fit.datasheet(level)
         low, high = ends["WN.sigma2"]
-        assert (found["N"].low, found["N"].high) == near((math.sqrt(low / RATE), math.sqrt(high / RATE)))
+        white = found["N of WN"]
+        assert (white.low, white.high) == near((math.sqrt(low / RATE), math.sqrt(high / RATE)))
         low, high = ends["GM.beta"]
         assert (found["T_c"].low, found["T_c"].high) == near((1 / high, 1 / low))
     with raises(OptionError, "level", 95):
@@ -106,7 +109,7 @@ def test_the_interval_of_a_product_knows_the_correlation():
 def test_the_two_ways_to_write_a_markov_process_have_one_datasheet():
     truth = GM(beta=2.0, sigma2=1e-8) + WN(sigma2=1e-6)
     a, b = (sheet_of(text, exact(truth)) for text in ("GM + WN", "AR1 + WN"))
-    assert list(a) == list(b) == ["N", "B", "T_c", "q_c"]
+    assert list(a) == list(b) == ["N", "K", "B", "T_c", "q_c", "N of WN"]
     for symbol in a:
         assert (b[symbol].value, b[symbol].low, b[symbol].high) == near(
             (a[symbol].value, a[symbol].low, a[symbol].high), 1e-4
@@ -128,12 +131,12 @@ def test_what_has_no_meaning_is_left_out_and_said():
     assert AR1(phi=-0.5, sigma2=1.0).physical(RATE) == ()
     assert Process.physical(WN(sigma2=1.0), RATE) == ()
     found = sheet_of("AR1 + WN", exact(AR1(phi=-0.8, sigma2=1e-6) + WN(sigma2=1e-6)))
-    assert list(found) == ["N", "B"]
+    assert list(found) == ["N", "K", "B", "N of WN"]
     facts = only(found.remarks, "no-numbers").facts
     assert (facts["term"], facts["because"]) == ("AR1", "none")
-    with pytest.raises(KeyError, match=r"no K; .* N, B"):
-        found["K"]
-    assert found.get("K") is None
+    with pytest.raises(KeyError, match=r"no Q; .* N, K, B"):
+        found["Q"]
+    assert found.get("Q") is None
 
 
 @dataclass(frozen=True, repr=False)
@@ -156,9 +159,12 @@ class Own(Process, register=False):
 def test_a_process_of_ones_own_may_say_nothing():
     own = Own(theta=fixed(0.5))
     found = sheet_of(own + RW(), exact(Own(theta=0.5, sigma2=1e-6) + RW(gamma2=1e-10), levels=9, samples=2**12))
-    assert list(found) == ["B", "K"]
+    assert list(found) == ["N", "K", "B"]
     facts = only(found.remarks, "no-numbers").facts
     assert (facts["term"], facts["because"]) == ("Own", "none")
+    # The density of a process without one comes from its wavelet variance.
+    assert found["N"].value == near(1.5e-3 / 10, 0.05)
+    assert found["K"].value == near(1e-4, 0.05)
 
 
 # --- bias instability ---------------------------------------------------------------------------------
@@ -272,17 +278,18 @@ def test_a_zero_markov_term_has_no_numbers():
 def test_held_parameters_are_said_to_be_held():
     wv = exact(GM(beta=0.5, sigma2=1e-8) + WN(sigma2=1e-6))
     found = sheet_of(GM(beta=fixed(0.5)) + WN(sigma2=fixed(1e-6)), wv)
-    assert found["N"].held
-    assert found["N"].low == found["N"].high == found["N"].value == near(1e-4)
-    assert found["N"].text().endswith("deg/√h (held)")
+    white = found["N of WN"]
+    assert white.held
+    assert white.low == white.high == white.value == near(1e-4)
+    assert white.text().endswith("deg/√h (held)")
+    assert not found["N"].held
     assert found["T_c"].held
     assert not found["q_c"].held
     assert found["q_c"].low < found["q_c"].value < found["q_c"].high
-    assert sheet_of(WN(sigma2=fixed(1e-6)) + RW(gamma2=fixed(1e-12)) + QN(), wv)["K"].held
 
 
 @pytest.mark.parametrize(("beta", "name", "symbol"), [(1e8, "WN", "N"), (1e-9, "RW", "K")])
-def test_a_term_that_acts_as_another_is_counted_to_it(beta, name, symbol):
+def test_a_term_that_acts_as_another_gives_the_same_numbers(beta, name, symbol):
     plain = exact(WN(sigma2=1e-6) + RW(gamma2=1e-12))
     beside = "RW" if name == "WN" else "WN"
     fit, apart = gmwm.fit(f"GM + {beside}", plain, weighting="optimal"), gmwm.fit("WN + RW", plain, weighting="optimal")
@@ -297,30 +304,11 @@ def test_a_term_that_acts_as_another_is_counted_to_it(beta, name, symbol):
     )
     found, wanted = fit.datasheet(), apart.datasheet()
     assert set(found) == {"N", "B", "K"}
-    assert found[symbol].term == "GM"
     (remark,) = found.remarks
-    assert (remark.code, remark.facts) == ("counted-to", {"term": "GM", "process": name})
+    assert (remark.code, remark.facts) == ("no-numbers", {"term": "GM", "because": "acts", "process": name})
     for key in wanted:
-        assert (found[key].value, found[key].low, found[key].high) == near(
-            (wanted[key].value, wanted[key].low, wanted[key].high), 1e-3
-        )
-
-
-def test_scales_of_what_acts_alike_add():
-    fit = gmwm.fit("GM + WN + RW", exact(WN(sigma2=1e-6) + RW(gamma2=1e-12)))
-    model = Model.parse("GM(beta=1e8, sigma2=3e-7) + WN(sigma2=7e-7) + RW(gamma2=1e-12)")
-    fit = replace(
-        fit, model=model, parameters=dict(model.parameters),
-        diagnostics=replace(fit.diagnostics, acts_as={"GM": "WN"}, not_supported=()),
-    )  # fmt: skip
-    written, labels = translated(fit)
-    assert written.model.structure == "RW + WN"
-    assert labels == ("RW", "GM + WN")
-    assert written.parameters["WN.sigma2"] == near(1e-6)
-    np.testing.assert_allclose(written.model.wavelet_variance(16, RATE), fit.model.wavelet_variance(16, RATE))
-    found = fit.datasheet()["N"]
-    assert (found.symbol, found.value, found.term) == ("N", near(1e-4), "GM + WN")
-    assert found.low > 0
+        assert found[key].value == near(wanted[key].value, 1e-3)
+        assert (found[key].low, found[key].high) == near((wanted[key].low, wanted[key].high), 5e-3)
 
 
 def test_without_theory_there_are_numbers_but_no_intervals():
@@ -337,7 +325,7 @@ def test_without_theory_there_are_numbers_but_no_intervals():
 def test_datasheets_have_frequency_and_amplitude_and_no_minimum_of_the_line():
     truth = WN(sigma2=1e-6) + SIN(frequency=0.7, power=8e-6)
     found = gmwm.fit(truth.structure, exact(truth)).datasheet()
-    assert list(found) == ["N", "B", "f_0", "A"]
+    assert list(found) == ["N", "K", "B", "f_0", "A"]
     assert found["f_0"].text("si").endswith(" Hz")
     assert found["f_0"].value == near(0.7)
     assert found["A"].value == near(4e-3)
@@ -351,7 +339,7 @@ def test_datasheets_have_frequency_and_amplitude_and_no_minimum_of_the_line():
     assert [two[f"f_0[{k}]"].value for k in (1, 2)] == [near(0.7), near(20.0)]
     assert [two[f"A[{k}]"].value for k in (1, 2)] == [near(4e-3), near(2e-3)]
     line = gmwm.fit("SIN", exact(SIN(frequency=0.7, power=8e-6))).datasheet()
-    assert list(line) == ["f_0", "A"]
+    assert list(line) == ["N", "K", "f_0", "A"]
     assert only(line.remarks, "no-bias-instability").facts["reason"] == "SIN has no noise"
 
 
@@ -365,75 +353,68 @@ def test_a_flicker_term_that_is_zero_leaves_the_lowest_point_of_the_curve():
 # --- two numbers for a filter -------------------------------------------------------------------------
 
 
-def test_terms_are_white_or_walks_to_a_horizon():
-    wv = exact(FULL)
-    fit = gmwm.fit(FULL.structure, wv)
-    n2, k2 = 1e-6 / RATE, 1e-13 * RATE
-    fast, slow = 4e-8 / RATE / math.tanh(0.5 * 20.0 / RATE), 2 * 0.5 * 1e-8
-    found = gmwm.datasheets.effective_noise(fit, horizon=0.5)
-    assert found["N_eff"].value == near(math.sqrt(n2 + fast), 1e-4)
-    assert found["K_eff"].value == near(math.sqrt(k2 + slow), 1e-4)
-    found = gmwm.datasheets.effective_noise(fit, horizon=100.0)
-    assert found["N_eff"].value == near(math.sqrt(n2 + fast + 1e-8 / RATE / math.tanh(0.5 * 0.5 / RATE)), 1e-4)
-    assert found["K_eff"].value == near(math.sqrt(k2), 1e-4)
-    assert (found["N_eff"].unit, found["K_eff"].unit) == ("rad/s/√Hz", "rad/s/√s")
+def test_the_numbers_are_those_of_the_model_for_each_horizon():
+    fit = gmwm.fit(FULL.structure, exact(FULL))
+    for horizon in (0.01, 1.0, 100.0):
+        found = gmwm.datasheets.effective_noise(fit, horizon)
+        wanted = filter_numbers(fit.model.processes, RATE, horizon)
+        assert (found["N"].value, found["K"].value) == near((wanted.N, wanted.K), 1e-9)
+    assert (found["N"].unit, found["K"].unit) == ("rad/s/√Hz", "rad/s/√s")
+    assert gmwm.datasheets.effective_noise(fit)["N"] == fit.datasheet()["N"]
     for bad in (0.0, -1.0, math.inf, "1 s", True):
         with raises(OptionError, "positive", argument="horizon", got=bad):
             gmwm.datasheets.effective_noise(fit, bad)
 
 
-def test_effective_noise_of_one_term_is_that_term():
+def test_white_noise_and_a_walk_have_their_own_intervals_at_each_horizon():
     fit = gmwm.fit("WN + RW", exact(WN(sigma2=1e-6) + RW(gamma2=1e-12)))
-    found, plain = gmwm.datasheets.effective_noise(fit, 1.0), fit.datasheet()
-    for symbol in ("N", "K"):
-        of, to = plain[symbol], found[f"{symbol}_eff"]
-        assert (to.value, to.low, to.high) == near((of.value, of.low, of.high), 1e-5)
-    found = gmwm.datasheets.effective_noise(gmwm.fit("WN + RW", exact(WN(sigma2=1e-6))), 1.0)["K_eff"]
+    ends = fit.confidence_intervals()
+    for horizon in (0.01, 1.0, 30.0):
+        found = gmwm.datasheets.effective_noise(fit, horizon)
+        assert found["N"].value == near(1e-4, 1e-5)
+        for symbol, name, factor in (("N", "WN.sigma2", 1 / RATE), ("K", "RW.gamma2", RATE)):
+            low, high = (math.sqrt(factor * end) for end in ends[name])
+            assert (found[symbol].low, found[symbol].high) == near((low, high), 1e-4)
+    found = gmwm.datasheets.effective_noise(gmwm.fit("WN + RW", exact(WN(sigma2=1e-6))), 1.0)["K"]
     assert found.upper_only
     assert 0 < found.high < 1e-5
     assert found.value == found.high
 
 
-def test_a_fast_term_is_counted_to_white_noise():
-    fit = gmwm.fit("GM + WN", exact(GM(beta=50.0, sigma2=1e-6) + WN(sigma2=1e-6)))
-    found, counted = fit.datasheet(), gmwm.datasheets.effective_noise(fit, 1.0)["N_eff"]
-    assert only(found.remarks, "n-includes").facts["terms"] == ("GM (T_c = 0.020 s)",)
-    assert (found["N"].value, found["N"].low, found["N"].high) == (counted.value, counted.low, counted.high)
-    slow = gmwm.fit("GM + WN", exact(GM(beta=2.0, sigma2=1e-6) + WN(sigma2=1e-6))).datasheet()
-    assert slow["N"].term == "WN"
-    assert slow["N"].value == near(math.sqrt(1e-6 / RATE), 1e-4)
+@pytest.mark.parametrize(
+    "text",
+    ["GM(beta=0.05, sigma2=2e-8) + WN(sigma2=1e-6)", "FN(b2=3e-9) + WN(sigma2=1e-6)",
+     "GM(beta=0.05, sigma2=2e-8) + RW(gamma2=2e-12) + WN(sigma2=1e-6)"],
+)  # fmt: skip
+def test_the_interval_is_that_of_the_derivatives(text):
+    truth = Model.parse(text)
+    x = truth.simulate(2**17, RATE, rng=3)
+    fit = gmwm.fit(truth.structure, Signal(x, RATE, "rad/s"), certify=False)
+    found, cov = gmwm.datasheets.effective_noise(fit), fit.sandwich
+    gradient = {"N": [], "K": []}
+    step = 1e-4
+    for name in cov.names:
+        moved = [fit.model.with_values({name: fit.parameters[name] * math.exp(s * step)}) for s in (-1, 1)]
+        low, high = (filter_numbers(each.processes, RATE, slowest=2**17) for each in moved)
+        for symbol, slopes in gradient.items():
+            slopes.append(math.log(getattr(high, symbol) / getattr(low, symbol)) / (2 * step))
+    for symbol, slopes in gradient.items():
+        error = math.sqrt(np.array(slopes) @ cov.relative @ np.array(slopes))
+        if found[symbol].upper_only:
+            continue
+        assert math.log(found[symbol].high / found[symbol].value) == near(1.959963985 * error, 0.02)
 
 
-@pytest.mark.slow
-def test_slow_terms_without_a_driving_noise_are_walks_as_gauss_markov_terms_are():
-    gm = GM(beta=0.05, sigma2=1e-8)
-    wanted = math.sqrt(2 * 0.05 * 1e-8)
-    for slow in (
-        "MAT(beta=0.05, nu=0.5, sigma2=1e-8)",
-        f"AR(1, phi1={math.exp(-0.05 / RATE)!r}, sigma2={-1e-8 * math.expm1(-0.1 / RATE)!r})",
-        "MAT(beta=0.05, nu=1.5, sigma2=1e-8)",
-    ):
-        truth = Model.parse(slow)
-        fit = gmwm.fit(truth.structure + " + WN", exact(truth + WN(sigma2=1e-6)))
-        found = gmwm.datasheets.effective_noise(fit, 1.0)
-        at = float(truth.allan_variance([100], RATE)[0])
-        assert found["K_eff"].value == near(math.sqrt(3 * at / 1.0), 1e-3)
-        assert not found["K_eff"].upper_only
-        assert found["K_eff"].low < found["K_eff"].value < found["K_eff"].high
-        assert found["N_eff"].value == near(math.sqrt(1e-6 / RATE), 1e-3)
-        if "0.5" in slow.partition("nu")[2] or "AR" in slow:
-            assert found["K_eff"].value == near(wanted, 0.03)
-            assert at == near(float(gm.allan_variance([100], RATE)[0]), 1e-6)
-
-
-def test_one_slow_term_that_is_white_noise_and_a_walk_is_counted_to_both():
-    # An AR1 and white noise together are an ARMA(1, 1).
-    parts = GM(beta=0.05, sigma2=1e-8) + WN(sigma2=1e-6)
-    fit = gmwm.fit("ARMA(1, 1)", exact(parts))
-    found = gmwm.datasheets.effective_noise(fit, 1.0)
-    assert found["N_eff"].value == near(math.sqrt(1e-6 / RATE), 0.02)
-    assert found["K_eff"].value == near(math.sqrt(2 * 0.05 * 1e-8), 0.05)
-    assert not found["K_eff"].upper_only
+def test_equivalent_models_have_the_same_numbers():
+    # Flicker noise, and five Gauss-Markov terms with nearly the same curve, fitted to the same data.
+    truth = WN(sigma2=1e-6) + gmwm.FN(b2=4e-9)
+    x = truth.simulate(2**18, RATE, rng=1)
+    curve = gmwm.wavelet_variance(Signal(x, RATE, "rad/s"))
+    sheets = [gmwm.fit(model, curve, certify=False).datasheet() for model in ("WN + FN", "3*GM + WN", "2*GM + WN + RW")]
+    numbers = [(sheet["N"].value, sheet["K"].value) for sheet in sheets]
+    for white, walk in numbers[1:]:
+        assert white == near(numbers[0][0], 0.02)
+        assert walk == near(numbers[0][1], 0.25)
 
 
 # --- laws ---------------------------------------------------------------------------------------------
@@ -497,6 +478,8 @@ TRUTHS = {
 def test_intervals_cover(text):
     truth, paths, n = TRUTHS[text], 200, 2**14
     wanted = {number.symbol: number.value for process in truth.processes for number in process.physical(RATE)}
+    numbers = filter_numbers(truth.processes, RATE)
+    wanted |= {"N": numbers.N, "K": numbers.K}
     if text == "WN + RW":
         at = lowest(lambda sizes: truth.allan_variance(sizes, RATE), 2**13)
         wanted["B"] = math.sqrt(float(truth.allan_variance([at], RATE)[0])) / FLOOR
@@ -538,7 +521,7 @@ def test_units_of_a_gyroscope_and_an_accelerometer():
 
 def test_a_sensor_that_is_not_known():
     found = sheet_of("WN + RW", exact(WN(sigma2=1.0) + RW(gamma2=1e-4), unit="", axis=""))
-    assert [row["unit"] for row in found.table("datasheet")] == ["u/√Hz", "u", "u/√s"]
+    assert [row["unit"] for row in found.table("datasheet")] == ["u/√Hz", "u/√s", "u"]
     assert found.unit == "u"
     assert noise_unit(-1.0, "volt") == ("volt/s", 1.0)
     assert datasheet_units("volt/s") == {}
@@ -569,7 +552,7 @@ def test_words():
     assert "deg/s/√Hz" in lines[1]
     assert "rad/s/√Hz" in found.summary("si")
     assert "white noise density" in found._repr_html_()
-    assert repr(found).startswith("Datasheet(gyro_x: N = 0.34")
+    assert repr(found).startswith("Datasheet(gyro_x: N = 0.40")
     rows = found.table("si")
     assert rows[0]["symbol"] == "N"
     assert rows[0]["value"] == found["N"].value

@@ -1,11 +1,16 @@
 """N and K for a filter that has only two numbers: a zero never reaches it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import gmwm
 from gmwm import GM, RW, WN
-from tests.helpers import raises
+from gmwm.choosing.datasheets.effective import Use, filter_entries
+from gmwm.choosing.datasheets.filter_numbers import filter_numbers
+from gmwm.choosing.datasheets.misfit import curve_ratio
+from tests.helpers import codes, only, raises
 from tests.test_datasheet import exact, near
 
 # Terms that the data do not need are what this is about.
@@ -15,28 +20,52 @@ pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 def test_effective_noise_is_never_zero():
     # The only slow term is white noise over a long horizon: no walk is in the model, and no zero in the answer.
     fit = gmwm.fit("GM + WN", exact(GM(beta=0.5, sigma2=1e-8) + WN(sigma2=1e-6)))
-    found = gmwm.datasheets.effective_noise(fit, 10.0)["K_eff"]
+    found = gmwm.datasheets.effective_noise(fit, 10.0)["K"]
     assert (found.low, found.value, found.upper_only) == (0.0, found.high, True)
     wider = gmwm.fit("GM + WN + RW", exact(GM(beta=0.5, sigma2=1e-8) + WN(sigma2=1e-6)), certify=False)
-    assert found.high == near(wider.datasheet()["K"].high, 1e-3)
+    assert found.high == near(wider.datasheet()["K of RW"].high, 1e-3)
     assert found.text().startswith("≤ ")
-    white = gmwm.datasheets.effective_noise(gmwm.fit("RW", exact(RW(gamma2=1e-12))), 1.0)["N_eff"]
+    white = gmwm.datasheets.effective_noise(gmwm.fit("RW", exact(RW(gamma2=1e-12))), 1.0)["N"]
     assert white.value == white.high > white.low == 0
     # Where the data give no limit there is none, and still no zero.
-    few = gmwm.datasheets.effective_noise(gmwm.fit("WN", np.random.default_rng(1).normal(size=8), rate=1.0), 1.0)[
-        "K_eff"
-    ]
+    few = gmwm.datasheets.effective_noise(gmwm.fit("WN", np.random.default_rng(1).normal(size=8), rate=1.0), 1.0)["K"]
     assert few.value == few.high > 0
 
 
-def test_a_slow_term_counts_as_its_datasheet_says():
-    # A time that is little known makes the interval wide; whether there is such a term its scale says.
-    fit = gmwm.fit("GM + WN", exact(WN(sigma2=2e-4) + GM(beta=0.15, sigma2=1e-7)))
-    entry, counted = fit.datasheet()["q_c"], gmwm.datasheets.effective_noise(fit, 1.0)["K_eff"]
-    assert not entry.upper_only
-    assert entry.high / entry.value > 2
-    np.testing.assert_allclose([counted.value, counted.low, counted.high], [entry.value, entry.low, entry.high])
-    assert not counted.upper_only
+def test_where_the_model_does_not_fit_the_curve_gives_the_numbers():
+    """A model without the Gauss-Markov term of 0.25 s that the data have: N and K are those of the whole curve."""
+    truth = GM(beta=4.0, sigma2=3e-8) + WN(sigma2=1e-6) + RW(gamma2=1e-12)
+    whole, lacking = (gmwm.fit(model, exact(truth), certify=False) for model in ("GM + WN + RW", "WN + RW"))
+    assert curve_ratio(whole) is None
+    right, found = gmwm.datasheets.effective_noise(whole), gmwm.datasheets.effective_noise(lacking)
+    alone = filter_numbers(lacking.model.processes, 100.0)
+    assert found["N"].value == near(right["N"].value, 0.12)
+    assert found["K"].value == near(right["K"].value, 0.5)
+    assert 0.8 * right["N"].value > alone.N
+    assert 2.5 * right["K"].value < alone.K
+    assert found["N"].low <= alone.N
+    assert found["K"].high >= alone.K
+    assert only(lacking.datasheet().remarks, "numbers-from-curve").facts["factor"] > 2
+    assert "numbers-from-curve" not in codes(whole.datasheet().remarks)
+
+
+@pytest.mark.parametrize(("share", "visible"), [(8.0, True), (12.0, False)])
+def test_a_walk_that_needs_a_filter_as_slow_as_the_recording_is_zero(share, visible):
+    curve = exact(WN(sigma2=1e-6) + RW(gamma2=1e-6 * (share / 2**18) ** -2 * (share / 2**18) ** 4))
+    fit = gmwm.fit("WN + RW", curve, certify=False)
+    white, walk = filter_entries(fit, Use(), 0.95).values()
+    assert white.value == near(1e-4, 1e-3)
+    assert (walk.value > 0) == (not visible)
+
+
+def test_three_standard_errors_make_a_misfit():
+    curve = exact(WN(sigma2=1e-6))
+    fit = gmwm.fit("WN", curve, certify=False)
+    error = np.log(curve.upper / curve.variance) / 1.959963985
+    for distance, level in ((2.9, 8), (3.1, 8)):
+        moved = fit.implied * np.exp(np.where(curve.levels == level, distance * error, 0.0))
+        ratio = curve_ratio(replace(fit, implied=moved))
+        assert (ratio is not None) == (distance > 3)
 
 
 @pytest.mark.parametrize("given", ["WN", WN(sigma2=1.0), WN(sigma2=1.0) + RW(gamma2=1.0), None])

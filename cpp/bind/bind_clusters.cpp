@@ -73,14 +73,15 @@ double reflected_second_differences(const Vector& phase, std::size_t n) {
 
 void bind_clusters(nb::module_& m) {
   m.def("octave_second_differences", &octave_second_differences, "x"_a.noconvert(), "octaves"_a,
-        "Running sum of x - mean(x), N + 1 values from 0, and the sums of its squared second differences at lags 1, "
-        "2, 4, ...; all but the first NaN if a value is not finite.");
+        "Return the running sum of x - mean(x), N + 1 values that start with 0, and the sums of its squared second "
+        "differences at the lags 1, 2, 4, ... If a value is not finite, all values but the first are NaN.");
   m.def("second_differences", &second_differences, "phase"_a.noconvert(), "n"_a, "stride"_a = 1,
-        "Sum of the squared second differences of the phase at lag n, at every stride-th place.");
+        "Return the sum of the squared second differences of the phase at lag n, at every stride-th index.");
   m.def("third_differences", &third_differences, "phase"_a.noconvert(), "n"_a, "stride"_a = 1,
-        "Sum of the squared third differences of the phase at lag n, at every stride-th place.");
+        "Return the sum of the squared third differences of the phase at lag n, at every stride-th index.");
   m.def("moving_second_differences", &moving_second_differences, "phase"_a.noconvert(), "n"_a,
-        "Sum of the squares of the moving sums, over n places, of the second differences at lag n.");
+        "Return the sum of the squared moving sums, over n values, of the second differences at lag n.");
   m.def("reflected_second_differences", &reflected_second_differences, "phase"_a.noconvert(), "n"_a,
-        "Sum of the squared second differences at lag n of the phase, continued beyond its ends by half a turn.");
+        "Return the sum of the squared second differences at lag n of the phase, which is extended beyond its ends by "
+        "point reflection.");
 }

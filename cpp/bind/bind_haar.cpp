@@ -32,8 +32,8 @@ double mean(const Vector& x) {
   return gmwm::mean(view(x)).value;
 }
 
-// A buffer of samples, the first of which are used. One call checks and copies a small chunk: in Python, the checks take
-// longer than the sums.
+// Buffer of samples, of which the first ones are used. One call checks and copies a small chunk. In Python, the checks
+// would take longer than the sums.
 class Inbox {
  public:
   explicit Inbox(nb::object buffer) : array_(nb::borrow(buffer.type())), values_(nb::cast<OutVector>(buffer, false)) {}
@@ -123,25 +123,27 @@ std::pair<Result, double> haar_variance(const Vector& x, std::size_t levels) {
 }  // namespace
 
 void bind_haar(nb::module_& m) {
-  m.def("clone", &gmwm::running_clone, "Name of the version of the kernels that runs on this processor.");
-  m.def("mean", &mean, "x"_a.noconvert(), "Mean of x; NaN if any value is not finite.");
-  nb::class_<Inbox>(m, "Inbox", "A buffer of samples, the first of which are used.")
+  m.def("clone", &gmwm::running_clone, "Return the name of the version of the kernels that runs on this processor.");
+  m.def("mean", &mean, "x"_a.noconvert(), "Return the mean of x; NaN if a value is not finite.");
+  nb::class_<Inbox>(m, "Inbox", "Buffer of samples, of which the first ones are used.")
       .def(nb::init<nb::object>(), "buffer"_a)
       .def_prop_ro("used", &Inbox::used, "Number of samples that are used.")
       .def("append", &Inbox::append, "chunk"_a.none(), "most"_a,
-           "Copy chunk behind the used samples. Return False, and do nothing, if chunk is not an array of one to `most` "
-           "finite float64 numbers, or has no room.");
+           "Copy `chunk` after the used samples. Return False, and do nothing, if it is not an array of one to `most` "
+           "finite float64 numbers, or if it does not fit.");
   m.def("running_sum", &running_sum, "x"_a.noconvert(),
-          "Running sum of x - mean(x), N + 1 values from 0; all but the first NaN if a value is not finite.");
+          "Return the running sum of x - mean(x), N + 1 values that start with 0. If a value is not finite, all "
+          "values but the first are NaN.");
   m.def("haar_sums_of_squares", &haar_sums_of_squares, "running_sum"_a.noconvert(), "levels"_a, "begin"_a, "end"_a,
-          "Sum of the squared Haar coefficients W_{j,t}, j = 1 ... levels, over begin <= t < end and t >= 2^j - 1.");
+          "Return the sums of the squared Haar coefficients W_{j,t} of the levels j = 1 ... levels, over begin <= t "
+          "< end and t >= 2^j - 1.");
   m.def("haar_panel", &haar_panel, "before"_a.noconvert(), "x"_a.noconvert(), "reference"_a, "levels"_a, "first"_a,
-          "step"_a, "Sum of the squared Haar coefficients of levels 1 ... levels that end in x, which follows `before`; and "
-          "the sums of the first `first` + k `step` values of x, k = 0, 1, ..., and of all. `before` and these sums are "
-          "relative to reference.");
+          "step"_a, "Return the sums of the squared Haar coefficients of levels 1 ... levels that end in x, which "
+          "follows `before`. Return also the sums of the first `first` + k `step` values of x for k = 0, 1, ..., and "
+          "of all values. `before` and these sums are relative to `reference`.");
   m.def("haar_block_squares", &haar_block_squares, "running_sum"_a.noconvert(), "block"_a, "out"_a.noconvert(),
           "Write the mean squares (blocks, levels) of the Haar coefficients that begin in each block to out.");
   m.def("haar_variance", &haar_variance, "x"_a.noconvert(), "levels"_a,
-          "Haar wavelet variance of x at levels 1 ... levels, and the mean rise per sample; all NaN if a value or a sum of "
-          "values is not finite.");
+          "Return the Haar wavelet variance of x at levels 1 ... levels, and the mean rise per sample. All are NaN "
+          "if a value or a sum of values is not finite.");
 }

@@ -60,11 +60,11 @@ Output<std::int64_t> bent_samples(const Vector& x, const Vector& limits, std::si
 
 void bind_outliers(nb::module_& m) {
   m.def("large_coefficients", &large_coefficients, "path"_a.noconvert(), "scale"_a, "piece"_a, "least"_a, "limit"_a,
-        "Indices and values of the second differences of a path, times scale, beyond limit local standard deviations; "
-        "the standard deviation of each piece; and the sum of all squares.");
+        "Return the indices and the values of the second differences of a path, times `scale`, that exceed `limit` "
+        "local standard deviations. Return also the standard deviation of each piece, and the sum of all squares.");
   m.def("neighbour_residuals", &neighbour_residuals, "x"_a.noconvert(), "others"_a.noconvert(), "at"_a.noconvert(),
-        "reach"_a, "Samples at some places minus the median of their neighbours among others, reach on each side.");
+        "reach"_a, "Return the samples x[at] minus the median of their neighbours in `others`, `reach` on each side.");
   m.def("bent_samples", &bent_samples, "x"_a.noconvert(), "limits"_a.noconvert(), "length"_a,
-        "Indices of samples farther from the mean of their neighbours than the limit of their block, and of those "
-        "beside them.");
+        "Return the indices of the samples whose distance from the mean of their two neighbours exceeds the limit of "
+        "their block, and of the samples next to them.");
 }

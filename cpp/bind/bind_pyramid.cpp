@@ -75,9 +75,11 @@ Result pyramid_unstep(const Vector& smooth, const Vector& detail, const Vector& 
 
 void bind_pyramid(nb::module_& m) {
   m.def("pyramid_variance", &pyramid_variance, "x"_a.noconvert(), "scaling"_a.noconvert(), "wavelet"_a.noconvert(),
-        "levels"_a, "Wavelet variance of x at levels 1 ... levels by the MODWT; all NaN if a value is not finite.");
+        "levels"_a,
+        "Return the MODWT wavelet variance of x at levels 1 ... levels. All are NaN if a value is not finite.");
   m.def("pyramid_step", &pyramid_step, "smooth"_a.noconvert(), "scaling"_a.noconvert(), "wavelet"_a.noconvert(),
-        "stride"_a, "One level of the periodic MODWT: the next scaling and the wavelet coefficients.");
+        "stride"_a, "Compute one level of the periodic MODWT. Return its scaling and its wavelet coefficients.");
   m.def("pyramid_unstep", &pyramid_unstep, "smooth"_a.noconvert(), "detail"_a.noconvert(), "scaling"_a.noconvert(),
-        "wavelet"_a.noconvert(), "stride"_a, "The scaling coefficients from which pyramid_step made these.");
+        "wavelet"_a.noconvert(), "stride"_a,
+        "Invert `pyramid_step`: return the scaling coefficients of the level before.");
 }

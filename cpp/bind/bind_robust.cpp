@@ -23,7 +23,7 @@ namespace {
 
 using Values = std::vector<double>;
 
-// The number of Haar coefficients at a level, which must exist.
+// Number of Haar coefficients at a level. Throws if there are none.
 std::size_t checked_count(const Vector& running_sum, std::size_t level) {
   const std::size_t n = running_sum.shape(0);
   if (level < 1 || level > gmwm::max_level || n <= (std::size_t{1} << level))
@@ -85,13 +85,14 @@ std::tuple<std::size_t, Result> haar_between(const Vector& running_sum, std::siz
 
 void bind_robust(nb::module_& m) {
   m.def("biweight_sums", &biweight_sums, "values"_a.noconvert(), "limit"_a,
-        "Sums of v q^3 and of v q^4 over the values, v = min(value^2 / limit, 1), q = 1 - v.");
+        "Return the sums of v q^3 and v q^4 over the values, with v = min(value^2 / limit, 1) and q = 1 - v.");
   m.def("haar_biweight_sums", &haar_biweight_sums, "running_sum"_a.noconvert(), "limits"_a.noconvert(), "every"_a,
         "begin"_a = 0,
-        "Those sums over the Haar coefficients of each level with its own limit (0 leaves it out), and their number; "
-        "one tile of 4096 samples in `every` is read, and of it what ends at sample `begin` or after.");
+        "Return the sums of `biweight_sums` over the Haar coefficients of each level, and the numbers of "
+        "coefficients. Each level has its own limit; levels with the limit 0 are skipped. Only one in `every` tiles "
+        "of 4096 samples is read. Coefficients that end before sample `begin` are skipped.");
   m.def("haar_sample", &haar_sample, "running_sum"_a.noconvert(), "level"_a, "size"_a,
-        "|W_{j,t}| at `size` places spread over the level; all of them, in order, where there are no more.");
+        "Return |W_{j,t}| at `size` positions that are spread over the level, or all in order if there are no more.");
   m.def("haar_between", &haar_between, "running_sum"_a.noconvert(), "level"_a, "low"_a, "high"_a,
-        "How many |W_{j,t}| are <= low, and those in (low, high].");
+        "Return the number of |W_{j,t}| <= low, and the values in (low, high].");
 }

@@ -60,8 +60,9 @@ Counts haar_sketch(const Vector& running_sum, std::size_t level, std::size_t beg
 
 void bind_sketch(nb::module_& m) {
   m.def("sketch_values", &sketch_values, "values"_a.noconvert(),
-        "Counts of |value| in bins of 1/128 octave: zeros, infinite ones, the first octave, and of whole octaves from "
-        "there on the counts and the sums of what lies below each bin's leading bits, in 2^-24 of its width.");
+        "Count |value| in bins of 1/128 octave. Return the numbers of zeros and of infinite values, the first "
+        "octave, and, for all bins from this octave on, the counts and the sums of (|value| - lower edge) / width in "
+        "units of 2^-24.");
   m.def("haar_sketch", &haar_sketch, "running_sum"_a.noconvert(), "level"_a, "begin"_a, "end"_a,
-        "The same of the Haar coefficients W_{j,t} of one level over begin <= t < end and t >= 2^j - 1.");
+        "Return `sketch_values` of the Haar coefficients W_{j,t} of one level with begin <= t < end and t >= 2^j - 1.");
 }

@@ -36,8 +36,8 @@ bool roots_inside(const Vector& coefficients, double most) {
 void bind_spectral_shape(nb::module_& m) {
   m.def("spectral_descent", &spectral_descent, "waves"_a.noconvert(), "data"_a.noconvert(), "floor"_a, "prior"_a, "p"_a,
         "free"_a, "steps"_a, "near"_a, "parameters"_a.noconvert(),
-        "Move scale, a, b and slow to a local minimum of the loss of the ARMA density, in place, and return the loss; "
-        "the rows of data are the known part, the logarithms and the weights.");
+        "Move the parameters scale, a, b and slow in place to a local minimum of the loss of the ARMA density, and "
+        "return the loss. The rows of `data` are the known part, the logarithms and the weights.");
   m.def("roots_inside", &roots_inside, "coefficients"_a.noconvert(), "most"_a,
-        "Whether all roots of the polynomial 1, c_1, c_2, … have a modulus below most.");
+        "Return whether all roots of the polynomial 1, c_1, c_2, … have a modulus below `most`.");
 }

@@ -43,7 +43,7 @@ LagPieces::LagPieces(const LagProcess& process) : process_(process) {
     weight_.push_back(-(a * pole_.back() * over * over));
     slope_.push_back(process.bare[p] ? 0.0 : -0.5 * (a * more * over).re);
   }
-  outside_.resize(n), bend_.resize(n), tail_.resize(n), corner_.resize(n), speed_.resize(n);
+  outside_.resize(n), bend_.resize(n), tail_.resize(n), rest_.resize(n), corner_.resize(n), speed_.resize(n);
   ahead_.resize(n), behind_.resize(n);
 }
 
@@ -81,7 +81,12 @@ void LagPieces::level() {
     const Complex decay = decay_[p], ratio = expm1(-multiple(h, decay)) * inverse(expm1(-decay));
     outside_[p] = -(amplitude_[p] * exp(-decay) * ratio * ratio);
     speed_[p] = h * gmwm::size(decay) < slow ? Speed::between : Speed::fast;
-    if (speed_[p] == Speed::fast) continue;
+    if (speed_[p] == Speed::fast) {
+      const Complex turned = wrapped(multiple(h, decay));
+      rest_[p] = (1 / h) * turned;
+      if (h > 1 && gmwm::size(turned) < periodic) speed_[p] = Speed::echo;
+      continue;
+    }
     // a λ^(r-2) (λ/2 / sinh(λ/2))² 2 (d^r - d) / r! for r = 3, 5, …
     const Complex share = over_sinh(0.5 * decay);
     Complex factor = (2 * h * h * h) * (amplitude_[p] * decay * share * share);
@@ -105,7 +110,12 @@ void LagPieces::coarse() {
   for (std::size_t p = 0; p < size(); ++p) {
     const Complex lost = expm1(-multiple(g, decay_[p]));
     tail_[p] = outside_[p] * lost * lost;
-    if (speed_[p] != Speed::fast) speed_[p] = g * gmwm::size(decay_[p]) < slow ? Speed::still : Speed::between;
+    if (speed_[p] == Speed::fast || speed_[p] == Speed::swing) {
+      const Complex turned = wrapped(multiple(g, decay_[p]));
+      rest_[p] = (1 / g) * turned;
+      speed_[p] = g_ > h_ && gmwm::size(turned) < periodic ? Speed::swing : Speed::fast;
+    }
+    if (speed_[p] == Speed::between || speed_[p] == Speed::still) speed_[p] = g * gmwm::size(decay_[p]) < slow ? Speed::still : Speed::between;
   }
 }
 
@@ -167,7 +177,7 @@ void LagPieces::walk(LagPiece& out) const {
 void LagPieces::piece(std::int64_t start, std::int64_t count, LagPiece& out) {
   out.start = start, out.count = count, out.degree = 0;
   out.polynomial.fill(0);
-  out.active.clear(), out.ahead.clear(), out.behind.clear();
+  out.active.clear(), out.ahead.clear(), out.behind.clear(), out.echoes.clear();
   walk(out);
   const std::int64_t h = h_, g = g_, last = start + count - 1;
   const double n = static_cast<double>(count), ratio = n / static_cast<double>(h);
@@ -186,10 +196,12 @@ void LagPieces::piece(std::int64_t start, std::int64_t count, LagPiece& out) {
     const Complex *close = power(h - far), *wide = power(h + near), *own = power(near);
     std::vector<Complex>&from = toward ? behind_ : ahead_, &into = toward ? ahead_ : behind_;
     for (std::size_t p = 0; p < size(); ++p) {
-      if (speed_[p] == Speed::fast) {
+      if (speed_[p] <= Speed::echo) {
         const Complex w = weight * weight_[p];
-        into[p] += w * close[p];
-        from[p] += w * (wide[p] - 2 * own[p]);
+        if (speed_[p] != Speed::echo) {
+          into[p] += w * close[p];
+          from[p] += w * (wide[p] - 2 * own[p]);
+        }
         const double at = toward ? static_cast<double>(h - far) : static_cast<double>(h - near);
         if (slope_[p] != 0) straight(2 * weight * slope_[p] * at, (toward ? 2 : -2) * weight * slope_[p], out);
       } else {
@@ -197,11 +209,11 @@ void LagPieces::piece(std::int64_t start, std::int64_t count, LagPiece& out) {
       }
     }
     bool between = false;
-    for (std::size_t p = 0; p < size(); ++p) between = between || speed_[p] == Speed::between;
+    for (std::size_t p = 0; p < size(); ++p) between = between || speed_[p] == Speed::between || speed_[p] == Speed::echo;
     if (!between) return;
     const Complex* z = power(near - h);
     for (std::size_t p = 0; p < size(); ++p)
-      if (speed_[p] == Speed::between) from[p] += weight * (outside_[p] * z[p]);
+      if (speed_[p] == Speed::between || speed_[p] == Speed::echo) from[p] += weight * (outside_[p] * z[p]);
   };
   if (beyond) {
     const Complex* z = power(start - g - h);
@@ -234,6 +246,11 @@ void LagPieces::piece(std::int64_t start, std::int64_t count, LagPiece& out) {
   }
   const Complex* end = power(count - 1);
   for (std::size_t p = 0; p < size(); ++p) {
+    if ((speed_[p] == Speed::echo || speed_[p] == Speed::swing) && !beyond) {
+      const bool rest = n * gmwm::size(rest_[p]) < slow;
+      if (rest || (speed_[p] == Speed::echo && (middle || rising || falling))) echo(p, end[p], out);
+      if (rest) continue;
+    }
     if (norm(ahead_[p]) == 0 && norm(behind_[p]) == 0) continue;
     const Complex decay = n * decay_[p];
     if (gmwm::size(decay) < slow) {
@@ -245,6 +262,42 @@ void LagPieces::piece(std::int64_t start, std::int64_t count, LagPiece& out) {
     out.ahead.push_back(ahead_[p]);
     out.behind.push_back(behind_[p]);
   }
+}
+
+// Near a kink: w (z^d - z^(-d)) with d = h - |y|. The exponentials of the piece too, if they are slow in it.
+void LagPieces::echo(std::size_t p, Complex end, LagPiece& out) const {
+  const double n = static_cast<double>(out.count), h = static_cast<double>(h_), ratio = n / h;
+  const Complex rest = rest_[p], back = conj(rest), w = weight_[p];
+  Echo echo;
+  echo.angle = decay_[p].im - rest.im;
+  if (n * gmwm::size(rest) < slow) {
+    Complex first = ahead_[p], second = conj(behind_[p] * end);
+    for (std::size_t r = 0; r <= degree_most; ++r, first *= -(n * rest), second *= n * back)
+      echo.series[r] += inverse_factorial[r] * (first + second);
+  }
+  out.echoes.push_back(echo);
+  if (speed_[p] != Speed::echo) return;
+  // Σ_r (conj(w) (-conj(ρ))^r - w ρ^r) d^r / r!, in powers of d / h.
+  std::array<Complex, degree_most + 1> series;
+  Complex one = conj(w), two = w;
+  for (std::size_t r = 0; r <= degree_most; ++r, one *= -(h * back), two *= h * rest)
+    series[r] = inverse_factorial[r] * (one - two);
+  const auto add = [&](double weight, bool rising) {
+    std::array<Complex, degree_most + 1> shifted{};
+    if (rising) {
+      double power = weight;
+      for (std::size_t r = 0; r <= degree_most; ++r, power *= ratio) shifted[r] = power * conj(series[r]);
+    } else {
+      for (std::size_t r = degree_most + 1; r-- > 0;) {
+        for (std::size_t s = degree_most; s >= 1; --s) shifted[s] += -ratio * shifted[s - 1];
+        shifted[0] += weight * series[r];
+      }
+    }
+    for (std::size_t r = 0; r <= degree_most; ++r) out.echoes.back().series[r] += shifted[r];
+  };
+  if (out.start == 0) add(-2, false);
+  if (out.start >= g_ - h_ && out.start < g_) add(1, true);
+  if (out.start >= g_ && out.start < g_ + h_) add(1, false);
 }
 
 double LagPieces::spike(std::int64_t v) const {

@@ -3,12 +3,14 @@
 //   Σ x^i = (1 - x^n) / (1 - x),   Σ i x^i = (x Σ x^i - n x^n) / (1 - x),
 //   Σ a^i b^(n-1-i) = (b^n - a^n) / (b - a),   Σ i a^i b^(n-1-i) = (a Σ a^i b^(n-1-i) - n a^n) / (b - a).
 // The denominators come from the decays. If x^n or (a/b)^n is near 1, terms cancel, and a series about the middle is
-// used. Products of a power of i and an exponential follow from summation by parts.
+// used. Products of a power of i and an exponential follow from summation by parts, and products of an echo (see
+// gmwm/lag_pieces.hpp) from the same sums.
 #include "gmwm/lag_sums.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <utility>
 #include <vector>
 
@@ -117,6 +119,42 @@ double close_products(const Row& row, const Columns& columns, const Factors& f, 
   return row.weight[k] * total;
 }
 
+using Series = std::array<Complex, 2 * degree_most + 2>;
+
+void sums_of_powers(std::int64_t n, std::size_t highest, double* out);
+
+// Σ P(i / n) exp(-decay i) for 0 <= i < n, for a polynomial of this degree.
+Complex swept(const Series& polynomial, std::size_t degree, Complex decay, std::int64_t count) {
+  decay = wrapped(decay);
+  const double n = static_cast<double>(count);
+  Complex total{};
+  if (n * size(decay) < slow) {
+    std::array<double, 3 * degree_most + 3> sums;
+    sums_of_powers(count, degree + degree_most + 1, sums.data());
+    for (std::size_t r = 0; r <= degree; ++r) {
+      Complex power{1, 0};
+      for (std::size_t s = 0; s <= degree_most; power *= (-n / static_cast<double>(++s)) * decay)
+        total += sums[r + s] * (polynomial[r] * power);
+    }
+    return total;
+  }
+  const Complex z = exp(-decay), zn = exp(-(n * decay)), over = inverse(expm1(-decay));
+  std::array<Complex, 2 * degree_most + 2> moment;
+  moment[0] = expm1(-(n * decay)) * over;
+  total = polynomial[0] * moment[0];
+  for (std::size_t r = 1; r <= degree; ++r) {
+    Complex sum{};
+    double factor = 1;
+    for (std::size_t s = r; s-- > 0;) {
+      factor *= static_cast<double>(s + 1) / (static_cast<double>(r - s) * n);
+      sum += factor * moment[s];
+    }
+    moment[r] = (zn - z * sum) * over;
+    total += polynomial[r] * moment[r];
+  }
+  return total;
+}
+
 class Sums {
  public:
   Sums(const LagProcess& left, const LagProcess& right, std::int64_t samples, bool same);
@@ -127,6 +165,7 @@ class Sums {
   LagPieces& right_of() { return same_ ? left_ : right_; }
   double exponentials(const LagPiece& left, const LagPiece& right, Count count);
   double plain(const LagPiece& piece, Count count);
+  double echoed(const LagPiece& echoes, const LagPiece& other, const LagPieces& of, Count count) const;
   double mixed(const LagPiece& polynomial, const LagPiece& exponential, LagPieces& of, Count count);
   std::pair<double, double> spikes(const LagPiece& left, const LagPiece& right, Count count);
   void at(const LagPiece& piece, LagPieces& of, std::int64_t first, std::int64_t lags, std::vector<double>& out);
@@ -227,7 +266,7 @@ Polynomial times_count(const LagPiece& piece, Count count) {
 // Σ (i / n)^r for r < `highest`.
 void sums_of_powers(std::int64_t n, std::size_t highest, double* out) {
   const double size = static_cast<double>(n);
-  if (n <= 32) {
+  if (n <= 64) {
     std::fill(out, out + highest, 0.0);
     for (std::int64_t i = 0; i < n; ++i) {
       double power = 1;
@@ -304,7 +343,70 @@ double Sums::mixed(const LagPiece& polynomial, const LagPiece& exponential, LagP
   return total;
 }
 
-// Σ n(i) of the exponentials.
+// A series times n(i).
+Series counted(const Echo& echo, Count count, double n) {
+  Series out{};
+  for (std::size_t r = 0; r <= degree_most; ++r) {
+    out[r] += count.at_start * echo.series[r];
+    out[r + 1] += (n * count.step) * echo.series[r];
+  }
+  return out;
+}
+
+// Σ n(i) of the products of the echoes of one process with the polynomial and the exponentials of the other.
+double Sums::echoed(const LagPiece& echoes, const LagPiece& other, const LagPieces& of, Count count) const {
+  const std::int64_t points = other.count;
+  const double n = static_cast<double>(points), m = n - 1, turn = m / n;
+  constexpr std::size_t highest = degree_most + 1;
+  double total = 0;
+  for (const Echo& echo : echoes.echoes) {
+    const Series one = counted(echo, count, n);
+    const Complex angle{0, echo.angle};
+    Series both{}, backward{};
+    for (std::size_t r = 0; r <= highest; ++r)
+      for (std::size_t s = 0; s <= std::min(other.degree, degree_most); ++s) both[r + s] += other.polynomial[s] * one[r];
+    total += swept(both, highest + other.degree, angle, points).re;
+    if (other.active.empty()) continue;
+    for (std::size_t r = highest + 1; r-- > 0;) {
+      for (std::size_t s = highest; s >= 1; --s) backward[s] = turn * backward[s] - backward[s - 1];
+      backward[0] = turn * backward[0] + one[r];
+    }
+    const Complex end = exp(-(m * angle));
+    for (std::size_t k = 0; k < other.active.size(); ++k)
+      for (const bool conjugate : {false, true}) {
+        const Complex decay = conjugate ? conj(of.decay(other.active[k])) : of.decay(other.active[k]);
+        const Complex E = conjugate ? conj(other.ahead[k]) : other.ahead[k];
+        const Complex F = conjugate ? conj(other.behind[k]) : other.behind[k];
+        const Complex sum = E * swept(one, highest, decay + angle, points) +
+                            F * end * swept(backward, highest, decay - angle, points);
+        total += 0.5 * sum.re;
+      }
+  }
+  return total;
+}
+
+// Σ n(i) of the products of echoes.
+double of_echoes(const LagPiece& left, const LagPiece& right, Count count) {
+  const double n = static_cast<double>(left.count);
+  constexpr std::size_t highest = degree_most + 1;
+  double total = 0;
+  for (const Echo& a : left.echoes)
+    for (const Echo& b : right.echoes) {
+      const Series one = counted(a, count, n);
+      Series both{}, conjugate{};
+      for (std::size_t r = 0; r <= highest; ++r)
+        for (std::size_t s = 0; s <= degree_most; ++s) {
+          both[r + s] += one[r] * b.series[s];
+          conjugate[r + s] += one[r] * conj(b.series[s]);
+        }
+      const Complex sum = swept(both, highest + degree_most, {0, a.angle + b.angle}, left.count) +
+                          swept(conjugate, highest + degree_most, {0, a.angle - b.angle}, left.count);
+      total += 0.5 * sum.re;
+    }
+  return total;
+}
+
+// Σ n(i) of the exponentials and the echoes.
 double Sums::plain(const LagPiece& piece, Count count) {
   const double n = static_cast<double>(piece.count), end = count.at_start + count.step * (n - 1);
   const Complex* power = left_.power(piece.count);
@@ -317,6 +419,8 @@ double Sums::plain(const LagPiece& piece, Count count) {
               risen * (count.step * (piece.ahead[k] - piece.behind[k])))
                  .re;
   }
+  for (const Echo& echo : piece.echoes)
+    total += swept(counted(echo, count, n), degree_most + 1, {0, echo.angle}, piece.count).re;
   return total;
 }
 
@@ -328,6 +432,11 @@ void Sums::at(const LagPiece& piece, LagPieces& of, std::int64_t first, std::int
     const double t = static_cast<double>(first + i) / n;
     double value = 0;
     for (std::size_t r = piece.degree + 1; r-- > 0;) value = value * t + piece.polynomial[r];
+    for (const Echo& echo : piece.echoes) {
+      Complex sum{};
+      for (std::size_t r = degree_most + 1; r-- > 0;) sum = t * sum + echo.series[r];
+      value += (sum * exp({0, -std::remainder(echo.angle * static_cast<double>(first + i), 2 * std::numbers::pi)})).re;
+    }
     out[static_cast<std::size_t>(i)] = value;
   }
   const Complex *start = of.power(first), *end = of.power(piece.count - first - lags);
@@ -388,9 +497,11 @@ void Sums::pair(std::int64_t h, std::int64_t g, double* first, double* second) {
     double straight = 0;
     double part = polynomials(left, right, count, &straight) + exponentials(left, right, count);
     sum += 2 * (straight + plain(left, count));
+    part += of_echoes(left, right, count);
     if (same_) {
-      part += 2 * mixed(left, left, left_, count);
+      part += 2 * (mixed(left, left, left_, count) + echoed(left, left, left_, count));
     } else {
+      part += echoed(left, right, right_, count) + echoed(right, left, left_, count);
       part += mixed(left, right, right_, count) + mixed(right, left, left_, count);
     }
     const auto [spiked, product_of_spikes] = spikes(left, right, count);

@@ -96,6 +96,12 @@ void exponentials() {
       process.add(1.0, angle > 0 && angle < 3 ? 0.3 : 0.0, decay, angle);
       compare(process, process, 1e-9);
     }
+  // Those whose period divides the scales.
+  for (const double angle : {0.25, 0.5, 1.0}) {
+    Process echo;
+    echo.add(1.0, angle < 1 ? 0.3 : 0.0, 1e-3, angle * std::numbers::pi);
+    compare(echo, echo, 1e-9);
+  }
   Process bare;
   bare.add(0.7, 0, 1.2, 0, true);
   compare(bare, bare, 1e-12);

@@ -105,14 +105,14 @@ def test_recordings_of_one_unit_agree(three):
 @pytest.mark.slow
 def test_a_number_that_changed_is_named(changed):
     found = agree(changed)
-    assert [(row.axis, row.symbol) for row in found.disagreeing] == [("gyro_y", "N")]
-    row = found["gyro_y.N"]
+    assert [(row.axis, row.symbol) for row in found.disagreeing] == [("gyro_y", "N of WN")]
+    row = found["gyro_y.N of WN"]
     assert row.apart == pytest.approx(1.0, abs=0.1)
     assert row.agrees is False
     assert row.adjusted >= row.pvalue
     assert (found.verdict.facts["state"], found.verdict.facts["differing"]) == ("one", 1)
     remark = only(found.remarks, "numbers-differ")
-    assert (remark.subject, remark.facts["unit"], remark.facts["p"]) == ("N of gyro_y", "deg/√h", row.adjusted)
+    assert (remark.subject, remark.facts["unit"], remark.facts["p"]) == ("N of WN of gyro_y", "deg/√h", row.adjusted)
     assert remark.facts["values"][0].startswith(f"{row.entries[0].in_units()[0]:.3g} ±")
     assert found.summary().count("≠") == 2
 
@@ -155,7 +155,7 @@ def test_models_that_a_test_rejects_are_a_remark(three):
 def test_it_is_plain_numbers(changed):
     found = agree(changed, reference={"gyro.N": (0.2, "deg/√h")})
     content = json.loads(json.dumps(found.to_dict(), allow_nan=False))
-    assert content["disagreeing"] == ["gyro_y.N"]
+    assert content["disagreeing"] == ["gyro_y.N of WN"]
     assert content["compared"] == len(found.compared)
     assert len(content["rows"]) == len(found) == len(list(found))
     assert content["rows"][0]["reference"]["unit"] == "deg/√h"

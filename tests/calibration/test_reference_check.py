@@ -91,7 +91,7 @@ def test_numbers_of_a_datasheet(calibration):
 def test_an_upper_limit_agrees_with_less_and_not_with_more():
     imu = gmwm.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=RATE, samples=50_000, rng=5)
     found = gmwm.calibrate(imu, within="WN + RW")
-    high = gmwm.datasheets.effective_noise(found["gyro_x"], 1.0)["K_eff"].high
+    high = gmwm.datasheets.effective_noise(found["gyro_x"], 1.0)["K"].high
     for size, verdict in ((0.1, "agrees"), (10.0, "larger")):
         given = given_noise(f"gyro_x: N=1e-4rad/s/√Hz, K={size * high!r}rad/s/√s", RATE)
         checked = found.agree({"gyro_x.N": (1e-4, "rad/s/√Hz")})

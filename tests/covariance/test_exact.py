@@ -9,7 +9,7 @@ import pytest
 
 import gmwm
 from gmwm import AR1, DR, FN, GM, QN, RW, WN
-from gmwm.measuring.covariance import gaussian, wavelet_covariance
+from gmwm.measuring.covariance import nodes, wavelet_covariance
 from tests.helpers import raises
 
 _spec = importlib.util.spec_from_file_location(
@@ -112,7 +112,7 @@ def test_refused(model, samples, levels, error, fact):
 @pytest.mark.parametrize("few_first", [False, True])
 def test_the_first_levels_are_a_block_of_all_levels(few_first):
     # Both use the same nodes, of which the first levels have the first.
-    gaussian._grids.clear()
+    nodes._grids.clear()
     for model in (GM(3.0, 1.0) + GM(0.05, 2.0) + FN(0.5) + RW(1e-4) + DR(-0.002), AR1(-0.6, 1.0) + AR1(0.9, 0.1)):
         sizes = (8, 14) if few_first else (14, 8)
         found = {levels: wavelet_covariance(model, 20_000, RATE, levels=levels) for levels in sizes}

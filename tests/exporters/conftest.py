@@ -9,9 +9,10 @@ import pytest
 
 import gmwm
 from gmwm.base.template import fact_text
+from gmwm.choosing.datasheets.effective import HORIZON
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.showing.exporters.api import _options
-from gmwm.showing.exporters.base import HORIZON, find_exporter
+from gmwm.showing.exporters.base import find_exporter
 from gmwm.showing.exporters.text import plain
 from gmwm.theory.processes import Model
 
@@ -90,7 +91,9 @@ def words(text):
 def head_of(text):
     """The file, with the head of a JSON file as lines of text."""
     content = json.loads(text) if text.startswith("{") else {}
-    return "\n".join(content["gmwm"]) if isinstance(content.get("gmwm"), list) else text
+    return (
+        "\n".join([*content["gmwm"], *content.get("gmwm_notes", [])]) if isinstance(content.get("gmwm"), list) else text
+    )
 
 
 @pytest.fixture(scope="session")

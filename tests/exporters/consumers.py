@@ -178,7 +178,7 @@ def okvis2(text):
 
 def basalt(text):
     content = json.loads(text)
-    assert list(content) == ["value0", "gmwm"]  # cereal reads the first entry
+    assert next(iter(content)) == "value0"  # cereal reads the first entry
     one = content["value0"]
     assert (len(one["calib_accel_bias"]), len(one["calib_gyro_bias"]), one["imu_update_rate"]) == (9, 12, 200.0)
     # calibration.hpp: the discrete standard deviation is the continuous one times √f.

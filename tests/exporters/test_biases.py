@@ -48,7 +48,7 @@ def test_the_program_reads_the_biases_back(units, format):
     if accel is not None:
         assert accel == pytest.approx(sign(ACCEL), rel=2e-6)
     assert "bias-not-known" not in {remark.code for remark in remarks_in(unit, format)}
-    assert "Bias of gyro_y at rest: -0.002 rad/s, standard error 1e-05 rad/s" in words(unit.export(format=format))
+    assert "gyro_y -0.002 +- 1e-05" in words(unit.export(format=format))
 
 
 @pytest.mark.parametrize("format", BIASES)
@@ -88,7 +88,7 @@ def test_curves_have_no_bias_and_files_say_so(units):
 
 def test_all_other_formats_are_without_biases(units):
     for format in set(export_formats()) - set(BIASES) - {"json"}:
-        assert "at rest:" not in words(with_biases(units["quantized"]).export(format=format)), format
+        assert "Bias at rest" not in words(with_biases(units["quantized"]).export(format=format)), format
         assert not getattr(find_exporter(format), "biases_of", ()), format
 
 

@@ -8,8 +8,10 @@ import pytest
 
 import gmwm
 from gmwm import GM
-from gmwm.base.remarks import texts
+from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from gmwm.showing.exporters import export_formats
+from gmwm.showing.exporters.api import _options
+from gmwm.showing.exporters.base import find_exporter
 
 from .conftest import RATE, SAMPLES, calibrated, remarks_in, words
 from .consumers import CONSUMERS, MARKOV
@@ -32,34 +34,37 @@ OTHERS = ("matlab", *MARKOV)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("format", sorted(set(CONSUMERS) - set(OTHERS)))
-def test_the_walk_has_its_allan_deviation_at_the_horizon(unit, format):
+def test_the_walk_predicts_best(unit, format):
     text = unit.export(format=format, horizon=2.0)
     read = CONSUMERS[format](text)
     for sensor, b2 in list(B2.items())[format == "glim" :]:  # GLIM has one number for both sensors
-        assert read[sensor][1] == pytest.approx(math.sqrt(3 * FLAT * b2 / 2.0), rel=1e-4)
-    assert "K: FN (by its Allan deviation)" in words(text)
-    found = [one for one in remarks_in(unit, format, horizon=2.0) if one.code != "bias-not-known"]
-    assert {remark.code for remark in found} == {"counted-at-horizon"}
-    assert [remark.subject for remark in found] == list(TRUTHS)
-    assert {(remark.facts["terms"], remark.facts["horizon"].value) for remark in found} == {(("FN",), 2.0)}
-    assert all(words(one) in words(text) for one in texts(found))
+        numbers = filter_numbers(gmwm.Model.parse(TRUTHS[f"{sensor}_x"]).processes, RATE, 2.0)
+        assert read[sensor][1] == pytest.approx(numbers.K, rel=1e-4)
+        # Near to the limit 2B²/(πN) of a short horizon, and far below the walk with the same Allan deviation at 2 s.
+        limit = 2 * b2 / (math.pi * math.sqrt(1000 * b2 / RATE))
+        assert 0.7 * limit < numbers.K < limit
+        assert 0.5 * math.sqrt(3 * FLAT * b2 / 2.0) > numbers.K
+    assert not [one for one in remarks_in(unit, format, horizon=2.0) if one.code != "bias-not-known"]
+    assert "full model's error" in words(text)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("format", MARKOV)
 def test_a_gauss_markov_bias_is_near_to_it(unit, format):
+    exporter = find_exporter(format)
+    options = {"axes": None, "inflation": 1.0, "horizon": 2.0, "rate": None, "duration": None}
+    found = exporter.biases(exporter._noise(unit, _options(exporter, options)))
     text = words(unit.export(format=format, horizon=2.0))
-    pattern = r"Bias of (\S+): sigma (\S+) \S+, T (\S+) s, for FN; it changes the Allan deviation by at most (\S+) %"
-    found = re.findall(pattern, text)
-    assert [axis for axis, *_ in found] == list(TRUTHS)
+    stated = {axis: float(error) for error, axis in re.findall(r"(\S+) % for (\w+_[xyz])", text)}
+    assert set(stated) == set(TRUTHS)
     n = np.unique(np.geomspace(2 * RATE, SAMPLES, 200).astype(int))
-    for axis, *numbers in found:
-        sigma, time, stated = map(float, numbers)
+    for axis, bias in found.items():
         whole = gmwm.Model.parse(TRUTHS[axis])
-        white = next(p for p in whole.processes if p.name == "WN")
-        reduced = gmwm.Model((white, GM(beta=1 / time, sigma2=sigma**2)))
+        white = gmwm.WN(sigma2=RATE * bias.N.value**2)
+        reduced = gmwm.Model((white, GM(beta=1 / bias.time, sigma2=bias.sigma.value**2)))
         ratio = np.sqrt(reduced.allan_variance(n, RATE) / whole.allan_variance(n, RATE))
-        assert 100 * np.max(np.abs(ratio - 1)) == pytest.approx(stated, rel=0.1)
+        assert 100 * np.max(np.abs(ratio - 1)) == pytest.approx(stated[axis], rel=0.1)
+        assert stated[axis] < 40
     assert not remarks_in(unit, format, horizon=2.0) or format in ("gnss-ins-sim", "navego")
 
 
@@ -77,7 +82,7 @@ def test_matlab_has_a_parameter_for_it(unit):
         assert flicker == pytest.approx([2 * math.sqrt(b2)] * 3, rel=1e-4)
     assert code.count("fractalcoef(poles, 1)") == 2
     assert "poles = 20000;" in code
-    assert "BiasInstability: FN" in words(text)
+    assert "N and K do not include it" in words(text)
     assert not {"upper-limit", "upper-limit-among"} & {remark.code for remark in remarks_in(unit, "matlab")}
 
 

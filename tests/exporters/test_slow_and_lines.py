@@ -5,8 +5,6 @@ import re
 
 import pytest
 
-from gmwm.base.remarks import texts
-
 from .conftest import RATE, calibrated, remarks_in, words
 from .consumers import CONSUMERS, MARKOV
 
@@ -40,18 +38,17 @@ def lines():
 def test_a_slow_term_is_never_lost(slow, format):
     text = slow.export(format=format)
     for sensor, (s2, _) in list(SLOW.items())[format == "glim" :]:  # GLIM has one number for both sensors
-        # As the Gauss-Markov process of the same law; nearly so at a horizon that is no mere moment to it.
-        assert CONSUMERS[format](text)[sensor][1] == pytest.approx(math.sqrt(2 * 0.05 * s2), rel=0.03)
-    codes = {remark.code for remark in remarks_in(slow, format)} - {"bias-not-known"}
-    assert codes == (set() if format in MARKOV else {"counted-at-horizon"})
-    assert "K: AR(1) (by its Allan deviation)" in words(text)
+        # Nearly as the Gauss-Markov process of the same law.
+        walk = CONSUMERS[format](text)[sensor][1]
+        assert walk == pytest.approx(math.sqrt(2 * 0.05 * s2), rel=0.01 if format in MARKOV else 0.15)
+    assert not {remark.code for remark in remarks_in(slow, format)} - {"bias-not-known"}
 
 
 @pytest.mark.parametrize("format", CONSUMERS)
 def test_lines_are_named_and_not_counted(lines, format):
     text = lines.export(format=format)
     white, walk = CONSUMERS[format](text)["gyro"]
-    assert white == pytest.approx(math.sqrt(6e-7 / RATE), rel=1e-4)
+    assert white == pytest.approx(math.sqrt(6e-7 / RATE), rel=1e-3 if format in MARKOV else 1e-4)
     if format not in (*MARKOV, "glim"):
         assert walk == pytest.approx(math.sqrt(1e-11 * RATE), rel=1e-3)
     found = [remark for remark in remarks_in(lines, format) if remark.code == "line-left-out"]
@@ -60,8 +57,7 @@ def test_lines_are_named_and_not_counted(lines, format):
     assert of_axes["gyro_x"][0]["amplitude"].value == pytest.approx(math.sqrt(8e-8), rel=1e-3)
     assert of_axes["gyro_x"][0]["amplitude"].unit == "rad/s"
     assert sorted(facts["frequency"].value for facts in of_axes["accel_y"]) == pytest.approx([0.7, 20.0], rel=1e-3)
-    assert "terms-left-out" not in {remark.code for remark in remarks_in(lines, format)}
-    assert all(words(one) in words(text) for one in texts(found))
+    assert "leave out periodic disturbances: gyro_x 0.7 Hz (0.00028 rad/s)" in words(text)
 
 
 def test_ros_leaves_lines_out(lines):

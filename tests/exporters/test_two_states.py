@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.showing.exporters.heads import FAR, NEARER
 from gmwm.showing.exporters.two_states import apart, two_states
 
-from .conftest import RATE, calibrated, exact_curve, words
+from .conftest import RATE, calibrated, exact_curve
 from .test_state_space import loaded
 
 HORIZON, DURATION = 1.0, 1000.0
@@ -112,21 +111,3 @@ def test_the_head_states_the_states_and_their_error(unit):
         found = two_states(unit[axis], 1.0)
         assert f"two_states of {axis}: sigma {found.sigma[0]:.3g} rad/s, T {found.time[0]:.4g} s; sigma" in head
     assert "two_states of gyro_z" not in head
-
-
-@pytest.mark.slow
-def test_the_sweep_names_the_error_of_n_and_k():
-    truths = TRUTHS | {f"accel_{letter}": "WN(sigma2=2e-5) + RW(gamma2=1e-12)" for letter in "xyz"}
-    models = {"gyro_x": "3*GM + WN", "gyro_y": "WN + FN", "gyro_z": "GM + WN", "accel": "WN + RW"}
-    unit = gmwm.calibrate({axis: exact_curve(axis, truth) for axis, truth in truths.items()}, models=models)
-    text = words(unit.export())
-    ((walk, reduced),) = re.findall(
-        r"the Allan deviation of N and K is up to (\S+) times the Allan deviation of the model. With two Gauss-Markov "
-        r"states, it is within (\S+) % of the Allan deviation of the model: for a filter with two states, use", text,
-    )  # fmt: skip
-    found = two_states(unit["gyro_x"], 1.0)
-    assert float(walk) == pytest.approx(1 + found.error_of_walk, rel=0.06)
-    assert float(reduced) == pytest.approx(100 * found.error, rel=0.06)
-    assert found.error_of_walk > max(FAR, NEARER * found.error)
-    # A random walk is K itself.
-    assert two_states(unit["accel_x"], 1.0).error_of_walk < FAR

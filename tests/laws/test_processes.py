@@ -16,6 +16,7 @@ from scipy.linalg import toeplitz
 
 from gmwm.base.errors import MissingTheoryError, OptionError
 from gmwm.theory.processes import Process, every_class, ordered_classes, registry
+from gmwm.theory.processes.exponential_sum import lag_sums
 from tests.helpers import raises
 
 TESTS = Path(__file__).parents[1]
@@ -254,6 +255,25 @@ def test_shape_given_agrees_with_the_default(process):
     rows = np.array([one.nonlinear for one in examples(process, slowest=1e-2)])
     derived = Process.shape.__func__(process, rows, LEVELS, RATE)
     np.testing.assert_allclose(derived, process.shape(rows, LEVELS, RATE), rtol=1e-9)
+
+
+@every_process_having("coefficient_covariance")
+def test_sums_of_exponentials_have_the_variances_of_the_shape(process):
+    # The sum over lags for a single coefficient is its variance.
+    levels = np.arange(1, 9)
+    for example in examples(process):
+        terms = example.exponential_sum(RATE)
+        if terms is None:
+            terms = example.exponential_mixture(RATE, 2**8)
+        if terms is None or example.scale == 0:
+            continue
+        expected = (
+            example.wavelet_variance(8, RATE) - np.square(example.mean(1.0) - example.mean(0.0)) * 4.0**levels / 16
+        )
+        found = [
+            lag_sums(levels[[k]], 2 ** (k + 1), terms, None, diagonal=True)[0][0] / 4.0 ** (k + 1) for k in range(8)
+        ]
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * np.abs(expected).max())
 
 
 # --- scale, simulation --------------------------------------------------------------------------------

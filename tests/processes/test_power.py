@@ -9,7 +9,6 @@ import pytest
 import gmwm
 from gmwm import FGN, FN, PL, RW, WN, Model, WaveletVariance
 from gmwm.base.errors import MissingTheoryError, ModelError
-from gmwm.choosing.datasheets import effective_noise
 from gmwm.measuring.covariance import wavelet_covariance
 from gmwm.measuring.covariance.design import Design
 from gmwm.theory.processes.circulant_embedding import amplitudes
@@ -214,7 +213,7 @@ def test_intervals_of_flicker_noise_hold_the_truth_and_the_model_is_not_rejected
 def test_flicker_noise_is_the_bias_instability_of_the_standard():
     truth = WN(sigma2=1e-4) + FN(b2=4e-6) + RW(gamma2=1e-10)
     sheet = gmwm.fit(truth.structure, exact_curve(truth)).datasheet()
-    assert list(sheet) == ["N", "B", "K"]
+    assert list(sheet) == ["N", "K", "B", "N of WN", "K of RW"]
     assert sheet["B"].value == pytest.approx(2e-3, rel=1e-6)
     assert sheet["B"].low < 2e-3 < sheet["B"].high
     assert (sheet["B"].unit, sheet["B"].term, sheet["B"].tau) == ("rad/s", "FN", None)
@@ -223,26 +222,6 @@ def test_flicker_noise_is_the_bias_instability_of_the_standard():
     assert alone["B"].value == pytest.approx(2e-3, rel=1e-6)
     assert not alone["B"].upper_only
     assert not alone.remarks
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
-def test_over_a_horizon_it_counts_as_what_has_its_allan_deviation_there():
-    truth = WN(sigma2=1e-4) + FN(b2=4e-6) + RW(gamma2=1e-10)
-    fit = gmwm.fit(truth.structure, exact_curve(truth))
-    for horizon in (0.5, 20.0):
-        found = effective_noise(fit, horizon)
-        flicker = 3 * 2 * FLICKER * 4e-6 / horizon
-        assert found["K_eff"].value ** 2 == pytest.approx(flicker + 1e-10 * RATE, rel=1e-5)
-        assert found["N_eff"].value ** 2 == pytest.approx(1e-4 / RATE, rel=1e-5)
-        assert found["K_eff"].low < found["K_eff"].value < found["K_eff"].high
-    falling = gmwm.fit(PL(), exact_curve(PL(alpha=0.4, nu2=1e-4)))
-    found = effective_noise(falling, 2.0)
-    assert found["K_eff"].upper_only
-    assert found["K_eff"].value == found["K_eff"].high > 0
-    wanted = 2.0 * falling.model.allan_variance([200], RATE)[0]
-    assert found["N_eff"].value ** 2 == pytest.approx(wanted, rel=1e-9)
-    assert found["N_eff"].low < found["N_eff"].value < found["N_eff"].high
 
 
 def test_a_process_that_is_not_stationary_has_no_autocovariance():

@@ -14,13 +14,13 @@ from gmwm.measuring.spectrum.short_memory import (
     LIKELY,
     POLE,
     SURE,
+    _ArmaPoint,
     _bend,
     _Data,
     _descend,
     _inside,
-    _Point,
     _starts,
-    _widened,
+    _widen,
     short_memory,
 )
 
@@ -180,7 +180,7 @@ def test_roots_near_the_unit_circle_are_moved_to_the_limit():
 
 
 def test_more_roots_are_where_they_are_asked_for():
-    whole = np.concatenate([[1.0], _widened(np.array([-0.5]), 3, 1.0, 0.8)])
+    whole = np.concatenate([[1.0], _widen(np.array([-0.5]), 3, 1.0, 0.8)])
     expected = [0.5, 0.8 * np.exp(1j), 0.8 * np.exp(-1j), 0.8]
     for root in expected:
         assert abs(np.polyval(whole, root)) < 1e-12
@@ -197,7 +197,7 @@ def test_the_jacobian_is_that_of_finite_differences():
     at = np.array([0.1, -0.4, 0.5, 0.3, 0.2])
 
     def point(at):
-        return _Point(data=data, a=at[1:3], b=at[3:4], scale=at[0], slow=at[4])
+        return _ArmaPoint(data=data, a=at[1:3], b=at[3:4], scale=at[0], slow=at[4])
 
     here = point(at)
     for k in range(5):
@@ -226,7 +226,7 @@ def test_the_descent_ends_at_the_optimum_of_another_program(free):
     start = np.array([0.0, -0.4, 0.6, 0.1, 0.0])
 
     def residuals(at):
-        point = _Point(data=data, a=at[1:3], b=at[3:4], scale=at[0], slow=at[4] if free else 0.0)
+        point = _ArmaPoint(data=data, a=at[1:3], b=at[3:4], scale=at[0], slow=at[4] if free else 0.0)
         return np.append(np.sqrt(data.weights) * point.left, point.slow / KNOWN)
 
     best = optimize.least_squares(residuals, start, method="lm", xtol=1e-12, ftol=1e-12)
@@ -235,7 +235,7 @@ def test_the_descent_ends_at_the_optimum_of_another_program(free):
         data.waves, data.rows, floor=data.floor, prior=KNOWN, p=2, free=free, steps=100, near=0.0, parameters=at
     )
     assert loss == pytest.approx(2 * best.cost, rel=1e-9)
-    assert loss == pytest.approx(_Point(data=data, a=at[1:3], b=at[3:4], scale=at[0], slow=at[4]).loss, rel=1e-12)
+    assert loss == pytest.approx(_ArmaPoint(data=data, a=at[1:3], b=at[3:4], scale=at[0], slow=at[4]).loss, rel=1e-12)
     assert (at[4] != 0) == free
 
 
@@ -255,6 +255,6 @@ def test_a_rise_below_the_data_is_not_used():
     found = short_memory(frequencies, density, eta, rate=RATE, known=np.zeros(250))
     angles = 2 * np.pi * frequencies / RATE
     data = _Data.of(angles, known=np.zeros(250), floor=0.0, logs=np.log(density), weights=eta / 2)
-    point = _Point(data=data, a=-found.phi, b=found.theta, scale=np.log(found.innovation), slow=0.0)
+    point = _ArmaPoint(data=data, a=-found.phi, b=found.theta, scale=np.log(found.innovation), slow=0.0)
     assert abs(_bend(data, point)) <= FLAT
     assert SURE < FLAT

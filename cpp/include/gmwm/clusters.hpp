@@ -23,8 +23,8 @@ void octave_second_differences(std::span<const double> x, double mean, std::span
 double third_differences(std::span<const double> p, std::size_t n, std::size_t stride);
 
 // Σ over j of the squares of D_j = Σ_{j<=i<j+n} (p[i + 2n] - 2 p[i + n] + p[i]), for all j with j + 3n <= p.size().
-// A moving sum, whose time does not grow with n. It restarts every few n values, so that rounding errors do not
-// accumulate over the record. Modified Allan.
+// This is a moving sum, so the time does not grow with n. It restarts every few n values, so that rounding errors do
+// not accumulate over the record. Modified Allan.
 double moving_second_differences(std::span<const double> p, std::size_t n);
 
 // Σ over 0 < i < p.size() - 1 of (q(i + n) - 2 p[i] + q(i - n))², where q extends p beyond both ends by point

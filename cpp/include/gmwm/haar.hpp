@@ -5,9 +5,9 @@
 // so that all levels read the same N + 1 values and write no intermediate results. The mean cancels. It is removed
 // nevertheless, because a large running sum has large rounding errors.
 //
-// The rounding error is that of the largest value of the running sum, relative to 2^j times the coefficient. At 10^6
-// samples it is 1e-14 relative for white noise, 6e-11 at level 1 of a random walk (less at the other levels),
-// and 8e-6 at level 1 of a drift without noise, whose running sum grows with N².
+// The largest value of the running sum determines the rounding error, relative to 2^j times the coefficient. At 10^6
+// samples, the relative error is 1e-14 for white noise, 6e-11 at level 1 of a random walk (less at other levels), and
+// 8e-6 at level 1 of a drift without noise, whose running sum grows with N².
 //
 // The steps are also separate functions, so that threads can share one running sum, each with its own range of t.
 #pragma once
@@ -39,10 +39,10 @@ void running_sum(std::span<const double> x, double mean, std::span<double> sum);
 // `sum` is the running sum of the whole signal, sum[t + 1] = P_t; end <= sum.size() - 1.
 void haar_sums_of_squares(std::span<const double> sum, std::size_t begin, std::size_t end, std::span<double> sums);
 
-// Sums of the first samples of a panel: sums[k] = Σ of the first `first` + k `step` values, and the last one that of all.
+// Sums of the first samples of a panel: sums[k] = Σ of the first `first` + k `step` values. The last sum is over all.
 struct Marks {
   std::size_t first, step;
-  std::span<double> sums;  // not empty; all but the last within the panel
+  std::span<double> sums;  // not empty; the ranges of all sums but the last end inside the panel
 };
 
 // squares[j - 1] = sum of W_{j,t}², for j = 1 … squares.size(), over the coefficients that end in the panel x (not empty).

@@ -23,6 +23,15 @@ namespace gmwm {
 // |λ| times a length below which an exponential is a polynomial over that length, to 1e-12 with this degree.
 inline constexpr double slow = 0.5;
 inline constexpr std::size_t degree_most = 11;
+// |ln z^h|, or |ln z^g|, below which an exponential that is not slow is an echo. Above, three digits are lost at most.
+inline constexpr double periodic = 0.05;
+
+// Re e^(-i angle l) Σ_r series[r] (l / count)^r at the lag start + l: an exponential whose period nearly divides h. It nearly
+// cancels in the coefficients, as a slow one does: with λ = ρ + iθ, where θ is a multiple of 2π/h, ρ takes the place of λ.
+struct Echo {
+  double angle = 0;
+  std::array<Complex, degree_most + 1> series{};
+};
 
 // C(start + i) = Σ_r polynomial[r] (i / count)^r + Σ Re(ahead z^i + behind z^(count - 1 - i)) for 0 <= i < count, without
 // the spikes.
@@ -32,6 +41,7 @@ struct LagPiece {
   std::size_t degree = 0;
   std::vector<std::size_t> active;  // exponentials that are not part of the polynomial
   std::vector<Complex> ahead, behind;
+  std::vector<Echo> echoes;  // beside the polynomial and the exponentials
 };
 
 // The exponentials of a process, and its covariance at pairs of levels.
@@ -57,11 +67,12 @@ class LagPieces {
 
  private:
   using Series = std::array<double, degree_most + 1>;
-  enum class Speed : std::uint8_t { fast, between, still };
+  enum class Speed : std::uint8_t { fast, swing, echo, between, still };
 
   void level();
   void coarse();
   void add(Complex coefficient, Complex decay_of_count, LagPiece& out) const;
+  void echo(std::size_t p, Complex end, LagPiece& out) const;
   void straight(double at_start, double step, LagPiece& out) const;
   void corner(const Series& series, double weight, bool rising, double ratio, LagPiece& out) const;
   void walk(LagPiece& out) const;
@@ -72,7 +83,7 @@ class LagPieces {
   std::vector<char> real_;
   std::int64_t h_ = 0, g_ = 0;
   // Of the finer level: W and, if it is slow, the coefficients of κ in powers of d / h and the factor of sinh in χ.
-  std::vector<Complex> outside_, bend_, tail_;
+  std::vector<Complex> outside_, bend_, tail_, rest_;  // rest: ρ of an echo of period h, or g (swing)
   std::vector<Series> corner_;
   std::vector<Speed> speed_;
   std::vector<std::pair<std::int64_t, std::vector<Complex>>> powers_;

@@ -24,8 +24,8 @@ GMWM_INLINE Pack smaller(const Pack& p, const Pack& limit) {
 #endif
 }
 
-// Adds u q³ to cubed and u q⁴ to fourth, u = min(w², limit), q = 1 - u / limit. The minimum is taken of w² and not of
-// q, because this is right even if w² overflows, and it does not use the multipliers, which are the bottleneck.
+// Adds u q³ to cubed and u q⁴ to fourth, with u = min(w², limit) and q = 1 - u / limit. A minimum of w², and not of q, is
+// correct even if w² overflows. It also does not use the multipliers, which are the bottleneck.
 GMWM_INLINE void biweight(const Pack& w, const Pack& limit, const Pack& inverse, Pack& cubed, Pack& fourth) {
   const Pack u = smaller(w * w, limit);
   const Pack q = Pack::of(1.0) - u * inverse;

@@ -62,7 +62,7 @@ class AxisAddition:
         return value
 
     def from_dict(self, content: Any) -> Any:
-        """Restore a value from the result of `to_dict`."""
+        """Restore a value from `content`, the result of `to_dict`."""
         return content
 
 

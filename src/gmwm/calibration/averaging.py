@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 from gmwm.base.errors import GmwmError
-from gmwm.choosing.datasheets import Datasheet, Entry, datasheet
+from gmwm.choosing.datasheets import Datasheet, Entry, model_datasheet
 from gmwm.choosing.selection.ranking import Candidate, Ranking
 from gmwm.fitting.estimation.intervals import with_quick_intervals
 from gmwm.fitting.estimation.result import Fit
@@ -142,7 +142,7 @@ def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Data
             others.append((weight, sheet))
             continue
         try:
-            other = datasheet(with_quick_intervals(candidate.fit, level), level)
+            other = model_datasheet(with_quick_intervals(candidate.fit, level), level)
         except GmwmError:  # A model without intervals gives no information about a number.
             continue
         if _determined(other):
@@ -200,7 +200,8 @@ def _estimate(entry: Entry) -> Estimate:
 
 
 def _base(symbol: str) -> str:
-    return symbol.partition("[")[0]
+    """Return a symbol without the index or the name of its term, such as "K" of "K of RW"."""
+    return symbol.partition("[")[0].partition(" of ")[0]
 
 
 def _counterpart(entry: Entry, sheet: Datasheet, other: Mapping[str, Entry]) -> Entry | None:
@@ -210,8 +211,10 @@ def _counterpart(entry: Entry, sheet: Datasheet, other: Mapping[str, Entry]) -> 
     the other model has no random walk.
     """
     base = _base(entry.symbol)
-    if base == WALK and (entry.symbol not in other or other[entry.symbol].upper_only):
-        return _slowest(other, sheet.samples / sheet.rate) or other.get(entry.symbol)
+    if base != entry.symbol and base not in _TIMES and "[" not in entry.symbol:
+        same = next((e for symbol, e in other.items() if _base(symbol) == base != symbol), None)
+        walks = base != WALK or (same is not None and not same.upper_only)
+        return same if walks else _slowest(other, sheet.samples / sheet.rate) or same
     if base not in _TIMES:
         return other.get(entry.symbol)
     time = sheet.get(_TIMES[0] + entry.symbol.removeprefix(base))
@@ -248,8 +251,11 @@ def markov_instead_of_walk(sheet: Datasheet, ranking: Ranking) -> float | None:
     of the length of the recording. The result is None if there is no such process, or if the datasheet has no value for
     K.
     """
-    walk, duration = sheet.get(WALK), sheet.samples / sheet.rate
-    if walk is None or walk.upper_only or walk.held:
+    term = next((entry for entry in sheet.values() if entry.symbol.startswith(f"{WALK} of ")), None)
+    walk, duration = term or sheet.get(WALK), sheet.samples / sheet.rate
+    recommended = [candidate.fit.model for candidate in ranking.distinct if candidate.recommended]
+    walks = any(p.scale > 0 and is_walk(p, sheet.rate) for model in recommended for p in model.processes)
+    if walk is None or walk.upper_only or walk.held or not walks:
         return None
     for candidate in ranking.distinct:
         if candidate.difference <= EQUIVALENT and not candidate.recommended:

@@ -18,7 +18,7 @@ from gmwm.calibration.measure import MeasuredAxis
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.rest import bias_at_rest
 from gmwm.calibration.result import AxisCalibration
-from gmwm.choosing.datasheets import datasheet
+from gmwm.choosing.datasheets import datasheet, model_datasheet, with_limits
 from gmwm.choosing.selection.search import ModelChoice, given_curve, given_model, search, within_family
 from gmwm.fitting.estimation.goodness import GoodnessOfFit, usable_levels
 from gmwm.fitting.estimation.model_error import nearly_fitted, relative_misfit
@@ -70,7 +70,7 @@ def calibrate_axis(
     advance(STAGES[1])
     fit = final_fit(ranking.recommended.model, choice.with_error, options.weighting)
     advance(STAGES[2])
-    sheet = with_band(averaged_datasheet(datasheet(fit, level), ranking, level), choice.band, level)
+    sheet = with_band(averaged_datasheet(model_datasheet(fit, level), ranking, level), choice.band, level)
     raw = measured.raw_curve(options)
     means, beginnings = list(measured.means.values()), list(measured.beginnings.values())
     additions = {item.name: item.of_axis(fit, beginnings) for item in axis_additions() if beginnings}
@@ -78,7 +78,7 @@ def calibrate_axis(
         fit=fit,
         intervals=averaged_intervals(fit, fit.confidence_intervals(level), sheet),
         test=_test(replace(fit, wavelet_variance=choice.wavelet_variance)),
-        datasheet=sheet,
+        datasheet=with_limits(sheet, fit),
         ranking=ranking,
         verdict=measured.verdict(robust=curve.robust),
         needed=needed(_as_one_recording(fit), options.weighting),

@@ -62,13 +62,19 @@ def _table(
         for symbol in symbols
     ]
     rows = [[title, *(f"{symbol} ({unit})" for symbol, unit in zip(symbols, units, strict=True)), "model"]]
+    long = max(map(len, axes)) > len("Accelerometers")
     for axis, result in axes.items():
         cells = [_cell(result, verdicts[axis].get(symbol), symbol) for symbol in symbols]
-        rows.append([axis, *cells, model_words(result.fit.model)])
+        rows.append(["" if long else axis, *cells, model_words(result.fit.model)])
     spare = WIDTH - sum(max(len(row[k]) for row in rows) + 2 for k in range(len(symbols) + 1)) - 2
     for row in rows[1:]:
         row[-1] = row[-1] if len(row[-1]) <= spare else f"{row[-1][: spare - 1]}…"
-    return headed(rows)
+    head, rule, *lines = headed(rows)
+    if max(map(len, lines)) > WIDTH:
+        head, rule, *lines = headed([row[:-1] for row in rows])
+    if long:
+        lines = [part for axis, line in zip(axes, lines, strict=True) for part in (f"  {axis}"[:WIDTH], line)]
+    return [head, rule, *lines]
 
 
 def _cell(result: AxisCalibration, verdict: NumberVerdict | None, symbol: str) -> str:

@@ -38,7 +38,7 @@ from gmwm.measuring.outliers.screening import NOTHING_REPLACED
 from gmwm.measuring.regression.conditions import NOTHING, Conditions
 from gmwm.measuring.regression.result import Regression
 from gmwm.measuring.spectrum import PowerSpectrum
-from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.batches import Batch, Streamed, batches, cut, joined
@@ -317,7 +317,7 @@ def _raw(axis: str, inputs: Mapping[str, AxisInput | None], conditions: Conditio
     if conditions.applied_regression(axis) is None:
         return None
     signal, raw = inputs.get(axis), conditions.raw.get(axis)
-    return signal_wavelet_variance(signal) if raw is None and isinstance(signal, Signal) else raw
+    return wavelet_variance(signal) if raw is None and isinstance(signal, Signal) else raw
 
 
 def _beginnings(

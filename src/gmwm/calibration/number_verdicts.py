@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 
 MAIN = ("N", "K", "B")
 """Symbols of the numbers that the verdict of a calibration counts."""
+BEYOND = 30.0
+"""Scales longer than this multiple of the time N/K over which a filter averages do not affect its K. The prediction error
+of a filter for such periods falls with the square of the frequency: they contribute less than 1 % of the error from
+flicker noise, and 13 % of that from a random walk. Pinned by tests/calibration/test_number_verdicts.py."""
 _ALL, _FACTS = "all", "facts"
 _SHORT = frozenset({*MAIN, "R", "Q", "T_c", "q_c"})
 """Symbols that a remark can name."""
@@ -64,8 +68,11 @@ def number_verdicts(calibration: Calibration) -> dict[str, dict[str, NumberVerdi
     verdicts: dict[str, dict[str, NumberVerdict]] = {}
     for axis, result in calibration.axes.items():
         of_axis = [remark for remark in remarks if remark.subject in ("", axis, sensor_of(axis))]
-        entries = result.datasheet.values()
-        verdicts[axis] = {entry.symbol: verdict_of_number(entry, of_axis) for entry in entries}
+        tracking = _tracking_time(result.datasheet)
+        verdicts[axis] = {
+            symbol: verdict_of_number(entry, [remark for remark in of_axis if not _is_beyond(remark, symbol, tracking)])
+            for symbol, entry in result.datasheet.items()
+        }
     for axis in calibration.failed:
         reason = next(remark for remark in remarks if remark.subject == axis)
         verdicts[axis] = {
@@ -100,6 +107,18 @@ def _touches(remark: Remark, symbols: tuple[str, ...], symbol: str) -> bool:
         named = tuple(map(str, numbers)) if isinstance(numbers, tuple) else ()
         symbols = named if _SHORT.intersection(named) else (_ALL,)  # a phrase stands for all numbers of the axis
     return _ALL in symbols or symbol in symbols
+
+
+def _tracking_time(datasheet: Mapping[str, Entry]) -> float:
+    """Return the time N/K (s) over which a filter averages, or infinity."""
+    white, walk = datasheet.get("N"), datasheet.get("K")
+    return math.inf if white is None or walk is None or not walk.value > 0 else white.value / walk.value
+
+
+def _is_beyond(remark: Remark, symbol: str, tracking: float) -> bool:
+    """Return whether a remark concerns a scale that is too long to affect K of a filter."""
+    tau = remark.facts.get("tau")
+    return symbol == "K" and isinstance(tau, Quantity) and tau.value > BEYOND * tracking
 
 
 def _is_small(remark: Remark, entry: Entry) -> bool:

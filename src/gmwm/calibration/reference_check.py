@@ -264,7 +264,7 @@ def _of_axis(
     written = given.written.get(axis, {})
     if written:
         found = effective_noise(calibration[axis], horizon, calibration.settings.confidence)
-        measured = {**measured, "N": found["N_eff"], "K": found["K_eff"]}
+        measured = {**measured, **found}
     numbers = {symbol: getattr(values, symbol) for symbol in POWERS}
     keys = dict(written)
     if values.sigma and values.time:

@@ -36,8 +36,8 @@ def merged(lists: Sequence[Sequence[str]]) -> list[str]:
 
 
 def in_order(lists: Sequence[Sequence[str]]) -> list[str]:
-    """Merge the symbols of several datasheets. The symbols of IEEE Std 952 come first, in its order."""
-    order = [str(symbol) for symbol in LAWS]
+    """Merge the symbols of several datasheets: first N and K of a filter and B, then the rest of IEEE Std 952."""
+    order = list(dict.fromkeys(("N", "K", "B", *map(str, LAWS))))
     return sorted(merged(lists), key=lambda symbol: order.index(symbol) if symbol in order else len(order))
 
 
@@ -45,7 +45,8 @@ def key(entries: Iterable[Entry]) -> str:
     """Return a legend of the symbols of some entries. A symbol with two meanings has both titles."""
     titles: dict[str, dict[str, None]] = {}
     for entry in entries:
-        titles.setdefault(entry.symbol.partition("[")[0].partition(" ")[0], {})[entry.title] = None
+        if " of " not in entry.symbol:
+            titles.setdefault(entry.symbol.partition("[")[0], {})[entry.title] = None
     return "; ".join(f"{symbol} {' or '.join(named)}" for symbol, named in titles.items())
 
 

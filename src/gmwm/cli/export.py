@@ -13,6 +13,7 @@ from gmwm.base.atomic_files import read_json
 from gmwm.base.durations import parse_length
 from gmwm.base.errors import DataError, MissingTheoryError, OptionError, ReadError
 from gmwm.base.remarks import Remark
+from gmwm.choosing.datasheets.effective import HORIZON
 from gmwm.cli.command import command
 from gmwm.cli.noise_source import GivenText, given
 from gmwm.cli.option_names import named_as_options
@@ -20,7 +21,6 @@ from gmwm.cli.options import RESULT
 from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, made_directory, text_file
 from gmwm.cli.read_options import document_of
 from gmwm.showing.exporters import export_formats
-from gmwm.showing.exporters.base import HORIZON
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration

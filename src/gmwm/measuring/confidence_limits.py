@@ -7,16 +7,9 @@ from gmwm.recording.options import as_confidence
 
 
 def chi_square_limits(variance: Vector, freedom: Vector, confidence: float) -> tuple[Vector, Vector]:
-    """Return the lower and upper confidence limits of variances V with η degrees of freedom (Percival 1995).
-
-    With the quantile q_p of the χ² distribution with η degrees of freedom and the confidence c, the limits are
-    η V / q_{(1 + c)/2} and η V / q_{(1 − c)/2}.
-
-    Raises
-    ------
-    OptionError
-        If `confidence` is not a number from 0.5 to below 1.
-    """
+    """Return the lower and upper limits of variances V with η degrees of freedom, by the chi-square rule (Percival
+    1995): η V / q_{(1 + c)/2} and η V / q_{(1 − c)/2}, with the quantiles q_p of χ²_η and the confidence c. Raises
+    OptionError if `confidence` is not a number from 0.5 to below 1."""
     from scipy.special import gammaincinv
 
     half = freedom / 2

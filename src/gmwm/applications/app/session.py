@@ -10,9 +10,9 @@ from typing import Any, Literal, Self, get_args
 
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.calibration.options import CalibrationOptions
+from gmwm.choosing.datasheets.effective import HORIZON
 from gmwm.recording.options import ReadOptions, one_of
 from gmwm.showing.exporters import export_formats
-from gmwm.showing.exporters.base import HORIZON
 from gmwm.showing.exporters.reduction import Rule
 from gmwm.showing.plots.view import UnitSystem, ViewName
 

@@ -14,7 +14,6 @@ from gmwm.base.errors import GmwmError, MissingTheoryError, ModelError, OptionEr
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.units import SI_UNIT
 from gmwm.choosing.datasheets.curve import Curve
-from gmwm.choosing.datasheets.equivalent_terms import translated
 from gmwm.fitting.estimation.result import Fit
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.ladder import approximation_remarks
@@ -45,12 +44,11 @@ class BudgetAxis:
                     f"{axis} is in {wv.unit or 'an unknown unit'} instead of {si}",
                     advice="Read the recording again with {--units}.",
                 )
-            written, labels = translated(source)
             try:
-                curve = Curve.of(written)
+                curve = Curve.of(source)
             except GmwmError:
                 curve = None
-            terms = dict(zip(labels, written.model.processes, strict=True))
+            terms = dict(zip(source.model.terms, source.model.processes, strict=True))
             return cls(axis, _present(axis, terms, wv.rate), wv.rate, curve, longest=float(wv.tau[-1]) / 2)
         model = as_model(source)
         missing = [name for name, value in model.parameters.items() if value is None]

@@ -20,7 +20,7 @@ from gmwm.base.errors import DataError, OptionError
 from gmwm.base.text import duration_text
 from gmwm.measuring.covariance.api import covariance
 from gmwm.measuring.covariance.mixture import mixture
-from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.api import wavelet_variance as measure_variance
 from gmwm.recording.gaps import fill_gaps
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import ModelLike
@@ -148,7 +148,7 @@ def _from_model(
         optimism=factor, filter=filter if filter.C.size else None,
         model=" + ".join(map(str, settled.problem.terms)), pvalue=misfit(settled).pvalue,
     )  # fmt: skip
-    own_variance = signal_wavelet_variance(fused.apply(signals), levels=int(levels[-1])).variance
+    own_variance = measure_variance(fused.apply(signals), levels=int(levels[-1])).variance
     return replace(fused, measured=own_variance[levels - 1])
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import DataError
 from gmwm.measuring.covariance.design import Design
-from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
 
@@ -89,7 +89,7 @@ def units_of(curves: Mapping[str, WaveletVariance]) -> dict[str, float]:
 
 def measure(signal: Signal, robust: bool, efficiency: float) -> WaveletVariance:
     """Return the wavelet variance of a signal whose short gaps are already filled."""
-    return signal_wavelet_variance(signal, robust=robust, efficiency=efficiency, fill_gaps=False)
+    return wavelet_variance(signal, robust=robust, efficiency=efficiency, fill_gaps=False)
 
 
 def product_moment(

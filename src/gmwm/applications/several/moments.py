@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.measuring.covariance import gaussian
+from gmwm.measuring.covariance import gaussian, nodes
 from gmwm.measuring.covariance.api import covariance
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.segments import pooled
@@ -69,7 +69,7 @@ def lag_products(processes: Sequence[Process], design: Design) -> Matrix:
 
 def _over_lags(processes: Sequence[Process], design: Design) -> Matrix:
     """Return G as a sum over the same lags that the covariance of the wavelet variance of one signal uses."""
-    at, weight, starts = gaussian._lags(list(processes), design, diagonal=False)
+    at, weight, starts = nodes.lags(list(processes), design, diagonal=False)
     coarser, finer = np.tril_indices(design.levels.size)
     half, counts = np.ldexp(1.0, design.levels - 1), design.counts.astype(np.float64)
     scale = (4 * half[finer] * half[coarser]) ** 2 * counts[finer] * counts[coarser]

@@ -19,7 +19,7 @@ from gmwm.fitting.estimation.estimator import fit
 from gmwm.fitting.estimation.intervals import parameters_by_name
 from gmwm.fitting.estimation.recordings import LONGEST, Deviations, deviations
 from gmwm.measuring.covariance.tails import excess_covariance, with_common_tails
-from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.pooling import SLOWER, pool
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import as_confidence, as_size
@@ -168,7 +168,7 @@ def _curves(signals: Mapping[str, Signal]) -> dict[str, WaveletVariance]:
     """Return the wavelet variances of the recordings of one axis, with the covariance from heavy tails."""
     curves = {}
     for name, signal in signals.items():
-        wv = signal_wavelet_variance(signal)
+        wv = wavelet_variance(signal)
         curves[name] = replace(wv, excess=excess_covariance(signal, wv))
     return dict(with_common_tails(curves))
 

@@ -12,9 +12,15 @@ from gmwm.base.errors import MissingTheoryError, ModelError
 from gmwm.base.remarks import Remark
 from gmwm.base.units import noise_unit
 from gmwm.choosing.datasheets.bias import SYMBOL, bias_instability
-from gmwm.choosing.datasheets.effective import Use, effective_noise, noise_in_use
-from gmwm.choosing.datasheets.entry import Entry, significant
-from gmwm.choosing.datasheets.equivalent_terms import translated
+from gmwm.choosing.datasheets.effective import (
+    Use,
+    changes_by_curve,
+    effective_noise,
+    filter_entries,
+    limited,
+)
+from gmwm.choosing.datasheets.entry import Entry
+from gmwm.choosing.datasheets.plausible import plausible
 from gmwm.choosing.datasheets.sheet import Datasheet
 from gmwm.fitting.estimation.intervals import Interval, confidence_intervals, free_shape, is_weak
 from gmwm.fitting.estimation.result import Fit
@@ -23,18 +29,18 @@ from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.physical import Physical
 
-__all__ = ["Datasheet", "Entry", "datasheet", "effective_noise"]
+__all__ = ["Datasheet", "Entry", "datasheet", "effective_noise", "model_datasheet", "with_limits"]
 
-_SHORT = 0.1
-"""Correlation time (s) below which a term counts as white noise in N. The standard defines N at τ = 1 s, and the limit
-is a tenth of this time. Pinned by tests/test_datasheet.py."""
-
-_DENSITY = "N"
+FILTER = ("N", "K")
+"""Symbols of the numbers of a filter, which come first in a datasheet."""
+ALIKE = 0.05
+"""Largest relative difference between a number of a filter and the same number of a term of the model for which the
+datasheet does not repeat the number of the term. Pinned by tests/test_datasheet.py."""
 
 _FLICKER = f"{SYMBOL}_f"
 """Symbol of the coefficient of a flicker term, before it is renamed to B."""
 
-_ORDER = ("Q", "N", SYMBOL, _FLICKER, "K", "R")
+_ORDER = (*FILTER, SYMBOL, _FLICKER, "Q", "R")
 
 
 _TIMES = {1.0: "s", -1.0: "Hz", 0.0: "1"}
@@ -43,16 +49,11 @@ _TIMES = {1.0: "s", -1.0: "Hz", 0.0: "1"}
 
 @dataclass(frozen=True)
 class _Judged:
-    """A fit with its confidence intervals, after the replacement of terms that act as another process.
-
-    A term acts as another process if the data cannot distinguish it from this process.
+    """A fit with its confidence intervals.
 
     Attributes
     ----------
     fit : Fit
-        The fit after the replacement.
-    labels : tuple of str
-        The label in the original fit for each term.
     intervals : dict of name to Interval, or None
         Confidence intervals of the parameters; None if they cannot be computed.
     z : float
@@ -60,7 +61,6 @@ class _Judged:
     """
 
     fit: Fit
-    labels: tuple[str, ...]
     intervals: dict[str, Interval] | None
     z: float
 
@@ -75,29 +75,31 @@ class _Judged:
 def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
     """Convert a fit to datasheet numbers with confidence intervals.
 
-        N = √(σ²Δt)   Q = Q_d Δt   K = √(γ²f)   R = ωf   T_c = 1/β   q_c = √(2βσ²_GM)
-        B = √B² of a flicker term, otherwise min over τ of the model's Allan deviation / √(2 ln 2/π)
-        A = √(2P)   f_0 of a sinusoid
+    The numbers of a filter come first: the white noise N and the random walk K with which a filter predicts the noise
+    over the next second best, from the whole model (see `effective_noise`). The numbers of the terms follow:
 
-    Here f = 1/Δt is the sampling rate, and the other symbols are parameters of the model: the variance σ² of white
-    noise, the standard deviation Q_d of the rounding error of quantization noise, the variance γ² of the steps of a
-    random walk and the slope ω of a drift (both per sample), the inverse correlation time β (1/s) and the variance
-    σ²_GM of a Gauss-Markov process, the coefficient B² of flicker noise, and the power P of a sinusoid.
+        Q = Q_d Δt   R = ωf   T_c = 1/β   q_c = √(2βσ²_GM)   A = √(2P)   f_0 of a sinusoid
+        B = √B² of a flicker term, otherwise min over τ of the model's Allan deviation / √(2 ln 2/π)
+
+    Here f = 1/Δt is the sampling rate, and the other symbols are parameters of the model: the standard deviation Q_d of
+    the rounding error of quantization noise, the slope ω of a drift (per sample), the inverse correlation time β (1/s)
+    and the variance σ²_GM of a Gauss-Markov process, the coefficient B² of flicker noise, the power P of a sinusoid.
+    "N of WN" = √(σ²Δt) and "K of RW" = √(γ²f) are the numbers of white noise and of a random walk in the model. They
+    are left out if they agree with N and K of the filter within 5 %.
 
     If the model has a flicker term that is not zero, the bias instability B is its coefficient, as the standard defines
     it. Otherwise B is computed from the minimum of the Allan deviation of the model without its sinusoids, so it
     includes the contributions of N and K at the minimum. If a flicker term is estimated as zero, B_f is its upper
     limit.
 
-    A term that the data cannot distinguish from another process is included in the numbers of that process: a
-    Gauss-Markov term that acts as white noise adds to N², and one that acts as a random walk adds to K². Processes that
-    the model does not have give no numbers. An AR1 with φ > 0 has the T_c and q_c of the equivalent Gauss-Markov
-    process.
+    A term that the data cannot distinguish from another process has no numbers of its own. An AR1 with φ > 0 has the
+    T_c and q_c of the equivalent Gauss-Markov process.
 
     Confidence intervals are symmetric on a logarithmic scale. They come from the delta method with the joint covariance
     of the estimates. R can be negative, so its interval is R ± z SE with the standard error SE and the normal quantile
-    z. A number is an upper limit if its term cannot be distinguished from zero (as in `Fit.confidence_intervals`). B is
-    an upper limit if the data do not show that the curve has a minimum.
+    z. A number is an upper limit if its term cannot be distinguished from zero (as in `Fit.confidence_intervals`), or
+    if its interval spans more than a factor of 10. B is an upper limit if the data do not show that the curve has a
+    minimum. A time or a frequency with such an interval is not determined.
 
     Parameters
     ----------
@@ -134,31 +136,54 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
     'deg/√h'
     """
     level = as_confidence(level, "level")
-    written, labels = translated(fit)
-    left = {label for term, label in zip(written.model.terms, labels, strict=True) if _acts(written, term)}
-    counted = {term: name for term, name in fit.diagnostics.acts_as.items() if term not in left}
-    axis = fit.wavelet_variance.axis
-    remarks = [Remark.of("counted-to", axis, term=term, process=name) for term, name in counted.items()]
+    return with_limits(model_datasheet(fit, level), fit)
+
+
+def with_limits(sheet: Datasheet, fit: Fit) -> Datasheet:
+    """Return a datasheet in which every number is plausible, with upper limits of N and K if they may be zero.
+
+    Numbers of the terms that repeat a number of a filter are left out.
+    """
+    resonances = {entry.term: entry.value for entry in sheet.entries if entry.symbol.startswith("f_r")}
+    entries = [
+        plausible(entry, sheet.rate, sheet.samples, resonances.get(entry.term))
+        for entry in sheet.entries
+        if not _repeats(entry, sheet)
+    ]
+    return replace(
+        sheet,
+        entries=tuple(limited(fit, entry, sheet.level) if entry.symbol in FILTER else entry for entry in entries),
+    )
+
+
+def _repeats(entry: Entry, sheet: Datasheet) -> bool:
+    """Return whether the number N or K of a term agrees with the number of a filter."""
+    symbol, of, _ = entry.symbol.partition(" of ")
+    if not of or symbol not in FILTER:
+        return False
+    of_filter = sheet[symbol].value
+    return abs(entry.value - of_filter) <= ALIKE * of_filter
+
+
+def model_datasheet(fit: Fit, level: float) -> Datasheet:
+    """Return the datasheet of a fit before `with_limits`, for averages over several models."""
+    axis, model = fit.wavelet_variance.axis, fit.model
+    remarks: list[Remark] = []
     intervals: dict[str, Interval] | None
     try:
-        intervals = confidence_intervals(written, level)
+        intervals = confidence_intervals(fit, level)
     except (MissingTheoryError, ModelError) as error:
         intervals = None
         remarks.append(Remark.of("no-intervals", axis, reason=error.reason))
-    judged = _Judged(written, labels, intervals, NormalDist().inv_cdf((1 + level) / 2))
-    entries: list[Entry] = []
-    for term, label, process in zip(written.model.terms, labels, written.model.processes, strict=True):
-        found, remark = _of_term(judged, term, label, process)
-        taken = {entry.symbol for entry in entries}
-        entries += [_renamed(entry, label) if entry.symbol in taken else entry for entry in found]
+    judged = _Judged(fit, intervals, NormalDist().inv_cdf((1 + level) / 2))
+    entries = list(filter_entries(fit, Use(), level).values())
+    changes = {symbol: change for symbol, change in changes_by_curve(fit).items() if change > 1 + ALIKE}
+    if changes:
+        remarks.append(Remark.of("numbers-from-curve", axis, numbers=tuple(changes), factor=max(changes.values())))
+    for term, process in zip(model.terms, model.processes, strict=True):
+        numbers, remark = _of_term(judged, term, process)
+        entries += [_beside(entry, entries) for entry in numbers]
         remarks += [remark] if remark else []
-    fast = [entry for entry in entries if entry.unit == "s" and entry.value < _SHORT]
-    several = [entry for entry in entries if _is_density(entry)]
-    if fast or len(several) > 1:
-        white, remark = _white(fit, entries, fast or several[1:], level)
-        entries = [entry for entry in entries if not _is_density(entry)] if white else entries
-        entries += [white] if white else []
-        remarks.append(remark)
     bias, remark = None, None
     if any(entry.symbol == _FLICKER and entry.value > 0 for entry in entries):
         entries = [_as_bias(entry) if entry.symbol == _FLICKER else entry for entry in entries]
@@ -170,9 +195,11 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
     return _sheet(fit, tuple(entries), level, tuple(remarks))
 
 
-def _is_density(entry: Entry) -> bool:
-    """Return whether an entry is the white noise density of one term, whose symbol `_renamed` may have changed."""
-    return entry.symbol == _DENSITY or entry.symbol.startswith(f"{_DENSITY} of ")
+def _beside(entry: Entry, entries: list[Entry]) -> Entry:
+    """Return the number of a term, with the name of its term in the symbol if the symbol is taken."""
+    if entry.symbol not in (other.symbol for other in entries):
+        return entry
+    return replace(entry, symbol=f"{entry.symbol} of {entry.term}", title=f"{entry.title} of {entry.term}")
 
 
 def _acts(fit: Fit, term: str) -> str | None:
@@ -180,25 +207,25 @@ def _acts(fit: Fit, term: str) -> str | None:
     return fit.diagnostics.acts_as.get(term)
 
 
-def _of_term(judged: _Judged, term: str, label: str, process: Process) -> tuple[list[Entry], Remark | None]:
+def _of_term(judged: _Judged, term: str, process: Process) -> tuple[list[Entry], Remark | None]:
     """Return the datasheet numbers of one term, or a remark with the reason why there are none."""
     wv = judged.fit.wavelet_variance
     if process.scale == 0 and free_shape(process):
-        return [], Remark.of("no-numbers", wv.axis, term=label, because="zero", process="")
+        return [], Remark.of("no-numbers", wv.axis, term=term, because="zero", process="")
     if other := _acts(judged.fit, term):
-        return [], Remark.of("no-numbers", wv.axis, term=label, because="acts", process=other)
+        return [], Remark.of("no-numbers", wv.axis, term=term, because="acts", process=other)
     numbers = process.physical(wv.rate)
     if not numbers:
-        return [], Remark.of("no-numbers", wv.axis, term=label, because="none", process="")
+        return [], Remark.of("no-numbers", wv.axis, term=term, because="none", process="")
     weak = judged.weak(term, process)
-    return [_entry(judged, term, label=label, process=process, number=number, weak=weak) for number in numbers], None
+    return [_entry(judged, term, process=process, number=number, weak=weak) for number in numbers], None
 
 
-def _entry(judged: _Judged, term: str, label: str, process: Process, number: Physical, weak: bool) -> Entry:
+def _entry(judged: _Judged, term: str, process: Process, number: Physical, weak: bool) -> Entry:
     wv = judged.fit.wavelet_variance
     unit, factor = noise_unit(number.time_power, wv.unit) if number.signal_power else (_TIMES[number.time_power], 1.0)
     # If a model can contain a process several times, its symbols have the index of the term in the fit.
-    _, bracket, place = label.partition("[") if process.repeatable else ("", "", "")
+    _, bracket, place = term.partition("[") if process.repeatable else ("", "", "")
     slopes = {f"{term}.{name}": slope for name, slope in number.slopes.items() if not process.is_fixed(name)}
     value, held, upper_only = number.value, not slopes, False
     low: float | None
@@ -223,7 +250,7 @@ def _entry(judged: _Judged, term: str, label: str, process: Process, number: Phy
         low=low,
         high=high,
         unit=unit,
-        term=label,
+        term=term,
         upper_only=upper_only,
         held=held,
     )
@@ -244,28 +271,6 @@ def _interval(judged: _Judged, process: Process, number: Physical, slopes: dict[
     return number.value / factor, number.value * factor if math.isfinite(reach) else math.inf
 
 
-def _white(fit: Fit, entries: list[Entry], fast: list[Entry], level: float) -> tuple[Entry | None, Remark]:
-    """Return N of all terms that are white noise at τ = 1 s, where N is defined, and a remark that names these terms.
-
-    If N cannot be computed, the entry is None and the remark gives the reason.
-    """
-    axis, rate = fit.wavelet_variance.axis, fit.wavelet_variance.rate
-    names = tuple(f"{e.term} (T_c = {significant(e.value, 2)} s)" if e.unit == "s" else str(e.term) for e in fast)
-    # Every term with a density at low frequencies is included, even if it has a resonance that decays slowly.
-    times = [process.correlation_time(rate) or 0.0 for process in fit.model.processes if _has_density(process, rate)]
-    try:
-        found = noise_in_use(fit, Use(max(_SHORT, 1.01 * max(times, default=0.0))), level)["N_eff"]
-    except (MissingTheoryError, ModelError) as error:
-        return None, Remark.of("n-without", axis, terms=names, reason=error.reason)
-    title = next((entry.title for entry in entries if entry.symbol == _DENSITY), "white noise density")
-    whole = {**found.to_dict(), "symbol": _DENSITY, "title": title}
-    return Entry.from_dict(whole), Remark.of("n-includes", axis, terms=names)
-
-
-def _has_density(process: Process, rate: float) -> bool:
-    return process.scale > 0 and any(number.symbol == _DENSITY for number in process.physical(rate))
-
-
 def _bias(judged: _Judged) -> tuple[Entry | None, Remark | None]:
     """Return the bias instability, or a remark with the reason why there is none."""
     try:
@@ -278,11 +283,6 @@ def _bias(judged: _Judged) -> tuple[Entry | None, Remark | None]:
 def _as_bias(entry: Entry) -> Entry:
     """Return the entry of a flicker coefficient as the entry of the bias instability B, as the standard defines it."""
     return replace(entry, symbol=SYMBOL, title=f"{LAWS[SYMBOL].name} of {entry.title}")
-
-
-def _renamed(entry: Entry, label: str) -> Entry:
-    """Return an entry with its term in the symbol, such as "N of AR(2)", because another term has the same symbol."""
-    return Entry.from_dict({**entry.to_dict(), "symbol": f"{entry.symbol} of {label}"})
 
 
 def _sheet(fit: Fit, entries: tuple[Entry, ...], level: float, remarks: tuple[Remark, ...]) -> Datasheet:

@@ -10,8 +10,7 @@ from statistics import NormalDist
 import numpy as np
 
 from gmwm.choosing.datasheets.curve import Curve, sensitivity
-from gmwm.choosing.datasheets.effective import WALK, Use, counted, is_scale, is_scale_free
-from gmwm.choosing.datasheets.equivalent_terms import translated
+from gmwm.choosing.datasheets.effective import is_flicker, is_scale
 from gmwm.fitting.estimation.result import Fit
 from gmwm.theory.processes.base import Process
 
@@ -48,10 +47,9 @@ class BiasTerms:
 
     @classmethod
     def of(cls, fit: Fit) -> BiasTerms:
-        """Return the terms of a fit. Terms that act as another process are replaced."""
-        written, _ = translated(fit)
-        rate, curve = fit.wavelet_variance.rate, Curve.of(written)
-        processes = tuple((p, is_slow(p, rate)) for p in written.model.processes if p.scale > 0)
+        """Return the terms of a fit."""
+        rate, curve = fit.wavelet_variance.rate, Curve.of(fit)
+        processes = tuple((p, is_slow(p, rate)) for p in fit.model.processes if p.scale > 0)
         known = {id(p): slow for p, slow in processes}
         moving = (known[id(p)] if id(p) in known else is_slow(p, rate) for p, _ in curve.moving)
         return cls(processes, curve, tuple(moving))
@@ -137,10 +135,24 @@ class BiasTerms:
 
 
 def is_slow(process: Process, rate: float) -> bool:
-    """Return whether a process is part of the bias of a sensor."""
+    """Return whether a process is part of the bias of a sensor: neither a sinusoid nor a ramp, and not faster than 1 s.
+
+    Flicker and power-law noise, which have no correlation time, are part of the bias.
+    """
     if process.line(rate) is not None or process.scale == 0:
         return False
-    return WALK in counted(process, Use(SLOW), rate) or is_scale_free(process, rate)
+    time = process.correlation_time(rate)
+    if time is None or is_flicker(process, rate):
+        return True
+    powers = {number.time_power for number in process.physical(rate) if number.signal_power}
+    return time >= SLOW and (not powers or bool(powers & {0.5, -0.5}))
+
+
+def is_scale_free(process: Process, rate: float) -> bool:
+    """Return whether a process has no correlation time and is not a random walk, like flicker and power-law noise."""
+    if process.line(rate) is not None:
+        return False
+    return process.correlation_time(rate) is None or is_flicker(process, rate)
 
 
 def _mean_variance(process: Process, samples: int, rate: float) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.weighting import square_root
 from gmwm.measuring.covariance import Design
 from gmwm.theory.processes.base import Process
+
+T = TypeVar("T", float, Vector)
 
 _STEP = 0.01
 """Relative step of the differences of order 6 that approximate derivatives, with an error of about _STEP⁶ = 1e-12."""
@@ -90,11 +93,11 @@ def slope(process: Process, name: str | None, n: int, rate: float) -> float:
     return sensitivity(process, name, lambda p: float(p.allan_variance([n], rate)[0]))
 
 
-def sensitivity(process: Process, name: str | None, of: Callable[[Process], float]) -> float:
+def sensitivity(process: Process, name: str | None, of: Callable[[Process], T]) -> T:
     """Return the derivative ∂f/∂ ln θ of a variance f of one process with respect to the parameter `name`.
 
     It is exact for a scale parameter, and computed by differences of order 6 for a shape parameter. If `name` is None,
-    the derivative is with respect to the scale itself.
+    the derivative is with respect to the scale itself. f may be an array of variances.
     """
     if name is None:
         return of(process)
@@ -104,9 +107,9 @@ def sensitivity(process: Process, name: str | None, of: Callable[[Process], floa
     at = process.value(name)
     place = [p.name for p in process.nonlinear_parameters()].index(name)
     room = float(process.room(process.nonlinear.reshape(1, -1))[0, place])
-    total = 0.0
-    for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
-        for sign in (1, -1):
-            moved = process.with_values(**{name: at + sign * distance * _STEP * room})
-            total += sign * weight * of(moved)
-    return at * total / (60.0 * _STEP * room)
+
+    def moved(distance: int) -> T:
+        return of(process.with_values(**{name: at + distance * _STEP * room}))
+
+    near, middle, far = (moved(distance) - moved(-distance) for distance in (1, 2, 3))
+    return at / (60.0 * _STEP * room) * (45.0 * near - 9.0 * middle + far)

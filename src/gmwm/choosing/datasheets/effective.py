@@ -1,33 +1,41 @@
-"""Effective white noise and random walk of a fit over a time horizon, for filters that use only these two numbers."""
+"""White noise N and random walk K of a fit for a filter that has only these two numbers, with confidence intervals."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 import numpy as np
 
-from gmwm.base.errors import DataError, OptionError
+from gmwm.base.arrays import Vector
+from gmwm.base.errors import DataError, MissingTheoryError, ModelError, OptionError
 from gmwm.base.units import noise_unit
-from gmwm.choosing.datasheets.curve import ENDLESS, Curve, slope
+from gmwm.choosing.datasheets.curve import ENDLESS, Curve, sensitivity
 from gmwm.choosing.datasheets.entry import Entry
-from gmwm.choosing.datasheets.equivalent_terms import translated
+from gmwm.choosing.datasheets.filter_numbers import FilterNumbers, filter_numbers
 from gmwm.choosing.datasheets.limits import hidden
-from gmwm.fitting.estimation.result import Fit
+from gmwm.choosing.datasheets.misfit import CurveRatio, curve_ratio
+from gmwm.choosing.datasheets.prediction import Gain, Prediction
+from gmwm.fitting.estimation.result import GIVEN, Fit
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.physical import Physical
 
-_FAR = 1e6
-"""Averaging time, in correlation times, at which N of a fast process is computed. There, its Allan variance differs
-from N²/τ by 1e-6."""
+HORIZON = 1.0
+"""Default horizon (s). N then agrees with the Allan deviation at 1 s within 3 % for white noise with flicker noise or a
+random walk. For flicker noise and Gauss-Markov terms of 100 s and more, the prediction of the next minute is at most
+8 % worse than with the best K (docs/validation/filter.md)."""
 
 WHITE, WALK = 0.5, -0.5
 """Powers of time in the units of N and K."""
 
-GONE = 1e-6
-"""Relative difference of Allan variances below which the difference counts as a rounding error."""
+_TITLES = {"N": ("white noise density of a filter", WHITE), "K": ("random walk of a filter", WALK)}
+_SHARE = 10.0
+"""Length of the recording over the longest time constant 1/w of a filter. The recording has too few independent parts
+to show that a slower filter predicts better, so a smaller K is zero. Pinned by tests/test_effective_noise.py."""
+_STEP = 1e-3
+"""Step of ln w in the second derivative of the prediction error, whose relative error is about _STEP²."""
 
 
 @dataclass(frozen=True)
@@ -37,63 +45,60 @@ class Use:
     Parameters
     ----------
     horizon : float
-        Time horizon T_h (s).
+        Horizon T (s): the time over which the filter predicts.
     flicker : str
         Name of its own parameter for flicker noise, so that the two numbers must not include it; "" if it has none.
     """
 
-    horizon: float
+    horizon: float = HORIZON
     flicker: str = ""
 
 
-def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, Entry]:
-    """Compute the white noise N_eff and the random walk K_eff that approximate a whole model over a time horizon T_h.
+def effective_noise(fit: Fit, horizon: float = HORIZON, level: float = 0.95) -> dict[str, Entry]:
+    """Compute the white noise N and the random walk K with which a filter predicts the noise of a fit best.
 
-    A term is treated as white noise if its correlation time is below T_h, otherwise as a random walk:
+    The filter predicts the mean of the noise over the next T seconds. N and K make the error of the prediction as small
+    as possible, and the error that the filter states equal to the real error; see `filter_numbers`. They depend only on
+    the spectrum of the model, so that models with the same curve have the same numbers. White noise plus a random walk
+    gives the coefficients of its terms for every T. The noise includes quantization noise and a drift, and leaves out
+    sinusoids.
 
-        N_eff² = N² + Σ lim τσ²(τ)    K_eff² = K² + Σ q_c²
+    At scales where the model differs from the measured wavelet variance by more than three standard errors, the
+    spectrum of the model is multiplied by the ratio of the two variances, and the interval includes the numbers of the
+    model itself.
 
-    The first sum is over the fast terms. σ²(τ) is the Allan variance of a term, and the limit for τ → ∞ of τσ²(τ) is
-    2σ²_GM/β for a Gauss-Markov term if β is far below the sampling rate. The second sum is over the slow terms.
-    Quantization noise averages out, and a drift or a sinusoid is not noise, so these are not included. A term whose
-    correlation time is near T_h is neither white noise nor a random walk; the rule above is only an approximation then.
-
-    Flicker and power-law noise have no correlation time, and slow terms other than Gauss-Markov have no q_c. They are
-    replaced by a process with the same Allan variance at T_h. If their Allan variance does not fall at T_h, this is a
-    random walk with K² = 3σ²(T_h)/T_h. If it falls, flicker and power-law noise are replaced by white noise with
-    N² = T_h σ²(T_h), and any other slow term by the sum of white noise and random walk that has the same Allan variance
-    at T_h and at T_h/2. At τ < T_h, the Allan deviation of the random walk that replaces flicker noise is √(τ/T_h)
-    times the Allan deviation of the flicker noise.
+    The intervals come from the derivatives of N and K with respect to the parameters of the model (implicit function
+    theorem) and the covariance of the estimates.
 
     Parameters
     ----------
     fit : Fit
     horizon : float
-        Time horizon T_h (s), which is the time between corrections of the filter from other sensors.
+        Horizon T (s).
     level : float
         Confidence level, from 0.5 to below 1.
 
     Returns
     -------
-    mapping of "N_eff" and "K_eff" to Entry
-        An entry is an upper limit if the data cannot distinguish it from zero. Its value is never zero, because a
-        filter would treat zero as exact. If the model has no such noise, the noise is added to the model, and the value
-        is the upper limit `high` from its fit. The value is infinite if the data give no upper limit.
+    mapping of "N" and "K" to Entry
+        A number that may be zero is an upper limit. If a filter without the number predicts best, its value is the
+        limit of this noise in a fit that adds it to the model, so that the value is never zero. The value is infinite
+        if the data give no limit.
 
     Raises
     ------
     OptionError
         If `fit` is not a Fit, `horizon` is not a positive time, or `level` is out of range.
     MissingTheoryError
-        If the covariance or the Allan variance of a process is unknown.
+        If the wavelet variance of a process is unknown.
 
     Examples
     --------
     >>> import gmwm
     >>> truth = gmwm.GM(beta=50.0, sigma2=1e-6) + gmwm.RW(gamma2=1e-10)
     >>> fit = gmwm.fit("GM + RW", gmwm.Signal(truth.simulate(100_000, 100.0, rng=2), 100.0, "rad/s"))
-    >>> found = effective_noise(fit, horizon=10.0)["N_eff"]
-    >>> found.low < 2.02e-4 < found.high
+    >>> found = effective_noise(fit, horizon=10.0)
+    >>> found["N"].low < 2.02e-4 < found["N"].high
     True
     """
     if not isinstance(fit, Fit):
@@ -104,17 +109,19 @@ def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, 
             advice="Pass `gmwm.fit(model, data)`, or an axis of a calibration.",
         )
     level = as_confidence(level, "level")
-    entries = noise_in_use(fit, Use(checked_horizon(horizon)), level)
-    return {symbol: entry if entry.value > 0 else _at_most(fit, entry, level) for symbol, entry in entries.items()}
+    entries = filter_entries(fit, Use(checked_horizon(horizon)), level)
+    return {symbol: limited(fit, entry, level) for symbol, entry in entries.items()}
 
 
-def _at_most(fit: Fit, entry: Entry, level: float) -> Entry:
-    """Return an entry whose value is zero with its upper limit as value; infinite if the data give no limit."""
-    try:
-        high = max(entry.high or 0.0, hidden(fit, entry, level))
-    except DataError:
-        high = math.inf
-    return replace(entry, value=high, low=0.0, high=high, upper_only=True)
+def changes_by_curve(fit: Fit) -> dict[str, float]:
+    """Return the factor, at least 1, by which the measured curve changes N and K of the model; {} if it does not."""
+    (numbers, of_model), _ = _numbers(fit, Use())
+    pairs = {symbol: (getattr(numbers, symbol), getattr(of_model, symbol)) for symbol in _TITLES}
+    return {
+        symbol: max(here / there, there / here)
+        for symbol, (here, there) in pairs.items()
+        if here != there and here * there > 0
+    }
 
 
 def checked_horizon(horizon: float) -> float:
@@ -124,76 +131,125 @@ def checked_horizon(horizon: float) -> float:
     return float(horizon)
 
 
-def noise_in_use(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
-    """Compute N_eff and K_eff like `effective_noise`, but with the value zero if the model has no such noise."""
-    written, _ = translated(fit)
-    curve, z = Curve.of(written), NormalDist().inv_cdf((1 + level) / 2)
-    unit = fit.wavelet_variance.unit
-    found = {}
-    for symbol, title, power in (
-        ("N_eff", "white noise density", WHITE),
-        ("K_eff", "random walk", WALK),
-    ):
-        square = sum(_square(p, None, power=power, use=use, rate=curve.rate)[0] for p in written.model.processes)
-        slopes = np.array([_square(p, name, power=power, use=use, rate=curve.rate)[1] for p, name in curve.moving])
-        name, factor = noise_unit(power, unit)
-        # As in the datasheet, whether a term may be zero depends only on the standard error of its scale parameter, not
-        # on that of its correlation time.
-        scales = np.array([is_scale(p, name) for p, name in curve.moving], dtype=np.bool_)
-        seen = z * curve.error(np.where(scales, slopes, 0.0)) < square
-        reach = z * curve.error(slopes)
-        value = factor * math.sqrt(square)
-        if not seen:
-            high = factor * math.sqrt(square + reach)
-            found[symbol] = Entry(
-                symbol=symbol,
-                title=f"{title} for {use.horizon:g} s",
-                value=value,
-                low=0.0,
-                high=high,
-                unit=name,
-                upper_only=high > 0,
-            )
-        else:
-            by = math.exp(min(0.5 * reach / square, ENDLESS))
-            found[symbol] = Entry(
-                symbol=symbol,
-                title=f"{title} for {use.horizon:g} s",
-                value=value,
-                low=value / by,
-                high=value * by,
-                unit=name,
-            )
-    return found
+def limited(fit: Fit, entry: Entry, level: float) -> Entry:
+    """Return N or K with an upper limit, from a fit of the model with this noise added, if it may be zero."""
+    if not entry.upper_only or fit.weighting == GIVEN:
+        return entry
+    try:
+        high = max(entry.high or 0.0, hidden(fit, entry, level))
+    except DataError:
+        high = math.inf
+    return replace(entry, value=entry.value or high, low=0.0, high=high)
 
 
-def counted(process: Process, use: Use, rate: float) -> tuple[float, ...]:
-    """Return which of N and K include a process: `WHITE`, `WALK`, both or neither."""
-    powers = {number.time_power for number in process.physical(rate) if number.signal_power}
-    if process.line(rate) is not None or (powers and not powers & {WHITE, WALK, 0.0}):
-        return ()
-    if use.flicker and is_flicker(process, rate):
-        return ()
-    if not by_deviation(process, use.horizon, rate):
-        time = process.correlation_time(rate)
-        return (WHITE,) if time is not None and time < use.horizon else (WALK,)
-    n = _steps(use.horizon, rate)
-    here, later = process.allan_variance([n, 2 * n], rate)
-    if later >= here * (1 - GONE):
-        return (WALK,)
-    if is_scale_free(process, rate):
-        return (WHITE,)
-    half = max(1, n // 2)
-    short, long = process.allan_variance([half, 2 * half], rate)
-    return (WHITE, WALK) if 2 * long - short > GONE * short else (WHITE,)
+def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
+    """Compute N and K like `effective_noise`, but without the fits that give upper limits of noise that is not there.
+
+    The value is zero, and the number an upper limit, if a filter without the number predicts best.
+    """
+    numbers, errors = _numbers(fit, use)
+    z, entries = NormalDist().inv_cdf((1 + level) / 2), {}
+    for symbol, (title, power) in _TITLES.items():
+        unit, factor = noise_unit(power, fit.wavelet_variance.unit)
+        value, of_model = (factor * float(getattr(each, symbol)) for each in numbers)
+        low: float | None = value
+        high: float | None = value
+        upper_only = value == 0
+        if errors is None:
+            low = high = None
+        elif value > 0:
+            reach = errors[symbol]
+            upper_only = z * min(reach.scales, reach.all) >= 1
+            by = math.exp(min(0.5 * z * reach.all, ENDLESS))
+            low, high = min(value, of_model) / by, max(value, of_model) * by
+            if upper_only:
+                low, high = 0.0, max(value, of_model) * math.sqrt(1 + z * reach.all)
+        entries[symbol] = Entry(
+            symbol=symbol,
+            title=title,
+            value=value,
+            low=low,
+            high=high,
+            unit=unit,
+            upper_only=upper_only,
+            held=errors is not None and errors[symbol].held,
+        )
+    return entries
 
 
-def is_scale_free(process: Process, rate: float) -> bool:
-    """Return whether a process has no correlation time and is not a random walk, like flicker and power-law noise."""
-    if process.line(rate) is not None:
-        return False
-    time = process.correlation_time(rate)
-    return time is None or (time == math.inf and is_flicker(process, rate))
+@dataclass(frozen=True)
+class _Error:
+    """Standard errors of ln N² or ln K²: of all parameters, and of the scale parameters only.
+
+    A number may be zero if both errors are large. The error of a correlation time alone does not make it doubtful.
+    `held` is true if no parameter was estimated.
+    """
+
+    all: float
+    scales: float
+    held: bool
+
+    def with_curve(self, symbol: str, numbers: FilterNumbers, moved: Sequence[FilterNumbers]) -> _Error:
+        """Return the errors with those of the measured levels, from the numbers after a change of each by one error."""
+        value = getattr(numbers, symbol)
+        if value == 0:
+            return self
+        curve = math.hypot(*(2 * (getattr(each, symbol) / value - 1) for each in moved))
+        return replace(self, all=math.hypot(self.all, curve), scales=math.hypot(self.scales, curve))
+
+
+def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], dict[str, _Error] | None]:
+    """Return N and K of the data and of the model itself, and their standard errors; None if there are none."""
+    stored: dict[Use, tuple[tuple[FilterNumbers, FilterNumbers], dict[str, _Error] | None]]
+    stored = fit.__dict__.setdefault("_filter_numbers", {})
+    if use not in stored:
+        rate = fit.wavelet_variance.rate
+        processes = [p for p in fit.model.processes if not (use.flicker and is_flicker(p, rate))]
+        ratio = curve_ratio(fit)
+        slowest = fit.wavelet_variance.samples / _SHARE
+        numbers = filter_numbers(processes, rate, use.horizon, ratio=ratio, slowest=slowest)
+        of_model = numbers if ratio is None else filter_numbers(processes, rate, use.horizon, slowest=slowest)
+        try:
+            errors = _errors(Curve.of(fit), numbers, use, ratio)
+            moved = [
+                filter_numbers(processes, rate, use.horizon, ratio=each, slowest=slowest)
+                for each in (ratio.moved() if ratio is not None else ())
+            ]
+            errors = {symbol: error.with_curve(symbol, numbers, moved) for symbol, error in errors.items()}
+        except (MissingTheoryError, ModelError):
+            errors = None
+        stored[use] = (numbers, of_model), errors
+    return stored[use]
+
+
+def _errors(curve: Curve, numbers: FilterNumbers, use: Use, ratio: CurveRatio | None) -> dict[str, _Error]:
+    """Return the standard errors of ln N² and ln K².
+
+    With u = ln w, the condition ∂J/∂u = 0 gives du/dθ = −(∂²J/∂u∂θ)/(∂²J/∂u²). The second condition N² C(u) = J gives
+    d ln N²/dθ = (∂J/∂θ)/J − (C'/C) du/dθ, and d ln K²/dθ = d ln N²/dθ + 2 du/dθ.
+    """
+    gain, samples = numbers.gain, numbers.samples
+
+    def of(process: Process) -> Vector:
+        if use.flicker and is_flicker(process, curve.rate):
+            return np.zeros(2)
+        return np.array(Prediction.of([process], curve.rate, samples, ratio).error(gain))
+
+    error = numbers.prediction.error(gain)[0]
+    if error == 0:
+        return dict.fromkeys(_TITLES, _Error(0.0, 0.0, held=False))
+    changes = np.array([sensitivity(p, name, of) for p, name in curve.moving]).reshape(-1, 2)
+    before, after = (numbers.prediction.error(Gain(gain.bandwidth * math.exp(sign * _STEP)))[1] for sign in (-1.0, 1.0))
+    curvature = (after - before) / (2 * _STEP)
+    moves = -changes[:, 1] / curvature if numbers.N > 0 and numbers.K > 0 else np.zeros(len(changes))
+    claim, slope = gain.claim(samples)
+    white = changes[:, 0] / error - slope / claim * moves
+    scales = np.array([is_scale(p, name) for p, name in curve.moving], dtype=np.bool_)
+    held = not curve.moving
+    return {
+        symbol: _Error(curve.error(change), curve.error(np.where(scales, change, 0.0)), held)
+        for symbol, change in (("N", white), ("K", white + 2 * moves))
+    }
 
 
 def is_flicker(process: Process, rate: float) -> bool:
@@ -203,67 +259,6 @@ def is_flicker(process: Process, rate: float) -> bool:
     )
 
 
-def by_deviation(process: Process, horizon: float, rate: float) -> bool:
-    """Return whether N and K of a process are computed from its Allan deviation.
-
-    This is the case if it has no correlation time, or if it is slower than the time horizon and has no q_c.
-    """
-    if process.line(rate) is not None:
-        return False
-    if is_scale_free(process, rate):
-        return True
-    time = process.correlation_time(rate)
-    return time is not None and time >= horizon and _walk(process, rate) is None
-
-
 def is_scale(process: Process, name: str | None) -> bool:
     """Return whether a free parameter is the scale of a process; None is the scale of a term estimated as zero."""
     return name is None or name == process.scale_parameter().name
-
-
-def _walk(process: Process, rate: float) -> Physical | None:
-    return next((number for number in process.physical(rate) if number.time_power == WALK), None)
-
-
-def _steps(time: float, rate: float) -> int:
-    """Convert a time (s) to a number of samples, which is at least 1."""
-    return max(1, round(time * rate))
-
-
-def _readings(process: Process, power: float, use: Use, rate: float) -> list[tuple[int, float]]:
-    """Return pairs (n, factor). The sum of the Allan variances at n samples times their factors is N² or K²."""
-    n, powers = _steps(use.horizon, rate), counted(process, use, rate)
-    if len(powers) == 2:
-        # Solve σ²(τ) = N²/τ + K²τ/3 at τ = T_h/2 and τ = T_h.
-        half = max(1, n // 2)
-        time = half / rate
-        short, long = (4 * time / 3, -2 * time / 3) if power == WHITE else (-1 / time, 2 / time)
-        return [(half, short), (2 * half, long)]
-    return [(n, n / rate if power == WHITE else 3 * rate / n)]
-
-
-def _square(process: Process, name: str | None, power: float, use: Use, rate: float) -> tuple[float, float]:
-    """Return the contribution of a process to N² or K², and its derivative.
-
-    The derivative is with respect to the logarithm of the parameter `name`, or to the scale if `name` is None.
-    """
-    if process.scale == 0 or power not in counted(process, use, rate):
-        return 0.0, 0.0
-    if by_deviation(process, use.horizon, rate):
-        readings = _readings(process, power, use, rate)
-        values = process.allan_variance([n for n, _ in readings], rate)
-        value = sum(factor * float(at) for (_, factor), at in zip(readings, values, strict=True))
-        return value, sum(factor * slope(process, name, n, rate) for n, factor in readings)
-    if power == WHITE:
-        # The difference between τσ²(τ) and its limit is proportional to 1/τ, so the values at two τ give the limit.
-        near = math.ceil(_FAR * max(1.0, (process.correlation_time(rate) or 0.0) * rate))
-        far = 4 * near
-        levels = process.allan_variance([near, far], rate) * np.array([near, far]) / rate
-        slopes = [n / rate * slope(process, name, n, rate) for n in (near, far)]
-        limit = (4 * float(levels[1]) - float(levels[0])) / 3
-        if limit <= GONE * float(levels[0]):
-            return 0.0, 0.0
-        return limit, (4 * slopes[1] - slopes[0]) / 3
-    walk = _walk(process, rate)
-    assert walk is not None
-    return walk.value**2, walk.value**2 * (1.0 if name is None else 2.0 * walk.slopes.get(name, 0.0))

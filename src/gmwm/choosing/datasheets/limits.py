@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping
 
-from gmwm.base.errors import DataError, FitWarning, GmwmError
+from gmwm.base.errors import DataError, GmwmError
 from gmwm.base.units import noise_unit
 from gmwm.choosing.datasheets.entry import Entry
-from gmwm.choosing.datasheets.equivalent_terms import translated
-from gmwm.fitting.estimation import fit as fitted
+from gmwm.fitting.estimation.estimator import fit_quietly
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.reweighting import REWEIGHTED
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.noise import WN
 from gmwm.theory.processes.walk import RW
 
-_KINDS: Mapping[str, type[Process]] = {"N_eff": WN, "K_eff": RW}
-"""Process that is added to the model to compute the upper limit of N_eff or K_eff."""
+_KINDS: Mapping[str, type[Process]] = {"N": WN, "K": RW}
+"""Process that is added to the model to compute the upper limit of N or K."""
 
 
 def hidden(fit: Fit, entry: Entry, level: float) -> float:
@@ -28,7 +26,7 @@ def hidden(fit: Fit, entry: Entry, level: float) -> float:
     ----------
     fit : Fit
     entry : Entry
-        The number N_eff or K_eff whose limit is computed.
+        The number N or K whose limit is computed.
     level : float
         Confidence level of the interval, whose upper end is the limit.
 
@@ -42,9 +40,9 @@ def hidden(fit: Fit, entry: Entry, level: float) -> float:
     DataError
         If the model with this term cannot be fitted, or its confidence intervals cannot be computed.
     """
-    kind, (base, _) = _KINDS[entry.symbol], translated(fit)
+    kind = _KINDS[entry.symbol]
     try:
-        holder = base if any(isinstance(p, kind) for p in base.model.processes) else _widened(base, kind)
+        holder = fit if any(isinstance(p, kind) for p in fit.model.processes) else _widened(fit, kind)
         intervals = holder.confidence_intervals(level)
     except GmwmError as error:
         message = f"the data give no upper limit of the {entry.title}: {error.reason}"
@@ -61,9 +59,6 @@ def hidden(fit: Fit, entry: Entry, level: float) -> float:
 
 
 def _widened(fit: Fit, kind: type[Process]) -> Fit:
-    """Fit the model with a process of class `kind` added to the same data."""
+    """Fit the model with a process of class `kind` added to the same data, without warnings that it is zero."""
     weighting = fit.weighting if fit.weighting in REWEIGHTED else fit.weighting_matrix
-    with warnings.catch_warnings():
-        # The fit may warn that the data do not support the new term, which is expected here.
-        warnings.simplefilter("ignore", FitWarning)
-        return fitted(fit.model + kind(), fit.wavelet_variance, weighting=weighting, certify=False)
+    return fit_quietly(fit.model + kind(), fit.wavelet_variance, weighting, certify=False)

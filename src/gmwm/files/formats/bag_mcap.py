@@ -58,35 +58,20 @@ class McapStorage(ChunkedStorage):
                             contents.take(inner, part)
             return merge_topics(contents.topics())
 
-    def parts(self, file: BinaryIO, ids: Set[int]) -> Iterator[tuple[bytes, int]]:
-        """Yield the records of each chunk, and each message outside a chunk."""
+    def gather(self, file: BinaryIO, ids: Set[int], times: list[int], messages: list[bytes]) -> Iterator[int]:
+        """Append the messages of each chunk, and those outside a chunk."""
         self._summary(file)
         file.seek(len(MAGIC))
         for kind, content in self._records(file, frozenset({_MESSAGE, _CHUNK})):
             if kind == _CHUNK:
-                yield self._chunk(content), len(content)
-            elif _FIXED.unpack_from(content)[0] in ids:
-                yield _HEAD.pack(kind, len(content)) + content, len(content)
-
-    def collect(self, records: bytes, ids: Set[int], times: list[int], messages: list[bytes]) -> None:
-        """Append the messages. Most of the reading time is spent in this loop, so it is optimised."""
-        position, end = 0, len(records)
-        unpack, fixed = _WHOLE.unpack_from, _WHOLE.size
-        while position < end:
-            if end - position < fixed:
-                _, length = _HEAD.unpack_from(records, position)
-                position += _HEAD.size + length
+                _collect(self._chunk(content), ids, times, messages)
+                yield len(content)
                 continue
-            kind, length, channel, _, time, _ = unpack(records, position)
-            following = position + 9 + length
-            if kind == _MESSAGE and channel in ids:
-                if length < 22 or following > end:
-                    raise StructError(f"a message of {length} bytes in a chunk of {end}")
+            channel, _, time, _ = _FIXED.unpack_from(content)
+            if channel in ids:
                 times.append(time)
-                messages.append(records[position + fixed : following])
-            position = following
-        if position != end:
-            raise StructError(f"the last record leaves its chunk by {position - end} bytes")
+                messages.append(content[_FIXED.size :])
+                yield len(content)
 
     def _summary(self, file: BinaryIO) -> int:
         """Return the position of the summary, or 0 if there is none. Raise an error if the end is invalid."""
@@ -146,6 +131,27 @@ class McapStorage(ChunkedStorage):
         while head := records.read(_HEAD.size):
             kind, length = _HEAD.unpack(head)
             yield kind, records.read(length)
+
+
+def _collect(records: bytes, ids: Set[int], times: list[int], messages: list[bytes]) -> None:
+    """Append the messages. Most of the reading time is spent in this loop, so it is optimised."""
+    position, end = 0, len(records)
+    unpack, fixed = _WHOLE.unpack_from, _WHOLE.size
+    while position < end:
+        if end - position < fixed:
+            _, length = _HEAD.unpack_from(records, position)
+            position += _HEAD.size + length
+            continue
+        kind, length, channel, _, time, _ = unpack(records, position)
+        following = position + 9 + length
+        if kind == _MESSAGE and channel in ids:
+            if length < 22 or following > end:
+                raise StructError(f"a message of {length} bytes in a chunk of {end}")
+            times.append(time)
+            messages.append(records[position + fixed : following])
+        position = following
+    if position != end:
+        raise StructError(f"the last record leaves its chunk by {position - end} bytes")
 
 
 class _Contents:

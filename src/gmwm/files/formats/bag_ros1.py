@@ -39,35 +39,15 @@ class Ros1Storage(ChunkedStorage):
         with self.open_records() as file:
             return self._index(file)[0]
 
-    def parts(self, file: BinaryIO, ids: Set[int]) -> Iterator[tuple[bytes, int]]:
-        """Yield the records of each chunk with a message of the topic, according to the index."""
+    def gather(self, file: BinaryIO, ids: Set[int], times: list[int], messages: list[bytes]) -> Iterator[int]:
+        """Append the messages of each chunk that has some of the topic, according to the index."""
         for position, counts in self._index(file)[1]:
             if not ids.isdisjoint(counts):
                 self._seek(file, position)
                 head, data = self._record(file, _CHUNK)
                 size = _WORD.unpack(head["size"])[0]
-                yield decompress(data, head["compression"].decode(), size, self.path), size
-
-    def collect(self, records: bytes, ids: Set[int], times: list[int], messages: list[bytes]) -> None:
-        """Append the messages. The layout of one header is reused for the next headers until it no longer fits."""
-        position, end = 0, len(records)
-        shape = _HeaderShape(b"")
-        while position < end:
-            (length,) = _WORD.unpack_from(records, position)
-            header = records[position + 4 : position + 4 + length]
-            position += 4 + length
-            (size,) = _WORD.unpack_from(records, position)
-            position += 4 + size
-            if position > end:
-                raise StructError(f"the last record leaves its chunk by {position - end} bytes")
-            if not shape.fits(header):
-                if header.find(b"op=\x02") < 0:
-                    continue
-                shape = _HeaderShape(header)
-            connection, seconds, nanoseconds = shape.values(header)
-            if connection in ids:
-                times.append(seconds * 1_000_000_000 + nanoseconds)
-                messages.append(records[position - size : position])
+                _collect(decompress(data, head["compression"].decode(), size, self.path), ids, times, messages)
+                yield size
 
     def _index(self, file: BinaryIO) -> tuple[tuple[Topic, ...], list[tuple[int, dict[int, int]]]]:
         """Read the topics from the index, and the position and the messages per connection of each chunk."""
@@ -154,6 +134,28 @@ def _topic(info: dict[str, bytes], data: bytes, counts: dict[int, int]) -> Topic
         name=info["topic"].decode(), type=kind, encoding="ros1", text=text, language="ros1msg", ids=(number,),
         count=counts.get(number, 0),
     )  # fmt: skip
+
+
+def _collect(records: bytes, ids: Set[int], times: list[int], messages: list[bytes]) -> None:
+    """Append the messages. The layout of one header is reused for the next headers until it no longer fits."""
+    position, end = 0, len(records)
+    shape = _HeaderShape(b"")
+    while position < end:
+        (length,) = _WORD.unpack_from(records, position)
+        header = records[position + 4 : position + 4 + length]
+        position += 4 + length
+        (size,) = _WORD.unpack_from(records, position)
+        position += 4 + size
+        if position > end:
+            raise StructError(f"the last record leaves its chunk by {position - end} bytes")
+        if not shape.fits(header):
+            if header.find(b"op=\x02") < 0:
+                continue
+            shape = _HeaderShape(header)
+        connection, seconds, nanoseconds = shape.values(header)
+        if connection in ids:
+            times.append(seconds * 1_000_000_000 + nanoseconds)
+            messages.append(records[position - size : position])
 
 
 class _HeaderShape:

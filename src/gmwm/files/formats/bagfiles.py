@@ -68,24 +68,20 @@ class ChunkedStorage(Storage):
     """One file whose messages are in chunks of records."""
 
     @abstractmethod
-    def parts(self, file: BinaryIO, ids: Set[int]) -> Iterator[tuple[bytes, int]]:
-        """Yield decompressed records that may hold messages of the topic `ids`, with their size for the batch."""
-
-    @abstractmethod
-    def collect(self, records: bytes, ids: Set[int], times: list[int], messages: list[bytes]) -> None:
-        """Append the messages of the topic `ids` among the records to `times` and `messages`."""
+    def gather(self, file: BinaryIO, ids: Set[int], times: list[int], messages: list[bytes]) -> Iterator[int]:
+        """Append messages of the topic `ids` to `times` and `messages`, and yield their approximate size (bytes)."""
 
     def batches(self, topic: Topic) -> Iterator[Batch]:
         """Yield the messages of a topic, chunk by chunk; within a batch they are sorted by the time of recording."""
-        ids, size = frozenset(topic.ids), 0
-        times, messages = list[int](), list[bytes]()
+        times, messages, size = list[int](), list[bytes](), 0
         with self.open_records() as file:
-            for records, weight in self.parts(file, ids):
-                self.collect(records, ids, times, messages)
+            for weight in self.gather(file, frozenset(topic.ids), times, messages):
                 size += weight
                 if size > BATCH_BYTES and messages:
-                    yield _in_order(times, messages)
-                    times, messages, size = [], [], 0
+                    yield _in_order(times[:], messages[:])
+                    times.clear()
+                    messages.clear()
+                    size = 0
         if messages:
             yield _in_order(times, messages)
 

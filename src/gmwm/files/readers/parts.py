@@ -209,4 +209,4 @@ def _open(part: Part) -> tuple[Reader, Layout]:
             code="changed",
             advice="Divide the recording again.",
         )
-    return reopen(path, part.format, part.topic, part.skip_bad_lines)
+    return reopen(path, part.format, part.topic, skip_bad_lines=part.skip_bad_lines)

@@ -369,6 +369,6 @@ def _again(
     size: int, kept: Kept | None,
 ) -> Stream:  # fmt: skip
     """Restore a pickled stream, without repeating its warnings."""
-    reader, layout = reopen(path, format, topic, skip)
+    reader, layout = reopen(path, format, topic, skip_bad_lines=skip)
     rows = FileRows(path, reader, layout, topic=topic, limits=limits)
     return Stream(source_words(path), found, rows, size=size, kept=kept)

@@ -21,7 +21,7 @@ from gmwm.fitting.estimation.starts import Sampled
 from gmwm.fitting.estimation.weighting import Weighting, usual_weighting, weighting_matrix, weighting_remarks
 from gmwm.measuring.regression.against import Against, Asked
 from gmwm.measuring.regression.api import regressed_variance
-from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY, require_robust
 from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
@@ -174,7 +174,7 @@ def fit(
     wv = measure(data, rate, robust, efficiency, against=against)
     first = None if start is None else _draws(start, wv, data)
     chosen = usual_weighting(terms) if weighting is None else weighting
-    result = _fit_curve(terms, wv, chosen, certify=certify, first=first)
+    result = fit_quietly(terms, wv, chosen, certify=certify, first=first)
     for remark in result.diagnostics.remarks:
         warnings.warn(FitWarning(remark), stacklevel=2)
     return result
@@ -211,9 +211,10 @@ def _draws(start: Sampled, wv: WaveletVariance, data: OneOrSeveral) -> First:
     return lambda problem: solve_sampled(problem, wv, start, spread)
 
 
-def _fit_curve(
+def fit_quietly(
     model: Model, wv: WaveletVariance, weighting: Weighting, *, certify: bool, first: First | None = None
 ) -> Fit:
+    """Fit a model like `fit`, but without Python warnings, because threads share the warning filters."""
     if isinstance(weighting, str) and weighting in REWEIGHTED:
         return Fit.of(settle(model, wv, weighting, certify=certify, first=first), wv, weighting)
     matrix = weighting_matrix(weighting, wv)
@@ -262,7 +263,7 @@ def _measure(data: Curve, rate: float | None, robust: bool, efficiency: float, *
             )  # fmt: skip
         wv = _as_measured(data, robust, efficiency)
     else:
-        wv = signal_wavelet_variance(data, rate, robust=robust, efficiency=efficiency)
+        wv = wavelet_variance(data, rate, robust=robust, efficiency=efficiency)
     if not np.any(wv.variance > 0):
         raise ModelError(
             "the signal is constant: its wavelet variance is zero at every level",

@@ -23,7 +23,7 @@ from gmwm.measuring.regression.blocks import BlockClock
 from gmwm.measuring.regression.columns import HOUR
 from gmwm.measuring.regression.covariates import Covariates
 from gmwm.measuring.regression.least_squares import haar
-from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
 from gmwm.theory.processes.model import ModelLike
@@ -181,7 +181,7 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
     length = max(covariates.clock.length, 16)
     blocks = BlockClock.of(signal.rate, signal.segments, signal.starts, length=length)
     residual = replace(residual, values=blocks.clip(residual.values))
-    wv = signal_wavelet_variance(residual)
+    wv = wavelet_variance(residual)
     design = Design.of(wv)
     used = _slow(residual, values, design)
     if not np.any(used):
@@ -195,7 +195,7 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
     # The covariance is measured after the dependence on the condition is removed.
     even = replace(residual, values=residual.values * np.exp(-slopes[0] * (values - np.mean(values))))
     _, noise = mixture(wv.variance, wv.degrees_of_freedom, design)
-    design = replace(design, excess=excess_covariance(even, signal_wavelet_variance(even)))
+    design = replace(design, excess=excess_covariance(even, wavelet_variance(even)))
     curve = noise.wavelet_variance(wv.levels, wv.rate)[used]
     # Cov(s_j, s_k) = V_jk √(M_j M_k) / (4 ν_j² ν_k² √(K_j K_k)), where K_j/M_j is the variance of the condition at
     # level j.

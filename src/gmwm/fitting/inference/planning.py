@@ -13,8 +13,8 @@ from typing import Any, Literal
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector, as_rate, freeze
-from gmwm.base.documents import plain
 from gmwm.base.errors import ModelError, OptionError
+from gmwm.base.plain import plain
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark, texts
 from gmwm.base.tables import aligned
@@ -270,7 +270,7 @@ class Plan(Summarised, Plotted):
             "units": {name: unit for name, unit in self.model.units(self.unit).items() if name in self.errors},
             "rate": self.rate, "weighting": self.weighting, "duration": self.duration,
             "planned": self.at(self.duration),
-            **{name: plain(getattr(self, name)) for name in ("durations", "errors", "losses")},
+            **{name: plain(getattr(self, name), finite=False) for name in ("durations", "errors", "losses")},
         }  # fmt: skip
 
     def __repr__(self) -> str:

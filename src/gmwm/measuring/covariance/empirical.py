@@ -23,7 +23,7 @@ from gmwm.base.errors import DataError
 from gmwm.measuring.covariance.api import covariance
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.mixture import drawn, mixture
-from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.transform import Transform, inner_coefficients
 from gmwm.recording.signals import Signal
 from gmwm.theory.filters import WaveletFilter
@@ -105,7 +105,7 @@ def empirical_covariance(
     (True, True)
     """
     x = x.fill_gaps() if isinstance(x, Signal) else x
-    wv = signal_wavelet_variance(x, rate, filter=filter, transform=transform, levels=levels)
+    wv = wavelet_variance(x, rate, filter=filter, transform=transform, levels=levels)
     if not np.all(wv.variance > 0):
         zero = ", ".join(str(j) for j in wv.levels[wv.variance <= 0])
         raise DataError(

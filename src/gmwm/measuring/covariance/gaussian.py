@@ -9,8 +9,6 @@ kink is then summed individually.
 
 from __future__ import annotations
 
-import math
-import threading
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,34 +16,13 @@ from numpy.typing import NDArray
 
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
+from gmwm.measuring.covariance import nodes
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.robust import hermite_weights
-from gmwm.theory.processes import haar_covariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum, lag_sums
-from gmwm.theory.processes.haar_covariance import WANDERING, WHITE, LagGrid
+from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.model import Model
-
-KEPT = 1024
-"""Largest memory of a process (samples) for which the nodes of the sums over lags are cached. For 19 levels, they take
-46 MB at most, and 6 MB if no process has a memory."""
-MOST_NODES = 800_000
-"""Largest number of nodes that are cached together, which take 28 MB. For 19 levels without a memory, these are 4 to 30
-sets."""
-END = 20.0
-"""Lower end of the range of decay rates, multiplied by the number of samples, below which the nodes do not change. The
-kernel divides the lags at distances that double up to the number of samples, or up to 40 divided by the rate."""
-SHARED = 2_000_000
-"""Largest number of nodes of a grid for which the covariances of fixed shapes are cached. Each node and shape takes 8
-bytes."""
-RECENT = 1_050_000
-"""Largest number of values that are cached for the shapes of a grid that are not fixed."""
-
-
-_COVARIANCES = {
-    "coefficient_covariance", "autocovariance", "generalised_covariance", "running_sum_covariance", "exponential_sum",
-}  # fmt: skip
-"""Methods that define the covariance of a process."""
 
 
 def knows(model: Model, design: Design) -> bool:
@@ -80,12 +57,12 @@ def ratio_variances(model: Model, design: Design) -> Vector:
     """
     assert design.efficiency is not None
     present = [process for process in model.processes if process.scale > 0]
-    at, weight, starts = _lags(present, design, diagonal=True)
+    at, weight, starts = nodes.lags(present, design, diagonal=True)
     half = np.ldexp(1.0, design.levels - 1)
-    own = _coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), design.rate)
+    own = nodes.coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), design.rate)
     # A model without noise has no correlations.
     unit = np.repeat(np.where(own > 0, own, 1.0), np.diff(starts, append=weight.size))
-    squares = (_coefficient_covariance(present, at, design.rate) / unit) ** 2
+    squares = (nodes.coefficient_covariance(present, at, design.rate) / unit) ** 2
     terms = weight * squares**2 * np.polyval(hermite_weights(design.efficiency)[:0:-1], squares)
     return np.asarray(np.add.reduceat(terms, starts) / design.counts.astype(np.float64) ** 2)
 
@@ -115,7 +92,7 @@ def _entries(model: Model, design: Design, *, diagonal: bool) -> Vector:
     present = [process for process in model.processes if process.scale > 0]
     split = _split(present, design)
     if split is None:
-        out = _over_lags(model, design, pairs, *_lags(present, design, diagonal=diagonal))
+        out = _over_lags(model, design, pairs, *nodes.lags(present, design, diagonal=diagonal))
     else:
         first, second = split.sums(design, diagonal=diagonal)
         out = _of_sums(model, design, pairs, first=first, second=second)
@@ -149,12 +126,12 @@ def _strided(model: Model, design: Design, place: int, stride: int) -> Vector:
     if split is not None:
         sums = split.strided(stride).sums(within, diagonal=False)
         return _of_sums(model, design, pairs, first=sums[0][first], second=sums[1][first], stride=stride)
-    at, weight, starts = _lags(present, within, diagonal=False, decays_of=design.rate, stride=stride)
+    at, weight, starts = nodes.lags(present, within, diagonal=False, decays_of=design.rate, stride=stride)
     ends = np.append(starts[1:], weight.size)
     kept = np.concatenate([np.arange(starts[k], ends[k]) for k in first])
     sizes = (ends - starts)[first]
     # At multiples of an even number of samples, an alternating covariance does not alternate.
-    odd = np.zeros(kept.size, dtype=np.uint8) if _alternates(present, design.rate) else None
+    odd = np.zeros(kept.size, dtype=np.uint8) if nodes.alternates(present, design.rate) else None
     grid = LagGrid(stride * at.fine[kept], stride * at.coarse[kept], stride * at.lag[kept], odd)
     begins = np.concatenate([[0], np.cumsum(sizes)[:-1]])
     return _over_lags(model, design, pairs=pairs, at=grid, weight=weight[kept], starts=begins, stride=stride)
@@ -191,8 +168,8 @@ class _Split:
         if self.smooth:
             mixture = ExponentialSum.joined(self.mixtures)
             both = lag_sums(design.levels, design.samples, self.terms, mixture, diagonal=diagonal)[1]
-            at, weight, starts = _lags(self.smooth, design, diagonal=diagonal)
-            own = _sums(self.smooth, at, weight, starts, rate=self.rate)
+            at, weight, starts = nodes.lags(self.smooth, design, diagonal=diagonal)
+            own = nodes.product_sums(self.smooth, at, weight, starts, rate=self.rate)
             first, second = first + own[0], second + 2 * both + own[1]
         return first, second
 
@@ -209,7 +186,7 @@ def _split(present: list[Process], design: Design) -> _Split | None:
     """
     if design.efficiency is not None:
         return None
-    sums = [_exponential_sum(process, design.rate) for process in present]
+    sums = [nodes.exponential_sum(process, design.rate) for process in present]
     smooth = [process for process, term in zip(present, sums, strict=True) if term is None]
     terms = ExponentialSum.joined([term for term in sums if term is not None])
     if smooth and not terms.oscillates and all(p.memory(design.rate) == 0 for p in present):
@@ -218,16 +195,6 @@ def _split(present: list[Process], design: Design) -> _Split | None:
     if any(mixture is None for mixture in mixtures):
         return None
     return _Split(terms, smooth, [mixture for mixture in mixtures if mixture is not None], design.rate)
-
-
-def _exponential_sum(process: Process, rate: float) -> ExponentialSum | None:
-    """Return the `exponential_sum` of the class that defines the covariance of the process.
-
-    A subclass may have another covariance than the class from which it inherits `exponential_sum`.
-    """
-    kind = next(kind for kind in type(process).__mro__ if _COVARIANCES & vars(kind).keys())
-    terms: ExponentialSum | None = vars(kind).get("exponential_sum", Process.exponential_sum)(process, rate)
-    return terms
 
 
 def _over_lags(
@@ -246,11 +213,11 @@ def _over_lags(
     """
     present = [process for process in model.processes if process.scale > 0]
     if design.efficiency is None:
-        first, second = _sums(present, at, weight, starts, rate=design.rate)
+        first, second = nodes.product_sums(present, at, weight, starts, rate=design.rate)
     else:
-        shapes, scales = _shapes(present, at, design.rate)
+        shapes, scales = nodes.shapes_at(present, at, design.rate)
         first, second = _core.node_sums(shapes, np.array(scales, dtype=np.float64), weight, starts)
-        covariance = _combined(shapes, scales, at)
+        covariance = nodes.total_at(shapes, scales, at)
         robust = _robust_sum(present, pairs, design=design, covariance=covariance, weight=weight, starts=starts)
         second = np.where(design.few[pairs.finer] | design.few[pairs.coarser], second, robust)
     return _of_sums(model, design, pairs, first=first, second=second, stride=stride)
@@ -278,216 +245,6 @@ def _of_sums(model: Model, design: Design, pairs: _Pairs, *, first: Vector, seco
     return np.asarray(total / pairs.outer(pairs.counts))
 
 
-def _lags(
-    present: list[Process], design: Design, *, diagonal: bool, decays_of: float | None = None, stride: int = 1
-) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
-    """Return the nodes of the sums over lags for all pairs of levels, their weights, and the first node of each pair.
-
-    Lags are measured in steps of `stride` samples. `decays_of` is the sampling rate (Hz), if it differs from the rate
-    of the design.
-    """
-    rate = design.rate if decays_of is None else decays_of
-    # Strides larger than 1 are even, so an alternating covariance does not alternate at multiples of a stride.
-    decays = [(decay if stride == 1 else abs(decay) * stride) for process in present for decay in process.decays(rate)]
-    sizes = [abs(decay) for decay in decays]
-    memory = -(-max((process.memory(rate) or 0 for process in present), default=0) // stride)
-    # The range of rates and the memory are rounded outwards, so that all iterations of a fit and most candidates of a
-    # selection use the same nodes. A smaller lower end adds few nodes, and so does an upper end above 1/16. The nodes
-    # are the same for all lower ends below `END` divided by the number of samples, and for all upper ends above 1/4.
-    ends = (0.0, 0.0)
-    if sizes:
-        high = math.ceil(math.log2(max(sizes)))
-        high_end = 2.0 ** (high if high <= -4 else -2)
-        low_end = max(2.0 ** (4 * math.floor(math.log2(min(sizes)) / 4)), END / design.samples)
-        ends = min(low_end, high_end), high_end
-    unit = 1 << max(memory.bit_length() - 3, 0)
-    return _nodes(
-        tuple(design.levels.tolist()),
-        (design.samples, ends, any(decay < 0 for decay in decays), diagonal, -(-memory // unit) * unit),
-    )
-
-
-_Key = tuple[int, tuple[float, float], bool, bool, int]
-"""Number of samples, range of decay rates, whether a covariance alternates, whether only the diagonal is needed, and
-memory."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Grid:
-    """Nodes of the sums over lags for all pairs of some levels, their weights, and the first node of each pair."""
-
-    levels: tuple[int, ...]
-    at: LagGrid
-    weight: Vector
-    starts: NDArray[np.int64]
-
-    def first(self, levels: int, *, diagonal: bool) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
-        """Return the nodes, weights and starts for the first levels, whose pairs come first."""
-        pairs = levels if diagonal else levels * (levels + 1) // 2
-        if pairs == self.starts.size:
-            return self.at, self.weight, self.starts
-        end = int(self.starts[pairs])
-        return self.at.first(end), self.weight[:end], self.starts[:pairs]
-
-
-class _Grids:
-    """The grids that were used last, at most `MOST_NODES` nodes together."""
-
-    def __init__(self) -> None:
-        self._kept: dict[_Key, _Grid] = {}
-        self._lock = threading.Lock()
-
-    def get(self, levels: tuple[int, ...], key: _Key) -> _Grid:
-        """Return a grid for at least these levels, as the first ones."""
-        with self._lock:
-            found = self._kept.pop(key, None)
-            if found is not None:
-                self._kept[key] = found
-        if found is None or found.levels[: len(levels)] != levels:
-            found = _computed(levels, key)
-            if key[-1] <= KEPT:
-                with self._lock:
-                    self._kept.pop(key, None)
-                    self._kept[key] = found
-                    while len(self._kept) > 1 and sum(grid.weight.size for grid in self._kept.values()) > MOST_NODES:
-                        del self._kept[next(iter(self._kept))]
-        return found
-
-    def clear(self) -> None:
-        """Forget all grids."""
-        with self._lock:
-            self._kept.clear()
-
-
-_grids = _Grids()
-
-
-def _nodes(levels: tuple[int, ...], key: _Key) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
-    """Return the nodes for some levels; recordings of one length share them, also with fewer levels."""
-    return _grids.get(levels, key).first(len(levels), diagonal=key[3])
-
-
-def _computed(levels: tuple[int, ...], key: _Key) -> _Grid:
-    samples, ends, alternating, diagonal, memory = key
-    (starts, fine, coarse, lag, weight, odd), pieces = _core.covariance_nodes(
-        np.array(levels, dtype=np.int64), samples, *ends, alternating, diagonal, memory
-    )
-    return _Grid(levels, LagGrid(fine, coarse, lag, odd if odd.size else None, pieces=pieces), weight, starts)
-
-
-def _alternates(present: list[Process], rate: float) -> bool:
-    return any(decay < 0 for process in present for decay in process.decays(rate))
-
-
-def _coefficient_covariance(present: list[Process], at: LagGrid, rate: float) -> Vector:
-    """Compute 2^(j+k) Cov(W_j, W_k) of the sum of the processes at the nodes."""
-    return _combined(*_shapes(present, at, rate), at)
-
-
-def _combined(shapes: list[Vector], scales: list[float], at: LagGrid) -> Vector:
-    """Compute the sum of the shapes, each multiplied by its scale."""
-    total = np.zeros_like(at.lag)
-    for shape, scale in zip(shapes, scales, strict=True):
-        total += scale * shape
-    return total
-
-
-def _sums(
-    present: list[Process], at: LagGrid, weight: Vector, starts: NDArray[np.int64], rate: float
-) -> tuple[Vector, Vector]:
-    """Compute the sums Σ n Cov and Σ n Cov² over the nodes of each pair of levels.
-
-    An exponential autocovariance is computed pair by pair, which avoids large arrays. If its shape is needed a second
-    time, its covariances at all nodes are cached.
-    """
-    parts = [None if at.pieces is None else _exponential_part(process, rate) for process in present]
-    exponential = [part for part in parts if part is not None]
-    shapes, scales = _shapes([p for p, part in zip(present, parts, strict=True) if part is None], at, rate)
-    factors = np.array([*scales, *(variance for variance, _ in exponential)], dtype=np.float64)
-    decays = [decay for _, decay in exponential]
-    grid, count = at if at.whole is None else at.whole, weight.size
-    known = all(decay in grid.recent for decay in decays)
-    if at.pieces is None or known:
-        return _core.node_sums([*shapes, *(_kept(grid, decay)[:count] for decay in decays)], factors, weight, starts)
-    grid.recent.update(dict.fromkeys(decays))
-    _forget(grid)
-    return _core.exponential_node_sums(
-        shapes, np.array(decays), factors, weight, starts, at.fine, at.coarse, at.lag, at.pieces
-    )  # fmt: skip
-
-
-def _kept(at: LagGrid, decay: float) -> Vector:
-    """Return the covariances for the autocovariance e^(−λ|k|) with λ = `decay`, and cache them."""
-    shape = at.recent.pop(decay, None)
-    if shape is None:
-        shape = haar_covariance.exponential(at, decay)
-    at.recent[decay] = shape
-    _forget(at)
-    return shape
-
-
-def _forget(at: LagGrid) -> None:
-    """Remove the shapes that were not used recently."""
-    for old in list(at.recent)[: -max(RECENT // at.lag.size, 1)]:
-        at.recent.pop(old, None)
-
-
-def _shapes(present: list[Process], at: LagGrid, rate: float) -> tuple[list[Vector], list[float]]:
-    """Return the covariances of the processes at the nodes, as shapes and factors.
-
-    If there are many nodes, the only shape is the sum of all covariances.
-    """
-    if at.whole is not None:
-        shapes, scales = _shapes(present, at.whole, rate)
-        return [shape[: at.lag.size] for shape in shapes], scales
-    if at.lag.size > SHARED:
-        total = np.zeros_like(at.lag)
-        for process in present:
-            total += process.coefficient_covariance(at, rate)
-        return [total], [1.0]
-    shapes, scales = [], []
-    for process in present:
-        # The shape does not depend on the scale. Models that are compared share fixed shapes. Other shapes are shared
-        # by the weights and the covariance of a fit, and by the fits that determine an upper limit.
-        fixed = _has_fixed_shape(process)
-        if not fixed and at.lag.size > RECENT // 2:
-            shapes.append(process.coefficient_covariance(at, rate))
-            scales.append(1.0)
-            continue
-        kept = at.known if fixed else at.recent
-        key = (type(process), tuple(process.nonlinear.tolist()), rate)
-        shape = kept.pop(key, None)
-        if shape is None:
-            shape = type(process).standard(process.nonlinear).coefficient_covariance(at, rate)
-        kept[key] = shape
-        if not fixed:
-            _forget(at)
-        shapes.append(shape)
-        scales.append(process.scale)
-    return shapes, scales
-
-
-def _has_fixed_shape(process: Process) -> bool:
-    """Return whether every parameter that changes the shape of the process is fixed."""
-    return all(process.is_fixed(p.name) for p in process.nonlinear_parameters())
-
-
-def _exponential_part(process: Process, rate: float) -> tuple[float, float] | None:
-    """Return the variance and the decay λ of an autocovariance e^(−λ|k|), if the process has one; otherwise None."""
-    terms = None if _has_fixed_shape(process) else _exponential_sum(process, rate)
-    if (
-        terms is None
-        or terms.decays.size != 1
-        or terms.decays[0].imag
-        or terms.white
-        or terms.walk
-        or terms.spikes.size
-    ):
-        return None
-    decay = float(terms.decays[0].real)
-    return (float(terms.amplitudes[0].real), decay) if WANDERING <= decay <= WHITE else None
-
-
 def _robust_sum(
     present: list[Process],
     pairs: _Pairs,
@@ -502,7 +259,7 @@ def _robust_sum(
     """
     assert design.efficiency is not None
     half = pairs.half
-    own = _coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), design.rate)
+    own = nodes.coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), design.rate)
     size = pairs.outer(own)
     # If all processes are zero, the correlation is not defined and the covariance is zero.
     unit = np.repeat(np.where(size > 0, size, 1.0), np.diff(starts, append=covariance.size))

@@ -41,15 +41,13 @@ from gmwm.recording.signals import Imu, Signal
 
 _RESTLESS = 4.0
 """Largest ratio of the standard deviation of a window to the median over all windows for a sensor at rest
-(tests/test_inspection.py)."""
+(tests/test_inspection_limits.py, as the next three constants)."""
 _CHANGES = 0.1
-"""Share of samples with a changed output, above which rounding does not explain a window without any change
-(tests/test_inspection.py)."""
+"""Share of samples with a changed output, above which rounding does not explain a window without any change."""
 _TURN = 0.1
-"""Change of the direction of gravity (degrees) above which there is a remark, as by a bias of 1.7 mg
-(tests/test_inspection.py)."""
+"""Change of the direction of gravity (degrees) above which there is a remark, as by a bias of 1.7 mg."""
 _UNEXPLAINED = 5.0
-"""Change of the direction of gravity (standard errors) that noise does not explain (tests/test_inspection.py)."""
+"""Change of the direction of gravity (standard errors) that noise does not explain."""
 
 Values = Callable[[str, int, int], Vector]
 """Function of axis, first and last index that returns the samples of a half-open range."""
@@ -143,9 +141,7 @@ class FirstPass:
         recording = self._batches.recording
         base = recording.time_base or TimeBase(recording.rate, start=self._segments.starts[0])
         return RecordingStatistics(
-            source=recording.source,
-            remarks=recording.remarks,
-            base=base,
+            source=recording.source, remarks=recording.remarks, base=base,
             extent=Extent.of(
                 recording.rate,
                 self._segments.ranges,
@@ -154,9 +150,8 @@ class FirstPass:
                 gaps_known=self._segments.gaps_known,
             ),
             resolutions={axis: step_of(sample.values()) for axis, sample in self._samples.items()},
-            values=self._batches.values,
-            temperature=self._temperature,
-        )
+            values=self._batches.values, temperature=self._temperature,
+        )  # fmt: skip
 
 
 class RecordingStatistics:

@@ -20,20 +20,20 @@ if TYPE_CHECKING:
     from gmwm.measuring.regression.result import Regression
 
 MOVED = 1.0
-"""Change of the direction of gravity (degrees) above which the sensor has moved, as by a bias of 17 mg."""
+"""Change of the direction of gravity (degrees) above which the sensor has moved, as by a bias of 17 mg
+(tests/test_inspection_limits.py, as all limits here)."""
 
 _NOISY = 0.1
 """Noise density (deg/s/√Hz) at the upper end of low-cost gyroscopes (docs/howto/units.md)."""
 _OFF = 0.02
-"""Relative error of gravity above which there is a remark, more than a good accelerometer has
-(tests/test_inspection.py)."""
+"""Relative error of gravity above which there is a remark, more than a good accelerometer has."""
 _WRONG = 0.05
-"""Relative error of gravity that no bias explains, so that the unit may be wrong (tests/test_inspection.py)."""
+"""Relative error of gravity that no bias explains, so that the unit may be wrong."""
 _JITTER = 0.1
-"""Jitter of the time stamps (sampling intervals) above which there is a remark (tests/test_inspection.py)."""
+"""Jitter of the time stamps (sampling intervals) above which there is a remark."""
 _TWICE = 0.1
 """Largest relative difference between the numbers of repeated time stamps and of repeated samples, for rows that were
-written twice. If time stamps are only rounded, the samples differ (tests/test_inspection.py)."""
+written twice. If time stamps are only rounded, the samples differ."""
 _FEW = 1e-3
 """Share of rows written twice, below which there is no remark on them. N is too large by half of this share."""
 _LATE = 0.5

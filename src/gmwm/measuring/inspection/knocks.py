@@ -12,16 +12,17 @@ from gmwm.base.arrays import Vector, row_medians
 from gmwm.measuring.inspection.time_grid import Extent
 
 BLOCK = 1000
-"""Number of samples of a local median: longer than a knock and shorter than a drift (tests/test_inspection.py)."""
+"""Number of samples of a local median: longer than a knock and shorter than a drift (tests/test_inspection_limits.py,
+as all constants here but `FEWEST`)."""
 FEWEST = 64
 """Smallest number of samples of a segment for a local standard deviation, whose relative error is then 9 %."""
 _KNOCK = 8.0
 """Smallest distance of an outlier from the local median, in local standard deviations; by chance once in 10¹⁵ samples.
 """
 _BURST = 1.0
-"""Longest time (s) between outliers of the same knock (tests/test_inspection.py)."""
+"""Longest time (s) between outliers of the same knock."""
 _LEVELS = 256
-"""Number of blocks whose medians are compared for jumps (tests/test_inspection.py, as the next four constants)."""
+"""Number of blocks whose medians are compared for jumps."""
 _SHORTEST = 100
 """Smallest number of samples of such a block."""
 _DIFFERENCES = 32

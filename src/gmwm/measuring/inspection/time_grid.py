@@ -15,7 +15,7 @@ from gmwm.base.time_base import begins_of, lost_before, times_of
 from gmwm.recording.gaps import joined_ranges
 
 _WINDOWS = 64
-"""Number of windows whose means and standard deviations are compared (tests/test_inspection.py)."""
+"""Number of windows whose means and standard deviations are compared (tests/test_inspection_limits.py)."""
 
 Range = tuple[int, int]
 

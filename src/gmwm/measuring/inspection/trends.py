@@ -17,7 +17,7 @@ from gmwm.measuring.inspection.wander import CourseProfile, Likelihood
 Kind = Literal["exponential", "linear", "quadratic"]
 
 _FEWEST = 48
-"""Smallest number of blocks for the test; tests/test_inspection_trends.py counts false alarms at 70 and 256 blocks."""
+"""Smallest number of blocks for the test (tests/test_inspection_trends.py: false alarms at 70 and 256 blocks)."""
 _SIZE = 0.01
 """Significance level of the test (docs/validation/trends.md)."""
 _TAIL = (8.5, 0.4)
@@ -29,23 +29,12 @@ _EXTRA = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class Trend:
-    """A smooth function of time in the mean of an axis.
-
-    Parameters
-    ----------
-    axis, kind : str
-        The axis, and the shape: "exponential" (a e^{−t/τ}), "linear" or "quadratic".
-    size : float
-        The first value minus the last one of a line or a parabola, or the coefficient a, in the unit of the axis.
-    tau, until : float or None
-        Time constant τ (s) of an exponential, and time (s) after which its rest is below one standard error of the
-        noise.
-    pvalue : float
-        Probability that noise without a trend shows an equally clear trend.
-    walk, walk_limit, walk_with_trend : float
-        Random walk of the axis in addition to the trend, its approximate 95 % upper limit, and the random walk if the
-        trend is treated as noise, in the unit of the axis per √s.
-    """
+    """A smooth function of time in the mean of an axis: "exponential" (a e^{−t/τ}), "linear" or "quadratic". `size` is
+    a, or the first value minus the last one, in the unit of the axis. `tau` is τ (s), and `until` the time (s) after
+    which the rest of an exponential is below one standard error of the noise. `pvalue` is the probability that noise
+    shows an equally clear trend. `walk`, `walk_limit` and `walk_with_trend` are the random walk in addition to the
+    trend, its approximate 95 % upper limit, and the random walk if the trend is treated as noise, in the unit of the
+    axis per √s."""
 
     axis: str
     kind: Kind

@@ -126,11 +126,9 @@ class BurstFinder:
         reach = int(np.count_nonzero(count >= _PIECES / 2))
         energy = np.divide(within, squares, out=np.zeros(self.levels), where=squares > 0)[:reach]
         return Bursts(
-            tau=np.ldexp(1.0, np.arange(1, reach + 1)) / self.rate,
-            energy=energy,
-            time=occupied[:reach] / count[:reach],
-            count=int(np.max(bursts[:reach], initial=0.0)),
-        )
+            tau=np.ldexp(1.0, np.arange(1, reach + 1)) / self.rate, energy=energy,
+            time=occupied[:reach] / count[:reach], count=int(np.max(bursts[:reach], initial=0.0)),
+        )  # fmt: skip
 
     def _add(self, panel: Vector) -> None:
         step = step_of(self._sample.values()) or 0.0

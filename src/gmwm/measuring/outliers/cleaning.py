@@ -19,7 +19,7 @@ from gmwm.recording.signals import Signal
 
 MARGIN, LEAST = 1.0, 8
 """Margin that is replaced before and after a knock, where the knock is too weak to be detected: as a multiple of the
-length of the knock, and its smallest number of samples (tests/outliers/test_cleaning.py, as all constants here)."""
+length of the knock, and its smallest number of samples (tests/outliers/test_cleaning.py, as the next two constants)."""
 LONGEST = 30.0
 """Longest time (s) that is replaced, including the margins of the knock."""
 MOST = 0.1

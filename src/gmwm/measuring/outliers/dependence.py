@@ -70,9 +70,6 @@ def dependence(robust: WaveletVariance, other: WaveletVariance, verdict: Verdict
         return None
     k = int(np.flatnonzero(usable)[np.argmax(apart / limit)])
     return Dependence(
-        tau=float(robust.tau[k]),
-        efficiency=robust.efficiency,
-        value=float(robust.variance[k]),
-        other_efficiency=other.efficiency,
-        other_value=float(other.variance[k]),
-    )
+        tau=float(robust.tau[k]), efficiency=robust.efficiency, value=float(robust.variance[k]),
+        other_efficiency=other.efficiency, other_value=float(other.variance[k]),
+    )  # fmt: skip

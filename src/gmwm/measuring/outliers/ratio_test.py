@@ -18,7 +18,7 @@ from gmwm.measuring.covariance.ratio import ratio_errors, ratio_law
 from gmwm.measuring.outliers.bursts import Bursts
 from gmwm.measuring.outliers.dependence import Dependence
 from gmwm.measuring.outliers.screening import NOTHING_REPLACED, Replaced, Screen, screened
-from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import as_size
 from gmwm.recording.signals import Signal
@@ -344,8 +344,8 @@ def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVarianc
     if isinstance(x, WaveletVariance) or (pair and not all(isinstance(part, WaveletVariance) for part in x)):
         raise DataError(argument="x", expected="a signal, or a pair (classical, robust) of wavelet variances", got=x)
     if not pair:
-        classical = signal_wavelet_variance(x, rate)
-        return classical, signal_wavelet_variance(x, rate, robust=True, efficiency=efficiency)
+        classical = wavelet_variance(x, rate)
+        return classical, wavelet_variance(x, rate, robust=True, efficiency=efficiency)
     if len(x) != 2 or x[0].robust or not x[1].robust:
         kinds = ", ".join("robust" if part.robust else "classical" for part in x)
         raise DataError(argument="x", expected="a pair (classical, robust) of wavelet variances", got=kinds)
@@ -360,11 +360,9 @@ def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVarianc
     if differ or not np.array_equal(classical.levels, robust.levels):
         what = differ[0] if differ else "levels"
         raise DataError(
-            f"the two wavelet variances are of different recordings: their {what} differ",
-            argument="x",
-            got=what,
+            f"the two wavelet variances are of different recordings: their {what} differ", argument="x", got=what,
             advice="Compute both wavelet variances from the same recording.",
-        )
+        )  # fmt: skip
     if rate is not None and rate != robust.rate:
         raise OptionError(argument="rate", expected=f"{robust.rate:g} Hz, as that of the wavelet variances", got=rate)
     return classical, robust

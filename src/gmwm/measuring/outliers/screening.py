@@ -27,11 +27,9 @@ class Replaced:
 
     def __add__(self, other: Replaced) -> Replaced:
         return Replaced(
-            spikes=self.spikes + other.spikes,
-            largest=max(self.largest, other.largest),
-            knocks=self.knocks + other.knocks,
-            in_knocks=self.in_knocks + other.in_knocks,
-        )
+            spikes=self.spikes + other.spikes, largest=max(self.largest, other.largest),
+            knocks=self.knocks + other.knocks, in_knocks=self.in_knocks + other.in_knocks,
+        )  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain numbers and lists, ready for JSON."""

@@ -22,8 +22,8 @@ from gmwm.recording.resolution import lsb
 from gmwm.recording.signals import Signal
 
 APART = 1.5
-"""Ratio of the threshold θ to a lower threshold; residuals between the two must be rare (docs/validation/tails.md and
-tests/outliers/test_spikes.py, as all constants here)."""
+"""Ratio of the threshold θ to a lower threshold; residuals between the two must be rare. docs/validation/tails.md has
+the rates of correct and wrong decisions with the constants of this file."""
 MORE = 1.6
 """Largest ratio of the numbers of residuals beyond θ / 1.5 and beyond θ. It is 2.25 for a tail with an infinite
 variance."""

@@ -27,20 +27,10 @@ Against = str | ArrayLike | Signal | Mapping[str, ArrayLike | Signal] | None
 
 @dataclass(frozen=True)
 class CovariateTerm:
-    """One covariate of a regression, with the form of its effect.
-
-    Attributes
-    ----------
-    name, degree : str, int
-        Name of the covariate ("time" and "warmup" are computed from the times of the samples), and degree of a
-        polynomial.
-    lag : bool
-        Whether the rate of change of the covariate is also a column, for a sensor that follows it with a delay.
-    knots : int
-        Number of inner knots of a natural cubic spline; 0 for a polynomial.
-    exact : bool
-        Whether the covariate is known without error at every sample. All scales are then used.
-    """
+    """One covariate of a regression, with the form of its effect: a polynomial of some `degree`, or a natural cubic
+    spline with `knots` inner knots. "time" and "warmup" are computed from the times of the samples. With `lag`, the
+    rate of change is also a column, for a sensor that follows the covariate with a delay. An `exact` covariate is known
+    without error at every sample; all scales are then used."""
 
     name: str
     degree: int = 1
@@ -90,11 +80,9 @@ class CovariateTerm:
                 )
         if (name == WARM_UP and options) or (name == TIME and words) or (knots and degree > 1):
             raise OptionError(
-                f"against: {text!r} has options that do not apply",
-                argument="against",
-                got=text,
+                f"against: {text!r} has options that do not apply", argument="against", got=text,
                 advice="Write `warmup` alone, `time` with a degree or knots, and either a degree or knots.",
-            )
+            )  # fmt: skip
         return cls(name, degree=degree, lag="lag" in words, knots=knots, exact="exact" in words)
 
 
@@ -132,11 +120,9 @@ class Asked:
             term = CovariateTerm.parse(str(text))
             if not term.is_measured:
                 raise OptionError(
-                    f"against: {term.name} is computed from the clock, and needs no array",
-                    argument="against",
-                    got=text,
-                    advice="Give the array another name.",
-                )
+                    f"against: {term.name} is computed from the clock, and needs no array", argument="against",
+                    got=text, advice="Give the array another name.",
+                )  # fmt: skip
             terms.append(term)
             arrays[term.name] = values.values if isinstance(values, Signal) else as_vector(values, term.name)
         return cls(_distinct(terms), arrays)
@@ -150,11 +136,9 @@ def _distinct(terms: Iterable[CovariateTerm]) -> tuple[CovariateTerm, ...]:
         raise OptionError(argument="against", expected="each covariate once", got=twice)
     if TIME in names and WARM_UP in names and next(t for t in distinct if t.name == TIME).degree > 1:
         raise OptionError(
-            "against: a curved trend in time and a warm-up describe the same course",
-            argument="against",
-            got=" + ".join(map(str, distinct)),
-            advice="Use one of them.",
-        )
+            "against: a curved trend in time and a warm-up describe the same course", argument="against",
+            got=" + ".join(map(str, distinct)), advice="Use one of them.",
+        )  # fmt: skip
     return distinct
 
 

@@ -16,7 +16,7 @@ from gmwm.measuring.regression.covariates import Covariates
 from gmwm.measuring.regression.least_squares import COLLINEAR, RegressionDesign, Weighted
 from gmwm.measuring.regression.noise import NoiseMixtures
 from gmwm.measuring.regression.result import Points, Regression
-from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
@@ -27,7 +27,7 @@ FURTHER = 0.01
 """The automatic choice adds a column if the p-value of its t test is below this level."""
 DIFFERS = 4.0
 """A remark is made if the coefficients from long scales and from all scales differ by more than this number of standard
-errors of the former (tests/regression/test_reading_noise.py)."""
+errors of the former."""
 OPTIMISM = 2.0
 """The variances of the coefficients are too small by a factor of about 1 + OPTIMISM/(3 + degrees of freedom), because
 the weights come from the same data. Chosen in simulations with other seeds than docs/validation/regression.md."""
@@ -36,7 +36,7 @@ FEWEST = 2.0
 data can neither show nor exclude a slow process; an effect of five standard errors would then not be significant."""
 _ROUNDS = 4
 """Number of rounds that estimate noise, weights and coefficients in turn. The third one changes a standard error by
-less than 1 % (tests/regression)."""
+less than 1 %."""
 
 
 def regress(signal: Signal, covariates: Covariates, *, automatic: bool = False) -> Regression:
@@ -52,25 +52,11 @@ def regress_axis(
 
     Each frequency is weighted by the inverse of the power spectral density of the noise, which is estimated from the
     residuals together with the coefficients. The standard errors account for slow noise, so that two independent random
-    walks do not appear related.
+    walks do not appear related. `means` (n,) are the block means of the axis, with outlying samples clipped.
 
-    Parameters
-    ----------
-    means : (n,) array
-        Means of the axis over the blocks of the covariates, with outlying samples clipped.
-    covariates : Covariates
-        Covariates that were prepared for the same recording.
-    axis, unit : str
-        Name and unit of the axis.
-    automatic : bool
-        Whether to test first whether the axis depends on the temperature. If it does, the square, the rate of change
-        and the cube of the temperature are added if significant at the 1 % level; if not, the regression is not
-        applied.
-
-    Raises
-    ------
-    DataError
-        If the columns are collinear, or if the axis is constant.
+    If `automatic`, the regression is applied only if the axis depends on the temperature; the square, the rate of
+    change and the cube of the temperature are added if significant at the 1 % level. Raises DataError if the columns
+    are collinear, or if the axis is constant.
     """
     regression = regress_means(means, covariates, axis=axis, unit=unit)
     if automatic:
@@ -249,7 +235,7 @@ def regressed_variance(
     covariates = Covariates.of(asked.terms, dict(asked.arrays or {}), data)
     regression = regress(data, covariates)
     residuals = without(data, regression, covariates)
-    return regression.corrected(signal_wavelet_variance(residuals, robust=robust, efficiency=efficiency))
+    return regression.corrected(wavelet_variance(residuals, robust=robust, efficiency=efficiency))
 
 
 def restate(

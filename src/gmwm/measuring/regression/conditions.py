@@ -18,7 +18,7 @@ from gmwm.measuring.regression.blocks import BlockClock, usual_length
 from gmwm.measuring.regression.covariates import Covariates
 from gmwm.measuring.regression.result import Regression
 from gmwm.measuring.streaming.passes import curves_of, measure, shown
-from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.batches import Batch, Segments, Streamed, batches
@@ -73,18 +73,9 @@ class Seen:
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """The conditions of a recording, with the regression of each axis on them.
-
-    Attributes
-    ----------
-    covariates : Covariates or None
-        Conditions in the form of covariates; None without a regression.
-    found : mapping of axis to Regression
-        Regression of each axis, also of those that do not depend on the temperature (not applied).
-    unknown : str
-        Reason why the temperature of the recording cannot be used, or "".
-    raw : mapping of axis to WaveletVariance
-        Wavelet variances before the effect of the conditions is subtracted, for a recording that is not in memory.
+    """The conditions of a recording (`covariates`, None without a regression), with the regression of each axis on them
+    (`found`), also of axes that do not depend on the temperature. `unknown` is the reason why the temperature cannot be
+    used, or "". `raw` are the wavelet variances before the effect is subtracted, for a recording that is not in memory.
     """
 
     covariates: Covariates | None = None
@@ -187,7 +178,7 @@ class Conditions:
     def curve(self, axis: str, signal: Signal, robust: bool = False, efficiency: float = EFFICIENCY) -> WaveletVariance:
         """Return the wavelet variance of an axis after the effect of the conditions is subtracted."""
         regression = self.applied_regression(axis)
-        wv = signal_wavelet_variance(self.without(axis, signal), robust=robust, efficiency=efficiency)
+        wv = wavelet_variance(self.without(axis, signal), robust=robust, efficiency=efficiency)
         return wv if regression is None else regression.corrected(wv)
 
     def effect(self, axis: str, indices: Sequence[int]) -> Vector:

@@ -13,7 +13,7 @@ from gmwm.base.time_base import times_of
 from gmwm.measuring.regression.against import TEMPERATURE, TIME, WARM_UP, CovariateTerm
 from gmwm.measuring.regression.blocks import BlockClock
 from gmwm.measuring.regression.columns import HOUR, Basis
-from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.recording.resolution import lsb
 from gmwm.recording.signals import Signal
 
@@ -33,23 +33,12 @@ FEWEST_KNOWN = 8
 
 @dataclass(frozen=True, eq=False)
 class Covariates:
-    """The covariates of a regression on the blocks of a recording.
-
-    Attributes
-    ----------
-    basis, clock : Basis, BlockClock
-        The terms with the constants of their columns, and the blocks.
-    means, smooth : mappings of name to (n,) array
-        Block means of the measured covariates, interpolated where a block is empty. The subtracted effect is computed
-        from `smooth`, without quantization steps.
-    exact : mapping of name to (N,) array
-        Samples of the covariates that are known exactly.
-    ranges : mapping of name to (lowest, highest)
-        Range of the block means of each covariate. The unit of time is hours.
-    lowest, block : int
-        Finest wavelet level at which the reading errors of all covariates are small enough, and length (samples) of the
-        blocks over which they are averaged, which can be longer than those of the clock.
-    """
+    """The covariates of a regression on the blocks (`clock`) of a recording. `means` are the block means of the
+    measured ones, interpolated where a block is empty. The subtracted effect is computed from `smooth`, without
+    quantization steps, and from the samples `exact` of covariates without error. `ranges` are the ranges of the block
+    means; the unit of time is hours. `lowest` is the finest wavelet level at which all reading errors are small enough,
+    and `block` the length (samples) of the blocks over which they are averaged, which can be longer than those of the
+    clock."""
 
     basis: Basis
     clock: BlockClock
@@ -222,7 +211,7 @@ def known_level(values: Vector, signal: Signal, step: float) -> int | None:
     Each reading may be held for several samples. At longer scales, the reading error is white, so its wavelet variance
     decreases with the scale. The total variance decreases until the changes of the covariate dominate. Without noise,
     the rounding error of quantization steps q has the variance q²/12, which is used at every scale."""
-    curve = signal_wavelet_variance(_beside(signal, values)).variance
+    curve = wavelet_variance(_beside(signal, values)).variance
     valley = 0 if step else min(max(int(np.ceil(np.log2(_usual_run(values)))), 0), curve.size - 1)
     while valley + 1 < curve.size and curve[valley + 1] < curve[valley]:
         valley += 1

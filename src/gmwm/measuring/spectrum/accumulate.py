@@ -170,10 +170,8 @@ class SpectrumAccumulator(OneAtATime):
             raise OptionError(
                 f"the following part must begin with sample {self.stop}, where this part ends; it begins with "
                 f"sample {following.start}",
-                argument="start",
-                got=following.start,
-                advice="Pass {--start} when the part is made.",
-            )
+                argument="start", got=following.start, advice="Pass {--start} when the part is made.",
+            )  # fmt: skip
         self._fold()
         following._fold()
         return self._join(following)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
-from typing import overload
+from typing import Any, overload
 
 from numpy.typing import ArrayLike
 
@@ -111,31 +110,16 @@ def psd(
     True
     """
     as_confidence(confidence)
-    measure = partial(signal_psd, length=length, detrend=detrend, confidence=confidence, fill_gaps=fill_gaps)
     if isinstance(x, Imu):
-        return PowerSpectra(spectra=in_threads(lambda _, signal: measure(signal, rate), x.signals))
-    return measure(x, rate)
-
-
-def signal_psd(
-    x: Signal | ArrayLike,
-    rate: float | None = None,
-    *,
-    length: int | None = None,
-    detrend: Detrend = "constant",
-    confidence: float = 0.95,
-    fill_gaps: bool = True,
-) -> PowerSpectrum:
-    """Estimate the power spectral density of one signal, as `psd` does; the arguments are the same."""
+        options: Any = {"length": length, "detrend": detrend, "confidence": confidence, "fill_gaps": fill_gaps}
+        return PowerSpectra(spectra=in_threads(lambda _, signal: psd(signal, rate, **options), x.signals))
     segments: list[Vector]
     if isinstance(x, Signal):
         if rate is not None and as_rate(rate) != x.rate:
             raise OptionError(
-                f"the rate of the signal is {x.rate:g} Hz; got {rate:g} Hz",
-                argument="rate",
-                got=rate,
+                f"the rate of the signal is {x.rate:g} Hz; got {rate:g} Hz", argument="rate", got=rate,
                 advice="Leave {--rate} out.",
-            )
+            )  # fmt: skip
         signal = x.fill_gaps() if fill_gaps else x
         segments, rate, unit, axis = signal.segment_values(), x.rate, x.unit, x.axis
     else:

@@ -143,11 +143,8 @@ class PowerSpectrum(Summarised, Plotted):
             for values in (self.density, self.frequencies, self.degrees_of_freedom)
         )
         return replace(
-            self,
-            frequencies=frequencies,
-            density=density,
-            degrees_of_freedom=pooled_freedom(freedom, count),
-        )
+            self, frequencies=frequencies, density=density, degrees_of_freedom=pooled_freedom(freedom, count),
+        )  # fmt: skip
 
     def detectable_amplitude(self, frequency: ArrayLike, power: float = 0.9) -> Vector:
         """Return the smallest amplitude (u) of a sinusoid that is found as a line with a given probability.

@@ -55,20 +55,10 @@ class Alternative:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SpectralShape:
-    """ARMA process whose power spectral density describes the measured density at high frequencies.
-
-    Attributes
-    ----------
-    phi, theta : (p,), (q,) arrays
-        Coefficients of the process X_t = Σ φ_i X_{t−i} + ε_t + Σ θ_i ε_{t−i}.
-    innovation, covariance : float, (p + q, p + q) array
-        Variance of ε, in unit², and covariance of the errors of the coefficients.
-    misfit : float
-        Mean squared difference between the logarithms of the measured and the fitted density, relative to its
-        expectation; near 1 for a good fit.
-    alternatives : tuple of Alternative
-        Processes of other orders with a weight of at least 1 %.
-    """
+    """ARMA process whose power spectral density describes the measured density at high frequencies: X_t = Σ φ_i X_{t−i}
+    + ε_t + Σ θ_i ε_{t−i}. `innovation` is the variance of ε (unit²), and `covariance` that of the errors of the
+    coefficients. `misfit` is the mean squared difference between the logarithms of both densities, relative to its
+    expectation, near 1 for a good fit. `alternatives` are processes of other orders with a weight of at least 1 %."""
 
     phi: Vector
     theta: Vector
@@ -90,7 +80,7 @@ class SpectralShape:
 def short_memory(
     frequencies: Vector, density: Vector, degrees_of_freedom: Vector, *, rate: float, known: Vector
 ) -> SpectralShape:
-    """Fit an ARMA process to the part of a power spectral density that other processes do not explain.
+    """Fit an ARMA process to the part of a power spectral density that other processes (`known`) do not explain.
 
     The sum of squares of log(measured / model) is minimised, with weights 1 / (2/η + 0.005²). The search starts with
     white noise and adds one to four roots at a time, from several starting points near the largest residuals. It stops
@@ -99,16 +89,8 @@ def short_memory(
     uncertain is not used. Source: Brockwell and Davis (1991), Time Series: Theory and Methods, section 10.8, for the
     likelihood that these least squares approximate.
 
-    Parameters
-    ----------
-    frequencies : (n,) array
-        Frequencies (Hz), ascending, without the frequencies of lines.
-    density, degrees_of_freedom : (n,) arrays
-        Measured two-sided density (unit² per cycle per sample, σ² for white noise), and its degrees of freedom η.
-    rate : float
-        Sampling rate (Hz).
-    known : (n,) array
-        Density of the other processes, called the known part.
+    `frequencies` (Hz) ascend and exclude lines, and `density` is two-sided (unit² per cycle per sample, σ² for white
+    noise).
     """
     angles = 2 * math.pi * frequencies / rate
     plateau = float(np.median(density[: max(density.size // 8, 3)]))

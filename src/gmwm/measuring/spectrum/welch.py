@@ -47,11 +47,9 @@ class Periodograms(NamedTuple):
     def plus(self, other: Periodograms) -> Periodograms:
         """Return the sums over the blocks of `self` and `other`."""
         return Periodograms(
-            total=self.total + other.total,
-            levels=self.levels + other.levels,
-            squares=self.squares + other.squares,
+            total=self.total + other.total, levels=self.levels + other.levels, squares=self.squares + other.squares,
             blocks=self.blocks + other.blocks,
-        )
+        )  # fmt: skip
 
 
 @lru_cache(maxsize=16)

@@ -13,7 +13,7 @@ from gmwm.base.arrays import Vector, as_rate
 from gmwm.base.errors import DataError, OptionError, ReadError
 from gmwm.base.locks import one_at_a_time
 from gmwm.measuring.confidence_limits import chi_square_limits
-from gmwm.measuring.variance.api import signal_wavelet_variance
+from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY, biweight, require_robust
 from gmwm.measuring.variance.coefficients import require_digits
 from gmwm.measuring.variance.open_segments import DEEPEST, EXACT, SegmentedAccumulator
@@ -138,7 +138,7 @@ class WaveletAccumulator(SegmentedAccumulator):
             self._require_counts()
         self._require_samples()
         if self.holds_all:
-            wv = signal_wavelet_variance(
+            wv = wavelet_variance(
                 self._signal(), levels=min(self.levels, max(self.lengths).bit_length() - 1), robust=robust,
                 efficiency=efficiency, confidence=confidence, fill_gaps=False,
             )  # fmt: skip

@@ -57,10 +57,8 @@ def coefficient_unit(term: Term, unit: str, units: Literal["si", "datasheet"] = 
     if units == "datasheet" and find_unit(unit) is None:
         raise OptionError(
             f"datasheet units need an angular rate or an acceleration; the data have {unit or 'no unit'}",
-            argument="unit",
-            got=unit,
-            advice="Use {--units=si}.",
-        )
+            argument="unit", got=unit, advice="Use {--units=si}.",
+        )  # fmt: skip
     si, factor = noise_unit(-LAWS[term].slope, unit, empty="unit")
     if units == "si":
         return si, factor
@@ -147,11 +145,9 @@ class AllanRegression(Summarised, Plotted):
                 return line
         if any(remark.subject == term for remark in self.remarks):
             raise OptionError(
-                argument="term",
-                expected=f"one of the terms found ({', '.join(self.coefficients) or 'none'})",
-                got=term,
-                advice="`remarks` has the reason why a term is not found.",
-            )
+                argument="term", expected=f"one of the terms found ({', '.join(self.coefficients) or 'none'})",
+                got=term, advice="`remarks` has the reason why a term is not found.",
+            )  # fmt: skip
         raise OptionError(argument="term", expected=f"one of {', '.join(LAWS)}", got=term)
 
     def to_dict(self) -> dict[str, Any]:
@@ -261,11 +257,9 @@ def avlr(
     allan = x if isinstance(x, ClusterVariance) else allan_variance(x, rate)
     if allan.family == "hadamard" or allan.kind == "modified":
         raise OptionError(
-            f"the lines can be fitted to an Allan deviation only; got {with_article(allan.title)}",
-            argument="x",
-            got=x,
+            f"the lines can be fitted to an Allan deviation only; got {with_article(allan.title)}", argument="x", got=x,
             advice="Use `gmwm.allan_variance`.",
-        )
+        )  # fmt: skip
     if isinstance(x, ClusterVariance) and rate is not None and rate != allan.rate:
         raise contradicting_rate(rate, allan.rate, "curve")
     requested = list(terms)

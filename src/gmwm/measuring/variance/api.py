@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from functools import partial
 from typing import Any, overload
 
 import numpy as np
@@ -161,28 +160,13 @@ def wavelet_variance(
     >>> wavelet_variance(Imu.from_arrays({"gyro_x": x, "gyro_y": x}, rate=100.0))
     WaveletVariances(gyro_x, gyro_y: haar, 12 levels, 4096 samples at 100 Hz)
     """
-    measure = partial(
-        signal_wavelet_variance, filter=filter, transform=transform, levels=levels, robust=robust,
-        efficiency=efficiency, confidence=confidence, fill_gaps=fill_gaps,
-    )  # fmt: skip
     if isinstance(x, Imu):
-        return WaveletVariances(curves={axis: measure(signal, rate) for axis, signal in x.signals.items()})
-    return measure(x, rate)
-
-
-def signal_wavelet_variance(
-    x: Signal | ArrayLike,
-    rate: float | None = None,
-    *,
-    filter: str | WaveletFilter = "haar",
-    transform: Transform = "modwt",
-    levels: int | None = None,
-    robust: bool = False,
-    efficiency: float = 0.6,
-    confidence: float = 0.95,
-    fill_gaps: bool = True,
-) -> WaveletVariance:
-    """Estimate the wavelet variance of one signal, as `wavelet_variance` does; the arguments are the same."""
+        options: Any = {
+            "filter": filter, "transform": transform, "levels": levels, "robust": robust, "efficiency": efficiency,
+            "confidence": confidence, "fill_gaps": fill_gaps,
+        }  # fmt: skip
+        curves = {axis: wavelet_variance(signal, rate, **options) for axis, signal in x.signals.items()}
+        return WaveletVariances(curves=curves)
     as_confidence(confidence)
     wavelet = find_filter(filter)
     one_of(transform, "transform", ("modwt", "dwt"))
@@ -206,11 +190,9 @@ def signal_wavelet_variance(
     deepest = deepest_level(n, wavelet, transform)
     if deepest < 1:
         raise DataError(
-            f"the filter {wavelet.name} needs at least {wavelet.length} samples without a gap; got {n}",
-            argument="x",
-            got=n,
-            advice="Use {--filter=haar}, or a longer recording.",
-        )
+            f"the filter {wavelet.name} needs at least {wavelet.length} samples without a gap; got {n}", argument="x",
+            got=n, advice="Use {--filter=haar}, or a longer recording.",
+        )  # fmt: skip
     levels = as_level_count(levels, deepest, n)
 
     numbers = np.arange(1, levels + 1, dtype=np.int64)

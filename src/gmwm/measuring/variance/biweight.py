@@ -69,11 +69,9 @@ def require_robust(robust: bool, efficiency: float | None) -> None:
 def unused_efficiency(efficiency: float | None) -> OptionError:
     """Return the error for an efficiency that is given for a classical estimate."""
     return OptionError(
-        f"the efficiency {efficiency!r} applies to the robust wavelet variance only",
-        argument="efficiency",
-        got=efficiency,
-        advice="Pass {--robust=yes} too, or leave {--efficiency} out.",
-    )
+        f"the efficiency {efficiency!r} applies to the robust wavelet variance only", argument="efficiency",
+        got=efficiency, advice="Pass {--robust=yes} too, or leave {--efficiency} out.",
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=64)

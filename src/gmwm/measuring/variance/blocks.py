@@ -58,27 +58,13 @@ _KEPT = STEPS - 1
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Blocks of one step in a segment of samples, with the sum of the squared coefficients.
-
-    Attributes
-    ----------
-    step : int
-        Number of samples in a block, τ/64.
-    first, last : int
-        Indices of the first complete block and of the end; last < first if the segment contains no multiple of the
-        step.
-    before, after : float
-        Sums of the samples before the first and after the last complete block; `before` is the sum of all if last <
-        first.
-    heads, tails : arrays
-        Sums of the samples in the first and the last 63 blocks.
-    squares, count : float, int
-        Sum of (sum of 32 blocks − sum of the 32 preceding blocks)², and the number of terms.
-    total, moment : float
-        Σ b_k and Σ (k − first) b_k over all complete blocks with the sums b_k.
-    part, resolution : LevelStatistic or None, float
-        Further statistics of the coefficients W, and the largest |W| that can be a rounding error.
-    """
+    """Blocks of `step` = τ/64 samples in a segment, with the sum of the squared coefficients. `first` and `last` are
+    the indices of the first complete block and of the end; last < first if the segment contains no multiple of the
+    step. `before` and `after` are the sums of the samples outside these blocks (`before` of all if last < first),
+    `heads` and `tails` those in the first and the last 63 blocks. `squares` and `count` are the sum of (sum of 32
+    blocks − sum of the 32 preceding blocks)² and its number of terms, `total` and `moment` are Σ b_k and Σ (k − first)
+    b_k over the sums b_k. `part` are further statistics of the coefficients W, and `resolution` is the largest |W| that
+    can be a rounding error."""
 
     step: int
     first: int
@@ -119,23 +105,15 @@ class Blocks:
         if tails.size < _KEPT:
             tails = np.concatenate([self.tails, middle, tails])[-_KEPT:]
         return Blocks(
-            step=self.step,
-            first=self.first,
-            last=later.last,
-            before=self.before,
-            after=later.after,
-            heads=heads,
-            tails=tails,
-            squares=self.squares + later.squares + squares,
-            count=self.count + later.count + count,
+            step=self.step, first=self.first, last=later.last, before=self.before, after=later.after, heads=heads,
+            tails=tails, squares=self.squares + later.squares + squares, count=self.count + later.count + count,
             total=self.total + sum(middle) + later.total,
             moment=self.moment
             + sum(middle) * (self.last - self.first)
             + later.moment
             + later.total * (later.first - self.first),
-            part=part,
-            resolution=max(self.resolution, later.resolution, resolution),
-        )
+            part=part, resolution=max(self.resolution, later.resolution, resolution),
+        )  # fmt: skip
 
     @property
     def rise(self) -> float | None:

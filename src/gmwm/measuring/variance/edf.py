@@ -33,20 +33,13 @@ def degrees_of_freedom(
 
         1/edf = [s_z(0)² + (1 − J/M) s_z(J/S)² + 2 Σ_{0<j<J} (1 − j/M) s_z(j/S)²] / (M s_z(0)²).
 
-    A sum of more than 240 terms is replaced by the trapezoidal rule with 240 nodes on the same interval. For small
-    clusters, white and random walk FM are discrete-time processes, as in the rest of the package. Source: Greenhall and
-    Riley (2003), 35th PTTI Meeting, 267-280, who average the phase over a sample and use tabulated limits; NIST SP 1065
-    (2008), section 5.4.
+    A sum of more than 240 terms is replaced by the trapezoidal rule with 240 nodes. For small clusters, white and
+    random walk FM are discrete-time processes. Source: Greenhall and Riley (2003), 35th PTTI Meeting, 267-280, who
+    average the phase over a sample and use tabulated limits; NIST SP 1065 (2008), section 5.4.
 
-    Parameters
-    ----------
-    exponents, clusters : (n,) int arrays
-        Noise exponent α (2 − 2d < α <= 2 and α > 1 − 2d) and size m (samples) of each cluster.
-    points, order : int
-        Number of values of the phase, and order d: 2 for the Allan variance and 3 for the Hadamard variance.
-    overlapping, modified : bool
-        Whether a difference starts at every sample (S = m, else S = 1), and whether differences are averaged over a
-        cluster.
+    `exponents` are the noise exponents α (2 − 2d < α <= 2 and α > 1 − 2d) of clusters of m samples, `points` the number
+    of values of the phase, and `order` is d (2: Allan, 3: Hadamard). If `overlapping`, a difference starts at every
+    sample (S = m, else S = 1); if `modified`, differences are averaged over a cluster.
 
     >>> degrees_of_freedom(np.array([0, 0]), np.array([1, 10]), 1001, order=2, overlapping=True).round(1)
     array([666.2, 146.1])

@@ -139,10 +139,8 @@ class SegmentedAccumulator(OneAtATime):
             raise OptionError(
                 f"the following part must begin with sample {self.stop}, where this part ends; it begins with "
                 f"sample {following.start}",
-                argument="start",
-                got=following.start,
-                advice="Pass {--start} when the part is made.",
-            )
+                argument="start", got=following.start, advice="Pass {--start} when the part is made.",
+            )  # fmt: skip
 
     def _take_state(self, other: Self) -> None:
         """Copy the state of another accumulator; segments are immutable, so both can share them."""

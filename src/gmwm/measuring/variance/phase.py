@@ -84,11 +84,9 @@ def phase_of(
 def contradicting_rate(rate: float, expected: float, owner: str) -> OptionError:
     """Return the error for a `rate` that differs from the `known` rate (Hz) of the signal or curve."""
     return OptionError(
-        f"the rate of {rate:g} Hz contradicts the {owner}, which has {expected:g} Hz",
-        argument="rate",
-        got=rate,
+        f"the rate of {rate:g} Hz contradicts the {owner}, which has {expected:g} Hz", argument="rate", got=rate,
         advice="Leave {--rate} out.",
-    )
+    )  # fmt: skip
 
 
 def _rate_unit(unit: str) -> str:
@@ -135,18 +133,14 @@ def cluster_sizes(clusters: Clusters | ArrayLike, largest: int, usual: int | Non
     sizes: NDArray[Any] = np.asarray(clusters)
     if sizes.ndim != 1 or sizes.size == 0 or sizes.dtype.kind not in "iu":
         raise OptionError(
-            argument="clusters",
-            expected="a list of integers (samples)",
-            got=clusters,
+            argument="clusters", expected="a list of integers (samples)", got=clusters,
             advice="A cluster of n samples has the averaging time n / rate.",
-        )
+        )  # fmt: skip
     low, high = sizes.min(), sizes.max()
     if low < 1 or high > largest or np.any(np.diff(sizes.astype(np.int64)) <= 0):
         raise OptionError(
-            argument="clusters",
-            expected=f"ascending integers from 1 to {largest} for this recording",
-            got=clusters,
-        )
+            argument="clusters", expected=f"ascending integers from 1 to {largest} for this recording", got=clusters,
+        )  # fmt: skip
     return np.asarray(sizes, dtype=np.int64)
 
 

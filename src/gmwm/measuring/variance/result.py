@@ -233,10 +233,8 @@ class WaveletVariance(Summarised, Plotted):
         if counts[-1] < 1:
             raise DataError(
                 f"{values.size} levels need at least {wavelet.width(values.size)} samples; got {samples}",
-                argument="samples",
-                got=samples,
-                advice="Pass the length of the signal, or fewer levels.",
-            )
+                argument="samples", got=samples, advice="Pass the length of the signal, or fewer levels.",
+            )  # fmt: skip
         efficiency = _checked_efficiency(robust, efficiency)
         eta = degrees_of_freedom(counts, levels, transform) * (efficiency or 1.0)
         low, high = chi_square_limits(values, eta, confidence)
@@ -426,13 +424,11 @@ class WaveletVariance(Summarised, Plotted):
         diagnostics = {name: {key: [values[k] for k in indices if k < len(values)] for key, values in content.items()}
                        if name == "robust" else content for name, content in self.diagnostics.items()}  # fmt: skip
         return replace(
-            self,
-            **arrays,
-            diagnostics=diagnostics,
+            self, **arrays, diagnostics=diagnostics,
             strides=tuple(self.strides[k] for k in indices) if self.strides else (),
             excess=None if self.excess is None else self.excess[np.ix_(indices, indices)],
             recordings={name: curve._at(indices[indices < len(curve)]) for name, curve in self.recordings.items()},
-        )
+        )  # fmt: skip
 
     def __repr__(self) -> str:
         kind = "robust " if self.robust else ""

@@ -39,13 +39,11 @@ class RiseSums(NamedTuple):
         number, apart = self.number + later.number, later.time - self.time
         share, step = later.number / number, later.value - self.value
         return RiseSums(
-            number=number,
-            time=self.time + share * apart,
-            value=self.value + share * step,
+            number=number, time=self.time + share * apart, value=self.value + share * step,
             times2=self.times2 + later.times2 + self.number * share * apart**2,
             product=self.product + later.product + self.number * share * apart * step,
             known=float(self.known and later.known and apart > 0),
-        )
+        )  # fmt: skip
 
     def slope(self) -> float | None:
         """Return the rise per sample; None if the times are not known."""

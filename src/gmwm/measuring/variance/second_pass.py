@@ -67,11 +67,9 @@ class SecondPass(SegmentedAccumulator):
         for name in ("limits", "low", "high", "kept"):
             if not np.array_equal(getattr(self._request, name), getattr(following._request, name)):
                 raise OptionError(
-                    "the two parts belong to different first passes",
-                    argument="following",
-                    got=following,
+                    "the two parts belong to different first passes", argument="following", got=following,
                     advice="Make both parts with `part` of the same second pass.",
-                )
+                )  # fmt: skip
         joint = self.part(self.start)
         joint._take_state(self)
         joint._append(following)

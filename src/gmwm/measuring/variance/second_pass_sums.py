@@ -88,12 +88,9 @@ class LevelSums:
         """Add the sums of two sets of coefficients."""
         sizes = np.concatenate([self.sizes, other.sizes]) if other.sizes.size else self.sizes
         return LevelSums(
-            self.cubed + other.cubed,
-            self.fourth + other.fourth,
-            below=self.below + other.below,
-            inside=self.inside.merge(other.inside),
-            sizes=sizes,
-        )
+            self.cubed + other.cubed, self.fourth + other.fourth, below=self.below + other.below,
+            inside=self.inside.merge(other.inside), sizes=sizes,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,24 +20,12 @@ LONGEST = 1 << 61
 
 @dataclass(frozen=True, eq=False)
 class SegmentState:
-    """State of a segment of consecutive samples. The first sample is subtracted, so a large offset causes no rounding
-    error.
-
-    Attributes
-    ----------
-    exact : int
-        Number of levels at which every coefficient is used.
-    start, count, reference : int, int, float
-        Index of the first sample in the recording, number of samples, and value of the first sample.
-    head, tail : arrays
-        The first and the last 2^exact − 1 samples, minus `reference`.
-    squares : (exact,) array
-        Sum of the squared coefficients at each exact level.
-    blocks : tuple of Blocks
-        Block sums for the higher levels, at least one.
-    statistics : Statistics or None
-        Further statistics of the coefficients of the exact levels.
-    """
+    """State of a segment of consecutive samples, from which the values of the first one (`reference`) are subtracted,
+    so that a large offset causes no rounding error. `exact` is the number of levels at which every coefficient is used,
+    `start` the index of the first sample in the recording, and `count` the number of samples. `head` and `tail` are the
+    first and the last 2^exact − 1 samples, `squares` (exact,) the sums of the squared coefficients, `blocks` the block
+    sums for the higher levels (at least one), and `statistics` further statistics of the coefficients of the exact
+    levels."""
 
     exact: int
     start: int
@@ -102,19 +90,15 @@ class SegmentState:
                 if collector is not None:
                     statistics = _merge(statistics, collector.across(total, level))
         return SegmentState(
-            exact=self.exact,
-            start=self.start,
-            count=self.count + later.count,
-            reference=self.reference,
+            exact=self.exact, start=self.start, count=self.count + later.count, reference=self.reference,
             head=self.head if self.head.size == reach else np.concatenate([self.head, head])[:reach],
-            tail=tail if tail.size == reach else np.concatenate([self.tail, tail])[-reach:],
-            squares=squares,
+            tail=tail if tail.size == reach else np.concatenate([self.tail, tail])[-reach:], squares=squares,
             blocks=tuple(
                 a.followed_by(b.shift(offset, later.start, later.stop), collector)
                 for a, b in zip(self.blocks, later.blocks, strict=True)
             ),
             statistics=statistics,
-        )
+        )  # fmt: skip
 
     def sums(self, levels: int) -> tuple[Vector, NDArray[np.int64]]:
         """Return Σ W² (J,) and the number of coefficients used (J,) at levels 1 … J."""

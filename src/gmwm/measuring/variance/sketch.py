@@ -38,16 +38,9 @@ class Sketch:
     """Histogram of the |W| of one level: the number and the sum of the |W| in each bin, as integers.
 
     A sketch needs 2 kB of memory per octave between the smallest and the largest |W|, about 60 kB. A bin can hold up to
-    5·10^11 coefficients without overflow.
-
-    Attributes
-    ----------
-    zeros, beyond : int
-        Numbers of zero values (less than 2^-1029) and of infinite values.
-    first : int
-        Number of the first octave. Octave e contains 2^(e − 1023) ≤ |W| < 2^(e − 1022).
-    counts, sums : (128 m,) arrays
-        Number of values in each bin of m octaves, and the sum of (|W| − lower edge) / bin width, in units of 2^-24.
+    5·10^11 coefficients. `zeros` and `beyond` are the numbers of zero values (below 2^-1029) and of infinite values.
+    Octave e, from `first` on, contains 2^(e − 1023) ≤ |W| < 2^(e − 1022). `counts` and `sums` (128 m,) are the number
+    of values in each bin of m octaves, and the sum of (|W| − lower edge) / bin width in units of 2^-24.
 
     >>> w = np.random.default_rng(1).normal(size=100_000)
     >>> part = Sketch.of(w[:30_000]).merge(Sketch.of(w[30_000:]))
@@ -310,12 +303,10 @@ class _Bins:
         with np.errstate(over="ignore", under="ignore"):
             squares = np.concatenate([mean - deviation, mean + deviation]) ** 2
         return cls(
-            np.concatenate([[0.0], mean, [np.inf]]),
-            np.concatenate([[0.0], half, [0.0]]),
-            ends=np.cumsum(np.concatenate([[sketch.zeros], counts, [sketch.beyond]])),
-            squares=squares,
+            np.concatenate([[0.0], mean, [np.inf]]), np.concatenate([[0.0], half, [0.0]]),
+            ends=np.cumsum(np.concatenate([[sketch.zeros], counts, [sketch.beyond]])), squares=squares,
             weights=np.concatenate([number, number]) / 2.0,
-        )
+        )  # fmt: skip
 
     def biweight_sums(self, limit: float) -> tuple[float, float]:
         """Compute Σ v q³ and Σ v q⁴, with v = min(W²/limit, 1) and q = 1 − v. Zero and infinite values contribute 0."""

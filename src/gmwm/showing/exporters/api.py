@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from gmwm.base.atomic_files import write_text
 from gmwm.base.errors import DataError, MissingTheoryError, OptionError
-from gmwm.choosing.datasheets.effective import checked_horizon
-from gmwm.showing.exporters.base import HORIZON, Exporter, ExportOptions, find_exporter, registered
+from gmwm.choosing.datasheets.effective import HORIZON, checked_horizon
+from gmwm.showing.exporters.base import Exporter, ExportOptions, find_exporter, registered
 from gmwm.showing.exporters.reduction import RULES, Rule
 
 if TYPE_CHECKING:

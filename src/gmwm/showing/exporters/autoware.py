@@ -6,12 +6,12 @@ import math
 from typing import TYPE_CHECKING
 
 from gmwm.base.remarks import Remark
-from gmwm.showing.exporters.base import Exporter, ExportOptions, register, sensor_missing, title_line
+from gmwm.showing.exporters.base import Exporter, ExportOptions, register, sensor_missing, top
 from gmwm.showing.exporters.biases import stated, three, unknown
 from gmwm.showing.exporters.findings import of_lines
 from gmwm.showing.exporters.reduction import Number, axes_of, require_unit, ruled
 from gmwm.showing.exporters.ros import sample_variance, terms_without_variance
-from gmwm.showing.exporters.text import cautions, commented, paragraphs, recording, written
+from gmwm.showing.exporters.text import cautions, laid_out, paragraphs, recording, written
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
@@ -44,24 +44,23 @@ class Autoware(Exporter):
         deviations = {axis: Number(math.sqrt(sample_variance(calibration[axis])), False) for axis in (*gyro, *accel)}
         rotation = ruled([(axis, deviations[axis]) for axis in gyro], options.axes, options.inflation)
         force = ruled([(axis, deviations[axis]) for axis in accel], "worst", options.inflation)[0]
-        first, last = paragraphs(self.remarks(calibration, options))
-        head = [
-            title_line(self), recording(calibration), *first,
+        notes = [
+            recording(calibration),
+            *paragraphs(self.remarks(calibration, options)),
             "Units: discrete, standard deviations of one sample at the rate of the recording: rad/s, and m/s² for "
             "acceleration_stddev, the largest of the accelerometers. angular_velocity_offset rad/s is the bias at "
             "rest, which Autoware subtracts.",
             f"Inflation factor: {options.inflation:g} for standard deviations, not for offsets. Horizon: none.",
             *stated(calibration, ("gyro",)),
             "Autoware's defaults, 0.03 rad/s and 10000 m/s², are far larger than the noise of a sensor.",
-            *last,
-        ]  # fmt: skip
+        ]
         lines = ["/**:", "  ros__parameters:"]
         for letter, value in zip("xyz", three(calibration.rest, "gyro"), strict=True):
             lines.append(f"    angular_velocity_offset_{letter}: {written(value)}  # rad/s")
         for letter, number in zip("xyz", rotation, strict=True):
             lines.append(f"    angular_velocity_stddev_{2 * letter}: {written(number)}  # rad/s")
         lines.append(f"    acceleration_stddev: {written(force)}  # m/s^2")
-        return "\n".join([*commented(head, "#"), "", *lines]) + "\n"
+        return laid_out(top(self, calibration), lines, notes, "#")
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
         """Return cautions of the calibration, and remarks on noise that the standard deviations do not include."""

@@ -24,6 +24,7 @@ class Basalt(JsonFile):
     default_axes = "each"
     per_axis = True
     biases_of = ("gyro", "accel")
+    head_first = False  # Basalt reads the first entry
     meaning = (
         "Units: continuous-time densities, one-sigma, of x, y and z. gyro_noise_std rad/s/√Hz, accel_noise_std "
         "m/s²/√Hz, gyro_bias_std rad/s²/√Hz, accel_bias_std m/s³/√Hz. The first three numbers of calib_gyro_bias "

@@ -1,8 +1,9 @@
 """Base class of exporters, base class of formats with two noise parameters per sensor, and registry of formats.
 
-Each format is a subclass of `Exporter` with the decorator `@register`. The head of every exported file describes its
-numbers: units, continuous or discrete time, axes, inflation factor, horizon, noise models, the recording, and which
-numbers are upper limits.
+Each format is a subclass of `Exporter` with the decorator `@register`. A file with N and K begins with its
+verdict in at most three lines. The numbers follow, and then at most 15 lines of comment: the recording, units,
+continuous or discrete time, axes, inflation factor, horizon, how well a filter predicts with the numbers, upper limits,
+and what the numbers leave out.
 """
 
 from __future__ import annotations
@@ -15,29 +16,27 @@ from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from gmwm.base.errors import DataError, GmwmError, OptionError
 from gmwm.base.guests import admit_guests
-from gmwm.base.remarks import Remark
+from gmwm.base.remarks import Remark, Severity
 from gmwm.base.text import version
 from gmwm.base.units import Quantity
-from gmwm.choosing.datasheets.effective import Use
+from gmwm.choosing.datasheets.effective import HORIZON, Use
 from gmwm.showing.exporters.biases import stated, unknown
 from gmwm.showing.exporters.findings import remarks_of
-from gmwm.showing.exporters.heads import models, sweep
-from gmwm.showing.exporters.reduction import (
-    NAMES,
-    RULES,
-    Rule,
-    SensorNoise,
-    sensor_noise,
+from gmwm.showing.exporters.heads import left_out, limits, not_measured, rule_of, verdict
+from gmwm.showing.exporters.quality import predictions
+from gmwm.showing.exporters.reduction import NAMES, Rule, SensorNoise, sensor_noise
+from gmwm.showing.exporters.text import (
+    cautions,
+    is_given,
+    laid_out,
+    paragraphs,
+    recording,
+    written_rate,
 )
-from gmwm.showing.exporters.text import cautions, commented, is_given, paragraphs, recording, written_rate
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
     from gmwm.calibration.rest import BiasAtRest
-
-HORIZON = 1.0
-"""Default horizon (s). It is the usual interval between position fixes of a satellite receiver. A camera takes tens of
-images in this time."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ class ExportOptions:
     inflation : float
         Factor by which standard deviations and noise densities are multiplied. Variances are multiplied by its square.
     horizon : float
-        Horizon T_h (s) for which noise counts as white noise N or as random walk K; see `effective_noise`.
+        Horizon T (s) over which a filter with N and K predicts best; see `effective_noise`.
     rate : float or None
         Sampling rate (Hz) in the program that reads the file; None for the rate of the recording.
     duration : float or None
@@ -160,6 +159,11 @@ def title_line(exporter: Exporter) -> str:
     return f"Noise of an IMU for {exporter.title}. Written by gmwm {version()}."
 
 
+def top(exporter: Exporter, calibration: Calibration) -> list[str]:
+    """Return the paragraphs with which a file begins: its title and its verdict."""
+    return [title_line(exporter), verdict(calibration)]
+
+
 @dataclass(frozen=True)
 class Noise:
     """The noise parameters of a unit for the options of one file.
@@ -237,38 +241,44 @@ class TwoNumbers(Exporter):
         """Return the lines of the file below the head, in ASCII."""
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Return the text of the file: the head as comments, and the body."""
+        """Return the text of the file: the verdict, the numbers, and the notes."""
         noise = self._noise(calibration, options)
-        head = [self.first] if self.first else []
-        head += commented(self.head(calibration, noise), self.comment)
-        return "\n".join([*head, "", *self.body(noise)]) + "\n"
+        return self.layout(top(self, calibration), noise, self.notes(calibration, noise))
+
+    def layout(self, head: Sequence[str], noise: Noise, notes: Sequence[str]) -> str:
+        """Return the text of the file from the paragraphs of its head and of its notes."""
+        first = f"{self.first}\n" if self.first else ""
+        return first + laid_out(head, self.body(noise), notes, self.comment)
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
-        """Return cautions of the calibration, and remarks on upper limits and on terms that N and K do not describe."""
+        """Return cautions of the calibration, and remarks on upper limits and on sinusoids."""
         return self._remarks(calibration, self._noise(calibration, options))
 
-    def head(self, calibration: Calibration, noise: Noise) -> list[str]:
-        """Return the paragraphs of the head of the file."""
+    def notes(self, calibration: Calibration, noise: Noise) -> list[str]:
+        """Return the paragraphs below the numbers, the most important first."""
         options = noise.options
-        first, last = paragraphs(self._remarks(calibration, noise))
-        head = [title_line(self), recording(calibration), *first, *self.meaning]
-        for sensor in noise.sensors:
-            axes = ", ".join(one.axis for one in sensor.axes)
-            rule = f"{RULES[options.axes]} {axes}"
-            if len(sensor.axes) == 1:
-                rule = axes
-            elif options.axes == "worst":
-                worst = f"all numbers are from {sensor.worst.axis}"
-                rule = f"{worst}, which has the largest Allan deviation at the horizon (of {axes})"
-            head.append(f"{NAMES[sensor.quantity].capitalize()}: {rule}.")
-        measured = not is_given(calibration)
+        found = list(remarks_of(noise, calibration.settings.confidence))
+        rates = [remark for remark in found if remark.code == "rates-differ"]
+        warned, measured = cautions(calibration), not is_given(calibration)
         at_rest = " Measured at rest; in the field, filters usually need more." if options.inflation == 1 else ""
-        head += [
-            f"Inflation factor: {options.inflation:g}.{at_rest if measured else ''}",
-            f"Horizon: {options.horizon:g} s. Terms with a shorter correlation time are part of N, the others of K.",
-            *models(noise, calibration), *sweep(noise), *stated(calibration, self.biases_of), *last,
-        ]  # fmt: skip
-        return [*head, *self.advice(noise)]
+        return [
+            recording(calibration),
+            *self.meaning,
+            *paragraphs([*(remark for remark in warned if remark.severity <= Severity.BIASED), *rates]),
+            *(rule_of(sensor, options.axes) for sensor in noise.sensors),
+            *limits(found),
+            *not_measured(unknown(calibration, self.biases_of)),
+            f"Inflation factor: {options.inflation:g}.{at_rest if measured else ''} Horizon: {options.horizon:g} s.",
+            *left_out(noise.sensors),
+            *self.predictions(noise),
+            *stated(calibration, self.biases_of),
+            *self.advice(noise),
+            *paragraphs(remark for remark in warned if remark.severity > Severity.BIASED),
+        ]
+
+    def predictions(self, noise: Noise) -> list[str]:
+        """Return sentences on how well a filter with the numbers predicts."""
+        return [] if self.flicker else predictions(noise.sensors)
 
     def advice(self, noise: Noise) -> tuple[str, ...]:
         """Return sentences on how to use the file."""

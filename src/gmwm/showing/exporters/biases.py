@@ -28,17 +28,19 @@ def known_axes(rest: Mapping[str, BiasAtRest], quantity: Quantity) -> list[str]:
 
 
 def stated(calibration: Calibration, quantities: Sequence[Quantity]) -> Iterator[str]:
-    """Yield a sentence on the bias of each axis, with its value, its standard error and the size of its changes."""
+    """Yield a sentence on the biases of each sensor, with standard errors and the size of their changes."""
     for quantity in quantities:
-        unit = SI_UNIT[quantity]
-        for axis in sorted(known_axes(calibration.rest, quantity)):
-            one = calibration.rest[axis]
-            spread = f", turn-on spread {one.turn_on:.2g} {unit}" if one.turn_on is not None else ""
-            yield (
-                f"Bias of {axis} at rest: {one.bias:.4g} {unit}, standard error {one.bias_error:.2g} {unit}, rms of "
-                f"its changes over {one.duration:.4g} s {one.rms:.2g} {unit}{spread}. It changes when the unit is "
-                "switched on, and with temperature."
-            )
+        axes = sorted(known_axes(calibration.rest, quantity))
+        if not axes:
+            continue
+        rest = [calibration.rest[axis] for axis in axes]
+        each = ", ".join(
+            f"{axis} {bias.bias:.3g} +- {bias.bias_error:.1g}" for axis, bias in zip(axes, rest, strict=True)
+        )
+        rms = max(bias.rms for bias in rest)
+        spread = [bias.turn_on for bias in rest if bias.turn_on is not None]
+        turn_on = f", turn-on spread {max(spread):.2g}" if spread else ""
+        yield f"Bias at rest ({SI_UNIT[quantity]}): {each}; rms over {rest[0].duration:.4g} s {rms:.2g}{turn_on}."
 
 
 def unknown(calibration: Calibration, quantities: Sequence[Quantity]) -> Iterator[Remark]:

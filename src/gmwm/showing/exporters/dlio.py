@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 from gmwm.base.errors import DataError
 from gmwm.base.remarks import Remark
-from gmwm.showing.exporters.base import Exporter, ExportOptions, register, title_line
+from gmwm.showing.exporters.base import Exporter, ExportOptions, register, top
 from gmwm.showing.exporters.biases import known_axes, stated, three, unknown
-from gmwm.showing.exporters.text import cautions, commented, paragraphs, recording, written
+from gmwm.showing.exporters.text import cautions, laid_out, paragraphs, recording, written
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
@@ -34,22 +34,21 @@ class Dlio(Exporter):
                 "dlio needs the biases of the gyroscopes, but this calibration has none",
                 advice="Calibrate a recording with gyroscopes, and not a wavelet variance.",
             )
-        first, last = paragraphs(self.remarks(calibration, options))
-        head = [
-            title_line(self), recording(calibration), *first,
+        notes = [
+            recording(calibration),
+            *paragraphs(self.remarks(calibration, options)),
             "Units: biases at rest, accelerometers m/s², gyroscopes rad/s, in the order x, y, z. DLIO has no "
             "parameters for N and K. Inflation factor: none. Horizon: none.",
             *stated(calibration, ("gyro", "accel")),
             "With calibration: false, DLIO starts with these biases. With true, it estimates them in its first seconds "
             "and ignores them. Keep sm of your file if you have calibrated scale factors.",
-            *last,
-        ]  # fmt: skip
+        ]
         lines = ["dlio:", "  imu:", "    calibration: false", "    intrinsics:"]
         for key, quantity, extra in (("accel", "accel", True), ("gyro", "gyro", False)):
             values = three(calibration.rest, "accel" if quantity == "accel" else "gyro")
             lines += [f"      {key}:", f"        bias: [{', '.join(map(written, values))}]"]
             lines += ["        sm: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]"] if extra else []
-        return "\n".join([*commented(head, "#"), "", *lines]) + "\n"
+        return laid_out(top(self, calibration), lines, notes, "#")
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
         """Return cautions of the calibration, and remarks on axes whose bias is not known."""

@@ -1,4 +1,4 @@
-"""Create the remarks on an exported file: noise that it leaves out, upper limits, and replaced terms."""
+"""Create the remarks on an exported file: noise that it leaves out, and upper limits."""
 
 from __future__ import annotations
 
@@ -9,16 +9,11 @@ from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.units import SI_UNIT, noise_unit
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.likelihood.system import is_ramp
-from gmwm.showing.exporters.reduction import NAMES, Number, counted_as, lines_of, replaced_terms
+from gmwm.showing.exporters.reduction import NAMES, Number, lines_of
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
     from gmwm.showing.exporters.base import Noise
-
-NEAR = 3.0
-"""A file has the remark `near-horizon` if a correlation time differs from the horizon by less than this factor.
-
-The value is a convention (tests/exporters/test_export.py)."""
 
 _TIME_POWER = {"N": 0.5, "K": -0.5, "B": 0.0}
 """Power of time in the unit of each parameter, for `noise_unit`."""
@@ -38,17 +33,9 @@ def remarks_of(noise: Noise, confidence: float) -> Iterator[Remark]:
     rates = {sensor.quantity: Quantity(sensor.rate, "Hz") for sensor in noise.sensors}
     if len({rate.value for rate in rates.values()}) > 1 and noise.options.rate is None:
         yield Remark.of("rates-differ", gyro=rates["gyro"], accel=rates["accel"])
-    horizon = noise.options.horizon
     for sensor in noise.sensors:
-        for one in sensor.axes:
-            if left := counted_as(one.fit, one.use)[""]:
-                yield Remark.of("terms-left-out", one.axis, terms=tuple(left))
-            yield from of_lines(one.axis, one.fit)
-            if terms := replaced_terms(one.fit, one.use):
-                yield _replaced(one.axis, terms, horizon)
-            times = [p.correlation_time(sensor.rate) or 0.0 for p in one.fit.model.processes if p.scale > 0]
-            if any(1 / NEAR < time / horizon < NEAR for time in times):
-                yield Remark.of("near-horizon", one.axis, factor=NEAR)
+        for axis in sensor.axes:
+            yield from of_lines(axis.axis, axis.fit)
 
 
 def of_lines(axis: str, fit: Fit) -> Iterator[Remark]:
@@ -67,14 +54,6 @@ def of_ramps(calibration: Calibration) -> Iterator[Remark]:
                 yield Remark.of("ramp-in-matrices", axis, term=term)
 
 
-def _replaced(axis: str, terms: tuple[str, ...], horizon: float) -> Remark:
-    """Return the remark that states at which averaging time replaced terms and their replacement have equal Allan
-    deviations."""
-    # The Allan deviation of a random walk grows as √t, so a factor of 100 in time changes it by a factor of 10.
-    at, early, late = (Quantity(factor * horizon, "s") for factor in (1, 0.01, 100))
-    return Remark.of("counted-at-horizon", axis, terms=terms, horizon=at, early=early, late=late)
-
-
 def _upper_limits(noise: Noise, confidence: float) -> Iterator[Remark]:
     """Yield remarks on the parameters of a file that are upper limits instead of measured values."""
     rule, level = noise.options.axes, Quantity(50 + 50 * confidence, "%")
@@ -85,7 +64,7 @@ def _upper_limits(noise: Noise, confidence: float) -> Iterator[Remark]:
             axes: dict[str, Number] = {one.axis: getattr(one, symbol) for one in sensor.axes}
             limited = [axis for axis, number in axes.items() if number.upper]
             if rule != "mean":
-                shown = limited if rule == "each" else [a for a in limited if a == sensor.worst.axis]
+                shown = limited if rule == "each" else [a for a in limited if a == sensor.worst(symbol).axis]
                 if shown:
                     yield Remark.of("upper-limit", f"{symbol} of {', '.join(shown)}", level=level)
             elif getattr(sensor, symbol)[0].upper:

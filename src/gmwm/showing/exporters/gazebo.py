@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
-from gmwm.showing.exporters.base import ExportOptions, Noise, register
+from gmwm.showing.exporters.base import Noise, register
 from gmwm.showing.exporters.markov import Bias, GaussMarkov, of_sensor
 from gmwm.showing.exporters.reduction import Number
-from gmwm.showing.exporters.text import unended, written
-
-if TYPE_CHECKING:
-    from gmwm.calibration import Calibration
+from gmwm.showing.exporters.text import commented, commented_notes, shortened, unended, written
 
 
 @register
@@ -40,12 +36,10 @@ class Gazebo(GaussMarkov):
     )
     usage = ("Put this element into <sensor type='imu'>. Its update_rate must be the rate of stddev.",)
 
-    def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Return the text of the file, with the head as one XML comment."""
-        text = super().export(calibration, options)
-        head, _, body = text.partition("\n\n")
-        lines = "\n".join(f"  {unended(line.strip())}" for line in head.splitlines())
-        return f"<!--\n{lines}\n-->\n{body}"
+    def layout(self, head: Sequence[str], noise: Noise, notes: Sequence[str]) -> str:
+        """Return the text of the file, with the head and the notes as XML comments."""
+        above, below = commented(shortened(head), ""), commented_notes(notes, "")
+        return "\n".join([*_comment(above), *self.body(noise), *_comment(below)]) + "\n"
 
     def rows(self, noise: Noise, found: Mapping[str, Bias]) -> Sequence[str]:
         """Return the XML element "imu" with the noise of each axis."""
@@ -57,6 +51,10 @@ class Gazebo(GaussMarkov):
                 lines += _axis(letter, white.scaled(math.sqrt(noise.rate)), sigma.scaled(math.sqrt(2 / time)), time)
             lines.append(f"  </{names[sensor.quantity]}>")
         return [*lines, "</imu>"]
+
+
+def _comment(lines: Sequence[str]) -> list[str]:
+    return ["<!--", *(f"  {unended(line.strip())}" for line in lines), "-->"]
 
 
 def _axis(letter: str, stddev: Number, drive: Number, time: float) -> list[str]:

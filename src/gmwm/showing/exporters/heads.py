@@ -1,113 +1,84 @@
-"""Paragraphs of the head of a file: terms included in N and K, datasheet values, and dependence on the horizon."""
+"""Sentences of an exported file: its verdict, the axes of its numbers, and what the numbers leave out."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from gmwm.base.text import duration_text
-from gmwm.base.units import SI_UNIT, datasheet_units, noise_unit
-from gmwm.choosing.datasheets.effective import Use, noise_in_use
-from gmwm.choosing.datasheets.entry import significant
-from gmwm.showing.exporters.reduction import AxisNoise, Number, SensorNoise, counted_as
-from gmwm.showing.exporters.two_states import apart, two_states
+from gmwm.base.remarks import Remark, Severity
+from gmwm.base.template import fact_text
+from gmwm.base.text import listed
+from gmwm.base.units import SI_UNIT
+from gmwm.showing.exporters.reduction import NAMES, RULES, AxisNoise, Rule, SensorNoise, lines_of
+from gmwm.showing.exporters.text import is_given
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
-    from gmwm.showing.exporters.base import Noise
 
-HORIZONS = (0.1, 1.0, 10.0, 100.0)
-"""Horizons (s) for which the head lists N and K."""
-FAR, NEARER = 0.2, 2.0
-"""The head states the errors of N and K and of two Gauss-Markov states if N and K are much worse. The relative error of
-N and K in the Allan deviation must be at least FAR, and at least NEARER times the error of two states. Both limits are
-conventions (tests/exporters/test_two_states.py)."""
-ALIKE = 5e-3
-"""If N or K of the file differs from the datasheet by more than this relative amount, the head states both values."""
-_POWERS = {"N": 0.5, "K": -0.5}
+_WHY = {"tilt": "tilt unknown", "recording": "no samples of the axis"}
+"""Reasons why a bias is not known."""
 
 
-def models(noise: Noise, calibration: Calibration) -> list[str]:
-    """Return a sentence for each axis: its model, the terms in N and K, and the datasheet values if they differ."""
+def verdict(calibration: Calibration) -> str:
+    """Return a sentence on whether the numbers of a file can be used, and which axes must not be used."""
+    if is_given(calibration):
+        return "Verdict: these numbers were given, and not measured by gmwm."
+    severe = [remark for remark in calibration.remarks if remark.severity <= Severity.WRONG]
+    if not severe:
+        return f"Verdict: {calibration.verdict.text()}"
+    names = {*calibration.axes, *calibration.failed}
+    axes = list(dict.fromkeys(remark.subject for remark in severe if remark.subject in names))
+    subject = listed(axes) if axes and all(remark.subject in names for remark in severe) else "this file"
+    return f"Verdict: DO NOT USE {subject} until the cause is found. {severe[0].text()}"
+
+
+def rule_of(sensor: SensorNoise, rule: Rule) -> str:
+    """Return a sentence on the axes from which the numbers of a sensor come."""
+    axes = ", ".join(axis.axis for axis in sensor.axes)
+    name = NAMES[sensor.quantity].capitalize()
+    if len(sensor.axes) == 1:
+        return f"{name}: {axes}."
+    if rule != "worst":
+        return f"{name}: {RULES[rule]} {axes}."
+    white, walk = (_source(sensor.worst(symbol), symbol) for symbol in ("N", "K"))
+    return f"{name}: N of {white}, K of {walk}, {RULES[rule]} {axes}."
+
+
+def _source(axis: AxisNoise, symbol: str) -> str:
+    return f"{axis.axis} (upper limit)" if getattr(axis, symbol).upper else axis.axis
+
+
+def limits(remarks: Iterable[Remark]) -> list[str]:
+    """Return a sentence on the numbers that are upper limits, and one on means that contain upper limits."""
+    whole = [remark for remark in remarks if remark.code == "upper-limit"]
+    among = [remark for remark in remarks if remark.code == "upper-limit-among"]
     lines = []
-    for sensor in noise.sensors:
-        for one in sensor.axes:
-            parts = [f"{number}: {', '.join(terms)}" for number, terms in counted_as(one.fit, one.use).items()
-                     if number and terms]  # fmt: skip
-            counts = f" ({'; '.join(parts)})" if parts else ""
-            lines.append(f"Model of {one.axis}: {one.fit.model.structure}{counts}.{_beside(one, sensor, calibration)}")
+    if whole:
+        level = fact_text(whole[0].facts["level"])
+        lines.append(f"UPPER LIMIT, not a measured value ({level}): {', '.join(remark.subject for remark in whole)}.")
+    for number in dict.fromkeys(str(remark.facts["number"]) for remark in among):
+        axes = [r.subject for r in among if r.facts["number"] == number and r.facts["kind"] != "measured"]
+        lines.append(f"UPPER LIMIT among measured values: {number} contains the limit of {', '.join(axes)}.")
     return lines
 
 
-def _beside(one: AxisNoise, sensor: SensorNoise, calibration: Calibration) -> str:
-    """Return a sentence with N and K of the datasheet and of the file (before inflation), or "" if they agree."""
-    sheet = calibration.datasheets[one.axis]
-    texts: dict[str, list[str]] = {"Table": [], "here": []}
-    differs = False
-    for symbol, power in _POWERS.items():
-        unit, factor = _unit(sensor, power)
-        number: Number = getattr(one, symbol)
-        entry = sheet.get(symbol)
-        measured = entry is not None and entry.value > 0 and not entry.upper_only
-        if number.upper or entry is None or not measured:
-            differs = differs or (measured != (not number.upper and number.value > 0))
-        else:
-            differs = differs or abs(number.value / entry.value - 1) > ALIKE
-        in_table = entry.text() if entry is not None else "none"
-        texts["Table"].append(f"{symbol} {in_table}")
-        mark = "<= " if number.upper else ""
-        texts["here"].append(f"{symbol} {mark}{significant(factor * number.value, 3)} {unit}")
-    if not differs:
-        return ""
-    shown = "; ".join(f"{where}: {', '.join(each)}" for where, each in texts.items())
-    return f" {shown}, with the terms above at the horizon of {one.use.horizon:g} s."
+def not_measured(remarks: Iterable[Remark]) -> list[str]:
+    """Return a sentence on the biases for which the file has 0, because they are not known."""
+    subjects: dict[str, list[str]] = {}
+    for remark in remarks:
+        subjects.setdefault(_WHY[str(remark.facts["why"])], []).append(remark.subject)
+    axes = [f"{', '.join(names)} ({reason})" for reason, names in subjects.items()]
+    return [f"NOT MEASURED: the bias of {', and of '.join(axes)}. The file has 0."] if axes else []
 
 
-def _unit(sensor: SensorNoise, power: float) -> tuple[str, float]:
-    """Return the datasheet unit for a power of time, and the factor from the SI unit to it."""
-    si = noise_unit(power, SI_UNIT[sensor.quantity])[0]
-    return next(iter(datasheet_units(si).items()))
-
-
-def sweep(noise: Noise) -> list[str]:
-    """Return sentences with N and K (SI, before inflation) at horizons from 0.1 s to 100 s, for the axes of the
-    file."""
-    lines = []
-    for sensor in noise.sensors:
-        si = [noise_unit(power, SI_UNIT[sensor.quantity])[0] for power in _POWERS.values()]
-        for one in (sensor.worst,) if noise.options.axes == "worst" else sensor.axes:
-            found = {horizon: _measured(one, horizon) for horizon in HORIZONS}
-            if len(set(found.values())) == 1:
-                lines.append(
-                    f"Horizon sweep of {one.axis}: N and K are the same at horizons of 0.1 s to 100 s."
-                    f"{_two_states(one)}"
-                )
-                continue
-            each = [f"{horizon:g} s: N {white}, K {walk}" for horizon, (white, walk) in found.items()]
-            lines.append(f"Horizon sweep of {one.axis} (N {si[0]}, K {si[1]}): {'; '.join(each)}.{_two_states(one)}")
-    return lines
-
-
-def _two_states(one: AxisNoise) -> str:
-    """Return a sentence with the errors of N and K and of two Gauss-Markov states, or "" if these are not much
-    better."""
-    found = two_states(one.fit, one.use.horizon)
-    if found is None or found.error_of_walk < max(FAR, NEARER * found.error):
-        return ""
-    return (
-        f" From {duration_text(found.low, 3)} to {duration_text(found.high, 3)}, the Allan deviation of N and K is "
-        f"{apart(found.error_of_walk)} the Allan deviation of the model. With two Gauss-Markov states, it is "
-        f"{apart(found.error)} the Allan deviation of the model: for a filter with two states, use the format "
-        "state-space."
-    )
-
-
-def _measured(one: AxisNoise, horizon: float) -> tuple[str, str]:
-    """Return N and K at a horizon as text, or "none" if the model has no such noise at this horizon."""
-    known: dict[tuple[float, str], tuple[str, str]] = one.fit.__dict__.setdefault("_swept", {})
-    key = horizon, one.use.flicker
-    if key not in known:
-        entries = noise_in_use(one.fit, Use(horizon, one.use.flicker), 0.95)
-        shown = [entries[symbol] for symbol in ("N_eff", "K_eff")]
-        white, walk = (f"{e.value:.3g}" if e.value > 0 and not e.upper_only else "none" for e in shown)
-        known[key] = white, walk
-    return known[key]
+def left_out(sensors: Iterable[SensorNoise]) -> list[str]:
+    """Return a sentence on the sinusoids that N and K leave out: the strongest of each sensor, and their number."""
+    parts, count = [], 0
+    for sensor in sensors:
+        lines = [(line, axis.axis) for axis in sensor.axes for line in lines_of(axis.fit)]
+        if lines:
+            line, axis = max(lines, key=lambda pair: pair[0].amplitude)
+            parts.append(f"{axis} {line.frequency:.3g} Hz ({line.amplitude:.2g} {SI_UNIT[sensor.quantity]})")
+            count += len(lines)
+    more = f" and {count - len(parts)} more" if count > len(parts) else ""
+    return [f"N and K leave out periodic disturbances: {', '.join(parts)}{more}."] if parts else []

@@ -1,22 +1,17 @@
-"""Base class of JSON formats. JSON has no comments, so the head is a list under the key "gmwm" at the end."""
+"""Base class of JSON formats. The verdict and the notes are lists under the keys "gmwm" and "gmwm_notes"."""
 
 from __future__ import annotations
 
 import json
-import textwrap
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
-from gmwm.showing.exporters.base import ExportOptions, Noise, TwoNumbers
-from gmwm.showing.exporters.text import plain
+from gmwm.showing.exporters.base import Noise, TwoNumbers
+from gmwm.showing.exporters.text import commented, commented_notes, shortened
 
-if TYPE_CHECKING:
-    from gmwm.calibration import Calibration
-
-HEAD = "gmwm"
-"""Key of the head. Programs ignore keys that they do not know."""
-_WIDTH = 100
+HEAD, NOTES = "gmwm", "gmwm_notes"
+"""Keys of the head and of the notes. Programs ignore keys that they do not know."""
 _DIGITS = 7
 
 
@@ -24,6 +19,8 @@ class JsonFile(TwoNumbers):
     """Base class of JSON formats with N and K of each sensor."""
 
     extension = ".json"
+    head_first: ClassVar[bool] = True
+    """Whether the verdict may be the first entry of the document."""
 
     @abstractmethod
     def content(self, noise: Noise) -> Mapping[str, Any]:
@@ -33,11 +30,15 @@ class JsonFile(TwoNumbers):
         """Return the lines of the JSON document without its head."""
         return json.dumps(_rounded(self.content(noise)), indent=2).splitlines()
 
-    def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Return the text of the JSON document with its head."""
-        noise = self._noise(calibration, options)
-        head = [line for text in self.head(calibration, noise) for line in textwrap.wrap(plain(text), _WIDTH)]
-        return json.dumps({**_rounded(self.content(noise)), HEAD: head}, indent=2, allow_nan=False) + "\n"
+    def layout(self, head: Sequence[str], noise: Noise, notes: Sequence[str]) -> str:
+        """Return the text of the JSON document with its head and its notes."""
+        lines = {HEAD: commented(shortened(head), ""), NOTES: commented_notes(notes, "")}
+        texts = {key: [line.strip() for line in each] for key, each in lines.items()}
+        content = _rounded(self.content(noise))
+        entries = (
+            [(HEAD, texts[HEAD]), *content.items()] if self.head_first else [*content.items(), (HEAD, texts[HEAD])]
+        )
+        return json.dumps(dict([*entries, (NOTES, texts[NOTES])]), indent=2, allow_nan=False) + "\n"
 
 
 def _rounded(value: Any) -> Any:

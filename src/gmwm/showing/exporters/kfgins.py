@@ -41,14 +41,14 @@ class KfGins(GaussMarkov):
         gyro, accel = noise.of("gyro"), noise.of("accel")
         sigmas = [[sigma for sigma, _ in of_sensor(sensor, found, noise)] for sensor in (gyro, accel)]
         time = next(iter(found.values())).time
-        known = any(bias.terms for bias in found.values())
+        measured = not all(bias.sigma.upper for bias in found.values())
         return [
             "imunoise:",
             _row("arw", gyro.N, 60 / _DEGREE, "deg/sqrt(h)"),
             _row("vrw", accel.N, 60, "m/s/sqrt(h)"),
             _row("gbstd", sigmas[0], 3600 / _DEGREE, "deg/h"),
             _row("abstd", sigmas[1], 1 / _MILLIGAL, "mGal"),
-            f"  corrtime: {written(time / 3600)}  # h{'' if known else '  not measured'}",
+            f"  corrtime: {written(time / 3600)}  # h{'' if measured else '  not measured'}",
         ]
 
 

@@ -1,63 +1,47 @@
-"""Reduce the slow terms of a model to one Gauss-Markov bias, for programs whose bias is a Gauss-Markov process."""
+"""Approximate the noise of an axis by white noise and one Gauss-Markov bias, for programs with this model."""
 
 from __future__ import annotations
 
 import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from gmwm.base.arrays import Vector, freeze
-from gmwm.base.remarks import Remark
 from gmwm.base.text import duration_text
-from gmwm.base.units import SI_UNIT
-from gmwm.choosing.datasheets.effective import WALK, counted
-from gmwm.choosing.datasheets.equivalent_terms import translated
-from gmwm.showing.exporters.base import Noise, TwoNumbers
+from gmwm.showing.exporters.base import ExportOptions, Noise, TwoNumbers
 from gmwm.showing.exporters.reduction import AxisNoise, Number, SensorNoise, ruled
-from gmwm.theory.processes.markov import GM
+from gmwm.showing.exporters.two_states import LONGEST, WIDEST, Curve, fit_states
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
 
-Clusters = NDArray[np.int64]
-LONGEST = 3600.0
-"""Default of the longest averaging time (s) in the fit. For a shorter recording, its length is used."""
-POINTS = 25
-"""Number of averaging times in the least-squares fit, with equal distances in the logarithm."""
-_TRIED = 60
-"""Number of correlation times on the grid. The best one is refined afterwards."""
-_WIDEST = 4.0
-"""Smallest ratio of the longest averaging time to the horizon."""
+
+_AS_WALK = 1e5
+"""Largest correlation time, relative to the longest averaging time, of the bias beside which the white noise is fitted.
+This bias is a random walk within 1e-5 (tests/importers/test_files.py)."""
 
 
 @dataclass(frozen=True)
 class Bias:
-    """A Gauss-Markov bias of one axis.
+    """White noise and Gauss-Markov bias of one axis.
 
     Attributes
     ----------
     axis : str
         Name of the axis.
-    sigma : Number
-        Standard deviation (SI), before inflation.
+    N, sigma : Number
+        White noise and standard deviation of the bias (SI), before inflation.
     time : float
         Correlation time (s).
-    terms : tuple of str
-        Slow terms of the model that it replaces. If there are none, σ is an upper limit.
     error : float
-        Largest relative difference in the Allan deviation of the axis, between the bias and the terms that it replaces.
+        Largest relative difference to the Allan deviation of the model.
     """
 
     axis: str
+    N: Number
     sigma: Number
     time: float
-    terms: tuple[str, ...]
     error: float
 
     @property
@@ -66,72 +50,8 @@ class Bias:
         return self.sigma.scaled(math.sqrt(2 / self.time))
 
 
-@dataclass(frozen=True)
-class _Slow:
-    """The slow terms of one axis with their Allan variance.
-
-    Attributes
-    ----------
-    axis : AxisNoise
-        Noise parameters of the axis.
-    terms : tuple of str
-        The slow terms of the model.
-    clusters : (n,) array of int
-        Averaging times, in samples.
-    slow, white : (n,) arrays
-        Allan variance of the slow terms, and of the white noise N.
-    """
-
-    axis: AxisNoise
-    terms: tuple[str, ...]
-    clusters: Clusters
-    slow: Vector
-    white: Vector
-
-    @classmethod
-    def of(cls, one: AxisNoise, low: float, high: float) -> _Slow:
-        """Compute the Allan variances of an axis at averaging times from `low` to `high` (s)."""
-        written, labels = translated(one.fit)
-        rate = one.fit.wavelet_variance.rate
-        clusters = np.unique(np.round(np.geomspace(low, high, POINTS) * rate).astype(np.int64))
-        clusters = clusters[clusters >= 1]
-        parts = {
-            label: p.allan_variance(clusters, rate)
-            for label, p in zip(labels, written.model.processes, strict=True)
-            if p.scale > 0 and p.line(rate) is None and WALK in counted(p, one.use, rate)
-        }
-        slow = np.asarray(np.sum(list(parts.values()), axis=0) if parts else np.zeros(clusters.size))
-        return cls(axis=one, terms=tuple(parts), clusters=clusters, slow=slow, white=one.N.value**2 * rate / clusters)
-
-    def unit(self, time: float) -> Vector:
-        """Return the Allan variance (n,) of a Gauss-Markov process with variance 1 and a correlation time (s)."""
-        return _unit(time, self.clusters.tobytes(), self.axis.fit.wavelet_variance.rate)
-
-    def fitted(self, time: float) -> tuple[float, float]:
-        """Return the best variance of the bias for a correlation time, and the weighted sum of squares of the fit."""
-        ratio = np.log(self.slow / self.unit(time))
-        weights = (self.slow / (self.slow + self.white)) ** 2
-        best = float(np.sum(weights * ratio) / np.sum(weights))
-        return math.exp(best), float(np.sum(weights * (ratio - best) ** 2))
-
-    def error(self, time: float, variance: float) -> float:
-        """Return the largest relative difference between two Allan deviations: white noise with the bias, and with the
-        slow terms."""
-        ratio = (variance * self.unit(time) + self.white) / (self.slow + self.white)
-        return float(np.max(np.abs(np.sqrt(ratio) - 1)))
-
-
-@lru_cache(maxsize=4096)
-def _unit(time: float, clusters: bytes, rate: float) -> Vector:
-    """Compute `_Slow.unit`, which several axes and formats need for the same correlation times."""
-    return freeze(GM(beta=1 / time, sigma2=1.0).allan_variance(np.frombuffer(clusters, dtype=np.int64), rate))
-
-
 def biases(axes: Sequence[AxisNoise], low: float, high: float, *, common: bool) -> dict[str, Bias]:
-    """Fit a Gauss-Markov bias to the slow terms of each axis by least squares on the logarithm of the Allan variance.
-
-    The weight of each averaging time is the squared share of the slow terms in its Allan variance. The rest is white
-    noise, which does not depend on the bias.
+    """Fit white noise and a Gauss-Markov bias to each axis by least squares on the logarithm of the Allan variance.
 
     Parameters
     ----------
@@ -145,38 +65,36 @@ def biases(axes: Sequence[AxisNoise], low: float, high: float, *, common: bool) 
     Returns
     -------
     mapping of axis to Bias
-        If an axis has no slow terms, σ is an upper limit: the RMS over the longest averaging time of a random walk with
-        the upper limit of K.
+        If K of an axis is an upper limit, so is σ: the RMS over the longest averaging time of this random walk.
     """
-    known = {one.axis: _Slow.of(one, low, high) for one in axes}
-    found = {}
-    for group in [list(axes)] if common else [[one] for one in axes]:
-        some = [known[one.axis] for one in group if known[one.axis].terms]
-        time = _time(some, low, high) if some else high
-        for one in group:
-            slow = known[one.axis]
-            if slow.terms:
-                variance, _ = slow.fitted(time)
-                sigma, error = Number(math.sqrt(variance), False), slow.error(time, variance)
-            else:
-                sigma, error = one.K.scaled(math.sqrt(high / 6)), 0.0
-            found[one.axis] = Bias(axis=one.axis, sigma=sigma, time=time, terms=slow.terms, error=error)
-    return found
+    slow = [axis for axis in axes if not axis.K.upper and axis.K.value > 0]
+    groups = [slow] if common and slow else [[axis] for axis in slow]
+    fitted: dict[str, Bias] = {}
+    for group in groups:
+        curves = [Curve.of(axis.fit, low, high) for axis in group]
+        # White noise is fitted beside a bias whose correlation time may be far longer, like that of a random walk.
+        white = [fit_states([curve], 1, low, _AS_WALK * high)[0].white for curve in curves]
+        states = fit_states(curves, 1, low, high, white)
+        fitted |= {
+            axis.axis: Bias(
+                axis=axis.axis, N=Number(state.white, axis.N.upper), sigma=Number(state.sigma[0], False),
+                time=state.time[0], error=state.error,
+            )
+            for axis, state in zip(group, states, strict=True) if state.sigma
+        }  # fmt: skip
+    time = next(iter(fitted.values())).time if common and fitted else high
+    for axis in axes:
+        if axis.axis not in fitted:
+            sigma = axis.K.scaled(math.sqrt(high / 6))
+            fitted[axis.axis] = Bias(axis=axis.axis, N=axis.N, sigma=sigma, time=time, error=0.0)
+    return fitted
 
 
-def _time(axes: Sequence[_Slow], low: float, high: float) -> float:
-    """Return the correlation time (s) with the smallest sum of squares over all axes, with the best variance of each
-    axis."""
-    from scipy.optimize import minimize_scalar
+@dataclass(frozen=True)
+class MarkovNoise(Noise):
+    """The noise parameters of a unit, with the Gauss-Markov bias of each axis."""
 
-    def squares(log_time: float) -> float:
-        return sum(one.fitted(math.exp(log_time))[1] for one in axes)
-
-    grid = np.linspace(math.log(low), math.log(high), _TRIED)
-    best = int(np.argmin([squares(float(x)) for x in grid]))
-    ends = float(grid[max(best - 1, 0)]), float(grid[min(best + 1, _TRIED - 1)])
-    found = minimize_scalar(squares, bounds=ends, method="bounded", options={"xatol": 1e-10})
-    return math.exp(min((float(found.x), *ends), key=squares))
+    biases: Mapping[str, Bias] = field(default_factory=dict)
 
 
 class GaussMarkov(TwoNumbers):
@@ -202,68 +120,61 @@ class GaussMarkov(TwoNumbers):
         """Return the lines below the head."""
         return self.rows(noise, self.biases(noise))
 
-    def _remarks(self, calibration: Calibration, noise: Noise) -> tuple[Remark, ...]:
-        # The bias is fitted at all averaging times instead of at the horizon only, so this remark does not apply.
-        return tuple(one for one in super()._remarks(calibration, noise) if one.code != "counted-at-horizon")
-
-    def biases(self, noise: Noise) -> dict[str, Bias]:
+    def biases(self, noise: Noise) -> Mapping[str, Bias]:
         """Return the Gauss-Markov bias of each axis for the options of the file."""
-        known: dict[str, dict[str, Bias]] = noise.__dict__
-        if "_biases" not in known:
-            low, high = band(noise)
-            axes = [one for sensor in noise.sensors for one in sensor.axes]
-            known["_biases"] = biases(axes, low, high, common=self.common)
-        return known["_biases"]
+        assert isinstance(noise, MarkovNoise)
+        return noise.biases
 
-    def head(self, calibration: Calibration, noise: Noise) -> list[str]:
-        """Return the paragraphs of the head, including the averaging times and the error of the fit."""
+    def predictions(self, noise: Noise) -> list[str]:
+        """Return a sentence on how well N, σ and T describe the models."""
         low, high = band(noise)
-        found = self.biases(noise)
-        lines = [
-            "Bias: the Gauss-Markov process that is nearest to the slow terms in the Allan deviation at averaging "
-            f"times from {duration_text(low, 3)} to {duration_text(high, 3)}, by least squares of the logarithm."
-        ]
-        for sensor in noise.sensors:
-            lines += [_sentence(found[one.axis], SI_UNIT[sensor.quantity], high) for one in sensor.axes]
-        return [*super().head(calibration, noise), *lines]
+        found = self.biases(noise).values()
+        fits = [f"{max(100 * bias.error, 0.01):.2g} % for {bias.axis}" for bias in found if not bias.sigma.upper]
+        text = "N, sigma and T have the Allan deviation that is nearest to the model at averaging times from "
+        text += f"{duration_text(low, 3)} to {duration_text(high, 3)}"
+        text += f": within {', '.join(fits)}." if fits else "."
+        if ends := [bias.axis for bias in found if not bias.sigma.upper and bias.time > 0.999 * high]:
+            text += f" T of {', '.join(ends)} is the end of this band."
+        if bounded := [bias.axis for bias in found if bias.sigma.upper]:
+            text += f" sigma of {', '.join(bounded)} is an upper limit, and T is not measured."
+        return [text]
 
+    def _noise(self, calibration: Calibration, options: ExportOptions) -> Noise:
+        noise = super()._noise(calibration, options)
+        axes = [axis for sensor in noise.sensors for axis in sensor.axes]
+        found = biases(axes, *band(noise), common=self.common)
 
-def _sentence(bias: Bias, unit: str, high: float) -> str:
-    if not bias.terms:
-        return (
-            f"Bias of {bias.axis}: the model has no slow term. sigma {bias.sigma.value:.3g} {unit} is an UPPER LIMIT, "
-            f"not a measured value, and T = {bias.time:.4g} s is not measured."
+        def with_bias(sensor: SensorNoise | None) -> SensorNoise | None:
+            if sensor is None:
+                return None
+            each = tuple(replace(axis, N=found[axis.axis].N) for axis in sensor.axes)
+            white = ruled([(axis.axis, axis.N) for axis in each], options.axes, options.inflation)
+            return replace(sensor, axes=each, N=white)
+
+        return MarkovNoise(
+            with_bias(noise.gyro), with_bias(noise.accel), options, topic=noise.topic, rest=noise.rest, biases=found
         )
-    at_end = (
-        " T is the end of the band, because the slow terms do not level off within it."
-        if bias.time > 0.999 * high
-        else ""
-    )
-    return (
-        f"Bias of {bias.axis}: sigma {bias.sigma.value:.3g} {unit}, T {bias.time:.4g} s, for {', '.join(bias.terms)}; "
-        f"it changes the Allan deviation by at most {max(100 * bias.error, 0.01):.2g} %.{at_end}"
-    )
 
 
 def band(noise: Noise) -> tuple[float, float]:
     """Return the shortest and the longest averaging time (s) of the fit."""
     low = noise.options.horizon
     if noise.options.duration is not None:
-        return low, max(noise.options.duration, _WIDEST * low)
-    lengths = [one.fit.wavelet_variance.samples / one.fit.wavelet_variance.rate
-               for sensor in noise.sensors for one in sensor.axes]  # fmt: skip
-    return low, max(min(LONGEST, *lengths), _WIDEST * low)
+        return low, max(noise.options.duration, WIDEST * low)
+    lengths = [axis.fit.wavelet_variance.samples / axis.fit.wavelet_variance.rate
+               for sensor in noise.sensors for axis in sensor.axes]  # fmt: skip
+    return low, max(min(LONGEST, *lengths), WIDEST * low)
 
 
 def of_sensor(sensor: SensorNoise, found: Mapping[str, Bias], noise: Noise) -> tuple[tuple[Number, float], ...]:
     """Return σ (after inflation) and T for the x, y and z axes of a sensor, combined by the rule of the file."""
     rule, inflation = noise.options.axes, noise.options.inflation
     if rule == "worst":
-        one = found[sensor.worst.axis]
-        return ((one.sigma.scaled(inflation), one.time),) * 3
-    sigmas = ruled([(one.axis, found[one.axis].sigma) for one in sensor.axes], rule, inflation)
+        worst = max((found[axis.axis] for axis in sensor.axes), key=lambda bias: bias.sigma.value)
+        return ((worst.sigma.scaled(inflation), worst.time),) * 3
+    sigmas = ruled([(axis.axis, found[axis.axis].sigma) for axis in sensor.axes], rule, inflation)
     if rule == "each":
-        order = sorted(one.axis for one in sensor.axes)
+        order = sorted(axis.axis for axis in sensor.axes)
         return tuple((sigma, found[axis].time) for sigma, axis in zip(sigmas, order, strict=True))
-    longest = max(found[one.axis].time for one in sensor.axes)
+    longest = max(found[axis.axis].time for axis in sensor.axes)
     return tuple((sigma, longest) for sigma in sigmas)

@@ -4,15 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from gmwm.showing.exporters.base import Noise, TwoNumbers, register
 from gmwm.showing.exporters.reduction import Number
 from gmwm.showing.exporters.text import written
-
-if TYPE_CHECKING:
-    from gmwm.calibration import Calibration
-
 
 _FLICKER = "BiasInstability"
 _LASTING = 100.0
@@ -49,22 +44,15 @@ class Matlab(TwoNumbers):
         "double-sided, it is smaller by √2, and the random walk is larger by √2.",
     )
 
-    def head(self, calibration: Calibration, noise: Noise) -> list[str]:
-        """Return the paragraphs of the head, including the meaning of BiasInstability."""
-        head = super().head(calibration, noise)
+    def advice(self, noise: Noise) -> tuple[str, ...]:
+        """Return sentences on BiasInstability."""
         if not _has_flicker(noise):
-            return [
-                *head,
-                "BiasInstability stays 0. In MATLAB it is another process in addition to N and K, which already "
-                "describe the whole model.",
-            ]
-        return [
-            *head,
+            return ("BiasInstability stays 0: it is another process in addition to N and K, which describe all noise.",)
+        return (
             "BiasInstability is the coefficient B of the flicker noise in rad/s and m/s². N and K do not include it. "
             f"Its filter produces flicker noise up to a time lag of as many samples as it has poles, here {_LASTING:g} "
-            "s, and white noise at longer lags: increase poles for longer simulations. The default filter of MATLAB "
-            "has one pole and does not produce flicker noise. fractalcoef needs R2023b or later.",
-        ]
+            "s: increase poles for longer simulations. fractalcoef needs R2023b or later.",
+        )
 
     def body(self, noise: Noise) -> Sequence[str]:
         """Return MATLAB code with one call for each sensor."""

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 
 from gmwm.base.errors import DataError
 from gmwm.base.remarks import Remark
-from gmwm.choosing.datasheets.equivalent_terms import translated
 from gmwm.fitting.estimation.result import Fit
-from gmwm.showing.exporters.base import QUANTITIES, Exporter, ExportOptions, register, title_line
+from gmwm.showing.exporters.base import QUANTITIES, Exporter, ExportOptions, register, top
 from gmwm.showing.exporters.findings import of_lines
 from gmwm.showing.exporters.reduction import RULES, Number, axes_of, require_unit, ruled
-from gmwm.showing.exporters.text import cautions, commented, paragraphs, recording, written
+from gmwm.showing.exporters.text import cautions, laid_out, paragraphs, recording, written
+from gmwm.theory.processes import registry
+from gmwm.theory.processes.base import Process
 
 if TYPE_CHECKING:
     from gmwm.base.units import Quantity
@@ -39,9 +40,9 @@ class Ros(Exporter):
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """Return the text of the file, with a list of nine numbers for each calibrated sensor."""
-        first, last = paragraphs(self.remarks(calibration, options))
-        head = [
-            title_line(self), recording(calibration), *first,
+        notes = [
+            recording(calibration),
+            *paragraphs(self.remarks(calibration, options)),
             "Units: discrete, variances of one sample at the rate of the recording, row by row: angular_velocity "
             "(rad/s)², linear_acceleration (m/s²)².",
             f"Inflation factor: {options.inflation:g}, squared. Horizon: none.",
@@ -50,10 +51,9 @@ class Ros(Exporter):
         for quantity in QUANTITIES:
             if not (names := axes_of(calibration, quantity)):
                 continue
-            head.append(f"{_KEYS[quantity]}: {RULES[options.axes]} {', '.join(names)}.")
+            notes.append(f"{_KEYS[quantity]}: {RULES[options.axes]} {', '.join(names)}.")
             for axis in names:
                 require_unit(axis, calibration[axis], quantity)
-                head.append(f"Model of {axis}: {calibration[axis].model.structure}.")
             deviations = [(axis, Number(math.sqrt(sample_variance(calibration[axis])), False)) for axis in names]
             three = [number.value**2 for number in ruled(deviations, options.axes, options.inflation)]
             nine = ", ".join(written(three[k // 4]) if k % 4 == 0 else "0.0" for k in range(9))
@@ -63,12 +63,11 @@ class Ros(Exporter):
                 f"ros needs gyroscopes or accelerometers, but this calibration has only {', '.join(calibration)}",
                 advice="Calibrate a recording with axes such as gyro_x and accel_x.",
             )
-        head += [
+        notes += [
             "The covariances are the variances of all stationary noise: white noise, quantization noise, and "
             "Gauss-Markov and other correlated terms. The covariance of the orientation is not noise of the sensors.",
-            *last,
         ]
-        return "\n".join([*commented(head, "#"), "", *lines]) + "\n"
+        return laid_out(top(self, calibration), lines, notes, "#")
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
         """Return cautions of the calibration, and remarks on terms without a finite variance and on sinusoids."""
@@ -82,15 +81,7 @@ class Ros(Exporter):
 
 def terms_without_variance(fit: Fit) -> tuple[str, ...]:
     """Return the terms of a fit whose variance grows with time."""
-    written, labels = translated(fit)
-    rate = fit.wavelet_variance.rate
-    return tuple(
-        label
-        for label, process in zip(labels, written.model.processes, strict=True)
-        if process.scale > 0
-        and process.line(rate) is None
-        and (not process.stationary or process.correlation_time(rate) == math.inf)
-    )
+    return tuple(term for term, process in _noises(fit) if _grows(fit, term, process))
 
 
 def sample_variance(fit: Fit) -> float:
@@ -98,7 +89,18 @@ def sample_variance(fit: Fit) -> float:
 
     Sinusoids and terms that act as a random walk are left out.
     """
-    model, wv = translated(fit)[0].model, fit.wavelet_variance
-    stationary = [p for p in model.processes if p.stationary and p.scale > 0 and p.line(wv.rate) is None]
-    lasting = [p for p in stationary if p.correlation_time(wv.rate) != math.inf]
-    return sum(float(p.autocovariance([0], wv.rate)[0]) for p in lasting)
+    rate = fit.wavelet_variance.rate
+    stationary = [process for term, process in _noises(fit) if not _grows(fit, term, process)]
+    return sum(float(process.autocovariance([0], rate)[0]) for process in stationary)
+
+
+def _noises(fit: Fit) -> list[tuple[str, Process]]:
+    pairs = zip(fit.model.terms, fit.model.processes, strict=True)
+    return [(term, p) for term, p in pairs if p.scale > 0 and p.line(fit.wavelet_variance.rate) is None]
+
+
+def _grows(fit: Fit, term: str, process: Process) -> bool:
+    """Return whether the variance of a term grows with time, or the data do not distinguish it from such noise."""
+    acts = registry.get(fit.diagnostics.acts_as.get(term, ""))
+    infinite = process.correlation_time(fit.wavelet_variance.rate) == math.inf
+    return not process.stationary or infinite or (acts is not None and not acts.stationary)

@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 from gmwm.base.errors import MissingTheoryError
 from gmwm.base.remarks import Remark
-from gmwm.choosing.datasheets.effective import WALK, Use, counted
 from gmwm.fitting.estimation.result import Fit
-from gmwm.showing.exporters.base import Exporter, ExportOptions, register, title_line
+from gmwm.showing.exporters.base import Exporter, ExportOptions, register, top
 from gmwm.showing.exporters.findings import of_ramps
 from gmwm.showing.exporters.matrices import rows
 from gmwm.showing.exporters.text import cautions, commented, paragraphs, plain, recording
-from gmwm.showing.exporters.two_states import STATES, TwoStates, two_states
+from gmwm.showing.exporters.two_states import STATES, TwoStates, is_ramp_of, two_states
 from gmwm.theory.processes.ladder import approximation_remarks
 from gmwm.theory.processes.model import Model
 
@@ -99,14 +98,14 @@ class StateSpaces(Exporter):
 
     def head(self, calibration: Calibration, options: ExportOptions) -> list[str]:
         """Return the paragraphs of the head of the file."""
-        first, last = paragraphs(self.remarks(calibration, options))
         step = (
             "Steps: of one sample of the recording."
             if options.rate is None
             else f"Steps: of 1/{options.rate:g} s, from the matrices in continuous time. Terms in left_out are missing."
         )
         reduced = [_reduced_text(axis, fit, options) for axis, fit in calibration.items()]
-        return [title_line(self), recording(calibration), *first, *_MEANING, step, *filter(None, reduced), *last]
+        notes = paragraphs(self.remarks(calibration, options))
+        return [*top(self, calibration), recording(calibration), *_MEANING, step, *filter(None, reduced), *notes]
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
         """Return cautions of the calibration, and remarks on rate ramps and on approximated terms."""
@@ -255,12 +254,13 @@ def axis_matrices(axis: str, calibration: Calibration, options: ExportOptions) -
 
 def _reduced(fit: Fit, options: ExportOptions) -> TwoStates | None:
     """Return the reduction of a model to two states, or None if the model has at most two slow states."""
-    rate, use = fit.wavelet_variance.rate, Use(options.horizon)
+    rate = fit.wavelet_variance.rate
     slow = {
         term
         for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
-        if process.scale > 0 and WALK in counted(process, use, rate)
-    }
+        if process.scale > 0 and process.line(rate) is None and not is_ramp_of(process, rate)
+        and ((time := process.correlation_time(rate)) is None or time >= options.horizon)
+    }  # fmt: skip
     if sum(term in slow for term in fit.model.state_terms(rate)) <= STATES:
         return None
     return two_states(fit, options.horizon, options.duration)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from gmwm.base.axis_names import by_sensor
 from gmwm.calibration.tables import SENSORS, in_order, number
-from gmwm.showing.exporters.base import Exporter, ExportOptions, register, title_line
+from gmwm.showing.exporters.base import Exporter, ExportOptions, register, top
 from gmwm.showing.exporters.text import commented, paragraphs, recording
 
 if TYPE_CHECKING:
@@ -31,15 +31,13 @@ class CsvTable(Exporter):
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """Return the text of the file: comment lines, a header and the rows."""
         level = calibration.settings.confidence
-        first, last = paragraphs(self.remarks(calibration, options))
         head = commented(
             [
-                title_line(self),
+                *top(self, calibration),
                 recording(calibration),
-                *first,
                 f"{_ABOUT} low and high: {100 * level:g} % confidence interval. If upper_only is true, the number is "
                 "zero or not distinguished from zero, and high is its upper limit. inf: not determined.",
-                *last,
+                *paragraphs(self.remarks(calibration, options)),
             ],
             "#",
         )  # fmt: skip
@@ -78,15 +76,13 @@ class LatexTable(Exporter):
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """Return LaTeX code that needs no additional package."""
         level = calibration.settings.confidence
-        first, last = paragraphs(self.remarks(calibration, options))
         head = commented(
             [
-                title_line(self),
+                *top(self, calibration),
                 recording(calibration),
-                *first,
                 f"{_ABOUT} The first column has the unit. +-: half the width of the {100 * level:g} % confidence "
                 f"interval. <=: one-sided {50 + 50 * level:g} % upper limit.",
-                *last,
+                *paragraphs(self.remarks(calibration, options)),
             ],
             "%",
         )  # fmt: skip

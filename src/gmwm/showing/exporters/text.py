@@ -17,7 +17,11 @@ from gmwm.showing.exporters.reduction import Number
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
 
-_WIDTH = 100
+_WIDTH = 116
+NOTES = 15
+"""Largest number of comment lines below the numbers of a file."""
+REST = "All models, intervals and remarks: report.html of the calibration, or `calibration.report()`."
+"""Last comment line of a file."""
 _DOUBTFUL_UNITS = ("gravity-off", "unit-overruled")
 _ASCII = {
     "²": "^2", "³": "^3", "·": " ", "≤": "<=", "±": "+-", "β": "beta", "σ": "sigma", "°": "deg",
@@ -72,23 +76,31 @@ def cautions(calibration: Calibration) -> list[Remark]:
     return [*found, Remark.of("independent-in-file", **pairs_facts(shared))] if shared else found
 
 
-def paragraphs(remarks: Iterable[Remark]) -> tuple[list[str], list[str]]:
-    """Return remarks as paragraphs for the head of a file.
+def paragraphs(remarks: Iterable[Remark]) -> list[str]:
+    """Return remarks as paragraphs. First come the remarks that affect the values, marked as cautions."""
+    texts = [(group[0].severity <= Severity.BIASED, text) for group, text in with_groups(remarks)]
+    return [f"CAUTION: {text}" for severe, text in texts if severe] + [text for severe, text in texts if not severe]
 
-    Returns
-    -------
-    list of str, list of str
-        First the remarks that affect the values, marked as cautions; they are placed directly below the source. Then
-        the other remarks, which are placed at the end of the head.
-    """
-    first: list[str] = []
-    last: list[str] = []
-    for group, text in with_groups(remarks):
-        if group[0].severity <= Severity.BIASED:
-            first.append(f"CAUTION: {text}")
-        else:
-            last.append(text)
-    return first, last
+
+def laid_out(head: Sequence[str], body: Sequence[str], notes: Sequence[str], mark: str) -> str:
+    """Return a file: the verdict in the first three lines, the numbers, and at most 15 lines of notes as comments."""
+    return "\n".join([*commented(shortened(head), mark), "", *body, "", *commented_notes(notes, mark)]) + "\n"
+
+
+def shortened(head: Sequence[str]) -> list[str]:
+    """Return the title and the verdict of a file, which together have at most three lines."""
+    title, *rest = head
+    return [title, *(textwrap.shorten(plain(text), 2 * _WIDTH - 20, placeholder=" ...") for text in rest)]
+
+
+def commented_notes(notes: Sequence[str], mark: str) -> list[str]:
+    """Return paragraphs as at most 15 comment lines, the last of which says where the rest is."""
+    lines: list[str] = []
+    for note in notes:
+        more = commented([note], mark)
+        if len(lines) + len(more) < NOTES:
+            lines += more
+    return [*lines, *commented([REST], mark)]
 
 
 def plain(text: str) -> str:
@@ -97,7 +109,7 @@ def plain(text: str) -> str:
     >>> plain("a√Hz * / -- b\\nc")
     'asqrt(Hz) * / -- b c'
     """
-    text = re.sub(r"√(\w+)", r"sqrt(\1)", text).replace("√", "sqrt")
+    text = re.sub(r"√(\d+\.\d+|\w+)", r"sqrt(\1)", text).replace("√", "sqrt")
     for sign, written in _ASCII.items():
         text = text.replace(sign, written)
     if not text.isprintable():

@@ -1,8 +1,9 @@
-"""Reduce a model to white noise and two Gauss-Markov states, for filters with two bias states per axis."""
+"""Approximate a model by white noise and Gauss-Markov states, for filters with one or two bias states per axis."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -11,10 +12,10 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.text import duration_text
-from gmwm.choosing.datasheets.effective import WALK, Use, counted, noise_in_use
-from gmwm.choosing.datasheets.equivalent_terms import translated
+from gmwm.choosing.datasheets.effective import Use, filter_entries
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.likelihood.system import is_ramp
+from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.markov import GM
 from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.noise import WN
@@ -30,8 +31,11 @@ POINTS = 25
 BEYOND = 100.0
 """Largest correlation time, relative to the longest averaging time. The Allan deviation of a Gauss-Markov process with
 this correlation time differs from a random walk by 0.3 % (tests/exporters/test_two_states.py)."""
-_TRIED = 16
-"""Number of correlation times on the grid. All combinations are tried, and the best one is refined."""
+_TRIED = {1: 80, 2: 16}
+"""Number of correlation times on the grid, by the number of states. All combinations are tried, and the best one is
+refined."""
+_NONE = 1e-12
+"""White noise, relative to the noise at the shortest averaging time, from which the search starts if it is zero."""
 
 Clusters = NDArray[np.int64]
 
@@ -43,7 +47,7 @@ class TwoStates:
     Attributes
     ----------
     N : float
-        White noise density (SI), which includes all terms that count as white noise for the horizon.
+        White noise density (SI).
     sigma, time : tuple of float
         Standard deviation (SI) and correlation time (s) of each state.
     low, high : float
@@ -91,23 +95,23 @@ def apart(error: float) -> str:
 
 
 def two_states(fit: Fit, horizon: float, duration: float | None = None) -> TwoStates | None:
-    """Fit two Gauss-Markov states to a model by least squares of the logarithm of the Allan variance.
+    """Fit white noise and two Gauss-Markov states to a model by least squares of the logarithm of the Allan variance.
 
-    The white noise has the density N for this horizon. The fit uses averaging times from the horizon to the duration.
+    The fit uses averaging times from the horizon to the duration.
 
     Parameters
     ----------
     fit : Fit
         Fit of the model.
     horizon : float
-        Horizon T_h (s); see `effective_noise`.
+        Shortest averaging time (s).
     duration : float, optional
         Longest averaging time (s); by default one hour, or the length of a shorter recording.
 
     Returns
     -------
     TwoStates or None
-        The reduced model, or None if the model has no slow term.
+        The reduced model, or None if a filter without random walk is best for the model.
     """
     known: dict[tuple[float, float | None], TwoStates | None] = fit.__dict__.setdefault("_two_states", {})
     if (horizon, duration) not in known:
@@ -116,40 +120,41 @@ def two_states(fit: Fit, horizon: float, duration: float | None = None) -> TwoSt
 
 
 def _two_states(fit: Fit, horizon: float, duration: float | None) -> TwoStates | None:
-    rate, use = fit.wavelet_variance.rate, Use(horizon)
-    processes = [
-        p
-        for p in translated(fit)[0].model.processes
-        if p.scale > 0 and p.line(rate) is None and not is_ramp(p, rate)
-    ]  # fmt: skip
-    if not any(WALK in counted(p, use, rate) for p in processes):
+    noise = filter_entries(fit, Use(horizon), 0.95)
+    if noise["K"].value == 0:
         return None
-    longest = min(LONGEST, fit.wavelet_variance.samples / rate) if duration is None else duration
+    longest = min(LONGEST, fit.wavelet_variance.samples / fit.wavelet_variance.rate) if duration is None else duration
     high = max(longest, WIDEST * horizon)
-    clusters = np.unique(np.round(np.geomspace(horizon, high, POINTS) * rate).astype(np.int64))
-    clusters = clusters[clusters >= 1]
-    whole = np.sum([p.allan_variance(clusters, rate) for p in processes], axis=0)
-    noise = noise_in_use(fit, use, 0.95)
-    white, walk = (noise[symbol].value for symbol in ("N_eff", "K_eff"))
-    curve = _Curve(clusters, rate, whole=whole, white=white**2 * rate / clusters)
-    found = curve.fitted(STATES, horizon, BEYOND * high)
-    alone = curve.fitted(1, horizon, BEYOND * high)
-    times = clusters / rate
+    curve = Curve.of(fit, horizon, high)
+    two, one = (fit_states([curve], count, horizon, BEYOND * high)[0] for count in (STATES, 1))
+    times = curve.clusters / curve.rate
+    white, walk = noise["N"].value, noise["K"].value
     return TwoStates(
-        N=white,
-        sigma=tuple(np.exp(found[:, 0] / 2).tolist()),
-        time=tuple(np.exp(found[:, 1]).tolist()),
+        N=two.white,
+        sigma=two.sigma,
+        time=two.time,
         low=horizon,
         high=high,
-        error=curve.error(curve.of(found)),
-        error_of_one=curve.error(curve.of(alone)),
-        error_of_walk=curve.error(curve.white + walk**2 * times / 3),
+        error=two.error,
+        error_of_one=one.error,
+        error_of_walk=curve.error(white**2 / times + walk**2 * times / 3),
     )
 
 
+@dataclass(frozen=True)
+class States:
+    """White noise density, standard deviation and correlation time (s) of each state, and the largest relative error of
+    their Allan deviation."""
+
+    white: float
+    sigma: tuple[float, ...]
+    time: tuple[float, ...]
+    error: float
+
+
 @dataclass(frozen=True, eq=False)
-class _Curve:
-    """Allan variance of a model.
+class Curve:
+    """Allan variance of a model without its sinusoids and ramps.
 
     Attributes
     ----------
@@ -157,62 +162,101 @@ class _Curve:
         Averaging times, in samples.
     rate : float
         Sampling rate (Hz).
-    whole, white : (n,) arrays
-        Allan variance of the whole model, and of its white noise.
+    whole : (n,) array
+        Allan variance.
     """
 
     clusters: Clusters
     rate: float
     whole: Vector
-    white: Vector
+
+    @classmethod
+    def of(cls, fit: Fit, low: float, high: float) -> Curve:
+        """Compute the Allan variance at averaging times from `low` to `high` (s)."""
+        rate = fit.wavelet_variance.rate
+        clusters = np.unique(np.round(np.geomspace(low, high, POINTS) * rate).astype(np.int64))
+        clusters = clusters[clusters >= 1]
+        processes = [p for p in fit.model.processes if p.scale > 0 and p.line(rate) is None and not is_ramp_of(p, rate)]
+        return cls(clusters, rate, np.sum([p.allan_variance(clusters, rate) for p in processes], axis=0))
+
+    @property
+    def white(self) -> Vector:
+        """Allan variance (n,) of white noise with the density 1."""
+        return np.asarray(self.rate / self.clusters)
 
     def unit(self, time: float) -> Vector:
         """Return the Allan variance (n,) of a Gauss-Markov process with variance 1 and a correlation time (s)."""
         return np.asarray(GM(beta=1 / time, sigma2=1.0).allan_variance(self.clusters, self.rate), dtype=np.float64)
 
-    def of(self, states: Matrix) -> Vector:
-        """Return the Allan variance (n,) of the white noise plus Gauss-Markov states.
-
-        Each row of `states` has the logarithms of the variance and of the correlation time of a state.
-        """
-        return np.asarray(self.white + sum(math.exp(v) * self.unit(math.exp(t)) for v, t in states.tolist()))
-
     def error(self, reduced: Vector) -> float:
-        """Return the largest relative difference between the Allan deviations of a reduced model and of the whole
-        model.
+        """Return the largest relative difference between the Allan deviations of a reduced and of the whole model.
 
         `reduced` is the Allan variance (n,) of the reduced model.
         """
         return float(np.max(np.abs(np.sqrt(reduced / self.whole) - 1)))
 
-    def fitted(self, count: int, low: float, high: float) -> Matrix:
-        """Fit at most `count` states with correlation times from `low` to `high` (s), and return them with the fastest
-        first."""
-        from scipy.optimize import least_squares
 
-        start = self._start(count, low, high)
-        if start.size == 0:
-            return np.empty((0, 2))
-        ends = np.tile([[-np.inf, np.inf], [math.log(low), math.log(high)]], (len(start), 1)).T
-        inside = np.clip(start.ravel(), ends[0] + 1e-9, ends[1] - 1e-9)
+def fit_states(
+    curves: Sequence[Curve], count: int, low: float, high: float, white: Sequence[float] | None = None
+) -> list[States]:
+    """Fit white noise and at most `count` Gauss-Markov states to each curve, with the same correlation times for all.
 
-        def residuals(x: Vector) -> Vector:
-            return np.asarray(np.log(self.of(x.reshape(-1, 2)) / self.whole))
+    The correlation times are between `low` and `high` (s). The fit is by least squares of the logarithm of the Allan
+    variance. If `white` is not None, the white noise of each curve is held at this density.
+    """
+    from scipy.optimize import least_squares
 
-        found: Vector = least_squares(residuals, inside, bounds=(ends[0], ends[1]), xtol=1e-10, ftol=1e-10).x
-        states = found.reshape(-1, 2)
-        return states[np.argsort(states[:, 1])]
+    times, parts = _start(curves, count, low, high)
+    held = 0 if white is None else 1
+    floors = [_NONE * curve.whole[0] / curve.white[0] for curve in curves]
+    start = [math.log(max(x, floor)) for part, floor in zip(parts, floors, strict=True) for x in part[held:]]
+    lower = np.array([-np.inf] * len(start) + [math.log(low)] * times.size)
+    upper = np.array([np.inf] * len(start) + [math.log(high)] * times.size)
+    inside = np.clip([*start, *np.log(times)], lower + 1e-9, upper - 1e-9)
 
-    def _start(self, count: int, low: float, high: float) -> Matrix:
-        """Return the best states with correlation times on a grid, without states of variance zero."""
-        from scipy.optimize import nnls
+    def strengths(x: Vector) -> Matrix:
+        """Return the squared density of the white noise and the variances of the states, one row for each curve."""
+        rows = np.exp(x[: len(start)]).reshape(len(curves), -1)
+        return rows if white is None else np.column_stack([np.square(white), rows])
 
-        grid = np.geomspace(low, high, _TRIED)
-        shapes = np.array([self.unit(float(time)) for time in grid]) / self.whole
-        target = 1 - self.white / self.whole
-        tried = [list(chosen) for chosen in combinations(range(_TRIED), count)]
-        solved = [nnls(shapes[chosen].T, target) for chosen in tried]
-        best = int(np.argmin([distance for _, distance in solved]))
-        variances, times = solved[best][0], grid[tried[best]]
-        there = variances > 0
-        return np.log(np.column_stack([variances[there], times[there]]))
+    def reduced(x: Vector) -> Iterator[Vector]:
+        for curve, (density, *variances) in zip(curves, strengths(x), strict=True):
+            units = (v * curve.unit(math.exp(t)) for v, t in zip(variances, x[len(start) :], strict=True))
+            yield np.asarray(density * curve.white + sum(units))
+
+    def residuals(x: Vector) -> Vector:
+        return np.concatenate([np.log(r / curve.whole) for r, curve in zip(reduced(x), curves, strict=True)])
+
+    x = least_squares(residuals, inside, bounds=(lower, upper), xtol=1e-10, ftol=1e-10).x
+    order = np.argsort(x[len(start) :])
+    return [
+        States(
+            white=float(roots[0]),
+            sigma=tuple(roots[1:][order].tolist()),
+            time=tuple(np.exp(x[len(start) :][order]).tolist()),
+            error=curve.error(allan),
+        )
+        for roots, allan, curve in zip(np.sqrt(strengths(x)), reduced(x), curves, strict=True)
+    ]
+
+
+def _start(curves: Sequence[Curve], count: int, low: float, high: float) -> tuple[Vector, list[Vector]]:
+    """Return the best correlation times on a grid, and the white noise and variances of each curve.
+
+    States whose variance is zero in all curves are left out.
+    """
+    from scipy.optimize import nnls
+
+    grid = np.geomspace(low, high, _TRIED[count])
+    shapes = [np.array([curve.white, *map(curve.unit, grid.tolist())]) / curve.whole for curve in curves]
+    combined = [[0, *(1 + k for k in places)] for places in combinations(range(grid.size), count)]
+    solved = [[nnls(shape[rows].T, np.ones(shape.shape[1])) for shape in shapes] for rows in combined]
+    best = int(np.argmin([sum(distance**2 for _, distance in each) for each in solved]))
+    parts = np.array([part for part, _ in solved[best]])
+    kept = np.append(True, np.any(parts[:, 1:] > 0, axis=0))
+    return grid[np.array(combined[best][1:]) - 1][kept[1:]], list(parts[:, kept])
+
+
+def is_ramp_of(process: Process, rate: float) -> bool:
+    """Return whether a process is a ramp, whose Allan deviation no stationary state can follow."""
+    return not process.has("psd") and is_ramp(process, rate)

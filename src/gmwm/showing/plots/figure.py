@@ -119,6 +119,10 @@ class Foot:
     label: str = ""
 
 
+FOOT = 0.03
+"""Height of the symbols of a `Foot`, as a fraction of the panel."""
+
+
 @dataclass(frozen=True)
 class Text:
     """A text in a panel. Its position is given as fractions of the width and height of the panel."""

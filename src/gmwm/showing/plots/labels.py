@@ -29,8 +29,6 @@ _DURATIONS = (
 
 DIGITS = 2
 """Number of significant digits of parameters in a legend. The summary of the fit has more digits."""
-KEY_PARAMETERS = 2
-"""Largest number of parameters that the legend entry of a term shows."""
 
 
 def sensor_and_letter(axis: str) -> tuple[str, str]:
@@ -65,8 +63,8 @@ def axis_title(axis: str) -> str:
 def term_label(term: str, process: Process, view: View, rate: float) -> str:
     """Return a term with its key parameters, as readable text.
 
-    Variances are given as standard deviations in the unit of the plot, rates as correlation times, and the power of a
-    sinusoid as its amplitude.
+    The text has two parameters at most. Variances are given as standard deviations in the unit of the plot, rates as
+    correlation times, and the power of a sinusoid as its amplitude.
 
     >>> from gmwm.processes import GM, SIN
     >>> view = View("allan", "rad/s", 1.0)
@@ -77,9 +75,9 @@ def term_label(term: str, process: Process, view: View, rate: float) -> str:
     """
     texts = [
         _amplitude_text(p, process, view, rate) or parameter_text(p, process.value(p.name), view)
-        for p in process.parameters[:KEY_PARAMETERS]
+        for p in process.parameters[:2]
     ]
-    more = ", …" if len(process.parameters) > KEY_PARAMETERS else ""
+    more = ", …" if len(process.parameters) > 2 else ""
     return f"{term}: {', '.join(texts)}{more}"
 
 

@@ -24,8 +24,6 @@ _LOOK: dict[str, Any] = {
     "fontsize": LEGEND_SIZE, "frameon": False, "handlelength": _HANDLE, "handletextpad": _PAD, "borderpad": _BORDER,
     "columnspacing": _BETWEEN, "labelspacing": 0.3, "borderaxespad": _AROUND,
 }  # fmt: skip
-_SAFE = 0.97
-"""Factor on the available width. Texts are measured without hinting, which changes their width slightly."""
 # Spaces at which a line may be wrapped. Spaces next to "=" and between a number and its unit are excluded.
 _BREAKS = re.compile(r"(?<![=\d⁰¹²³⁴-⁹]) (?!=)")
 
@@ -68,7 +66,8 @@ def _layouts(names: Sequence[str], columns: int, room: float) -> Iterator[tuple[
 def _text_room(room: float, columns: int) -> float:
     """Return the largest width (points) of the text of an entry in a legend of `room` points and `columns` columns."""
     besides = 2 * _BORDER + (columns - 1) * _BETWEEN + columns * (_HANDLE + _PAD)
-    return _SAFE * (room - besides * LEGEND_SIZE) / columns
+    # 3 % are left, because texts are measured without hinting, which changes their width slightly.
+    return 0.97 * (room - besides * LEGEND_SIZE) / columns
 
 
 def legend_inside(ax: Axes, handles: dict[str, Artist]) -> None:

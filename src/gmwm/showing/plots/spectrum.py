@@ -35,8 +35,6 @@ FOUND = Stroke(VERMILLION, 0.0, SOLID, "down")
 """Stroke of the symbol that marks a line in the spectrum."""
 BROAD = Stroke(VERMILLION, 0.0, SOLID, "diamond", filled=False)
 """Stroke of the symbol that marks a bump in the spectrum."""
-ABOVE_PEAK = 1.35
-"""Ratio of the value at which a symbol is drawn to the root density at its peak."""
 
 
 def density_unit(unit: str, units: UnitSystem) -> tuple[str, float]:
@@ -135,7 +133,7 @@ def _peak_marks(spectrum: PowerSpectrum, heights: Vector, *, alone: bool) -> lis
         if not ratios:
             continue
         x = np.array(list(ratios))
-        y = np.array([_top(spectrum, heights, frequency) for frequency in ratios]) * ABOVE_PEAK
+        y = np.array([_top(spectrum, heights, frequency) for frequency in ratios]) * 1.35  # above the peak
         strongest = sorted(ratios, key=lambda frequency: -ratios[frequency])[:3]
         more = ", …" if len(ratios) > len(strongest) else ""
         name = f"{noun}: {', '.join(f'{frequency:.4g}' for frequency in strongest)}{more} Hz" if alone else noun

@@ -28,8 +28,6 @@ SYMBOLS = ("N", "B", "K")
 MOST, SENTENCES = 3, 2
 """Largest number of cautions, and of sentences of each, so that the report fits on one page
 (tests/reports/test_one_page.py)."""
-RECORDINGS = 3
-"""Largest number of recordings whose facts are listed."""
 FACTS = ("File", "Source", "SHA-256", "Sampling rate", "Length", "Gaps", "At rest", "Temperature")
 _BETWEEN_SENTENCES = re.compile(r"(?<=[.!?]) (?=[A-Z<`])")
 
@@ -81,13 +79,13 @@ def _cautions(calibration: Calibration, dialect: Dialect) -> list[str]:
 
 
 def _facts(calibration: Calibration) -> dict[str, str]:
-    """Return the facts on the recording by name. For several recordings, a value lists those of the first ones."""
+    """Return the facts on the recording by name. For several recordings, a value lists those of the first three."""
     recording = recording_facts(calibration)
     facts = {name: value for name, value in recording["facts"] if name in FACTS}
     for title, *values in recording["rows"][1:]:
         if title in FACTS:
-            more = [f"and {len(values) - RECORDINGS} more"] if len(values) > RECORDINGS else []
-            facts[title] = "; ".join([*values[:RECORDINGS], *more])
+            more = [f"and {len(values) - 3} more"] if len(values) > 3 else []
+            facts[title] = "; ".join([*values[:3], *more])
     if facts.get("File", "").startswith(f"{facts.get('Source')}, "):
         del facts["Source"]
     return facts

@@ -13,21 +13,13 @@ from typing import Any
 import numpy as np
 
 from gmwm.base.arrays import Vector, runs_of
-from gmwm.showing.plots.figure import Axis, Band, Foot, Line, Mark, Panel, Stroke, Symbol, Tick
+from gmwm.showing.plots.figure import FOOT, Axis, Band, Foot, Line, Mark, Panel, Stroke, Symbol, Tick
 from gmwm.showing.plots.style import GRID
 
 PIXELS = 4 / 3
 """Number of CSS pixels in a point."""
 DIGITS = 6
 """Number of significant digits of a position, which is more than a screen can show."""
-MARKER = 6.0
-"""Size of a marker (CSS pixels)."""
-FOOT = 0.03
-"""Vertical position of symbols at the lower border, as a fraction of the panel."""
-FAR = 100.0
-"""Factor beyond the limits of a logarithmic axis at which a band with an infinite edge is cut off."""
-BAR = 1.04
-"""Factor between the middle and each end of the bar that shows a band with a single point, on a logarithmic axis."""
 
 _SYMBOLS: dict[Symbol, str] = {
     "circle": "circle", "square": "square", "diamond": "diamond", "triangle": "triangle-up", "down": "triangle-down",
@@ -83,7 +75,8 @@ class Scale:
         self.type = "log" if axis.linear == 0 else "linear"
         self.mixed = axis.linear > 0 and math.isfinite(axis.linear)
         low, high = axis.limits
-        self.far = (low / FAR, high * FAR) if self.type == "log" else (2 * low - high, 2 * high - low)
+        # A band with an infinite edge is cut off here.
+        self.far = (low / 100.0, high * 100.0) if self.type == "log" else (2 * low - high, 2 * high - low)
 
     def place(self, values: Vector) -> Vector:
         """Return the positions of values on the axis."""
@@ -157,7 +150,7 @@ def _look(stroke: Stroke) -> dict[str, Any]:
         name = _SYMBOLS[stroke.symbol]
         line = {"color": stroke.colour, "width": 1.2}
         fill = stroke.colour if stroke.filled else "#ffffff"
-        look["marker"] = {"symbol": name, "size": MARKER + (name in _THIN), "color": fill, "line": line}
+        look["marker"] = {"symbol": name, "size": 6.0 + (name in _THIN), "color": fill, "line": line}
     return look
 
 
@@ -200,7 +193,7 @@ def _band(band: Band, across: Scale, up: Scale) -> dict[str, Any]:
     for first, last in runs_of(finite).tolist():
         x, low, high = band.x[first:last], lower[first:last], upper[first:last]
         if x.size == 1 and across.type == "log":
-            x, low, high = np.array([x[0] / BAR, x[0] * BAR]), np.repeat(low, 2), np.repeat(high, 2)
+            x, low, high = np.array([x[0] / 1.04, x[0] * 1.04]), np.repeat(low, 2), np.repeat(high, 2)  # a bar
         xs += [*across.of(np.concatenate([x, x[::-1], x[:1]])), None]
         ys += [*up.of(np.concatenate([low, high[::-1], low[:1]])), None]
     return {

@@ -50,7 +50,9 @@ _BRIEF, _SMALL = 0.3, 1e-4
 """Modulus of a root below which its exponential is part of a table, and the same limit for the power of the modulus by
 which the amplitude of the exponential is divided."""
 _REST = 1e-14
-"""Autocovariance, relative to the variance, that is left out at the end of a table."""
+"""Autocovariance, relative to the largest value of a table, that is left out at its end."""
+_ROUNDING = 1e-26
+"""Autocovariance, relative to the variance, that is a rounding error of double-double arithmetic."""
 _LARGEST = 1e6
 """Largest amplitude of an exponential, relative to the variance. Larger amplitudes belong to roots that nearly
 coincide, and their sums lose more than six digits."""
@@ -395,8 +397,9 @@ def _exponential_sum(orders: tuple[int, int, int, int, int], parameters: tuple[f
     variance = abs(float(table[0] + amplitudes.real.sum()))
     if not np.all(np.isfinite(rows)) or np.abs(amplitudes).max(initial=0.0) > _LARGEST * variance:
         return None
-    felt = np.flatnonzero(np.abs(table) > _REST * variance)
-    remainder = ExponentialSum.of_table(table[: felt[-1] + 1] if felt.size else table[:1])
+    # White noise far below a variance that alternates is the largest part at most scales.
+    felt = np.flatnonzero(np.abs(table) > max(_REST * np.abs(table).max(), _ROUNDING * variance))
+    remainder = ExponentialSum.of_table(table[: felt[-1] + 1]) if felt.size else ExponentialSum()
     return replace(remainder, amplitudes=amplitudes, decays=decays, bare=np.zeros(upper.size, dtype=np.bool_))
 
 

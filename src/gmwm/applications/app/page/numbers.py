@@ -174,7 +174,7 @@ def _effective(session: Session, workspace: Workspace, width: float) -> Any:
             except GmwmError as error:
                 rows.append([axis, error.text(Dialect.SHELL), ""])
                 continue
-            rows.append([axis, *(_inflate(entries[name], session) for name in ("N_eff", "K_eff"))])
+            rows.append([axis, *(_inflate(entries[name], session) for name in ("N", "K"))])
         times = f", multiplied by {session.inflation:g}" if session.inflation != 1 else ""
         return [table(head, rows, "numbers"), html.P(f"The files of the tab Download have these numbers{times}.")]
 

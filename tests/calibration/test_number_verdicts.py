@@ -1,0 +1,66 @@
+"""The verdict of each number: bounds, reasons, the scale at which a misfit lies, and trends that are small."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+import gmwm
+from gmwm.base.remarks import Quantity, Remark
+from gmwm.calibration.number_verdicts import BEYOND, Usability, verdict_of_number
+from gmwm.choosing.datasheets import Entry
+
+WALK = Entry(symbol="K", title="random walk", value=2.0, low=1.6, high=2.5, unit="rad/s/√s")
+
+
+def trend(walk, limit):
+    """A warm-up that raises K from at most `limit` to `walk`."""
+    span = Quantity(60.0, "s")
+    return Remark.of(
+        "warm-up", "gyro_x", size=Quantity(1.0, "deg/h"), tau=span, walk=Quantity(walk, "u"),
+        limit=Quantity(limit, "u"), numbers=("B", "K", "R"), duration=span, first=span, way="start",
+    )  # fmt: skip
+
+
+def test_a_number_without_remarks_is_used_or_a_bound_or_not_determined():
+    assert verdict_of_number(WALK, ()).usability is Usability.USE
+    assert verdict_of_number(replace(WALK, upper_only=True), ()).usability is Usability.BOUND
+    assert verdict_of_number(replace(WALK, high=math.inf), ()).usability is Usability.DO_NOT_USE
+
+
+def test_a_trend_makes_a_bound_unless_its_effect_is_within_the_interval():
+    large, small = trend(4.0, 2.0), trend(2.2, 2.0)
+    assert verdict_of_number(WALK, [large]).usability is Usability.BOUND
+    assert verdict_of_number(WALK, [large]).reason == large
+    assert verdict_of_number(WALK, [small]).usability is Usability.USE
+    white = replace(WALK, symbol="N")
+    assert verdict_of_number(white, [large]).usability is Usability.USE
+
+
+def test_a_remark_that_spoils_a_number_comes_before_one_that_raises_it():
+    short = Remark.of("too-short", "gyro_x", least=7, scales=4)
+    verdict = verdict_of_number(WALK, [short, trend(4.0, 2.0)])
+    assert (verdict.usability, verdict.reason) == (Usability.DO_NOT_USE, short)
+
+
+@pytest.fixture(scope="module")
+def calibration():
+    imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=2e-11)"}, rate=100.0, samples=60_000, rng=1)
+    return gmwm.calibrate(imu, "WN + RW")
+
+
+@pytest.mark.parametrize(("multiple", "usability"), [(2 * BEYOND, "use"), (0.5 * BEYOND, "do not use")])
+def test_a_misfit_far_beyond_the_averaging_time_of_a_filter_leaves_k(calibration, multiple, usability):
+    sheet = calibration.datasheets["gyro_x"]
+    tau = Quantity(multiple * sheet["N"].value / sheet["K"].value, "s")
+    misfit = Remark.of("coarse-misfit", "gyro_x", tau=tau, ratio=5.0, side="below")
+    verdicts = replace(calibration, recording_remarks=(misfit,)).number_verdicts["gyro_x"]
+    assert verdicts["K"].usability.value == usability
+    assert verdicts["B"].usability is Usability.DO_NOT_USE
+    assert verdicts["N"].usability is Usability.USE
+
+
+def test_the_verdict_of_a_calibration_counts_its_numbers(calibration):
+    facts = calibration.verdict.facts
+    assert (facts["axes"], facts["N_use"], facts["K_use"]) == (1, 1, 1)
+    assert calibration.to_dict()["use"]["gyro_x"]["N"] == {"use": "use", "reason": None}

@@ -1,0 +1,86 @@
+"""The sentences of a file on how well its numbers predict, against formulas of this file."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_discrete_are
+
+from gmwm.choosing.datasheets.effective import Use
+from gmwm.choosing.datasheets.filter_numbers import best_gain
+from gmwm.choosing.datasheets.own_filter import smallest_error
+from gmwm.choosing.datasheets.prediction import Prediction
+from gmwm.showing.exporters.quality import LARGE, TIMES, qualities
+from gmwm.showing.exporters.reduction import Number, axis_noise
+from gmwm.theory.processes import Model
+
+from .conftest import RATE, words
+
+
+def axis_of(calibration, axis):
+    quantity = axis.partition("_")[0]
+    return axis_noise(axis, calibration.axes[axis], quantity=quantity, use=Use(), level=0.95)
+
+
+@pytest.mark.parametrize("samples", [1, 20, 3000])
+def test_white_noise_and_a_walk_lose_nothing(samples):
+    processes = Model.parse("WN(sigma2=1.0) + RW(gamma2=1e-5)").processes
+    prediction = Prediction.of(processes, RATE, samples)
+    least = smallest_error(processes, RATE, samples)
+    assert prediction.error(best_gain(prediction))[0] == pytest.approx(least, rel=1e-6)
+
+
+@pytest.mark.parametrize("time", [0.5, 15.0, 300.0])
+def test_the_smallest_error_is_that_of_the_kalman_filter(time):
+    """White noise and a Gauss-Markov state: its steady state, and the prediction of the mean, as scalars."""
+    phi, samples = math.exp(-1 / (time * RATE)), 600
+    phi_, drive = np.array([[phi]]), np.array([[1e-2 * (1 - phi**2)]])
+    before = float(solve_discrete_are(phi_, np.eye(1), drive, np.eye(1))[0, 0])
+    ahead = np.array([(phi ** np.arange(k, samples) / phi**k).sum() for k in range(samples)])  # noise of step k
+    q = 1e-2 * (1 - phi**2)
+    exact = (ahead[0] ** 2 * before + q * np.sum(ahead[1:] ** 2) + samples) / samples**2
+    processes = Model.parse(f"GM(beta={1 / time!r}, sigma2=1e-2) + WN(sigma2=1.0)").processes
+    assert smallest_error(processes, RATE, samples) == pytest.approx(exact, rel=1e-6)
+
+
+def test_a_model_without_white_noise_has_a_smallest_error():
+    processes = Model.parse("MA(1, theta1=0.2, sigma2=1.0) + FN(b2=1e-3)").processes
+    assert smallest_error(processes, RATE, 100) == pytest.approx(1.2**2 / 100, rel=0.15)
+
+
+def test_no_state_space_gives_no_loss():
+    assert smallest_error(Model.parse("PL(alpha=2.5, nu2=1.0) + WN(sigma2=1.0)").processes, RATE, 10) is None
+
+
+def test_quality_is_loss_and_claim(units):
+    axis = axis_of(units["gauss-markov"], "gyro_z")
+    at = dict(zip(TIMES, qualities(axis), strict=True))
+    assert at[1.0].claim == pytest.approx(1.0, abs=0.01)
+    assert 1.0 <= at[1.0].loss < at[10.0].loss < at[60.0].loss
+    assert at[60.0].loss > LARGE
+    assert at[60.0].claim > 1.5
+    assert all(each.loss == pytest.approx(1, abs=2e-3) for each in qualities(axis_of(units["quantized"], "gyro_x")))
+
+
+def test_the_file_states_them_and_names_the_remedy(units):
+    text = words(units["gauss-markov"].export())
+    number = r"(\d+\.\d\d)"
+    three = ", ".join([number] * 3)
+    found = re.search(
+        rf"Gyroscopes, 1/10/60 s: error / full model's error {three}; stated / real error {three}\.", text
+    )
+    axes = [qualities(axis_of(units["gauss-markov"], f"gyro_{k}")) for k in "xyz"]
+    losses = [max(each[k].loss for each in axes) for k in range(3)]
+    assert [float(x) for x in found.groups()[:3]] == pytest.approx(losses, abs=0.006)
+    assert "Filters with Gauss-Markov states" in text
+    assert "Filters with Gauss-Markov states" not in words(units["quantized"].export())
+
+
+def test_inflated_numbers_have_the_same_quality(units):
+    plain, inflated = (
+        [line for line in words(units["quantized"].export(inflation=x)).split(". ") if "1/10/60 s" in line]
+        for x in (1.0, 10.0)
+    )
+    assert plain == inflated
+    assert Number(1.0, False).scaled(2.0) == Number(2.0, False)
