@@ -107,6 +107,23 @@ def _without_type_checking(tree: ast.Module) -> list[ast.stmt]:
     return [node for node in tree.body if not (isinstance(node, ast.If) and ast.unparse(node.test) == guard)]
 
 
+def test_the_path_in_the_guide_exists() -> None:
+    guide = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    section = guide[guide.index("### One path") : guide.index("Outside the package:")]
+    cells = [part for row in section.splitlines() if row.startswith("| ") for part in row.split(";")]
+    count = 0
+    for cell in cells:
+        names = re.findall(r"`([^`]+)`", cell)
+        files = [name for name in names if name.endswith(".py")]
+        for file in files:
+            text = (PACKAGE / file).read_text(encoding="utf-8")
+            after = names[names.index(file) + 1 :]
+            for name in after[:1]:
+                count += 1
+                assert re.search(rf"(def|class) {name.split('.')[0]}\b", text), f"{file} has no {name}"
+    assert count > 12
+
+
 @pytest.mark.slow
 def test_methods_have_the_parameters_of_the_functions_that_they_call() -> None:
     pairs = dict(delegating_methods())

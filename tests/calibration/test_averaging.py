@@ -17,8 +17,8 @@ from gmwm.calibration.averaging import (
     LIKELY,
     MOST,
     SLOW,
-    Estimate,
-    _scaled,
+    WeightedEstimate,
+    _scale,
     averaged_datasheet,
     averaged_interval,
     averaged_intervals,
@@ -28,9 +28,9 @@ from gmwm.choosing.datasheets import Datasheet, Entry, datasheet
 from gmwm.fitting.estimation.intervals import with_quick_intervals
 
 LEVEL = 0.95
-ONE = Estimate(weight=1.0, value=2.0, low=1.0, high=5.0)
-OTHER = Estimate(weight=0.4, value=3.0, low=2.5, high=3.6)
-LIMIT = Estimate(weight=1.0, value=0.5, low=0.0, high=4.0, upper_only=True)
+ONE = WeightedEstimate(weight=1.0, value=2.0, low=1.0, high=5.0)
+OTHER = WeightedEstimate(weight=0.4, value=3.0, low=2.5, high=3.6)
+LIMIT = WeightedEstimate(weight=1.0, value=0.5, low=0.0, high=4.0, upper_only=True)
 
 
 @pytest.mark.parametrize("level", [0.5, 0.8, 0.95, 0.99])
@@ -178,10 +178,10 @@ def test_parameters_become_wider_as_much_as_their_numbers(unclear):
 
 
 def test_powers_of_ratios():
-    assert _scaled(3.0, 2.0, 2.0) == pytest.approx(12.0)
-    assert (_scaled(3.0, 0.0, 2.0), _scaled(3.0, 0.0, -1.0)) == (0.0, math.inf)
-    assert (_scaled(3.0, math.inf, 2.0), _scaled(3.0, math.inf, -1.0)) == (math.inf, 0.0)
-    assert (_scaled(3.0, 2.0, 1e5), _scaled(3.0, 0.5, 1e5)) == (math.inf, 0.0)
+    assert _scale(3.0, 2.0, 2.0) == pytest.approx(12.0)
+    assert (_scale(3.0, 0.0, 2.0), _scale(3.0, 0.0, -1.0)) == (0.0, math.inf)
+    assert (_scale(3.0, math.inf, 2.0), _scale(3.0, math.inf, -1.0)) == (math.inf, 0.0)
+    assert (_scale(3.0, 2.0, 1e5), _scale(3.0, 0.5, 1e5)) == (math.inf, 0.0)
 
 
 def test_a_slow_gauss_markov_process_counts_as_a_random_walk():

@@ -5,7 +5,7 @@ import pytest
 
 import gmwm
 from gmwm.base.remarks import Severity
-from gmwm.calibration.spectrum_findings import line_share
+from gmwm.calibration.findings import line_share
 from gmwm.measuring.spectrum import Line
 
 RATE, SAMPLES = 100.0, 60_000

@@ -9,7 +9,7 @@ import gmwm
 from gmwm import SIN, WN
 from gmwm.base.remarks import Quantity, Remark, Severity
 from gmwm.calibration.summary_text import HELD
-from gmwm.calibration.tables import in_order, merged, number
+from gmwm.calibration.tables import in_order, merge_names, number
 from gmwm.choosing.datasheets import Entry
 from gmwm.measuring.outliers import excess_text
 from gmwm.showing.plots.imu import imu_figure
@@ -154,8 +154,8 @@ REMARK = Remark.of("weights-not-converged")
 
 
 def test_rows_keep_the_order_of_every_axis():
-    assert merged([["N", "B"], ["Q", "N", "K"], ["N", "B", "K", "T_c"]]) == ["Q", "N", "B", "K", "T_c"]
-    assert merged([["N", "T_c[1]"], ["N", "B", "T_c[1]", "T_c[2]"]]) == ["N", "B", "T_c[1]", "T_c[2]"]
+    assert merge_names([["N", "B"], ["Q", "N", "K"], ["N", "B", "K", "T_c"]]) == ["Q", "N", "B", "K", "T_c"]
+    assert merge_names([["N", "T_c[1]"], ["N", "B", "T_c[1]", "T_c[2]"]]) == ["N", "B", "T_c[1]", "T_c[2]"]
 
 
 def test_the_numbers_of_a_filter_come_first():

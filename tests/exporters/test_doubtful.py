@@ -10,7 +10,7 @@ import pytest
 
 import gmwm
 from gmwm.base.remarks import Quantity, Severity, texts
-from gmwm.calibration.findings import rejected
+from gmwm.calibration.findings import rejected_axes
 from gmwm.calibration.misfit import misfit_of
 from gmwm.calibration.number_verdicts import Usability
 from gmwm.showing.exporters import export_all, export_formats
@@ -71,7 +71,7 @@ def test_a_rejected_model_that_follows_its_curve_is_no_caution():
     found = calibrated(TRUTHS["no-walk"], "WN + RW")
     axes = {**found.axes, "gyro_z": gmwm.calibrate({"gyro_z": wave}, "WN + RW").axes["gyro_z"]}
     found = replace(found, axes=axes)
-    assert rejected(found) == ["gyro_z"]
+    assert rejected_axes(found) == ["gyro_z"]
     assert "CAUTION" not in found.export()
     assert json.loads(found.export(format="json"))["remarks"] == []
 

@@ -89,13 +89,15 @@ class ExponentialSearch:
         """
 
 def clone() -> str:
-    """Name of the version of the kernels that runs on this processor."""
+    """
+    Return the name of the version of the kernels that runs on this processor.
+    """
 
 def mean(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> float:
-    """Mean of x; NaN if any value is not finite."""
+    """Return the mean of x; NaN if a value is not finite."""
 
 class Inbox:
-    """A buffer of samples, the first of which are used."""
+    """Buffer of samples, of which the first ones are used."""
 
     def __init__(self, buffer: object) -> None: ...
 
@@ -105,22 +107,22 @@ class Inbox:
 
     def append(self, chunk: object | None, most: int) -> bool:
         """
-        Copy chunk behind the used samples. Return False, and do nothing, if chunk is not an array of one to `most` finite float64 numbers, or has no room.
+        Copy `chunk` after the used samples. Return False, and do nothing, if it is not an array of one to `most` finite float64 numbers, or if it does not fit.
         """
 
 def running_sum(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
     """
-    Running sum of x - mean(x), N + 1 values from 0; all but the first NaN if a value is not finite.
+    Return the running sum of x - mean(x), N + 1 values that start with 0. If a value is not finite, all values but the first are NaN.
     """
 
 def haar_sums_of_squares(running_sum: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], levels: int, begin: int, end: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
     """
-    Sum of the squared Haar coefficients W_{j,t}, j = 1 ... levels, over begin <= t < end and t >= 2^j - 1.
+    Return the sums of the squared Haar coefficients W_{j,t} of the levels j = 1 ... levels, over begin <= t < end and t >= 2^j - 1.
     """
 
 def haar_panel(before: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], reference: float, levels: int, first: int, step: int) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))]]:
     """
-    Sum of the squared Haar coefficients of levels 1 ... levels that end in x, which follows `before`; and the sums of the first `first` + k `step` values of x, k = 0, 1, ..., and of all. `before` and these sums are relative to reference.
+    Return the sums of the squared Haar coefficients of levels 1 ... levels that end in x, which follows `before`. Return also the sums of the first `first` + k `step` values of x for k = 0, 1, ..., and of all values. `before` and these sums are relative to `reference`.
     """
 
 def haar_block_squares(running_sum: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], block: int, out: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')]) -> None:
@@ -130,7 +132,7 @@ def haar_block_squares(running_sum: Annotated[NDArray[numpy.float64], dict(shape
 
 def haar_variance(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], levels: int) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(None,))], float]:
     """
-    Haar wavelet variance of x at levels 1 ... levels, and the mean rise per sample; all NaN if a value or a sum of values is not finite.
+    Return the Haar wavelet variance of x at levels 1 ... levels, and the mean rise per sample. All are NaN if a value or a sum of values is not finite.
     """
 
 most_slopes: int = 32
@@ -163,69 +165,71 @@ def cone_search(target: Annotated[NDArray[numpy.float64], dict(shape=(None,), or
 
 def octave_second_differences(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], octaves: int) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))]]:
     """
-    Running sum of x - mean(x), N + 1 values from 0, and the sums of its squared second differences at lags 1, 2, 4, ...; all but the first NaN if a value is not finite.
+    Return the running sum of x - mean(x), N + 1 values that start with 0, and the sums of its squared second differences at the lags 1, 2, 4, ... If a value is not finite, all values but the first are NaN.
     """
 
 def second_differences(phase: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], n: int, stride: int = 1) -> float:
     """
-    Sum of the squared second differences of the phase at lag n, at every stride-th place.
+    Return the sum of the squared second differences of the phase at lag n, at every stride-th index.
     """
 
 def third_differences(phase: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], n: int, stride: int = 1) -> float:
     """
-    Sum of the squared third differences of the phase at lag n, at every stride-th place.
+    Return the sum of the squared third differences of the phase at lag n, at every stride-th index.
     """
 
 def moving_second_differences(phase: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], n: int) -> float:
     """
-    Sum of the squares of the moving sums, over n places, of the second differences at lag n.
+    Return the sum of the squared moving sums, over n values, of the second differences at lag n.
     """
 
 def reflected_second_differences(phase: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], n: int) -> float:
     """
-    Sum of the squared second differences at lag n of the phase, continued beyond its ends by half a turn.
+    Return the sum of the squared second differences at lag n of the phase, which is extended beyond its ends by point reflection.
     """
 
 def biweight_sums(values: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], limit: float) -> tuple[float, float]:
     """
-    Sums of v q^3 and of v q^4 over the values, v = min(value^2 / limit, 1), q = 1 - v.
+    Return the sums of v q^3 and v q^4 over the values, with v = min(value^2 / limit, 1) and q = 1 - v.
     """
 
 def haar_biweight_sums(running_sum: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], limits: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], every: int, begin: int = 0) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))]]:
     """
-    Those sums over the Haar coefficients of each level with its own limit (0 leaves it out), and their number; one tile of 4096 samples in `every` is read, and of it what ends at sample `begin` or after.
+    Return the sums of `biweight_sums` over the Haar coefficients of each level, and the numbers of coefficients. Each level has its own limit; levels with the limit 0 are skipped. Only one in `every` tiles of 4096 samples is read. Coefficients that end before sample `begin` are skipped.
     """
 
 def haar_sample(running_sum: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], level: int, size: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
     """
-    |W_{j,t}| at `size` places spread over the level; all of them, in order, where there are no more.
+    Return |W_{j,t}| at `size` positions that are spread over the level, or all in order if there are no more.
     """
 
 def haar_between(running_sum: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], level: int, low: float, high: float) -> tuple[int, Annotated[NDArray[numpy.float64], dict(shape=(None,))]]:
-    """How many |W_{j,t}| are <= low, and those in (low, high]."""
+    """Return the number of |W_{j,t}| <= low, and the values in (low, high]."""
 
 def sketch_values(values: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> tuple[int, int, int, Annotated[NDArray[numpy.int64], dict(shape=(None,))], Annotated[NDArray[numpy.int64], dict(shape=(None,))]]:
     """
-    Counts of |value| in bins of 1/128 octave: zeros, infinite ones, the first octave, and of whole octaves from there on the counts and the sums of what lies below each bin's leading bits, in 2^-24 of its width.
+    Count |value| in bins of 1/128 octave. Return the numbers of zeros and of infinite values, the first octave, and, for all bins from this octave on, the counts and the sums of (|value| - lower edge) / width in units of 2^-24.
     """
 
 def haar_sketch(running_sum: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], level: int, begin: int, end: int) -> tuple[int, int, int, Annotated[NDArray[numpy.int64], dict(shape=(None,))], Annotated[NDArray[numpy.int64], dict(shape=(None,))]]:
     """
-    The same of the Haar coefficients W_{j,t} of one level over begin <= t < end and t >= 2^j - 1.
+    Return `sketch_values` of the Haar coefficients W_{j,t} of one level with begin <= t < end and t >= 2^j - 1.
     """
 
 def pyramid_variance(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], scaling: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], wavelet: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], levels: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
     """
-    Wavelet variance of x at levels 1 ... levels by the MODWT; all NaN if a value is not finite.
+    Return the MODWT wavelet variance of x at levels 1 ... levels. All are NaN if a value is not finite.
     """
 
 def pyramid_step(smooth: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], scaling: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], wavelet: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], stride: int) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))]]:
     """
-    One level of the periodic MODWT: the next scaling and the wavelet coefficients.
+    Compute one level of the periodic MODWT. Return its scaling and its wavelet coefficients.
     """
 
 def pyramid_unstep(smooth: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], detail: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], scaling: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], wavelet: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], stride: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
-    """The scaling coefficients from which pyramid_step made these."""
+    """
+    Invert `pyramid_step`: return the scaling coefficients of the level before.
+    """
 
 def covariance_lags(levels: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], samples: int, slowest: float, fastest: float, alternating: bool, diagonal: bool, memory: int) -> tuple[Annotated[NDArray[numpy.int64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.uint8], dict(shape=(None,))]]:
     """
@@ -303,25 +307,25 @@ def least_squares_innovations(responses: Annotated[NDArray[numpy.float64], dict(
 
 def large_coefficients(path: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], scale: float, piece: int, least: float, limit: float) -> tuple[Annotated[NDArray[numpy.int64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], float]:
     """
-    Indices and values of the second differences of a path, times scale, beyond limit local standard deviations; the standard deviation of each piece; and the sum of all squares.
+    Return the indices and the values of the second differences of a path, times `scale`, that exceed `limit` local standard deviations. Return also the standard deviation of each piece, and the sum of all squares.
     """
 
 def neighbour_residuals(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], others: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], at: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], reach: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
     """
-    Samples at some places minus the median of their neighbours among others, reach on each side.
+    Return the samples x[at] minus the median of their neighbours in `others`, `reach` on each side.
     """
 
 def bent_samples(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], limits: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], length: int) -> Annotated[NDArray[numpy.int64], dict(shape=(None,))]:
     """
-    Indices of samples farther from the mean of their neighbours than the limit of their block, and of those beside them.
+    Return the indices of the samples whose distance from the mean of their two neighbours exceeds the limit of their block, and of the samples next to them.
     """
 
 def spectral_descent(waves: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], data: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], floor: float, prior: float, p: int, free: bool, steps: int, near: float, parameters: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')]) -> float:
     """
-    Move scale, a, b and slow to a local minimum of the loss of the ARMA density, in place, and return the loss; the rows of data are the known part, the logarithms and the weights.
+    Move the parameters scale, a, b and slow in place to a local minimum of the loss of the ARMA density, and return the loss. The rows of `data` are the known part, the logarithms and the weights.
     """
 
 def roots_inside(coefficients: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], most: float) -> bool:
     """
-    Whether all roots of the polynomial 1, c_1, c_2, … have a modulus below most.
+    Return whether all roots of the polynomial 1, c_1, c_2, … have a modulus below `most`.
     """

@@ -14,9 +14,9 @@ from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import OptionError, UnitError
 from gmwm.base.multiple_tests import holm
 from gmwm.calibration.agreement_result import Agreement, SharedNumber
-from gmwm.calibration.findings import rejected
+from gmwm.calibration.findings import rejected_axes
 from gmwm.calibration.result import Calibration
-from gmwm.calibration.tables import in_order, merged
+from gmwm.calibration.tables import in_order, merge_names
 from gmwm.choosing.datasheets import Datasheet, Entry
 from gmwm.choosing.datasheets.bias import SYMBOL as BIAS
 from gmwm.files.importers.quantities import as_reference
@@ -102,14 +102,14 @@ def agree(
     sheets = _sheets(calibrations)
     size = as_size(size)
     names = _labels(calibrations, labels)
-    axes = merged([list(sheet) for sheet in sheets])
+    axes = merge_names([list(sheet) for sheet in sheets])
     if not any(sum(axis in sheet for sheet in sheets) > 1 for axis in axes):
         axes_of = {name: ", ".join(sheet) for name, sheet in zip(names, sheets, strict=True)}
         raise OptionError(argument="calibrations", expected="calibrations with an axis in common", got=axes_of)
-    rows = _adjusted([row for axis in axes for row in _of_axis(axis, sheets, names)], size)
+    rows = _adjust([row for axis in axes for row in _of_axis(axis, sheets, names)], size)
     rows, unmatched = _beside(rows, reference or {})
     models = {axis: tuple(sheet[axis].model if axis in sheet else None for sheet in sheets) for axis in axes}
-    rejections, failures = (_where(calibrations, names, of) for of in (rejected, lambda found: found.failed))
+    rejections, failures = (_where(calibrations, names, of) for of in (rejected_axes, lambda found: found.failed))
     return Agreement(
         labels=names,
         rows=tuple(rows),
@@ -122,23 +122,17 @@ def agree(
 
 
 def _sheets(calibrations: Sequence[Recording]) -> list[Mapping[str, Datasheet]]:
-    """Return the datasheets of each recording by axis.
-
-    Raises
-    ------
-    OptionError
-        If there are fewer than two recordings, or one of them has a wrong type.
-    """
+    """Return the datasheets of each recording by axis, or raise an OptionError for a wrong argument."""
     if not isinstance(calibrations, list | tuple) or len(calibrations) < 2:
         got = len(calibrations) if isinstance(calibrations, list | tuple) else type(calibrations).__name__
         raise OptionError(argument="calibrations", expected="a list of at least two, one for each recording", got=got)
     sheets: list[Mapping[str, Datasheet]] = []
-    for place, found in enumerate(calibrations, start=1):
-        sheet = found.datasheets if isinstance(found, Calibration) else found
+    for place, calibration in enumerate(calibrations, start=1):
+        sheet = calibration.datasheets if isinstance(calibration, Calibration) else calibration
         if not isinstance(sheet, Mapping) or not sheet or not all(isinstance(s, Datasheet) for s in sheet.values()):
             raise OptionError(
                 argument="calibrations", expected="a list of Calibrations, or of mappings of axis to Datasheet",
-                got=f"{type(found).__name__} in place {place}",
+                got=f"{type(calibration).__name__} in place {place}",
             )  # fmt: skip
         sheets.append(sheet)
     return sheets
@@ -146,9 +140,12 @@ def _sheets(calibrations: Sequence[Recording]) -> list[Mapping[str, Datasheet]]:
 
 def _labels(calibrations: Sequence[Recording], labels: Sequence[str] | None) -> tuple[str, ...]:
     if labels is None:
-        stems = [PurePath(found.source).stem if isinstance(found, Calibration) else "" for found in calibrations]
-        whole = all(stems) and len(set(stems)) == len(stems)
-        return tuple(stems) if whole else tuple(str(k) for k in range(1, len(stems) + 1))
+        stems = [
+            PurePath(calibration.source).stem if isinstance(calibration, Calibration) else ""
+            for calibration in calibrations
+        ]
+        unique = all(stems) and len(set(stems)) == len(stems)
+        return tuple(stems) if unique else tuple(str(k) for k in range(1, len(stems) + 1))
     names = tuple(labels)
     if isinstance(labels, str) or not all(isinstance(name, str) and name for name in names):
         raise OptionError(argument="labels", expected="a sequence of names", got=labels)
@@ -161,11 +158,11 @@ def _where(
     calibrations: Sequence[Recording], names: Sequence[str], of: Callable[[Calibration], Iterable[str]]
 ) -> dict[str, tuple[str, ...]]:
     """Return for each axis the names of those recordings for whose calibration `of` returns this axis."""
-    found: dict[str, tuple[str, ...]] = {}
+    recordings: dict[str, tuple[str, ...]] = {}
     for name, calibration in zip(names, calibrations, strict=True):
         for axis in of(calibration) if isinstance(calibration, Calibration) else ():
-            found[axis] = (*found.get(axis, ()), name)
-    return found
+            recordings[axis] = (*recordings.get(axis, ()), name)
+    return recordings
 
 
 # --- the tests --------------------------------------------------------------------------------------
@@ -173,23 +170,23 @@ def _where(
 
 def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequence[str]) -> list[SharedNumber]:
     """Return the numbers of one axis, each with the p-value of its test, not adjusted for the number of tests."""
-    found = [sheet.get(axis) for sheet in sheets]
-    units = {sheet.unit: name for sheet, name in zip(found, names, strict=True) if sheet is not None}
+    axis_sheets = [sheet.get(axis) for sheet in sheets]
+    units = {sheet.unit: name for sheet, name in zip(axis_sheets, names, strict=True) if sheet is not None}
     if len(units) > 1:
         raise UnitError(
             f"{axis} has different units: {', '.join(f'{unit} in {name}' for unit, name in units.items())}",
             advice="Calibrate again, and pass the units of the file without units with {--units}.",
         )
     rows = []
-    for symbol in in_order([list(sheet) for sheet in found if sheet is not None]):
-        entries = tuple(None if sheet is None else sheet.get(symbol) for sheet in found)
-        given = [(e, s) for e, s in zip(entries, found, strict=True) if e is not None and s is not None]
-        first = given[0][0]
-        alike = _alike(symbol, [s.model for s in found if s is not None])
-        usable = [(entry, _reach(sheet.level)) for entry, sheet in given if _is_known(entry)]
-        kinds = {entry.term is None for entry, _ in given if symbol == BIAS}
+    for symbol in in_order([list(sheet) for sheet in axis_sheets if sheet is not None]):
+        entries = tuple(None if sheet is None else sheet.get(symbol) for sheet in axis_sheets)
+        pairs = [(e, s) for e, s in zip(entries, axis_sheets, strict=True) if e is not None and s is not None]
+        first = pairs[0][0]
+        alike = _alike(symbol, [s.model for s in axis_sheets if s is not None])
+        usable = [(entry, _reach(sheet.level)) for entry, sheet in pairs if _is_known(entry)]
+        kinds = {entry.term is None for entry, _ in pairs if symbol == BIAS}
         reason = "interval" if len(usable) < 2 else ""
-        reason = "one recording" if len(given) < 2 else "models" if not alike else "kinds" if len(kinds) > 1 else reason
+        reason = "one recording" if len(pairs) < 2 else "models" if not alike else "kinds" if len(kinds) > 1 else reason
         pvalue = None if reason else _pvalue(usable, symbol == _SIGNED)
         rows.append(
             SharedNumber(
@@ -206,12 +203,9 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
 
 
 def _alike(symbol: str, models: Sequence[str]) -> bool:
-    """Return whether a datasheet number has the same meaning in all models.
-
-    N, Q and B are read from the Allan deviation, so they do not depend on the terms of the model. K and R depend on its
-    slow terms, because a slow Gauss-Markov term can describe a part of a random walk. All other numbers are parameters
-    of one term.
-    """
+    """Return whether a number has the same meaning in all models. N, Q and B are read from the Allan deviation. K and R
+    depend on the slow terms, because a slow Gauss-Markov term can describe a part of a random walk; others are
+    parameters of one term."""
     if symbol not in LAWS:
         return len(set(models)) == 1
     return symbol not in _SLOW or len({_slow_terms(model) for model in models}) == 1
@@ -238,15 +232,8 @@ def _reach(level: float) -> float:
 
 
 def _pvalue(known: Sequence[tuple[Entry, float]], signed: bool) -> float:
-    """Return the p-value of the test that all entries have the same value.
-
-    Parameters
-    ----------
-    known : sequence of (Entry, float)
-        The entries, each with half the width of its confidence interval in standard errors.
-    signed : bool
-        Whether the number may be negative, so that its logarithm cannot be used.
-    """
+    """Return the p-value of the test that all entries have the same value. Each entry comes with half the width of its
+    interval in standard errors. The logarithm is used unless the number is `signed`."""
     from scipy.special import gammaincc
 
     points = [_point(entry, z, signed) for entry, z in known if not entry.upper_only]
@@ -273,10 +260,9 @@ def _point(entry: Entry, z: float, signed: bool) -> tuple[float, float]:
 def _below(limit: Entry, z: float, x: float, s: float, signed: bool) -> float:
     """Return the p-value for the difference between an upper limit and a larger value x with the standard error s.
 
-    Both intervals are widened by the same number of standard errors until they meet. The p-value for this number is an
-    upper bound, because the sum of two independent errors is larger than the root of their sum of squares. If the
-    number is the amplitude of a term, its upper limit is widened on the scale of its square, the variance. If the
-    number is read from the Allan deviation, the limit is widened on a logarithmic scale.
+    Both intervals are widened by the same number of standard errors until they meet. This is an upper bound, because
+    the sum of two independent errors is larger than the root of their sum of squares. The limit of an amplitude is
+    widened on the scale of the variance, a number from the Allan deviation on a logarithmic scale.
     """
 
     def apart(width: float) -> bool:
@@ -297,7 +283,7 @@ def _below(limit: Entry, z: float, x: float, s: float, signed: bool) -> float:
     return math.erfc(high / math.sqrt(2))
 
 
-def _adjusted(rows: Sequence[SharedNumber], size: float) -> list[SharedNumber]:
+def _adjust(rows: Sequence[SharedNumber], size: float) -> list[SharedNumber]:
     """Return the rows with p-values adjusted by Holm's method, and whether each number agrees at the level `size`."""
     adjusted = holm([math.nan if row.pvalue is None else row.pvalue for row in rows]).tolist()
     return [
@@ -313,20 +299,20 @@ def _beside(
     rows: Sequence[SharedNumber], reference: Mapping[str, tuple[float, str]]
 ) -> tuple[list[SharedNumber], tuple[str, ...]]:
     """Return the numbers with their reference values, and the keys of references for which there is no number."""
-    made, unmatched = list(rows), []
+    compared, unmatched = list(rows), []
     # References for axes are set last, so that they replace references for sensors.
     for key in sorted(reference, key=lambda key: key.rpartition(".")[0] in {row.axis for row in rows}):
         name, _, symbol = key.rpartition(".")
         axes = {row.axis: row.unit for row in rows if name in (row.axis, sensor_of(row.axis))}
         if not axes:
-            known = ", ".join(dict.fromkeys(name for row in rows for name in (sensor_of(row.axis), row.axis) if name))
-            raise OptionError(argument="reference", expected=f"of {known}, such as '{rows[0].axis}.N'", got=key)
+            names = ", ".join(dict.fromkeys(name for row in rows for name in (sensor_of(row.axis), row.axis) if name))
+            raise OptionError(argument="reference", expected=f"of {names}, such as '{rows[0].axis}.N'", got=key)
         places = [k for k, row in enumerate(rows) if row.axis in axes and row.symbol == symbol]
         for k in places:
-            made[k] = replace(made[k], reference=as_reference(key, reference[key], rows[k].unit))
+            compared[k] = replace(compared[k], reference=as_reference(key, reference[key], rows[k].unit))
         if not places:
             if symbol not in LAWS:
                 expected = f"of {', '.join(LAWS)} or another number of the calibrations"
                 raise OptionError(argument="reference", expected=expected, got=key)
             unmatched.append(key)
-    return made, tuple(unmatched)
+    return compared, tuple(unmatched)

@@ -6,16 +6,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from gmwm.base.remarks import Remark
-from gmwm.base.text import Summarised
-from gmwm.calibration.agreement_findings import remarks_of, verdict_of
+from gmwm.base.documents import Documented, plain
+from gmwm.base.remarks import Remark, sorted_remarks
+from gmwm.base.text import Summarised, rounded
 from gmwm.calibration.agreement_text import summary
+from gmwm.calibration.tables import number
 from gmwm.choosing.datasheets import Entry
 from gmwm.files.importers.quantities import Reference
+from gmwm.measuring.variance.allan_regression import LAWS
 
 
 @dataclass(frozen=True, kw_only=True)
-class SharedNumber:
+class SharedNumber(Documented):
     """One datasheet number of one axis, as estimated from several recordings.
 
     Attributes
@@ -47,6 +49,10 @@ class SharedNumber:
     agrees: bool | None = None
     reason: str = ""
     reference: Reference | None = None
+    document_keys = (
+        "axis", "symbol", "title", "unit", "entries", "apart", "pvalue", "adjusted", "agrees", "reason", "reference",
+        "ratios",
+    )  # fmt: skip
 
     @property
     def apart(self) -> float | None:
@@ -61,16 +67,6 @@ class SharedNumber:
             return (None,) * len(self.entries)
         shown = [None if entry is None else entry.high if entry.upper_only else entry.value for entry in self.entries]
         return tuple(None if value is None else abs(value) / self.reference.si for value in shown)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain values for JSON."""
-        return {
-            "axis": self.axis, "symbol": self.symbol, "title": self.title, "unit": self.unit,
-            "entries": [None if entry is None else entry.to_dict() for entry in self.entries],
-            "apart": self.apart, "pvalue": self.pvalue, "adjusted": self.adjusted, "agrees": self.agrees,
-            "reason": self.reason, "reference": None if self.reference is None else self.reference.to_dict(),
-            "ratios": list(self.ratios),
-        }  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -144,19 +140,78 @@ class Agreement(Summarised, Sequence[SharedNumber]):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison as plain values for JSON."""
-        return {
-            "labels": list(self.labels),
-            "size": self.size,
-            "compared": len(self.compared),
-            "disagreeing": [f"{row.axis}.{row.symbol}" for row in self.disagreeing],
-            "models": {axis: list(models) for axis, models in self.models.items()},
-            "rejected": {axis: list(labels) for axis, labels in self.rejected.items()},
-            "unmatched": list(self.unmatched),
-            "failed": {axis: list(labels) for axis, labels in self.failed.items()},
-            "rows": [row.to_dict() for row in self.rows],
-            "verdict": self.verdict.to_dict(),
-            "remarks": [remark.to_dict() for remark in self.remarks],
-        }
+        differing = [f"{row.axis}.{row.symbol}" for row in self.disagreeing]
+        content = {"labels": self.labels, "size": self.size, "compared": len(self.compared), "disagreeing": differing}
+        for name in ("models", "rejected", "unmatched", "failed", "rows", "verdict", "remarks"):
+            content[name] = getattr(self, name)
+        document: dict[str, Any] = plain(content)
+        return document
 
     def __repr__(self) -> str:
         return f"Agreement({len(self.compared)} numbers compared, {len(self.disagreeing)} differ)"
+
+
+# --- remarks -------------------------------------------------------------------------------------------
+
+_RAMP = "R"
+
+
+def verdict_of(found: Agreement) -> Remark:
+    """Return the verdict, a remark that states how many numbers were compared and how many of them differ."""
+    differing = len(found.disagreeing)
+    state = "none" if not found.compared else "all" if not differing else "one" if differing == 1 else "some"
+    return Remark.of(
+        "agreement", recordings=len(found.labels), compared=len(found.compared), differing=differing, size=found.size,
+        state=state,
+    )  # fmt: skip
+
+
+def remarks_of(found: Agreement) -> list[Remark]:
+    """Return all remarks on an agreement, the most severe first."""
+    return sorted_remarks(_remarks(found))
+
+
+def _remarks(found: Agreement) -> Iterator[Remark]:
+    for row in found.disagreeing:
+        yield _difference(row)
+    for axis, labels in found.rejected.items():
+        everywhere = len(labels) == sum(model is not None for model in found.models[axis])
+        yield Remark.of("axis-rejected", axis, recordings=("all recordings",) if everywhere else labels)
+    for row in found.disagreeing:
+        if row.symbol == _RAMP:
+            yield Remark.of("ramps-differ", _name(row))
+    for axis, models in found.models.items():
+        if len({model for model in models if model is not None}) > 1:
+            yield Remark.of("models-differ", axis, numbers=tuple(LAWS))
+    for row in found.rows:
+        if row.reason == "kinds":
+            yield Remark.of("bias-instability-kinds", _name(row))
+        if row.reason == "one recording":
+            yield Remark.of("single-recording", _name(row))
+    for key in found.unmatched:
+        yield Remark.of("reference-unused", key)
+
+
+def _name(row: SharedNumber) -> str:
+    return f"{row.symbol} of {row.axis}"
+
+
+def _difference(row: SharedNumber) -> Remark:
+    """Return the remark on a number that differs between recordings, with its values and p-value."""
+    entries = [entry for entry in row.entries if entry is not None]
+    unit = entries[0].in_units("datasheet")[3]
+    return Remark.of(
+        "numbers-differ", _name(row), values=tuple(number(entry) for entry in entries), unit=unit,
+        p=row.adjusted if row.adjusted is not None else 1.0, sizes="no" if row.apart is None else "yes",
+        apart="" if row.apart is None else apart_text(row.apart),
+    )  # fmt: skip
+
+
+def apart_text(share: float) -> str:
+    """Format how far the largest value is from the smallest, given their ratio minus 1.
+
+    >>> apart_text(0.12), apart_text(2.0)
+    ('12 % between the largest and the smallest', 'a factor of 3 between the largest and the smallest')
+    """
+    size = f"{rounded(100 * share)} %" if share < 1 else f"a factor of {rounded(1 + share)}"
+    return f"{size} between the largest and the smallest"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 from gmwm.base.remarks import Dialect, texts
 from gmwm.base.tables import headed
-from gmwm.calibration.tables import WIDTH, bulleted, key, number, wrapped
+from gmwm.calibration.tables import WIDTH, bullet, key, number, wrap_text
 from gmwm.measuring.variance.allan_regression import LAWS
 
 if TYPE_CHECKING:
@@ -24,15 +24,15 @@ _LOWEST: Literal["B"] = "B"
 def summary(found: Agreement, dialect: Dialect = Dialect.PYTHON) -> str:
     """Return the verdict, a table for each axis, the remarks and the reference values as text of at most 80 columns."""
     heads, names = _heads(found)
-    parts = [[*wrapped(found.verdict.text(dialect)), *names]]
+    parts = [[*wrap_text(found.verdict.text(dialect)), *names]]
     parts += [[axis, *_fitting(heads, lambda *part, axis=axis: _rows(found, axis, *part))] for axis in found.models]
-    parts.append(wrapped(_legend(found)))
+    parts.append(wrap_text(_legend(found)))
     if remarks := texts(found.remarks, dialect):
-        parts.append(["What to know about the comparison:", *(line for text in remarks for line in bulleted(text))])
+        parts.append(["What to know about the comparison:", *(line for text in remarks for line in bullet(text))])
     if referred := [row for row in found.rows if row.reference is not None]:
         table = _fitting(heads, lambda *part: _beside(found, referred, *part))
         parts.append(
-            ["Ratio of the measured values to the reference values:", *table, *wrapped(_about_reference(referred))]
+            ["Ratio of the measured values to the reference values:", *table, *wrap_text(_about_reference(referred))]
         )
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
@@ -45,19 +45,12 @@ def _heads(found: Agreement) -> tuple[list[str], list[str]]:
     if sum(len(label) + 2 for label in found.labels) <= WIDTH - 24:
         return list(found.labels), []
     numbers = [f"({k})" for k in range(1, len(found.labels) + 1)]
-    return numbers, [line for k, label in zip(numbers, found.labels, strict=True) for line in wrapped(f"{k} {label}")]
+    return numbers, [line for k, label in zip(numbers, found.labels, strict=True) for line in wrap_text(f"{k} {label}")]
 
 
 def _fitting(heads: Sequence[str], rows: Callable[[Sequence[str], range], list[list[str]]]) -> list[str]:
-    """Return the lines of a table with a column for each recording, split into several tables if it is too wide.
-
-    Parameters
-    ----------
-    heads : sequence of str
-        Headings of the recordings.
-    rows : callable
-        Returns the rows of the table for the headings and the range of some recordings.
-    """
+    """Return a table with a column for each recording, split into several tables if too wide. `rows` returns the rows
+    for the headings and the range of some recordings."""
     lines: list[str] = []
     for count in range(len(heads), 0, -1):
         lines = []

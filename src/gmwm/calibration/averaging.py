@@ -37,17 +37,9 @@ treated as a random walk with K = q_c (docs/validation/sensors.md)."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Estimate:
-    """The estimate of a number from one model, with the weight of the model in the average.
-
-    Attributes
-    ----------
-    weight : float
-    value, low, high : float
-        Estimate and the ends of its confidence interval, all positive.
-    upper_only : bool
-        Whether the number may be zero, so that only the upper limit `high` is valid.
-    """
+class WeightedEstimate:
+    """Estimate of a number from one model with its positive interval; with `upper_only`, only `high` is valid. `weight`
+    is relative."""
 
     weight: float
     value: float
@@ -56,11 +48,11 @@ class Estimate:
     upper_only: bool = False
 
 
-ABSENT = Estimate(weight=0.0, value=0.0, low=0.0, high=0.0, upper_only=True)
-"""Estimate of a number from a model that does not have it, which is zero."""
+ABSENT = WeightedEstimate(weight=0.0, value=0.0, low=0.0, high=0.0, upper_only=True)
+"""WeightedEstimate of a number from a model that does not have it, which is zero."""
 
 
-def averaged_interval(estimates: Sequence[Estimate], level: float) -> tuple[float, float]:
+def averaged_interval(estimates: Sequence[WeightedEstimate], level: float) -> tuple[float, float]:
     """Return a confidence interval of a number, averaged over several models.
 
     In each model, the logarithm of the number has a normal distribution whose mean and width follow from the estimate
@@ -73,7 +65,7 @@ def averaged_interval(estimates: Sequence[Estimate], level: float) -> tuple[floa
 
     Examples
     --------
-    >>> one = Estimate(weight=1.0, value=1.0, low=0.5, high=2.0)
+    >>> one = WeightedEstimate(weight=1.0, value=1.0, low=0.5, high=2.0)
     >>> low, high = averaged_interval([one], 0.95)
     >>> round(low, 3), round(high, 3)
     (0.5, 2.0)
@@ -118,23 +110,22 @@ def _crossing(above: Callable[[float], float], wanted: float, first: float, last
 
 def weighted_candidates(ranking: Ranking) -> list[tuple[float, Candidate]]:
     """Return the models to average over, with the weights exp(−Δ/2), where Δ is the criterion minus the best one."""
-    found = []
+    weighted = []
     for candidate in ranking.distinct:
         difference = candidate.difference
         if candidate.equivalent:
             difference = min(difference, EQUIVALENT)
         weight = math.exp(-difference / 2)
         if weight >= LIKELY or candidate.recommended:
-            found.append((weight, candidate))
-    return sorted(found, key=lambda pair: (not pair[1].recommended, -pair[0]))[:MOST]
+            weighted.append((weight, candidate))
+    return sorted(weighted, key=lambda pair: (not pair[1].recommended, -pair[0]))[:MOST]
 
 
 def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Datasheet:
     """Return the datasheet of the recommended model, with intervals that include the uncertainty of the model choice.
 
-    Each interval is the union of the interval in the recommended model and the interval averaged over all models, so it
-    can only become wider. If the models without a number have more than (1 − level) / 2 of the total weight, the number
-    becomes an upper limit.
+    Each interval is the union of the one in the recommended model and the average over all models. The number becomes
+    an upper limit if the models without it have more than (1 − level) / 2 of the total weight.
     """
     others = []
     for weight, candidate in weighted_candidates(ranking):
@@ -145,41 +136,34 @@ def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Data
             other = model_datasheet(with_quick_intervals(candidate.fit, level), level)
         except GmwmError:  # A model without intervals gives no information about a number.
             continue
-        if _determined(other):
+        if _is_determined(other):
             others.append((weight, other))
     if len(others) < 2:
         return sheet
-    return replace(sheet, entries=tuple(_widened(entry, sheet, others, level) for entry in sheet.values()))
+    return replace(sheet, entries=tuple(_widen(entry, sheet, others, level) for entry in sheet.values()))
 
 
 def with_band(sheet: Datasheet, errors: Mapping[str, float], level: float) -> Datasheet:
-    """Return the datasheet with intervals for the numbers that were estimated from the spectrum, such as f_b.
-
-    Parameters
-    ----------
-    sheet : Datasheet
-    errors : mapping of symbol to float
-        Relative standard errors of these numbers. In the fit they were fixed, so that they have no interval yet.
-    level : float
-    """
+    """Return the datasheet with intervals for numbers from the spectrum, such as f_b. `errors` has their relative
+    standard errors by symbol. The fit holds these numbers, so they have no interval yet."""
     reach = NormalDist().inv_cdf((1 + level) / 2)
 
-    def known(entry: Entry) -> Entry:
+    def with_interval(entry: Entry) -> Entry:
         if not entry.held or entry.symbol not in errors:
             return entry
         by = math.exp(min(reach * errors[entry.symbol], _LARGEST))
         return replace(entry, low=entry.value / by, high=entry.value * by, held=False)
 
-    return replace(sheet, entries=tuple(map(known, sheet.values())))
+    return replace(sheet, entries=tuple(map(with_interval, sheet.values())))
 
 
-def _determined(sheet: Datasheet) -> bool:
+def _is_determined(sheet: Datasheet) -> bool:
     """Return whether the interval of q_c of every Gauss-Markov term is narrow enough (see `UNKNOWN`)."""
     driving = [entry for entry in sheet.values() if _base(entry.symbol) == _TIMES[1] and not entry.upper_only]
     return all(entry.low and entry.high and entry.high <= UNKNOWN * entry.low for entry in driving)
 
 
-def _widened(entry: Entry, sheet: Datasheet, others: Sequence[tuple[float, Datasheet]], level: float) -> Entry:
+def _widen(entry: Entry, sheet: Datasheet, others: Sequence[tuple[float, Datasheet]], level: float) -> Entry:
     if entry.held or entry.low is None or entry.high is None or entry.value <= 0 or entry.unit == "Hz":
         return entry
     estimates = []
@@ -194,9 +178,11 @@ def _widened(entry: Entry, sheet: Datasheet, others: Sequence[tuple[float, Datas
     return replace(entry, low=low, high=high, upper_only=entry.upper_only or low == 0.0)
 
 
-def _estimate(entry: Entry) -> Estimate:
+def _estimate(entry: Entry) -> WeightedEstimate:
     low, high = entry.low or 0.0, math.inf if entry.high is None else entry.high
-    return Estimate(weight=1.0, value=abs(entry.value), low=max(low, 0.0), high=high, upper_only=entry.upper_only)
+    return WeightedEstimate(
+        weight=1.0, value=abs(entry.value), low=max(low, 0.0), high=high, upper_only=entry.upper_only
+    )
 
 
 def _base(symbol: str) -> str:
@@ -205,11 +191,8 @@ def _base(symbol: str) -> str:
 
 
 def _counterpart(entry: Entry, sheet: Datasheet, other: Mapping[str, Entry]) -> Entry | None:
-    """Return the entry for the same number in the datasheet of another model; None if there is none.
-
-    Gauss-Markov terms are matched by their correlation times. A random walk is matched with a slow Gauss-Markov term if
-    the other model has no random walk.
-    """
+    """Return the entry for the same number in the datasheet of another model; None if there is none. Gauss-Markov terms
+    are matched by correlation time, a random walk with a slow Gauss-Markov term if there is no walk."""
     base = _base(entry.symbol)
     if base != entry.symbol and base not in _TIMES and "[" not in entry.symbol:
         same = next((e for symbol, e in other.items() if _base(symbol) == base != symbol), None)
@@ -245,12 +228,8 @@ def is_walk(process: Process, rate: float) -> bool:
 
 
 def markov_instead_of_walk(sheet: Datasheet, ranking: Ranking) -> float | None:
-    """Return the correlation time (s) of a Gauss-Markov process that could replace the random walk of the model.
-
-    The process belongs to another model that fits the data as well, and its correlation time is between 1 % and 100 %
-    of the length of the recording. The result is None if there is no such process, or if the datasheet has no value for
-    K.
-    """
+    """Return the correlation time (s) of a Gauss-Markov process that could replace the random walk, or None. It belongs
+    to another model that fits as well, and is 1 % to 100 % of the recording."""
     term = next((entry for entry in sheet.values() if entry.symbol.startswith(f"{WALK} of ")), None)
     walk, duration = term or sheet.get(WALK), sheet.samples / sheet.rate
     recommended = [candidate.fit.model for candidate in ranking.distinct if candidate.recommended]
@@ -273,12 +252,9 @@ def markov_instead_of_walk(sheet: Datasheet, ranking: Ranking) -> float | None:
 def averaged_intervals(
     fit: Fit, intervals: Mapping[str, tuple[float, float]], sheet: Datasheet
 ) -> dict[str, tuple[float, float]]:
-    """Return the intervals of the parameters, widened so that they include the uncertainty of the model choice.
-
-    If a datasheet number is computed from a single parameter, the interval of the parameter is widened until it
-    corresponds to at least the interval of the number.
-    """
-    rate, found = fit.wavelet_variance.rate, dict(intervals)
+    """Return the intervals of the parameters, widened by the uncertainty of the model choice. The interval of a
+    parameter from which alone a number follows corresponds to at least the interval of the number."""
+    rate, widened = fit.wavelet_variance.rate, dict(intervals)
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
         for number in process.physical(rate) if process.scale > 0 else ():
             if len(number.slopes) != 1:
@@ -288,16 +264,16 @@ def averaged_intervals(
             name = f"{term}.{parameter}"
             if entry is None or entry.low is None or entry.high is None or entry.value <= 0:
                 continue
-            if name not in found or slope == 0:
+            if name not in widened or slope == 0:
                 continue
             value, power = fit.parameters[name], 1 / slope
-            ends = [_scaled(value, end / entry.value, power) for end in (entry.low, entry.high)]
-            low, high = found[name]
-            found[name] = (min(low, *ends), max(high, *ends))
-    return found
+            ends = [_scale(value, end / entry.value, power) for end in (entry.low, entry.high)]
+            low, high = widened[name]
+            widened[name] = (min(low, *ends), max(high, *ends))
+    return widened
 
 
-def _scaled(value: float, ratio: float, power: float) -> float:
+def _scale(value: float, ratio: float, power: float) -> float:
     """Return value · ratio^power. The ratio may be 0 or infinite, and the result is infinite if it would overflow."""
     if ratio <= 0 or math.isinf(ratio):
         return math.inf if (ratio <= 0) == (power < 0) else 0.0

@@ -33,7 +33,7 @@ from gmwm.theory.processes.walk import RW
 STAGES = ("measured", "model chosen", "fitted", "judged")
 """Names of the steps of the calibration of one axis, as the progress callback gets them."""
 LONGER = 10
-"""Number of times that `needed` doubles the recording length at most, which is a factor of 1024
+"""Number of times that `needed_lengths` doubles the recording length at most, which is a factor of 1024
 (tests/calibration/test_calibrate.py)."""
 
 
@@ -81,7 +81,7 @@ def calibrate_axis(
         datasheet=with_limits(sheet, fit),
         ranking=ranking,
         verdict=measured.verdict(robust=curve.robust),
-        needed=needed(_as_one_recording(fit), options.weighting),
+        needed=needed_lengths(_as_one_recording(fit), options.weighting),
         spectrum=measured.spectrum,
         misfit=relative_misfit(fit),
         model_error=choice.error,
@@ -101,19 +101,8 @@ def calibrate_axis(
 def choose_model(
     wv: WaveletVariance, spectrum: PowerSpectrum | None, options: CalibrationOptions, *, check: Callable[[], None]
 ) -> ModelChoice:
-    """Choose the model of one axis as the options say.
-
-    gmwm searches for the model, compares all models that are part of a largest model, or uses the model of the user.
-
-    Parameters
-    ----------
-    wv : WaveletVariance
-    spectrum : PowerSpectrum or None
-    options : CalibrationOptions
-        Options of this axis.
-    check : function
-        Function that is called between steps. It can raise an exception to stop the search.
-    """
+    """Search for the model of one axis, compare the models within a largest one, or use the model of the user, as the
+    options of the axis say. `check` is called often and may raise to stop."""
     if options.models:
         return given_model(options.general, wv, options.ranking)
     if options.searched:
@@ -123,10 +112,8 @@ def choose_model(
 
 
 def final_fit(model: Model, wv: WaveletVariance, weighting: str) -> Fit:
-    """Fit a model, repeating the fit until its weights have converged, and certify the optimum.
-
-    The function issues no Python warnings, because threads share the warning filters. The fit contains the remarks.
-    """
+    """Fit a model until its weights have converged, and certify the optimum. Remarks replace Python warnings, whose
+    filters threads would share."""
     return Fit.of(settle(model, wv, weighting, certify=True), wv, weighting)
 
 
@@ -136,16 +123,13 @@ def given_fit(model: Model, wv: WaveletVariance, options: CalibrationOptions) ->
 
 
 def _left_in(fit: Fit, raw: WaveletVariance, options: CalibrationOptions) -> float | None:
-    """Return K (SI) that the axis would have if the effect of the conditions were not removed; None if unknown.
-
-    The model is fitted to the curve `raw`, from which the effect is not removed. If it has no random walk, one is
-    added.
-    """
+    """Return K (SI) from the curve without the removal of the conditions; None if unknown. A random walk is added to a
+    model that has none."""
     walks = any(is_walk(process, fit.wavelet_variance.rate) for process in fit.model.processes)
     model = fit.model if walks else Model((*fit.model.processes, RW()))
     try:
-        left = nearly_fitted(model, raw, options.weighting)
-        entry = datasheet(left, options.confidence).get(WALK)
+        raw_fit = nearly_fitted(model, raw, options.weighting)
+        entry = datasheet(raw_fit, options.confidence).get(WALK)
     except GmwmError:
         return None
     return None if entry is None else entry.value
@@ -177,29 +161,28 @@ def _test(fit: Fit) -> GoodnessOfFit | None:
         return None
 
 
-def needed(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[str, float | None]:
-    """Return the recording length (s) that each poorly known parameter needs for a relative standard error of 20 %.
+def needed_lengths(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[str, float | None]:
+    """Return the recording length (s) that gives each poorly known parameter a relative standard error of 20 %.
 
-    These are the parameters whose relative standard error exceeds 50 %. The length of the recording is doubled up to
-    ten times. The result is infinite if even 1024 times the length is not enough. It is None if the data cannot
-    distinguish a term from a simpler process, because theory then cannot predict the standard error.
+    These parameters have one above 50 %. The length is doubled up to ten times, then it is infinite. It is None if the
+    data cannot distinguish a term from a simpler process, because theory cannot predict the error.
     """
     shares = zip(fit.sandwich.names, np.sqrt(np.diag(fit.sandwich.relative)).tolist(), strict=True)
     poor = [name for name, share in shares if share > SEEN]
     if not poor or fit.diagnostics.acts_as:
         return dict.fromkeys(poor)
-    kept = [(term, p) for term, p in zip(fit.model.terms, fit.model.processes, strict=True) if p.scale > 0]
-    model = Model(tuple(process for _, process in kept))
-    label = {new: old for new, (old, _) in zip(model.terms, kept, strict=True)}
-    found: dict[str, float | None] = dict.fromkeys(poor, math.inf)
+    terms = [(term, p) for term, p in zip(fit.model.terms, fit.model.processes, strict=True) if p.scale > 0]
+    model = Model(tuple(process for _, process in terms))
+    label = {new: old for new, (old, _) in zip(model.terms, terms, strict=True)}
+    lengths: dict[str, float | None] = dict.fromkeys(poor, math.inf)
     for doubling in range(1, LONGER + 1):
         samples = fit.wavelet_variance.samples << doubling
         names, errors = relative_errors(model, samples, fit.wavelet_variance.rate, weighting)
         for name, error in zip(names, errors.tolist(), strict=True):
             term, _, parameter = name.partition(".")
-            own = f"{label[term]}.{parameter}"
-            if found.get(own) == math.inf and error <= WANTED:
-                found[own] = samples / fit.wavelet_variance.rate
-        if math.inf not in found.values():
+            name_in_fit = f"{label[term]}.{parameter}"
+            if lengths.get(name_in_fit) == math.inf and error <= WANTED:
+                lengths[name_in_fit] = samples / fit.wavelet_variance.rate
+        if math.inf not in lengths.values():
             break
-    return found
+    return lengths

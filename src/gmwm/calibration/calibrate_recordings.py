@@ -17,7 +17,7 @@ from gmwm.calibration.data import AxisInput, Recordings
 from gmwm.calibration.findings import SIZE
 from gmwm.calibration.measure import MeasuredAxis, measure
 from gmwm.calibration.options import CalibrationOptions
-from gmwm.calibration.passes import Run
+from gmwm.calibration.passes import Execution
 from gmwm.calibration.recording_findings import recording_remarks
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration
@@ -49,15 +49,12 @@ def calibrate_recording(
     progress: Progress | None = None,
     helpers: Helpers | None = None,
 ) -> Calibration:
-    """Calibrate one or several recordings like `calibrate`, with options that are already validated.
-
-    The axes are also calibrated in helper processes, if there are any.
-    """
+    """Calibrate like `calibrate`, with options that are already validated, and in helper processes if there are any."""
     if threads is not None:
         as_whole_number(threads, "threads", 1)
     recordings = Recordings.of(data, options)
     steps = _Progress(len(recordings.axes) * len(STAGES), progress)
-    run = Run(threads=threads, scheduler=scheduler, workers=workers, progress=steps.read)
+    run = Execution(threads=threads, scheduler=scheduler, workers=workers, progress=steps.read)
     measured, inspections, findings = measure(recordings, options, run)
 
     def work(axis: str, item: MeasuredAxis | GmwmError) -> AxisCalibration | GmwmError:
@@ -108,21 +105,19 @@ def _recording_remarks(
     verdicts: Mapping[str, Mapping[str, Verdict]],
     findings: Mapping[str, Sequence[object]],
 ) -> Iterator[Remark]:
-    """Yield the remarks on the recordings from their inspections, outlier tests and additions.
-
-    If a remark does not apply to all recordings, its subject names the recording.
-    """
-    found = {}
+    """Yield the remarks on the recordings from inspections, outlier tests and additions. Remarks that do not apply to
+    all recordings name theirs."""
+    by_recording = {}
     for name, inspection in inspections.items():
-        own = [of[name] for of in verdicts.values() if name in of]
-        found[name] = list(recording_remarks(inspection, axes, own))
+        recording_verdicts = [of[name] for of in verdicts.values() if name in of]
+        by_recording[name] = list(recording_remarks(inspection, axes, recording_verdicts))
         still = [axis for axis in axes if not (name in verdicts[axis] and verdicts[axis][name].contaminated)]
         for addition, finding in zip(recording_additions(), findings[name], strict=False):
             if finding is not None:
-                found[name] += addition.remarks(finding, still, SIZE / len(inspections))
-    for name, remarks in found.items():
+                by_recording[name] += addition.remarks(finding, still, SIZE / len(inspections))
+    for name, remarks in by_recording.items():
         for remark in remarks:
-            if all(remark in others for others in found.values()):
+            if all(remark in others for others in by_recording.values()):
                 yield remark
             else:
                 yield remark.about(f"{remark.subject} in {name}" if remark.subject else name)

@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from gmwm.calibration.result import Calibration
 
 
-def combined(calibrations: Sequence[Calibration]) -> Calibration:
+def combine(calibrations: Sequence[Calibration]) -> Calibration:
     """Return one calibration with the axes of all given calibrations. `Calibration.combined` describes the rules."""
     first = calibrations[0]
     if len(calibrations) == 1:
         return first
-    axes = [axis for one in calibrations for axis in (*one.axes, *one.failed)]
+    axes = [axis for calibration in calibrations for axis in (*calibration.axes, *calibration.failed)]
     twice = sorted({axis for axis in axes if axes.count(axis) > 1})
     if twice:
         raise DataError(
@@ -27,21 +27,25 @@ def combined(calibrations: Sequence[Calibration]) -> Calibration:
             advice="Combine calibrations of different sensors; several recordings of one sensor are calibrated "
             "together.",
         )
-    if any(one.settings.confidence != first.settings.confidence for one in calibrations):
+    if any(calibration.settings.confidence != first.settings.confidence for calibration in calibrations):
         raise DataError("the calibrations have different confidence levels", advice="Calibrate with the same level.")
     recordings: dict[str, Recording] = {}
     remarks: list[Remark] = []
-    for one in calibrations:
-        name = _name(one)
-        own = one.recordings if one.recording is None else {name: one.recording}
-        for key, value in own.items():
+    for calibration in calibrations:
+        name = _name(calibration)
+        descriptions = calibration.recordings if calibration.recording is None else {name: calibration.recording}
+        for key, value in descriptions.items():
             recordings[key if key not in recordings else f"{key} ({len(recordings) + 1})"] = value
-        remarks += [remark if remark.subject else remark.about(name) for remark in one.recording_remarks]
+        remarks += [remark if remark.subject else remark.about(name) for remark in calibration.recording_remarks]
     return replace(
         first,
-        axes={axis: found for one in calibrations for axis, found in one.axes.items()},
-        failed={axis: reason for one in calibrations for axis, reason in one.failed.items()},
-        source=" and ".join(dict.fromkeys(one.source for one in calibrations if one.source)),
+        axes={
+            axis: axis_calibration
+            for calibration in calibrations
+            for axis, axis_calibration in calibration.axes.items()
+        },
+        failed={axis: reason for calibration in calibrations for axis, reason in calibration.failed.items()},
+        source=" and ".join(dict.fromkeys(calibration.source for calibration in calibrations if calibration.source)),
         recording_remarks=tuple(remarks),
         recording=None,
         recordings=recordings,

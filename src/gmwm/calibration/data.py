@@ -51,16 +51,9 @@ class Recordings:
 
     @classmethod
     def of(cls, data: Any, options: CalibrationOptions) -> Recordings:
-        """Check the data and the options that concern axes.
-
-        Raises
-        ------
-        OptionError
-            If the data have a wrong type, or if an axis or an option is wrong.
-        DataError
-            If the recordings have no axis in common.
-        """
-        by_name = named(data)
+        """Check the data and the options that concern axes. Raises an OptionError or a DataError that says what is
+        wrong."""
+        by_name = recordings_by_name(data)
         if len(by_name) > 1 and options.conditions.arrays:
             raise OptionError(
                 "against has arrays, which belong to one recording, and there are several", argument="against",
@@ -70,22 +63,14 @@ class Recordings:
         inputs = {name: chosen_axes(recording, options.wanted) for name, recording in by_name.items()}
         axes, missing = common_axes(inputs)
         require_axes(options.models, axes)
-        inputs = {name: {axis: own[axis] for axis in axes} for name, own in inputs.items()}
+        inputs = {name: {axis: recording_inputs[axis] for axis in axes} for name, recording_inputs in inputs.items()}
         comparisons = len(axes) * len(by_name)
         return cls(by_name=by_name, axes=tuple(axes), missing=missing, inputs=inputs, comparisons=comparisons)
 
 
-def named(data: Any) -> dict[str, Any]:
-    """Return the recordings by name. A single recording has the name "".
-
-    The keys of a mapping of recordings are their names. Recordings in a list are named after their files without
-    extension, or numbered if these names are not unique.
-
-    Raises
-    ------
-    OptionError
-        If a list is empty, or one of its items is not a recording.
-    """
+def recordings_by_name(data: Any) -> dict[str, Any]:
+    """Return the recordings by name; a single one has the name "". In a list, they are named after their files without
+    extension, or numbered if these names are not unique."""
     if isinstance(data, Mapping) and len(data) > 1 and all(isinstance(item, Imu | Streamed) for item in data.values()):
         return dict(data)
     if not isinstance(data, list | tuple):
@@ -108,13 +93,7 @@ def named(data: Any) -> dict[str, Any]:
 
 
 def chosen_axes(data: object, wanted: tuple[str, ...] | None) -> dict[str, AxisInput | None]:
-    """Return the data of each axis to calibrate; None for each axis of a stream, which is read later.
-
-    Raises
-    ------
-    OptionError
-        If the data have a wrong type, an axis is unknown, or a unit does not belong to the sensor of its axis.
-    """
+    """Return the data of each axis to calibrate; None for each axis of a stream, which is read later."""
     items: dict[str, AxisInput | None]
     if isinstance(data, Signal):
         items = {data.axis or "signal": data}
@@ -156,11 +135,11 @@ def _is_pair(item: object) -> bool:
 
 def _check_unit(axis: str, unit: str) -> None:
     """Raise an OptionError if the name and the unit of an axis belong to different sensors."""
-    known = find_unit(unit)
-    named = next((quantity for quantity in SI_UNIT if sensor_of(axis) == quantity), None)
-    if known is not None and named is not None and known.quantity != named:
+    parsed = find_unit(unit)
+    quantity = next((quantity for quantity in SI_UNIT if sensor_of(axis) == quantity), None)
+    if parsed is not None and quantity is not None and parsed.quantity != quantity:
         raise OptionError(
-            f"{axis} must be in a unit of its sensor, such as {SI_UNIT[named]}; got {unit}",
+            f"{axis} must be in a unit of its sensor, such as {SI_UNIT[quantity]}; got {unit}",
             argument="data",
             advice="Correct the unit, or give the axis another name.",
         )
@@ -174,13 +153,7 @@ def require_axes(models: Mapping[str, object], axes: Sequence[str]) -> None:
 
 
 def common_axes(chosen: Mapping[str, Mapping[str, object]]) -> tuple[list[str], dict[str, str]]:
-    """Return the axes that all recordings have, and for each other axis the reason why it is not calibrated.
-
-    Raises
-    ------
-    DataError
-        If the recordings have no axis in common.
-    """
+    """Return the axes that all recordings have, and for each other axis the reason why it is not calibrated."""
     every = list(dict.fromkeys(axis for axes in chosen.values() for axis in axes))
     lacking = {axis: [name for name, axes in chosen.items() if axis not in axes] for axis in every}
     missing = {axis: f"{', '.join(names)} does not have this axis" for axis, names in lacking.items() if names}

@@ -9,11 +9,10 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from importlib import metadata
 from types import NoneType, UnionType
-from typing import Any, TypeVar
-
-import numpy as np
+from typing import Any, NamedTuple, TypeVar
 
 from gmwm.base.atomic_files import read_json
+from gmwm.base.documents import plain
 from gmwm.base.errors import ReadError
 from gmwm.base.kinds import Document, require_kinds
 from gmwm.base.remarks import Remark
@@ -43,75 +42,45 @@ T = TypeVar("T")
 _PARTS: Mapping[str, type | UnionType] = {
     "axes": Mapping, "failed": Mapping, "settings": Mapping, "source": str, "recording_remarks": list,
 }  # fmt: skip
-_AXIS_PARTS: Mapping[str, type | UnionType] = {
-    "fit": Mapping, "confidence_intervals": Mapping, "goodness_of_fit": Mapping | NoneType, "datasheet": Mapping,
-    "contamination": Mapping | NoneType, "needed": Mapping, "ranking": Mapping,
-    "regression": Mapping | NoneType, "left_in": float | NoneType,
-    "spectrum": Mapping | NoneType, "misfit": Mapping | NoneType, "model_error": float, "tried": list,
-}  # fmt: skip
-"""Required keys of the document and of the entry of an axis, with the type of each value."""
+"""Required keys of the document, with the type of each value."""
 
 _NUMBERS = {"Infinity": math.inf, "-Infinity": -math.inf, "NaN": math.nan}
 """Strings that replace the numbers that JSON cannot represent."""
 
 
-def document(found: Calibration) -> dict[str, Any]:
+def document(calibration: Calibration) -> dict[str, Any]:
     """Return a calibration as the dicts, lists, numbers and strings that are written to calibration.json."""
     content = {
         "format": FORMAT,
         "version": VERSION,
         "gmwm": metadata.version("gmwm"),
-        "source": found.source,
-        "settings": found.settings.to_dict(),
-        "axes": {axis: _of_axis(one) for axis, one in found.axes.items()},
-        "failed": dict(found.failed),
-        "recording_remarks": [remark.to_dict() for remark in found.recording_remarks],
-        "verdict": found.verdict.to_dict(),
-        "use": {
-            axis: {symbol: verdict.to_dict() for symbol, verdict in of_axis.items()}
-            for axis, of_axis in found.number_verdicts.items()
-        },
-        "remarks": [remark.to_dict() for remark in found.remarks],
-        "recording": None if found.recording is None else found.recording.to_dict(),
-        "recordings": {name: one.to_dict() for name, one in found.recordings.items()},
+        "source": calibration.source,
+        "settings": calibration.settings.to_dict(),
+        "axes": {axis: _of_axis(entry) for axis, entry in calibration.axes.items()},
+        "failed": dict(calibration.failed),
+        "recording_remarks": plain(calibration.recording_remarks),
+        "verdict": plain(calibration.verdict),
+        "use": plain(calibration.number_verdicts),
+        "remarks": plain(calibration.remarks),
+        "recording": plain(calibration.recording),
+        "recordings": plain(calibration.recordings),
     }
-    plain: dict[str, Any] = _plain(content)
-    return plain
+    finite: dict[str, Any] = _plain(content)
+    return finite
 
 
-def _of_axis(found: AxisCalibration) -> dict[str, Any]:
-    return {
-        "fit": found.fit.to_dict(),
-        "confidence_intervals": {name: list(interval) for name, interval in found.intervals.items()},
-        "goodness_of_fit": None if found.test is None else found.test.to_dict(),
-        "datasheet": found.datasheet.to_dict(),
-        "contamination": None if found.verdict is None else found.verdict.to_dict(),
-        "needed": dict(found.needed),
-        "ranking": ranking_document(found.ranking),
-        "spectrum": None if found.spectrum is None else found.spectrum.to_dict(),
-        "misfit": None if found.misfit is None else found.misfit.to_dict(),
-        "model_error": found.model_error,
-        "tried": list(found.tried),
-        "search": [step.to_dict() for step in found.search],
-        "regression": None if found.regression is None else found.regression.to_dict(),
-        "left_in": found.left_in,
-        "rest": None if found.rest is None else found.rest.to_dict(),
-        "replicates": None if found.replicates is None else found.replicates.to_dict(),
-        **{
-            addition.name: None if (value := found.additions.get(addition.name)) is None else addition.to_dict(value)
-            for addition in axis_additions()
-        },
-    }
+def _of_axis(axis: AxisCalibration) -> dict[str, Any]:
+    content = {part.key: plain(getattr(axis, part.name)) for part in _AXIS_PARTS}
+    content["ranking"] = ranking_document(axis.ranking)
+    content["replicates"] = plain(axis.replicates)
+    for addition in axis_additions():
+        value = axis.additions.get(addition.name)
+        content[addition.name] = None if value is None else addition.to_dict(value)
+    return content
 
 
 def calibration(content: Any) -> Calibration:
-    """Return the calibration that a document contains.
-
-    Raises
-    ------
-    ReadError
-        If the document has another format or version, or if a part of it is missing or wrong.
-    """
+    """Return the calibration that a document contains, or raise a ReadError that says what is missing or wrong."""
     if not isinstance(content, Mapping) or content.get("format") != FORMAT:
         raise ReadError(f'not a calibration: it has no "format": "{FORMAT}"', advice=AGAIN)
     version = content.get("version")
@@ -129,7 +98,7 @@ def calibration(content: Any) -> Calibration:
     if not parsed["axes"]:
         raise ReadError("the calibration is incomplete: 'axes' of the document is empty", advice=AGAIN)
     recording = parsed.get("recording")
-    found = Calibration(
+    result = Calibration(
         axes={axis: _axis(axis, parsed["axes"]) for axis in parsed["axes"]},
         failed=parsed["failed"],
         settings=CalibrationOptions.from_dict(parsed["settings"]),
@@ -138,51 +107,69 @@ def calibration(content: Any) -> Calibration:
         recording=None if recording is None else _read("recording", lambda: Recording.from_dict(recording)),
         recordings=_read(
             "recordings",
-            lambda: {name: Recording.from_dict(one) for name, one in parsed.get("recordings", {}).items()},
+            lambda: {
+                name: Recording.from_dict(description) for name, description in parsed.get("recordings", {}).items()
+            },
         ),
     )
-    require_kinds(found, "", Document("calibration", AGAIN))
-    return found
+    require_kinds(result, "", Document("calibration", AGAIN))
+    return result
 
 
 def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
     _require_parts(axes, {axis: Mapping}, "axes")
-    content = axes[axis]
-    _require_parts(content, _AXIS_PARTS, axis)
-    test, verdict = content["goodness_of_fit"], content["contamination"]
-    removed, rest = content["regression"], content.get("rest")
-    spectrum, misfit = content["spectrum"], content["misfit"]
-    fit = _read(f"{axis}.fit", lambda: Fit.from_dict(content["fit"]))
-    return AxisCalibration(
-        fit=fit,
-        intervals=_read(f"{axis}.confidence_intervals", lambda: _intervals(content["confidence_intervals"])),
-        test=None if test is None else _read(f"{axis}.goodness_of_fit", lambda: _test(test)),
-        datasheet=_read(f"{axis}.datasheet", lambda: Datasheet.from_dict(content["datasheet"])),
-        ranking=_read(f"{axis}.ranking", lambda: ranking_from(content["ranking"], fit.wavelet_variance)),
-        verdict=None if verdict is None else _read(f"{axis}.contamination", lambda: Verdict.from_dict(verdict)),
-        needed=content["needed"],
-        spectrum=None if spectrum is None else _read(f"{axis}.spectrum", lambda: PowerSpectrum.from_dict(spectrum)),
-        misfit=None if misfit is None else _read(f"{axis}.misfit", lambda: RelativeMisfit.from_dict(misfit)),
-        model_error=content["model_error"],
-        tried=tuple(content["tried"]),
-        search=_read(f"{axis}.search", lambda: tuple(map(SearchStep.from_dict, content.get("search", ())))),
-        regression=None if removed is None else _read(f"{axis}.regression", lambda: Regression.from_dict(removed)),
-        left_in=content["left_in"],
-        rest=None if rest is None else _read(f"{axis}.rest", lambda: BiasAtRest.from_dict(rest)),
-        additions={
-            addition.name: _read(f"{axis}.{addition.name}", partial(addition.from_dict, content[addition.name]))
-            for addition in axis_additions()
-            if content.get(addition.name) is not None
-        },
-    )
+    content, fields = axes[axis], dict[str, Any]()
+    _require_parts(content, {part.key: part.kind for part in _AXIS_PARTS if not part.later}, axis)
+    for part in _AXIS_PARTS:
+        if (value := content.get(part.key)) is not None:
+            fields[part.name] = _read(f"{axis}.{part.key}", partial(part.read, value))
+        elif not part.later:
+            fields[part.name] = None
+    curve = fields["fit"].wavelet_variance
+    fields["ranking"] = _read(f"{axis}.ranking", lambda: ranking_from(content["ranking"], curve))
+    fields["additions"] = {
+        addition.name: _read(f"{axis}.{addition.name}", partial(addition.from_dict, content[addition.name]))
+        for addition in axis_additions() if content.get(addition.name) is not None
+    }  # fmt: skip
+    return AxisCalibration(**fields)
 
 
 def _intervals(content: Mapping[str, Any]) -> dict[str, Interval]:
-    found = {name: (float(low), float(high)) for name, (low, high) in content.items()}
-    for name, (low, high) in found.items():
+    intervals = {name: (float(low), float(high)) for name, (low, high) in content.items()}
+    for name, (low, high) in intervals.items():
         if low > high:
             raise ReadError(f"the interval of {name} begins at {low!r} and ends at {high!r}", advice=AGAIN)
-    return found
+    return intervals
+
+
+class _AxisEntry(NamedTuple):
+    """Part of the entry of an axis: key, attribute, type in JSON, reader, and whether older documents lack it."""
+
+    key: str
+    name: str
+    kind: type | UnionType
+    read: Callable[[Any], Any]
+    later: bool = False
+
+
+_OPTIONAL: Any = Mapping | NoneType
+_AXIS_PARTS = (
+    _AxisEntry("fit", "fit", Mapping, Fit.from_dict),
+    _AxisEntry("confidence_intervals", "intervals", Mapping, _intervals),
+    _AxisEntry("goodness_of_fit", "test", _OPTIONAL, GoodnessOfFit.from_dict),
+    _AxisEntry("datasheet", "datasheet", Mapping, Datasheet.from_dict),
+    _AxisEntry("contamination", "verdict", _OPTIONAL, Verdict.from_dict),
+    _AxisEntry("needed", "needed", Mapping, dict),
+    _AxisEntry("ranking", "ranking", Mapping, lambda content: content),
+    _AxisEntry("spectrum", "spectrum", _OPTIONAL, PowerSpectrum.from_dict),
+    _AxisEntry("misfit", "misfit", _OPTIONAL, RelativeMisfit.from_dict),
+    _AxisEntry("model_error", "model_error", float, lambda error: error),
+    _AxisEntry("tried", "tried", list, tuple),
+    _AxisEntry("search", "search", list, lambda steps: tuple(map(SearchStep.from_dict, steps)), later=True),
+    _AxisEntry("regression", "regression", _OPTIONAL, Regression.from_dict),
+    _AxisEntry("left_in", "left_in", float | NoneType, lambda value: value),
+    _AxisEntry("rest", "rest", _OPTIONAL, BiasAtRest.from_dict, later=True),
+)
 
 
 def _require_parts(content: Mapping[str, Any], parts: Mapping[str, type | UnionType], where: str) -> None:
@@ -194,17 +181,6 @@ def _require_parts(content: Mapping[str, Any], parts: Mapping[str, type | UnionT
             expected = "a string" if kind is str else "a list" if kind is list else "an object"
             got = "null" if content[key] is None else with_article(type(content[key]).__name__)
             raise ReadError(f"not a calibration: {key!r} of {where} must be {expected}; got {got}", advice=AGAIN)
-
-
-def _test(content: Mapping[str, Any]) -> GoodnessOfFit:
-    return GoodnessOfFit(
-        statistic=content["statistic"],
-        df=content["df"],
-        pvalue=content["pvalue"],
-        levels=np.array(content["levels"], dtype=np.int64),
-        left_out=tuple(content["left_out"]),
-        method=content["method"],
-    )
 
 
 def _read(what: str, read: Callable[[], T]) -> T:
@@ -224,13 +200,7 @@ def as_text(content: Mapping[str, Any]) -> str:
 
 
 def read_text(path: str | os.PathLike[str]) -> Any:
-    """Read the document in a calibration.json.
-
-    Raises
-    ------
-    ReadError
-        If the file is not JSON, is truncated, or is not a calibration.
-    """
+    """Read the document in a calibration.json, or raise a ReadError if it is truncated or something else."""
     try:
         content = read_json(path)
     except ValueError as error:

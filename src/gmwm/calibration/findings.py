@@ -14,7 +14,6 @@ from gmwm.base.text import duration_text
 from gmwm.calibration.averaging import markov_instead_of_walk
 from gmwm.calibration.misfit import line_in, line_process, misfit_of
 from gmwm.calibration.number_verdicts import MAIN, Usability, counts
-from gmwm.calibration.spectrum_findings import spectrum_remarks
 from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.linearised import usable_in
 from gmwm.fitting.estimation.model_error import implausible_levels
@@ -26,6 +25,7 @@ from gmwm.theory.filters import find_filter
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
     from gmwm.measuring.outliers import Dependence, Replaced, Verdict
+    from gmwm.measuring.spectrum import Line
     from gmwm.measuring.variance import WaveletVariance
 
 SIZE = 0.05
@@ -47,18 +47,24 @@ LARGE = 1.5
 """Ratio of the wavelet variances of model and data (or its inverse) above which a remark says that the model does not
 describe the data (tests/calibration/test_misfit.py)."""
 
+SHARE = 0.05
+"""Smallest share of the wavelet variance of any level for which a remark says that lines affect the numbers. It changes
+a density such as N, which is the square root of a variance, by 2.5 %."""
 _RAMP = "R"
 """Symbol of the rate ramp in a datasheet."""
 
 
 def remarks_of(calibration: Calibration) -> list[Remark]:
     """Return all remarks on a calibration, the most severe first."""
-    found = [*calibration.recording_remarks, *_failed(calibration), *_of_recording(calibration)]
-    found += equality_remarks(calibration)
-    bad = set(rejected(calibration))
-    for axis, one in calibration.axes.items():
-        found += [*_of_axis(axis, one, axis in bad, calibration), *(remark.about(axis) for remark in one.remarks)]
-    return sorted_remarks(found)
+    remarks = [*calibration.recording_remarks, *_of_failed(calibration), *_of_recording(calibration)]
+    remarks += equality_remarks(calibration)
+    bad = set(rejected_axes(calibration))
+    for axis, axis_calibration in calibration.axes.items():
+        remarks += [
+            *_of_axis(axis, axis_calibration, axis in bad, calibration),
+            *(remark.about(axis) for remark in axis_calibration.remarks),
+        ]
+    return sorted_remarks(remarks)
 
 
 def verdict_of(calibration: Calibration) -> Remark:
@@ -91,13 +97,17 @@ def unusable(calibration: Calibration) -> list[str]:
     ]
 
 
-def rejected(calibration: Calibration) -> list[str]:
+def rejected_axes(calibration: Calibration) -> list[str]:
     """Return the axes whose recommended model is rejected by a goodness-of-fit test at the 5 % level for all axes."""
-    tests = {axis: found.test for axis, found in calibration.axes.items() if found.test is not None}
+    tests = {
+        axis: axis_calibration.test
+        for axis, axis_calibration in calibration.axes.items()
+        if axis_calibration.test is not None
+    }
     return [axis for axis, test in tests.items() if test.pvalue < SIZE / len(tests)]
 
 
-def _failed(calibration: Calibration) -> Iterator[Remark]:
+def _of_failed(calibration: Calibration) -> Iterator[Remark]:
     for axis, why in calibration.failed.items():
         yield Remark.of("not-calibrated", axis, reason=why)
 
@@ -105,53 +115,55 @@ def _failed(calibration: Calibration) -> Iterator[Remark]:
 def _of_recording(calibration: Calibration) -> Iterator[Remark]:
     """Yield remarks on the longest usable scale, and on recordings that are too short for a goodness-of-fit test."""
     shapes: dict[tuple[int, float], dict[str, WaveletVariance]] = {}
-    for axis, found in calibration.axes.items():
-        wv = found.fit.wavelet_variance
+    for axis, axis_calibration in calibration.axes.items():
+        wv = axis_calibration.fit.wavelet_variance
         shapes.setdefault((wv.samples, wv.rate), {})[axis] = wv
     for alike in shapes.values():
         longest = _longest_scale(next(iter(alike.values())))
         yield from [longest] if len(shapes) == 1 else [longest.about(axis) for axis in alike]
-    if all(found.test is None for found in calibration.axes.values()):
+    if all(axis_calibration.test is None for axis_calibration in calibration.axes.values()):
         yield Remark.of("no-test")
 
 
 def equality_remarks(calibration: Calibration) -> list[Remark]:
     """Return a remark for each axis on whether its recordings agree, with p-values adjusted by Holm's method."""
-    every = {axis: one.replicates for axis, one in calibration.axes.items()}
-    known = {axis: one for axis, one in every.items() if one is not None}
-    pvalues = holm([one.pvalue for one in known.values()]).tolist() if known else []
-    return [one.remark(p).about(axis) for (axis, one), p in zip(known.items(), pvalues, strict=True)]
+    comparisons = {axis: comparison.replicates for axis, comparison in calibration.axes.items()}
+    several = {axis: comparison for axis, comparison in comparisons.items() if comparison is not None}
+    pvalues = holm([comparison.pvalue for comparison in several.values()]).tolist() if several else []
+    return [comparison.remark(p).about(axis) for (axis, comparison), p in zip(several.items(), pvalues, strict=True)]
 
 
-def _of_axis(axis: str, found: AxisCalibration, is_rejected: bool, calibration: Calibration) -> Iterator[Remark]:
-    wv = found.fit.wavelet_variance
+def _of_axis(
+    axis: str, axis_calibration: AxisCalibration, is_rejected: bool, calibration: Calibration
+) -> Iterator[Remark]:
+    wv = axis_calibration.fit.wavelet_variance
     scales = int(np.count_nonzero(usable_levels(wv)))
     if scales < SCALES:
         yield Remark.of("too-short", axis, least=SCALES, scales=scales)
     if is_rejected:
-        yield _rejection(axis, found)
-    yield from _of_coarse_levels(axis, found)
-    yield from _of_outliers(axis, found, calibration)
-    ramp = found.datasheet.get(_RAMP)
+        yield _rejection(axis, axis_calibration)
+    yield from _of_coarse_levels(axis, axis_calibration)
+    yield from _of_outliers(axis, axis_calibration, calibration)
+    ramp = axis_calibration.datasheet.get(_RAMP)
     if ramp is not None and ramp.value and not ramp.upper_only:
         value, _, _, unit = ramp.in_units("datasheet")
         yield Remark.of("drift", axis, rate=Quantity(value, unit))
-    yield from spectrum_remarks(axis, found)
-    time = markov_instead_of_walk(found.datasheet, found.ranking)
+    yield from spectrum_remarks(axis, axis_calibration)
+    time = markov_instead_of_walk(axis_calibration.datasheet, axis_calibration.ranking)
     if time is not None:
         yield Remark.of("walk-or-markov", axis, time=Quantity(time, "s"))
-    if found.needed:
-        yield _poorly_known(axis, found.needed)
+    if axis_calibration.needed:
+        yield _poorly_known(axis, axis_calibration.needed)
 
 
-def _rejection(axis: str, found: AxisCalibration) -> Remark:
+def _rejection(axis: str, axis_calibration: AxisCalibration) -> Remark:
     """Return the remark on a rejected model, which depends on its largest distance from the data."""
-    misfit = found.misfit
+    misfit = axis_calibration.misfit
     if misfit is not None and misfit.largest <= CLOSE:
-        return Remark.of("model-close", axis, largest=100 * misfit.largest, error=100 * found.model_error)
+        return Remark.of("model-close", axis, largest=100 * misfit.largest, error=100 * axis_calibration.model_error)
     sinusoid = line_process()
-    has_line = "yes" if sinusoid is None or line_in(found.fit.model) is not None else "no"
-    far = misfit_of(found)
+    has_line = "yes" if sinusoid is None or line_in(axis_calibration.fit.model) is not None else "no"
+    far = misfit_of(axis_calibration)
     if far is None or far.times <= LARGE:
         return Remark.of("model-rejected", axis, line=has_line, sinusoid=sinusoid or "")
     side = "above" if far.ratio > 1 else "below"
@@ -162,38 +174,40 @@ def _rejection(axis: str, found: AxisCalibration) -> Remark:
     )  # fmt: skip
 
 
-def _of_coarse_levels(axis: str, found: AxisCalibration) -> Iterator[Remark]:
+def _of_coarse_levels(axis: str, axis_calibration: AxisCalibration) -> Iterator[Remark]:
     """Yield a remark if the model is farther from the data at the coarsest scales than chance explains."""
-    wv, misfit = found.fit.wavelet_variance, found.misfit
+    wv, misfit = axis_calibration.fit.wavelet_variance, axis_calibration.misfit
     if misfit is None:
         return
-    far = implausible_levels(found.fit)
+    far = implausible_levels(axis_calibration.fit)
     if not np.any(far):
         return
-    worst = int(np.argmax(np.where(far, np.abs(np.log(np.maximum(found.fit.implied, 1e-300) / wv.variance)), 0.0)))
-    ratio = float(found.fit.implied[worst] / wv.variance[worst])
+    worst = int(
+        np.argmax(np.where(far, np.abs(np.log(np.maximum(axis_calibration.fit.implied, 1e-300) / wv.variance)), 0.0))
+    )
+    ratio = float(axis_calibration.fit.implied[worst] / wv.variance[worst])
     yield Remark.of(
         "coarse-misfit", axis, tau=Quantity(float(wv.tau[worst]), "s"), ratio=max(ratio, 1 / ratio),
         side="above" if ratio > 1 else "below",
     )  # fmt: skip
 
 
-def _of_outliers(axis: str, found: AxisCalibration, calibration: Calibration) -> Iterator[Remark]:
-    verdict = found.verdict
+def _of_outliers(axis: str, axis_calibration: AxisCalibration, calibration: Calibration) -> Iterator[Remark]:
+    verdict = axis_calibration.verdict
     if verdict is None:
         return
     if not np.any(verdict.tested):
         yield Remark.of("outliers-not-tested", axis, reason=verdict.reason)
-    yield from _of_replaced(axis, verdict.replaced, found.fit.wavelet_variance)
-    if verdict.heavy_tailed and not found.fit.wavelet_variance.robust:
+    yield from _of_replaced(axis, verdict.replaced, axis_calibration.fit.wavelet_variance)
+    if verdict.heavy_tailed and not axis_calibration.fit.wavelet_variance.robust:
         yield Remark.of("noise-heavy-tailed", axis)
     if not verdict.contaminated:
         return
     facts = _excess(verdict)
-    if found.fit.wavelet_variance.robust:
+    if axis_calibration.fit.wavelet_variance.robust:
         yield Remark.of("outliers-left-out", axis, **facts)
         if verdict.dependence is not None:
-            yield _dependence(axis, verdict.dependence, found.fit.wavelet_variance.unit)
+            yield _dependence(axis, verdict.dependence, axis_calibration.fit.wavelet_variance.unit)
         if np.any(verdict.lighter):
             taus = tuple(Quantity(float(tau), "s") for tau in verdict.tau[verdict.lighter])
             yield Remark.of("robust-above-classical", axis, taus=taus)
@@ -202,12 +216,12 @@ def _of_outliers(axis: str, found: AxisCalibration, calibration: Calibration) ->
         yield Remark.of("outliers-kept", axis, line="yes" if calibration.settings.robust == "auto" else "no", **facts)
 
 
-def _dependence(axis: str, found: Dependence, unit: str) -> Remark:
+def _dependence(axis: str, dependence: Dependence, unit: str) -> Remark:
     square = f"({unit})²" if unit else ""
     return Remark.of(
-        "robust-depends-on-efficiency", axis, tau=Quantity(found.tau, "s"), efficiency=found.efficiency,
-        value=Quantity(found.value, square), other=found.other_efficiency,
-        other_value=Quantity(found.other_value, square),
+        "robust-depends-on-efficiency", axis, tau=Quantity(dependence.tau, "s"), efficiency=dependence.efficiency,
+        value=Quantity(dependence.value, square), other=dependence.other_efficiency,
+        other_value=Quantity(dependence.other_value, square),
     )  # fmt: skip
 
 
@@ -253,6 +267,56 @@ def _longest_scale(wv: WaveletVariance) -> Remark:
 def _longest_unbroken(wv: WaveletVariance) -> float:
     """Return the longest scale (s) that could be used if the recording had the same number of samples but no gaps."""
     levels = np.arange(1, wv.samples.bit_length())
-    whole = Design(levels, wv.samples, rate=wv.rate, filter=find_filter(wv.filter), transform=wv.transform)
-    usable = levels[usable_in(whole)]
+    design = Design(levels, wv.samples, rate=wv.rate, filter=find_filter(wv.filter), transform=wv.transform)
+    usable = levels[usable_in(design)]
     return float(2.0 ** usable[-1] / wv.rate) if usable.size else 0.0
+
+
+# --- lines and resonances -----------------------------------------------------------------------------
+
+
+def spectrum_remarks(axis: str, found: AxisCalibration) -> Iterator[Remark]:
+    """Yield remarks on the lines and bumps in the spectrum of an axis, if it has a spectrum."""
+    spectrum = found.spectrum
+    if spectrum is None:
+        return
+    if spectrum.lines:
+        yield _lines(axis, found, spectrum.lines)
+    if spectrum.bumps:
+        yield Remark.of(
+            "resonance-found",
+            axis,
+            frequencies=tuple(Quantity(bump.frequency, "Hz") for bump in spectrum.bumps),
+            widths=tuple(Quantity(bump.width, "Hz") for bump in spectrum.bumps),
+            heights=tuple(bump.height for bump in spectrum.bumps),
+        )
+
+
+def _lines(axis: str, found: AxisCalibration, lines: tuple[Line, ...]) -> Remark:
+    wv = found.fit.wavelet_variance
+    strongest = sorted(lines, key=lambda line: -line.amplitude)
+    share, tau = line_share(wv, lines)
+    modelled = line_in(found.fit.model) is not None
+    return Remark.of(
+        "lines-found" if share >= SHARE and not modelled else "lines-known",
+        axis,
+        frequencies=tuple(Quantity(line.frequency, "Hz") for line in strongest),
+        amplitudes=tuple(Quantity(line.amplitude, wv.unit) for line in strongest),
+        widths=tuple(Quantity(line.width, "Hz") for line in strongest),
+        share=share,
+        tau=Quantity(tau, "s"),
+        modelled="yes" if modelled else "no",
+        sinusoid=line_process() or "",
+    )
+
+
+def line_share(wv: WaveletVariance, lines: tuple[Line, ...]) -> tuple[float, float]:
+    """Return the largest share A² |H_j(f)|² / 2 that lines have in the wavelet variance of a level j, and its scale
+    (s). |H_j|² is the squared gain of the filter."""
+    wavelet = find_filter(wv.filter)
+    cycles = np.array([line.frequency for line in lines]) / wv.rate
+    powers = np.array([line.amplitude for line in lines]) ** 2 / 2
+    added = np.array([float(powers @ wavelet.squared_gain(cycles, int(level))) for level in wv.levels])
+    share = np.divide(added, wv.variance, out=np.zeros(len(wv)), where=wv.variance > 0)
+    worst = int(np.argmax(share))
+    return min(float(share[worst]), 1.0), float(wv.tau[worst])

@@ -16,7 +16,7 @@ from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.passes import (
     IN_THIS_PROCESS,
     AxisAccumulator,
-    Run,
+    Execution,
     clean,
     needed_beginning,
     read_recording,
@@ -86,10 +86,8 @@ class MeasuredAxis:
         return self.regressions.get("")
 
     def verdict(self, *, robust: bool) -> Verdict | None:
-        """Return the most severe outlier test, with the wrong samples and knocks of all recordings.
-
-        The test of the robust curve for its efficiency is a part of it only if this curve is fitted.
-        """
+        """Return the most severe outlier test with the wrong samples of all recordings; the test of the efficiency
+        belongs to a `robust` curve."""
         verdicts = list(self.verdicts.values())
         if not verdicts:
             return None
@@ -119,10 +117,7 @@ class MeasuredAxis:
         return pool({name: removed[name].corrected(wv) if name in removed else wv for name, wv in curves.items()})
 
     def raw_curve(self, options: CalibrationOptions) -> WaveletVariance | None:
-        """Return the wavelet variance without the removal of the effect of the conditions.
-
-        The result is None if nothing is removed, or if the curve of a recording is not known.
-        """
+        """Return the curve without the removal of conditions; None if nothing is removed or a curve is not known."""
         if not any(regression.applied for regression in self.regressions.values()):
             return None
         curves = self._curves(options)
@@ -158,17 +153,14 @@ class MeasuredAxis:
 
 
 class Measurements(NamedTuple):
-    """The measured axes, or the error of each axis that cannot be measured, with what concerns whole recordings.
-
-    The findings of the additions are in the order of `recording_additions`.
-    """
+    """The measured axes, or the error of each; inspections; findings of `recording_additions` in their order."""
 
     axes: dict[str, MeasuredAxis | GmwmError]
     inspections: dict[str, Inspection]
     findings: dict[str, tuple[object, ...]]
 
 
-def measure(recordings: Recordings, options: CalibrationOptions, run: Run = IN_THIS_PROCESS) -> Measurements:
+def measure(recordings: Recordings, options: CalibrationOptions, run: Execution = IN_THIS_PROCESS) -> Measurements:
     """Measure the axes of one or several recordings.
 
     Parameters
@@ -177,7 +169,7 @@ def measure(recordings: Recordings, options: CalibrationOptions, run: Run = IN_T
         Recordings in memory or streams, or signals and curves by axis.
     options : CalibrationOptions
         `against`, `efficiency`, `gravity` and `tilt` are used here.
-    run : Run
+    run : Execution
         Threads and processes that read.
 
     Raises
@@ -193,7 +185,7 @@ def measure(recordings: Recordings, options: CalibrationOptions, run: Run = IN_T
     inspections: dict[str, Inspection] = {}
     findings: dict[str, tuple[object, ...]] = {}
     for name in recordings.by_name:
-        measured, items, inspection, findings[name] = _measure_recording(name, recordings, options, run.named(name))
+        measured, items, inspection, findings[name] = _measure_recording(name, recordings, options, run.with_name(name))
         if inspection is not None:
             inspections[name] = inspection
         for axis in recordings.axes:
@@ -206,7 +198,7 @@ def measure(recordings: Recordings, options: CalibrationOptions, run: Run = IN_T
 
 
 def _measure_recording(
-    name: str, recordings: Recordings, options: CalibrationOptions, run: Run
+    name: str, recordings: Recordings, options: CalibrationOptions, run: Execution
 ) -> tuple[
     dict[str, MeasuredAxis | GmwmError], dict[str, AxisAccumulator], Inspection | None, tuple[object, ...]
 ]:  # fmt: skip
@@ -252,7 +244,7 @@ def _require_one_stream(recordings: Recordings, argument: str) -> None:
 
 
 def _read(
-    name: str, recordings: Recordings, options: CalibrationOptions, run: Run
+    name: str, recordings: Recordings, options: CalibrationOptions, run: Execution
 ) -> tuple[
     dict[str, AxisInput | AxisAccumulator], dict[str, Conditions], Inspection | None, tuple[object, ...]
 ]:  # fmt: skip

@@ -34,18 +34,9 @@ def is_line(kind: type[Process]) -> bool:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Misfit:
-    """The scale at which a model is farthest from the data.
-
-    Attributes
-    ----------
-    tau : float
-        Scale (s).
-    ratio : float
-        Wavelet variance of the model divided by the measured wavelet variance at this scale.
-    numbers : tuple of str
-        Symbols of the datasheet numbers that depend on the data at short scales, or at long scales if `tau` is long.
-    """
+class LargestMisfit:
+    """Scale `tau` (s) at which a model is farthest from the data, `ratio` of model to data, and symbols of the
+    `numbers` that depend on short or on long scales, whichever this is."""
 
     tau: float
     ratio: float
@@ -57,12 +48,9 @@ class Misfit:
         return max(self.ratio, 1 / self.ratio)
 
 
-def misfit_of(found: AxisCalibration) -> Misfit | None:
-    """Return the largest misfit among the levels at which the model is outside the confidence limits of the data.
-
-    Levels that the goodness-of-fit test excludes are ignored, because they have few coefficients and thus a large
-    variance. The result is None if the model is inside the limits at all other levels.
-    """
+def misfit_of(found: AxisCalibration) -> LargestMisfit | None:
+    """Return the largest misfit among the tested levels at which the model is outside the limits of the data; None if
+    it is inside everywhere. Other levels have few coefficients and a large variance."""
     wv = found.fit.wavelet_variance
     outside = (found.fit.implied < wv.lower) | (found.fit.implied > wv.upper)
     if found.test is not None:
@@ -75,7 +63,7 @@ def misfit_of(found: AxisCalibration) -> Misfit | None:
     apart[outside] = np.abs(np.log(found.fit.implied[outside]) - np.log(wv.variance[outside]))
     worst = int(np.argmax(apart))
     tau, ratio = float(wv.tau[worst]), float(found.fit.implied[worst] / wv.variance[worst])
-    return Misfit(tau=tau, ratio=ratio, numbers=_read_at(found.datasheet, long=tau > _middle(found)))
+    return LargestMisfit(tau=tau, ratio=ratio, numbers=_read_at(found.datasheet, long=tau > _middle(found)))
 
 
 def _read_at(sheet: Datasheet, *, long: bool) -> tuple[str, ...]:
@@ -85,10 +73,8 @@ def _read_at(sheet: Datasheet, *, long: bool) -> tuple[str, ...]:
 
 
 def _middle(found: AxisCalibration) -> float:
-    """Return the scale (s) that separates short from long scales.
-
-    It is the scale at the minimum of the Allan deviation, or the geometric mean of the shortest and longest scales.
-    """
+    """Return the scale (s) between short and long scales: the minimum of the Allan deviation, or the geometric mean of
+    all scales."""
     bottom = found.datasheet.get(SYMBOL)
     wv = found.fit.wavelet_variance
     if bottom is not None and bottom.tau is not None and not bottom.upper_only:

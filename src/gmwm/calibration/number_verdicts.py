@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 MAIN = ("N", "K", "B")
 """Symbols of the numbers that the verdict of a calibration counts."""
 BEYOND = 30.0
-"""Scales longer than this multiple of the time N/K over which a filter averages do not affect its K. The prediction error
-of a filter for such periods falls with the square of the frequency: they contribute less than 1 % of the error from
-flicker noise, and 13 % of that from a random walk. Pinned by tests/calibration/test_number_verdicts.py."""
+"""Scales longer than this multiple of the time N/K over which a filter averages do not affect its K. They contribute
+less than 1 % of the prediction error from flicker noise, and 13 % of that from a random walk, because the error of the
+filter falls with the square of the frequency. Pinned by tests/calibration/test_number_verdicts.py."""
 _ALL, _FACTS = "all", "facts"
 _SHORT = frozenset({*MAIN, "R", "Q", "T_c", "q_c"})
 """Symbols that a remark can name."""

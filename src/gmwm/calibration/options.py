@@ -105,11 +105,8 @@ class CalibrationOptions:
         return isinstance(self.within, str) and self.within == SEARCHED
 
     def of_axis(self, axis: str) -> CalibrationOptions:
-        """Return the options of one axis.
-
-        If `models` has a model for the axis or its sensor, `within` is this model and `models` contains it for the
-        axis; otherwise `models` is empty.
-        """
+        """Return the options of one axis: a model for it or its sensor becomes `within`, and `models` has only this
+        one."""
         model = self.models.get(axis, self.models.get(sensor_of(axis)))
         if model is None:
             return replace(self, models={})
@@ -143,22 +140,7 @@ class CalibrationOptions:
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> CalibrationOptions:
-        """Restore the options from the result of `to_dict`.
-
-        Parameters
-        ----------
-        content : mapping of name to value
-            The result of `to_dict`.
-
-        Returns
-        -------
-        CalibrationOptions
-
-        Raises
-        ------
-        ReadError
-            If an option is missing, or its value is not allowed.
-        """
+        """Restore the options from the result of `to_dict`, or raise a ReadError."""
         for name in _SAVED:
             if name not in content:
                 raise ReadError(f"the calibration is incomplete: settings has no {name!r}", advice=AGAIN)

@@ -32,18 +32,9 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run:
-    """How a recording is read. It changes no number.
-
-    Attributes
-    ----------
-    threads : int or None
-        Number of axes that are processed at the same time.
-    scheduler, workers : optional
-        Processes that read a stream, as in `calibrate`.
-    progress : callable
-        Function that is called with a description after each chunk.
-    """
+class Execution:
+    """How a recording is read, which changes no number: threads, processes of a stream as in `calibrate`, and a
+    function that is called with the progress as text."""
 
     threads: int | None = None
     scheduler: str | Client | None = None
@@ -55,14 +46,14 @@ class Run:
         """Whether other processes read a stream."""
         return self.scheduler is not None or self.workers is not None
 
-    def named(self, recording: str) -> Run:
+    def with_name(self, recording: str) -> Execution:
         """Return the run with the name of a recording in front of each description; "" for a single recording."""
         if not recording:
             return self
         return replace(self, progress=lambda text: self.progress(f"{recording}: {text}"))
 
 
-IN_THIS_PROCESS = Run()
+IN_THIS_PROCESS = Execution()
 
 
 class Passes(NamedTuple):
@@ -134,7 +125,7 @@ class AxisAccumulator:
             return
         first = cut(signal, 0, self._reach - have)
         if self.beginning is not None:
-            first = _continued(self.beginning, first)
+            first = _join(self.beginning, first)
         elif len(first) < len(signal):
             # Copy the values, because a view would keep the whole array in memory.
             first = replace(first, values=first.values.copy())
@@ -168,7 +159,7 @@ class AxisAccumulator:
             return None
 
 
-def _continued(before: Signal, after: Signal) -> Signal:
+def _join(before: Signal, after: Signal) -> Signal:
     """Return two consecutive parts of a signal as one signal, joined without a gap if no sample is missing between."""
     begin, end = before.segments[-1]
     follows = before.starts[-1] + (end - begin) / before.rate
@@ -177,7 +168,7 @@ def _continued(before: Signal, after: Signal) -> Signal:
 
 def read_recording(
     recording: Imu | Streamed, axes: Sequence[str], efficiency: float, conditions: Conditions = NOTHING,
-    run: Run = IN_THIS_PROCESS,
+    run: Execution = IN_THIS_PROCESS,
 ) -> Passes:  # fmt: skip
     """Accumulate some axes of a recording and inspect all of its axes, in the same passes over the samples.
 
@@ -191,20 +182,20 @@ def read_recording(
     conditions : Conditions
         Effects that are removed from the samples before they are measured. The inspection uses the samples without this
         removal, except in its test for trends.
-    run : Run
+    run : Execution
     """
     if run.remote:
         from gmwm.files.readers.streams import Stream
 
         assert isinstance(recording, Stream)
         return _read_remotely(recording, axes, efficiency, conditions=conditions, run=run)
-    batches = _reported(recording, run.progress)
+    batches = _batches_of(recording, run.progress)
     inspector = FirstPass(batches)
     accumulators = _first_pass(
         batches, axes, efficiency, conditions=conditions, inspector=inspector, threads=run.threads
     )
     curves = {axis: item.curves for axis, item in accumulators.items() if item.curves is not None}
-    inspection = _inspected(batches, inspector, curves, run.threads, conditions=conditions)
+    inspection = _inspect(batches, inspector, curves, run.threads, conditions=conditions)
     return Passes(accumulators, inspection, _findings(recording, accumulators, run.threads))
 
 
@@ -225,27 +216,19 @@ def curves_and_inspection(
     robust: bool,
     efficiency: float,
     conditions: Conditions = NOTHING,
-    run: Run = IN_THIS_PROCESS,
+    run: Execution = IN_THIS_PROCESS,
 ) -> tuple[dict[str, WaveletVariance], Inspection]:
-    """Compute the wavelet variance of some axes of a stream and inspect all axes, in the same passes over the samples.
-
-    Parameters
-    ----------
-    stream, axes, conditions, run
-        As in `read_recording`.
-    robust, efficiency
-        As in `wavelet_variance`.
-    """
+    """Compute the wavelet variance of some axes of a stream and inspect all axes, in the same passes."""
     if run.remote:
-        curves, (inspection, _) = _spread(
+        curves, (inspection, _) = _measure_remotely(
             stream, axes, robust=robust, efficiency=efficiency, conditions=conditions, run=run
         )
     else:
         curves = curves_of(stream, axes, robust=robust, efficiency=efficiency)
-        batches = _reported(stream, run.progress)
+        batches = _batches_of(stream, run.progress)
         inspector = FirstPass(batches)
         measure(map(conditions.batch, shown(batches, inspector.update)), curves)
-        inspection = _inspected(batches, inspector, curves, conditions=conditions)
+        inspection = _inspect(batches, inspector, curves, conditions=conditions)
 
     def curve(axis: str, item: AxisCurves) -> WaveletVariance:
         regression, wv = conditions.applied_regression(axis), item.robust() if robust else item.classical()
@@ -258,7 +241,7 @@ def _first_pass(
     batches: Batches, axes: Sequence[str], efficiency: float, conditions: Conditions = NOTHING, *,
     inspector: FirstPass | None = None, threads: int | None = None,
 ) -> dict[str, AxisAccumulator]:  # fmt: skip
-    """Run the first pass over a recording."""
+    """Execution the first pass over a recording."""
     recording = batches.recording
     in_memory = isinstance(recording, Imu)
     keep = in_memory and any(addition.needs(axes) for addition in recording_additions())
@@ -281,13 +264,13 @@ def _second_pass(
     *,
     conditions: Conditions = NOTHING,
 ) -> None:
-    """Run the second pass for the wavelet variances that need one, and call `also`, if given, with each batch."""
+    """Execution the second pass for the wavelet variances that need one, and call `also`, if given, with each batch."""
     again: dict[str, Measurement] = {axis: item for axis, item in curves.items() if item.begin_again()}
     if again or also:
         measure(map(conditions.batch, shown(batches, also)), again, threads)
 
 
-def _inspected(
+def _inspect(
     batches: Batches, inspector: FirstPass, curves: Mapping[str, AxisCurves], threads: int | None = None, *,
     conditions: Conditions = NOTHING,
 ) -> Inspection:  # fmt: skip
@@ -310,7 +293,7 @@ def _findings(
     )
 
 
-def _reported(recording: Imu | Streamed, progress: Callable[[str], None]) -> Batches:
+def _batches_of(recording: Imu | Streamed, progress: Callable[[str], None]) -> Batches:
     """Return the batches of a recording. For a stream, the progress is reported after each chunk."""
     if isinstance(recording, Imu):
         return Batches(recording)
@@ -327,10 +310,10 @@ def _reported(recording: Imu | Streamed, progress: Callable[[str], None]) -> Bat
 
 
 def _read_remotely(
-    stream: Stream, axes: Sequence[str], efficiency: float, *, conditions: Conditions, run: Run
+    stream: Stream, axes: Sequence[str], efficiency: float, *, conditions: Conditions, run: Execution
 ) -> Passes:
     """Read a stream like `read_recording`, with the workers of a cluster or with local processes."""
-    curves, (inspection, accumulators) = _spread(
+    curves, (inspection, accumulators) = _measure_remotely(
         stream, axes, inspected=tuple(axes), efficiency=efficiency, conditions=conditions, run=run, change=clean
     )  # fmt: skip
     for axis, item in accumulators.items():
@@ -341,9 +324,9 @@ def _read_remotely(
 Remote = tuple[Inspection, dict[str, "AxisAccumulator"]]
 
 
-def _spread(
-    stream: Stream, axes: Sequence[str], *, efficiency: float, conditions: Conditions, run: Run, robust: bool = True,
-    inspected: tuple[str, ...] = (), change: Callable[[Signal], Signal] | None = None,
+def _measure_remotely(
+    stream: Stream, axes: Sequence[str], *, efficiency: float, conditions: Conditions, run: Execution,
+    robust: bool = True, inspected: tuple[str, ...] = (), change: Callable[[Signal], Signal] | None = None,
 ) -> tuple[dict[str, AxisCurves], Remote]:  # fmt: skip
     """Measure the curves of a stream with workers, one of which inspects the stream and accumulates the other
     statistics of the axes `inspected`."""
@@ -366,10 +349,7 @@ def _spread(
 
 
 def _inspect_remotely(stream: Streamed, axes: tuple[str, ...], conditions: Conditions) -> Remote | GmwmError:
-    """Inspect a stream in a worker process, and accumulate what does not belong to the wavelet variances.
-
-    A GmwmError is returned instead of raised, because Dask would repeat a task that raises.
-    """
+    """Inspect a stream in a worker process. A GmwmError is returned, because Dask would repeat a task that raises."""
     try:
         batches = Batches(stream)
         inspector = FirstPass(batches)
@@ -378,6 +358,6 @@ def _inspect_remotely(stream: Streamed, axes: tuple[str, ...], conditions: Condi
             axis: AxisAccumulator(stream.rate, unit_of(stream, axis), axis, beginning=reach) for axis in axes
         }
         measure(map(conditions.batch, shown(batches, inspector.update)), accumulators)
-        return _inspected(batches, inspector, {}, conditions=conditions), accumulators
+        return _inspect(batches, inspector, {}, conditions=conditions), accumulators
     except GmwmError as error:
         return error

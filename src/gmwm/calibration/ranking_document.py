@@ -42,24 +42,13 @@ def ranking_document(ranking: Ranking) -> dict[str, Any]:
 
 
 def _short(fit: Fit) -> dict[str, Any]:
-    whole = fit.to_dict()
-    return {name: whole[name] for name in _KEPT}
+    content = fit.to_dict()
+    return {name: content[name] for name in _KEPT}
 
 
 def ranking_from(content: Mapping[str, Any], wv: WaveletVariance) -> Ranking:
-    """Restore a ranking from the result of `ranking_document`.
-
-    Parameters
-    ----------
-    content : mapping
-    wv : WaveletVariance
-        The wavelet variance to which the models of the ranking were fitted.
-
-    Raises
-    ------
-    ReadError
-        If not exactly one candidate is recommended, or a matrix has a wrong shape.
-    """
+    """Restore a ranking from the result of `ranking_document` and the wavelet variance of its fits, or raise a
+    ReadError."""
     size = len(wv)
     matrix, wavelet = (_square(content[name], size) for name in ("weighting_matrix", "wavelet_covariance"))
     weighting = str(content["weighting"])

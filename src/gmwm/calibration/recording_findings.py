@@ -27,30 +27,25 @@ def recording_remarks(
 ) -> Iterator[Remark]:
     """Yield the remarks of an inspection that matter for the calibration.
 
-    Remarks on trends and coarse quantization also name the datasheet numbers that are affected. A remark on a linear
-    trend is left out if the model of the axis has a drift, which describes the trend. Remarks on knocks are left out,
-    and so is a remark on motion if the motion was replaced like a knock.
-
-    Parameters
-    ----------
-    inspection : Inspection
-    axes : mapping of axis to AxisCalibration
-        The calibrated axes.
-    verdicts : sequence of Verdict
-        The outlier tests of the axes in this recording.
+    Remarks on trends and quantization name the affected numbers. A linear trend that the model describes as a drift is
+    left out, and so are knocks, and motion that was replaced like a knock.
     """
     for remark in inspection.remarks:
         if remark.code == "knocks" or (remark.code == "recording-moved" and _is_replaced(remark, verdicts)):
             continue
-        found = axes.get(remark.subject)
-        if remark.code == "conditions-removed" and found is not None and found.regression is not None:
-            yield removal_remark(remark.subject, found.regression, _left_in(found))
+        axis_calibration = axes.get(remark.subject)
+        if (
+            remark.code == "conditions-removed"
+            and axis_calibration is not None
+            and axis_calibration.regression is not None
+        ):
+            yield removal_remark(remark.subject, axis_calibration.regression, _left_in(axis_calibration))
             continue
         affected = remark.facts.get("numbers")
-        if found is None or not isinstance(affected, tuple):
+        if axis_calibration is None or not isinstance(affected, tuple):
             yield remark
             continue
-        sheet = found.datasheet
+        sheet = axis_calibration.datasheet
         ramp = sheet.get(_RAMP)
         if remark.code == _LINE and ramp is not None and ramp.value and not ramp.upper_only:
             continue
@@ -72,8 +67,8 @@ def _is_replaced(remark: Remark, verdicts: Sequence[Verdict]) -> bool:
     assert isinstance(start, Quantity)
     assert isinstance(window, Quantity)
     knocks = (times for verdict in verdicts for times in verdict.replaced.knocks)
-    there = any(first <= start.value + window.value and last >= start.value for first, last in knocks)
-    return there and not any(verdict.exceeds for verdict in verdicts)
+    overlap = any(first <= start.value + window.value and last >= start.value for first, last in knocks)
+    return overlap and not any(verdict.exceeds for verdict in verdicts)
 
 
 def _left_in(found: AxisCalibration) -> str:

@@ -5,15 +5,16 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from gmwm.base.documents import Documented
 from gmwm.measuring.inspection import Inspection
 
 
 @dataclass(frozen=True, kw_only=True)
-class Recording:
+class Recording(Documented):
     """Length, time base and file of a recording.
 
     Attributes
@@ -57,21 +58,21 @@ class Recording:
     sha256: str | None = None
 
     @classmethod
-    def of(cls, found: Inspection) -> Recording:
+    def of(cls, inspection: Inspection) -> Recording:
         """Return the description of a recording, from its inspection."""
-        base = found.time_base
-        missing = sum(duration - 1 / found.rate for _, duration in base.gaps)
+        base = inspection.time_base
+        missing = sum(duration - 1 / inspection.rate for _, duration in base.gaps)
         return cls(
-            samples=found.samples,
-            rate=found.rate,
-            duration=found.duration,
-            segments=found.segments,
+            samples=inspection.samples,
+            rate=inspection.rate,
+            duration=inspection.duration,
+            segments=inspection.segments,
             missing=float(missing),
             jitter=float(base.jitter) if base.stamped else None,
-            static=bool(found.static),
-            knocks=len(found.knocks),
-            gravity=found.gravity,
-            temperature=found.temperature,
+            static=bool(inspection.static),
+            knocks=len(inspection.knocks),
+            gravity=inspection.gravity,
+            temperature=inspection.temperature,
         )
 
     def of_file(self, path: str | os.PathLike[str]) -> Recording:
@@ -83,14 +84,9 @@ class Recording:
             digest = hashlib.file_digest(content, "sha256").hexdigest()
         return replace(self, file=file.name, size=file.stat().st_size, sha256=digest)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain values for JSON."""
-        return asdict(self)
-
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Recording:
-        """Restore a description from the result of `to_dict`."""
-        given = dict(values)
-        temperature = given["temperature"]
-        given["temperature"] = None if temperature is None else (float(temperature[0]), float(temperature[1]))
-        return cls(**given)
+        """Restore a description from the result of `to_dict`; the calibration checks the types of the fields."""
+        temperature = values["temperature"]
+        pair = None if temperature is None else (float(temperature[0]), float(temperature[1]))
+        return cls(**{**values, "temperature": pair})

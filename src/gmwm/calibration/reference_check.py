@@ -7,15 +7,17 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from gmwm.base.axis_names import sensor_of
+from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
-from gmwm.base.remarks import Remark
+from gmwm.base.remarks import Remark, texts
+from gmwm.base.tables import headed
 from gmwm.base.text import Summarised
 from gmwm.base.units import SI_UNIT, datasheet_units, noise_unit
-from gmwm.calibration.reference_text import POWERS, summary
 from gmwm.choosing.datasheets import Entry, effective_noise
+from gmwm.choosing.datasheets.entry import significant
 from gmwm.files.importers import Given, Values, given_noise
 from gmwm.files.importers.quantities import as_reference
 
@@ -33,10 +35,15 @@ NEAR = 0.15
 a choice that is larger than most confidence intervals."""
 LEAST = 3.0
 """Smallest ratio (or inverse ratio) of reference and measured value for which a wrong unit is suspected."""
+POWERS = {"Q": 1.0, "N": 0.5, "B": 0.0, "K": -0.5, "R": -1.0}
+_WORDS = {
+    "agrees": "agrees", "close": "within 10 %", "larger": "larger than measured", "smaller": "smaller than measured",
+    "unknown": "not measured",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReferenceNumber:
+class ReferenceNumber(Documented):
     """A datasheet number of one axis, as calibrated and as in the reference.
 
     Attributes
@@ -64,6 +71,9 @@ class ReferenceNumber:
     key: str = ""
     written: float | None = None
     verdict: Verdict = "unknown"
+    document_keys = (
+        "axis", "symbol", "reference", "key", "measured", "written", "as_written", "factor", "verdict",
+    )  # fmt: skip
 
     @property
     def factor(self) -> float | None:
@@ -99,17 +109,9 @@ class ReferenceNumber:
         """Exponent of the standard deviation in the file: 2 if the file contains variances, otherwise 1."""
         return 2.0 if self.key.endswith("_cov") else 1.0
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields and the ratio as plain values for JSON."""
-        return {
-            "axis": self.axis, "symbol": self.symbol, "reference": self.reference, "key": self.key,
-            "measured": None if self.measured is None else self.measured.to_dict(), "written": self.written,
-            "as_written": self.as_written, "factor": self.factor, "verdict": self.verdict,
-        }  # fmt: skip
-
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class ReferenceCheck(Summarised):
+class ReferenceCheck(Documented, Summarised):
     """Comparison of the datasheet numbers of a calibration with a reference.
 
     Attributes
@@ -137,6 +139,7 @@ class ReferenceCheck(Summarised):
     rate: float
     level: float
     unmatched: tuple[str, ...] = ()
+    document_keys = ("reference=name", "format", "horizon", "level", "rows", "unmatched", "remarks")
 
     def __iter__(self) -> Iterator[ReferenceNumber]:
         return iter(self.rows)
@@ -179,15 +182,7 @@ class ReferenceCheck(Summarised):
 
     def summary(self) -> str:
         """Return the comparison as text, with the ratio and the verdict of each number."""
-        return summary(self)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the comparison as plain values for JSON."""
-        return {
-            "reference": self.name, "format": self.format, "horizon": self.horizon, "level": self.level,
-            "rows": [row.to_dict() for row in self.rows], "unmatched": list(self.unmatched),
-            "remarks": [remark.to_dict() for remark in self.remarks],
-        }  # fmt: skip
+        return _summary(self)
 
 
 def check_reference(calibration: Calibration, reference: ReferenceLike, *, horizon: float = 1.0) -> ReferenceCheck:
@@ -198,14 +193,14 @@ def check_reference(calibration: Calibration, reference: ReferenceLike, *, horiz
         rows, unmatched = _of_numbers(calibration, reference)
         name, form = "reference", "datasheet"
     else:
-        given = reference if isinstance(reference, Given) else _given(reference, rate)
-        name, form = (PurePath(given.source).name if given.written else "datasheet"), given.format
-        unmatched = tuple(axis for axis in given.values if axis not in calibration)
+        stated = reference if isinstance(reference, Given) else _parse_reference(reference, rate)
+        name, form = (PurePath(stated.source).name if stated.written else "datasheet"), stated.format
+        unmatched = tuple(axis for axis in stated.values if axis not in calibration)
         rows = [
             row
-            for axis, values in given.values.items()
+            for axis, values in stated.values.items()
             if axis in calibration
-            for row in _of_axis(calibration, axis, values, given, horizon=horizon)
+            for row in _of_axis(calibration, axis, values, stated, horizon=horizon)
         ]
     if not rows:
         raise OptionError(
@@ -216,7 +211,7 @@ def check_reference(calibration: Calibration, reference: ReferenceLike, *, horiz
     )  # fmt: skip
 
 
-def _given(source: str | os.PathLike[str], rate: float) -> Given:
+def _parse_reference(source: str | os.PathLike[str], rate: float) -> Given:
     """Return the noise in a file or datasheet. If it states no sampling rate, `rate` (Hz) is used."""
     text = os.fspath(source)
     try:
@@ -231,11 +226,9 @@ def _given(source: str | os.PathLike[str], rate: float) -> Given:
 def _of_numbers(
     calibration: Calibration, reference: Mapping[str, tuple[float, str]]
 ) -> tuple[list[ReferenceNumber], tuple[str, ...]]:
-    """Return the compared numbers for references such as "gyro.N", and the keys that match no axis.
-
-    A reference for an axis replaces the reference for its sensor.
-    """
-    found: dict[tuple[str, str], ReferenceNumber] = {}
+    """Return the compared numbers for references such as "gyro.N", and the keys that match no axis. An axis has
+    priority over its sensor."""
+    numbers: dict[tuple[str, str], ReferenceNumber] = {}
     unmatched: list[str] = []
     for key in sorted(reference, key=lambda key: key.rpartition(".")[0] in calibration):
         place, _, symbol = key.rpartition(".")
@@ -245,10 +238,10 @@ def _of_numbers(
         for axis in axes:
             row = _row(axis, symbol, 0.0, calibration.datasheets[axis].get(symbol))
             value = as_reference(key, reference[key], row.unit).si
-            found[axis, symbol] = replace(row, reference=value, verdict=_verdict(value, row.measured))
+            numbers[axis, symbol] = replace(row, reference=value, verdict=_verdict(value, row.measured))
         if not axes:
             unmatched.append(key)
-    return [found[key] for key in sorted(found, key=lambda key: (list(calibration).index(key[0]), key[1]))], tuple(
+    return [numbers[key] for key in sorted(numbers, key=lambda key: (list(calibration).index(key[0]), key[1]))], tuple(
         unmatched
     )
 
@@ -256,15 +249,12 @@ def _of_numbers(
 def _of_axis(
     calibration: Calibration, axis: str, values: Values, given: Given, *, horizon: float
 ) -> Iterator[ReferenceNumber]:
-    """Yield the compared numbers of one axis of a file or datasheet.
-
-    If the reference is a file, its N and K are compared with those of the calibration for the time horizon.
-    """
+    """Yield the compared numbers of one axis. N and K of a file are compared with those for the time horizon."""
     measured: Mapping[str, Entry] = calibration.datasheets[axis]
     written = given.written.get(axis, {})
     if written:
-        found = effective_noise(calibration[axis], horizon, calibration.settings.confidence)
-        measured = {**measured, **found}
+        noise = effective_noise(calibration[axis], horizon, calibration.settings.confidence)
+        measured = {**measured, **noise}
     numbers = {symbol: getattr(values, symbol) for symbol in POWERS}
     keys = dict(written)
     if values.sigma and values.time:
@@ -313,3 +303,41 @@ def _cause(row: ReferenceNumber, rate: float) -> str | None:
         if abs(distance - math.log(size)) < math.log1p(NEAR) and size > LEAST:
             return cause
     return None
+
+
+# --- text ----------------------------------------------------------------------------------------------
+
+
+def _summary(found: ReferenceCheck) -> str:
+    """Return the text of `ReferenceCheck.summary`."""
+    verdict, *others = found.remarks
+    in_file = any(row.key for row in found)
+    head = ["", *(["in the file"] if in_file else []), "reference", f"measured ({100 * found.level:g} % interval)"]
+    head += [*(["measured, as in the file"] if in_file else []), "factor", ""]
+    rows = [head, *(_row_text(row, in_file) for row in found)]
+    about = f"Reference: {found.name} ({found.format})." if in_file else "Reference: numbers of a datasheet."
+    if in_file:
+        about += f" Measured N and K are for a filter with a horizon of {found.horizon:g} s, as in exported files."
+    about += " factor: reference / measured, or its upper limit."
+    parts = [texts([verdict])[0], "\n".join(headed(rows)), about, *texts(others)]
+    if found.unmatched:
+        parts.append(f"The calibration does not have {', '.join(found.unmatched)}.")
+    return "\n\n".join(parts)
+
+
+def _row_text(row: ReferenceNumber, in_file: bool) -> list[str]:
+    cells = [f"{row.axis} {row.symbol}"]
+    if in_file:
+        cells.append(row.key if row.written is None else f"{row.key} {row.written:.4g}")
+    value, unit = row.shown
+    cells += [f"{significant(value, 3)} {unit}", _measured_text(row.measured)]
+    if in_file:
+        shown = row.as_written
+        limit = "≤ " if row.measured is not None and row.measured.upper_only else ""
+        cells.append("" if shown is None else f"{limit}{shown:.4g}")
+    factor = row.factor
+    return [*cells, "" if factor is None else f"{factor:.3g}", _WORDS[row.verdict]]
+
+
+def _measured_text(entry: Entry | None) -> str:
+    return "–" if entry is None else entry.text()

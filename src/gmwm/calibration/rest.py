@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from gmwm.base.axis_names import sensor_of
+from gmwm.base.documents import Documented
 from gmwm.base.errors import GmwmError
 from gmwm.base.random_effects import confidence_of_mean, effects, spread_limits
 from gmwm.base.text import duration_text
@@ -44,10 +45,8 @@ LONGEST = 3600.0
 
 
 class AxisMean(NamedTuple):
-    """Mean of the samples of one axis in one recording, their number, and their number including those lost in gaps.
-
-    `gravity` is the gravity along the axis with its standard error; None if it is not known.
-    """
+    """Mean of an axis in one recording, its samples without and with those lost in gaps, and the gravity in it with its
+    standard error or None."""
 
     mean: float
     samples: int
@@ -60,7 +59,7 @@ class AxisMean(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BiasAtRest:
+class BiasAtRest(Documented):
     """The bias of one axis at rest. All numbers are in the SI unit of the axis.
 
     Attributes
@@ -117,6 +116,10 @@ class BiasAtRest:
     duration: float
     level: float
     unit: str
+    document_keys = (
+        "mean", "error", "low", "high", "gravity", "gravity_error", "recordings", "turn_on", "turn_on_low",
+        "turn_on_high", "rms", "rms_low", "rms_high", "duration", "level", "unit", "bias", "bias_error",
+    )  # fmt: skip
 
     @property
     def bias(self) -> float | None:
@@ -141,16 +144,16 @@ class BiasAtRest:
     def entries(self) -> tuple[Entry, ...]:
         """Datasheet entries of the bias (or the mean if the gravity is not known), the turn-on spread and the rms."""
         low, high = self.interval
-        known = self.bias is not None
-        found = [
+        has_gravity = self.bias is not None
+        entries = [
             Entry(
-                symbol="b" if known else "mean",
-                title="bias at rest" if known else "mean at rest, with gravity",
+                symbol="b" if has_gravity else "mean",
+                title="bias at rest" if has_gravity else "mean at rest, with gravity",
                 value=self.mean if self.bias is None else self.bias, low=low, high=high, unit=self.unit,
             )
         ]  # fmt: skip
         if self.turn_on is not None:
-            found.append(
+            entries.append(
                 Entry(
                     symbol="b_on", title="turn-on spread of the bias", value=self.turn_on, low=self.turn_on_low,
                     high=self.turn_on_high, unit=self.unit, upper_only=not self.turn_on_low,
@@ -158,22 +161,13 @@ class BiasAtRest:
             )  # fmt: skip
         if self.rms > 0:
             title = f"rms of the bias over {duration_text(self.duration)}"
-            found.append(
+            entries.append(
                 Entry(
                     symbol="b_rms", title=title, value=self.rms, low=self.rms_low, high=self.rms_high, unit=self.unit,
                     upper_only=self.rms_low == 0,
                 )
             )  # fmt: skip
-        return tuple(found)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields, `bias` and `bias_error` as plain values for JSON."""
-        return asdict(self) | {"bias": self.bias, "bias_error": self.bias_error}
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> BiasAtRest:
-        """Restore the bias from the result of `to_dict`."""
-        return cls(**{name: value for name, value in values.items() if name not in ("bias", "bias_error")})
+        return tuple(entries)
 
 
 def means_of(data: Any, inspection: Inspection | None, options: CalibrationOptions) -> dict[str, AxisMean]:
@@ -191,26 +185,15 @@ def means_of(data: Any, inspection: Inspection | None, options: CalibrationOptio
 
 
 def bias_at_rest(fit: Fit, ranking: Ranking, means: Sequence[AxisMean], *, level: float) -> BiasAtRest:
-    """Compute the bias of one axis at rest.
-
-    Parameters
-    ----------
-    fit : Fit
-        The fit of the recommended model.
-    ranking : Ranking
-        The models over which the noise of the mean is averaged.
-    means : sequence of AxisMean
-        Mean of each recording.
-    level : float
-        Confidence level of the intervals.
-    """
-    parts = [one.gravity for one in means if one.gravity is not None]
+    """Compute the bias of one axis at rest from its mean in each recording. The noise of the mean is averaged over the
+    models of the ranking."""
+    parts = [mean_of_recording.gravity for mean_of_recording in means if mean_of_recording.gravity is not None]
     removed = len(parts) == len(means)
-    values = np.array([one.mean for one in means])
+    values = np.array([mean_of_recording.mean for mean_of_recording in means])
     x = values - (np.array([part[0] for part in parts]) if removed else 0.0)
     terms = _terms_of_models(fit, ranking)
-    models = [_of_models(terms, one.variance) for one in means]
-    s2 = np.array([_averaged(one).value for one in models])
+    models = [_of_models(terms, mean_of_recording.variance) for mean_of_recording in means]
+    s2 = np.array([_average(mean_of_recording).value for mean_of_recording in models])
     spread: tuple[float, float, float] | None = None
     if len(x) == 1:
         centre, error = float(x[0]), math.sqrt(s2[0])
@@ -225,8 +208,8 @@ def bias_at_rest(fit: Fit, ranking: Ranking, means: Sequence[AxisMean], *, level
         spread = (math.sqrt(float(all_of.spread2)), least, most) if removed else None
     mean = centre + float(np.mean(values - x))
     wv = fit.wavelet_variance
-    duration = min(LONGEST, max(one.span for one in means) / wv.rate)
-    rms = _averaged(_of_models(terms, lambda one: one.variance_over(duration)))
+    duration = min(LONGEST, max(mean_of_recording.span for mean_of_recording in means) / wv.rate)
+    rms = _average(_of_models(terms, lambda mean_of_recording: mean_of_recording.variance_over(duration)))
     rms_ends = _limits(rms, level)
     return BiasAtRest(
         mean=mean, error=error, low=low + mean - centre, high=high + mean - centre,
@@ -239,28 +222,24 @@ def bias_at_rest(fit: Fit, ranking: Ranking, means: Sequence[AxisMean], *, level
 
 
 def reach_of(models: Sequence[tuple[float, Variance]], level: float) -> float:
-    """Return half the width of the confidence interval of a mean, averaged over several models.
+    """Return half the width of the confidence interval of a mean, averaged over models with weights.
 
-    In each model, the mean has Student's distribution. If the variance of the mean has the relative error r, the
-    distribution has 2/r² degrees of freedom, but at least 1. The tail areas of the models are averaged with their
-    weights (docs/validation/rest.md).
-
-    Parameters
-    ----------
-    models : sequence of (weight, Variance)
-        Weight of each model, and variance of the mean in this model.
-    level : float
-        Confidence level.
+    In each model, the mean has Student's distribution. If its variance has the relative error r, there are 2/r² degrees
+    of freedom, at least 1. The tail areas are averaged (docs/validation/rest.md).
     """
     from scipy.special import stdtr
 
-    some = [(w, math.sqrt(one.value), max(2 / max(one.relative, 1e-9) ** 2, 1.0)) for w, one in models if one.value > 0]
-    total = sum(weight for weight, _, _ in some)
-    reaches = [_quantile(freedom, level) * size for _, size, freedom in some]
+    spreads = [
+        (w, math.sqrt(variance.value), max(2 / max(variance.relative, 1e-9) ** 2, 1.0))
+        for w, variance in models
+        if variance.value > 0
+    ]
+    total = sum(weight for weight, _, _ in spreads)
+    reaches = [_quantile(freedom, level) * size for _, size, freedom in spreads]
     low, high = min(reaches, default=0.0), max(reaches, default=0.0)
     while high - low > 1e-9 * high:
         middle = (low + high) / 2
-        outside = sum(weight * 2 * float(stdtr(freedom, -middle / size)) for weight, size, freedom in some)
+        outside = sum(weight * 2 * float(stdtr(freedom, -middle / size)) for weight, size, freedom in spreads)
         low, high = (middle, high) if outside > (1 - level) * total else (low, middle)
     return high
 
@@ -268,30 +247,28 @@ def reach_of(models: Sequence[tuple[float, Variance]], level: float) -> float:
 def gravity_of(means: Mapping[str, float], options: CalibrationOptions) -> dict[str, tuple[float, float] | None]:
     """Return the gravity along each axis with its standard error; None if it is not known.
 
-    The gravity along a nearly vertical axis is √(g² − h²), where g is the local gravity and h the norm of the mean of
-    the level axes. The attitude need not be known for this, because the biases of the level axes have only a
-    second-order effect. The gravity along a level axis is g times its tilt, so it is known only if the option `tilt` is
-    given.
+    It is √(g² − h²) along a nearly vertical axis, where h is the norm of the mean of the level axes, whose biases have
+    only a second-order effect. Along a level axis it is g times its tilt, which only the option `tilt` tells.
     """
-    found: dict[str, tuple[float, float] | None] = dict.fromkeys(means, (0.0, 0.0))
+    gravity: dict[str, tuple[float, float] | None] = dict.fromkeys(means, (0.0, 0.0))
     accel = {axis: mean for axis, mean in means.items() if sensor_of(axis) == "accel"}
-    found |= dict.fromkeys(accel)
+    gravity |= dict.fromkeys(accel)
     g, error = (GRAVITY, GRAVITY_ERROR) if options.gravity is None else (options.gravity, 0.0)
     upright = [axis for axis, mean in accel.items() if abs(mean) > g / 2]
     if len(upright) != 1:
-        return found
+        return gravity
     (vertical,) = upright
     side = math.copysign(1.0, accel[vertical])
     if options.tilt is not None:
         angle = math.radians(options.tilt) / math.sqrt(3)  # standard deviation of a uniform distribution
-        found |= dict.fromkeys(accel, (0.0, g * angle))
-        found[vertical] = side * g, math.hypot(error, g * angle**2)
-        return found
+        gravity |= dict.fromkeys(accel, (0.0, g * angle))
+        gravity[vertical] = side * g, math.hypot(error, g * angle**2)
+        return gravity
     level = math.hypot(*(mean for axis, mean in accel.items() if axis != vertical))
     if len(accel) == 3 and level <= g * math.sin(math.radians(STEEPEST)):
         off = math.hypot(error, level / g * LEVEL_BIAS, LEVEL_BIAS**2 / (2 * g))
-        found[vertical] = side * math.sqrt(g * g - level * level), off
-    return found
+        gravity[vertical] = side * math.sqrt(g * g - level * level), off
+    return gravity
 
 
 def _terms_of_models(fit: Fit, ranking: Ranking) -> list[tuple[float, BiasTerms]]:
@@ -303,32 +280,32 @@ def _terms_of_models(fit: Fit, ranking: Ranking) -> list[tuple[float, BiasTerms]
 def _of_models(models: Sequence[tuple[float, T]], of: Callable[[T], S]) -> list[tuple[float, S]]:
     """Return what `of` computes for each plausible model, with the weight of the model."""
     parts = []
-    for weight, one in models:
+    for weight, item in models:
         try:
-            parts.append((weight, of(one)))
+            parts.append((weight, of(item)))
         except GmwmError:  # A model without standard errors gives no information about the bias.
             continue
     return parts
 
 
-def _averaged(models: Sequence[tuple[float, Variance]]) -> Variance:
+def _average(models: Sequence[tuple[float, Variance]]) -> Variance:
     """Return the weighted mean of the variances of the models. Its error includes the spread between the models."""
     total = sum(weight for weight, _ in models)
-    value = sum(weight * one.value for weight, one in models) / total if total else 0.0
+    value = sum(weight * variance.value for weight, variance in models) / total if total else 0.0
     if value <= 0:
         return Variance(0.0, 0.0)
-    scatter = sum(weight * ((one.value * one.relative) ** 2 + (one.value - value) ** 2) for weight, one in models)
+    scatter = sum(
+        weight * ((variance.value * variance.relative) ** 2 + (variance.value - value) ** 2)
+        for weight, variance in models
+    )
     return Variance(value, math.sqrt(scatter / total) / value)
 
 
-def _limits(one: Variance, level: float) -> tuple[float, float]:
-    """Return the confidence interval of a standard deviation from its estimated variance.
-
-    The interval is symmetric on a logarithmic scale. If the variance does not differ significantly from zero, the
-    interval starts at 0.
-    """
-    reach = _quantile(math.inf, level) * one.relative
-    size = math.sqrt(one.value)
+def _limits(variance: Variance, level: float) -> tuple[float, float]:
+    """Return the interval of a standard deviation from its estimated variance, symmetric on a logarithmic scale. It
+    starts at 0 if the variance does not differ significantly from zero."""
+    reach = _quantile(math.inf, level) * variance.relative
+    size = math.sqrt(variance.value)
     if reach >= 1:
         return 0.0, size * math.sqrt(1 + reach)
     return size * math.exp(-reach / 2), size * math.exp(reach / 2)

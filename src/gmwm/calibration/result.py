@@ -184,18 +184,18 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
 
     def get(self, axis: str, default: Any = None) -> Any:
         """Return the fit of an axis, or `default` if the axis was not calibrated."""
-        found = self.axes.get(axis)
-        return default if found is None else found.fit
+        axis_calibration = self.axes.get(axis)
+        return default if axis_calibration is None else axis_calibration.fit
 
     @property
     def rankings(self) -> dict[str, Ranking]:
         """All models that were compared, by axis."""
-        return self._each(lambda found: found.ranking)
+        return self._each(lambda item: item.ranking)
 
     @property
     def datasheets(self) -> dict[str, Datasheet]:
         """Datasheet numbers (N, Q, B, K, R and those of Gauss-Markov terms), by axis."""
-        return self._each(lambda found: found.datasheet)
+        return self._each(lambda item: item.datasheet)
 
     @property
     def baselines(self) -> dict[str, Baseline]:
@@ -210,17 +210,17 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         name : str
             Name of the addition, such as "baseline".
         """
-        return {axis: found.additions[name] for axis, found in self.axes.items() if name in found.additions}
+        return {axis: item.additions[name] for axis, item in self.axes.items() if name in item.additions}
 
     @property
     def rest(self) -> dict[str, BiasAtRest]:
         """Bias at rest, for the axes that were calibrated from samples."""
-        return {axis: found.rest for axis, found in self.axes.items() if found.rest is not None}
+        return {axis: item.rest for axis, item in self.axes.items() if item.rest is not None}
 
     @property
     def verdicts(self) -> dict[str, Verdict]:
         """Outlier tests, for the axes that were calibrated from samples."""
-        return {axis: found.verdict for axis, found in self.axes.items() if found.verdict is not None}
+        return {axis: item.verdict for axis, item in self.axes.items() if item.verdict is not None}
 
     @cached_property
     def remarks(self) -> list[Remark]:
@@ -262,8 +262,11 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
             If a file cannot be opened.
         """
         if self.recordings:
-            found = {name: one.of_file(path) for (name, one), path in zip(self.recordings.items(), paths, strict=True)}
-            return replace(self, recordings=found)
+            descriptions = {
+                name: description.of_file(path)
+                for (name, description), path in zip(self.recordings.items(), paths, strict=True)
+            }
+            return replace(self, recordings=descriptions)
         (path,) = paths
         return self if self.recording is None else replace(self, recording=self.recording.of_file(path))
 
@@ -295,9 +298,9 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         >>> list(gyro.combined(accel))
         ['gyro_x', 'accel_x']
         """
-        from gmwm.calibration.combination import combined
+        from gmwm.calibration.combination import combine
 
-        return combined((self, *others))
+        return combine((self, *others))
 
     def summary(self, dialect: Dialect = Dialect.PYTHON, *, every: bool = False, details: bool = False) -> str:
         """Return the calibration as text: verdict, one line for each axis, and the most severe remarks.
@@ -396,13 +399,12 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
     ) -> str:
         """Write the noise of the unit in the format of another program.
 
-        Most programs use two numbers of a sensor: the white noise N and the random walk K of the bias. They are
-        computed from the model as in `effective_noise`: N_eff² = N² + Σ 2σ²/β and K_eff² = K² + Σ 2βσ², where σ² is the
-        variance and 1/β the correlation time of a Gauss-Markov term. The first sum is over the terms with a correlation
-        time below the horizon, the second over the others. If the model has no such noise, or the data cannot
-        distinguish it from zero, the file has the upper limit from the data, and a comment says that it is a limit. The
-        header of each file states the units, whether the values are for continuous or discrete time, how axes are
-        combined, and the inflation, horizon, models and source.
+        Most programs use two numbers of a sensor: the white noise N and the random walk K of the bias. They are those
+        of the datasheet: a filter with them predicts the noise best and states the error that it makes (see
+        `effective_noise`). If the data cannot distinguish a number from zero, the file has its upper limit, and a
+        comment says that it is a limit. Each file begins with the verdict. Below the numbers, it states the units,
+        whether the values are for continuous or discrete time, how axes are combined, the inflation, the horizon, what
+        is left out, and how well the numbers predict.
 
         Parameters
         ----------
@@ -411,13 +413,13 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         format : str
             One of `gmwm.exporters.export_formats()`.
         axes : "worst", "mean" or "each", optional
-            How to combine the axes of a sensor: use the largest number ("worst"), the root mean square ("mean"), or one
-            number for each axis ("each") if the format allows it. Default: "worst" for filters, and "each" for
-            simulators and messages.
+            How to combine the axes of a sensor: use the largest N and the largest K, upper limits included ("worst"),
+            the root mean square ("mean"), or one number for each axis ("each") if the format allows it. Default:
+            "worst" for filters, and "each" for simulators and messages.
         inflation : float
             Factor on standard deviations and densities. Variances are multiplied by its square.
         horizon : float
-            Time (s) between corrections from other sensors in the other program.
+            Time (s) over which the filter predicts best.
         rate : float, optional
             Sampling rate (Hz) in the other program. Default: the rate of the recording.
         duration : float, optional
@@ -528,10 +530,12 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         """
         from gmwm.applications.navigation.api import budget
 
-        found = budget(self, duration, rest=rest, latitude=latitude, level=level)
+        errors = budget(self, duration, rest=rest, latitude=latitude, level=level)
         causes = tuple(dict.fromkeys(remark.code for remark in self.remarks if remark.severity <= Severity.WRONG))
         return (
-            replace(found, remarks=(Remark.of("budget-of-wrong", causes=causes), *found.remarks)) if causes else found
+            replace(errors, remarks=(Remark.of("budget-of-wrong", causes=causes), *errors.remarks))
+            if causes
+            else errors
         )
 
     def report(self, path: str | os.PathLike[str], *, one_page: bool = False) -> Path:
@@ -580,4 +584,4 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         return f"Calibration({models}{failed})"
 
     def _each(self, of: Callable[[AxisCalibration], T]) -> dict[str, T]:
-        return {axis: of(found) for axis, found in self.axes.items()}
+        return {axis: of(item) for axis, item in self.axes.items()}

@@ -15,7 +15,7 @@ from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.first_screen import LEGEND, axis_lines
 from gmwm.calibration.misfit import is_line
-from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, in_order, key, number, with_error, wrapped
+from gmwm.calibration.tables import SENSORS, WIDTH, bullet, in_order, key, number, with_error, wrap_text
 from gmwm.choosing.replicates.result import RecordingNumber, short_spread
 from gmwm.choosing.selection.search_steps import search_lines
 from gmwm.theory.processes.ordered import Ordered
@@ -46,15 +46,15 @@ def summary(
 ) -> str:
     """Return a calibration as text of at most 80 columns; `Calibration.summary` describes the parameters."""
     equality = equality_remarks(calibration)
-    parts = [wrapped(calibration.verdict.text(dialect)), _head(calibration)]
-    parts += [wrapped(text) for text in texts(equality, dialect, codes=True)]
-    parts += _details(calibration) if details else [axis_lines(calibration), wrapped(LEGEND)]
-    found = [remark for remark in calibration.remarks if remark not in equality]
+    parts = [wrap_text(calibration.verdict.text(dialect)), _head(calibration)]
+    parts += [wrap_text(text) for text in texts(equality, dialect, codes=True)]
+    parts += _details(calibration) if details else [axis_lines(calibration), wrap_text(LEGEND)]
+    remarks_shown = [remark for remark in calibration.remarks if remark not in equality]
     if not (every or details):
-        found = [remark for remark in found if remark.severity is not Severity.INFO]
-    remarks = texts(found, dialect, codes=True) if every else brief(found, dialect, rest=REST[dialect])
+        remarks_shown = [remark for remark in remarks_shown if remark.severity is not Severity.INFO]
+    remarks = texts(remarks_shown, dialect, codes=True) if every else brief(remarks_shown, dialect, rest=REST[dialect])
     if remarks:
-        parts.append(["What to know before using the numbers:", *(line for text in remarks for line in bulleted(text))])
+        parts.append(["What to know before using the numbers:", *(line for text in remarks for line in bullet(text))])
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
 
@@ -68,7 +68,7 @@ def _details(calibration: Calibration) -> list[list[str]]:
         [f"Why this model of {axis}?", *search_lines(result.search, WIDTH)]
         for axis, result in calibration.axes.items() if result.search
     ]  # fmt: skip
-    return [*parts, *(wrapped(a.summary(calibration.addition(a.name))) for a in axis_additions())]
+    return [*parts, *(wrap_text(a.summary(calibration.addition(a.name))) for a in axis_additions())]
 
 
 # --- the head and the tables ------------------------------------------------------------------------
@@ -87,14 +87,14 @@ def _head(calibration: Calibration) -> list[str]:
     if settings.models:
         searched += f"; models given for {', '.join(settings.models)}"
     lines.append(f"{samples} samples at {rate} Hz, {duration}; {searched}")
-    return [line for text in lines for line in wrapped(text)]
+    return [line for text in lines for line in wrap_text(text)]
 
 
 def _alike(axes: Mapping[str, AxisCalibration]) -> dict[tuple[int, float], list[str]]:
     """Group the axes by number of samples and sampling rate (Hz). Both are equal for all axes of a recording."""
     shapes: dict[tuple[int, float], list[str]] = {}
-    for axis, found in axes.items():
-        wv = found.fit.wavelet_variance
+    for axis, item in axes.items():
+        wv = item.fit.wavelet_variance
         shapes.setdefault((wv.samples, wv.rate), []).append(axis)
     return shapes
 
@@ -106,10 +106,8 @@ def _range(ascending: Sequence[str]) -> str:
 
 
 def _table(axes: Mapping[str, AxisCalibration]) -> list[str]:
-    """Return the lines of a table with a column for each axis and a row for each number.
-
-    Up to three axes are side by side, as many as fit the width; the others follow in tables below.
-    """
+    """Return tables with a column for each axis and a row for each number. Up to three axes that fit the width are side
+    by side."""
     lines: list[str] = []
     for count in (3, 2, 1):
         lines = _blocks(axes, count)
@@ -129,69 +127,66 @@ def _blocks(axes: Mapping[str, AxisCalibration], count: int) -> list[str]:
 
 
 def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
-    """Return the rows of the table of some axes.
-
-    The first rows have model, goodness of fit and outliers; the others have one number each in datasheet units.
-    """
-    found = list(axes.values())
+    """Return the rows of the table of some axes: model, goodness of fit, outliers, then one number each in datasheet
+    units."""
+    calibrations = list(axes.values())
     rows = [
         ["", *axes],
-        ["model", *(one.fit.model.structure.replace(" ", "") for one in found)],
-        ["equivalent", *(_others(one) for one in found)],
-        ["p of the fit", *("no test" if one.test is None else one.test.pvalue_in_words for one in found)],
-        ["outliers", *(_outliers(one) for one in found)],
+        ["model", *(item.fit.model.structure.replace(" ", "") for item in calibrations)],
+        ["equivalent", *(_others(item) for item in calibrations)],
+        ["p of the fit", *("no test" if item.test is None else item.test.pvalue_in_words for item in calibrations)],
+        ["outliers", *(_outliers(item) for item in calibrations)],
     ]
     # If one axis has several Gauss-Markov terms, the only such term of another axis is in the row of the first term.
-    several = {symbol for one in found for symbol in one.datasheet if symbol.endswith(_FIRST)}
+    several = {symbol for item in calibrations for symbol in item.datasheet if symbol.endswith(_FIRST)}
     columns = [
         {f"{symbol}{_FIRST}" if f"{symbol}{_FIRST}" in several else symbol: entry for symbol, entry in shown.items()}
-        for shown in (_shown(one) for one in found)
+        for shown in (_entries_of(item) for item in calibrations)
     ]
     for symbol in in_order([list(column) for column in columns]):
         entries = [column.get(symbol) for column in columns]
         unit = next(entry.in_units("datasheet")[3] for entry in entries if entry is not None)
         title = symbol if unit == "1" else f"{symbol} ({unit})"
         rows.append([title, *("" if entry is None else number(entry) for entry in entries)])
-    rows += _at_rest(found)
-    rows += _spreads(found)
-    held = [len(held_lines(one.fit.model)) for one in found]
+    rows += _at_rest(calibrations)
+    rows += _spreads(calibrations)
+    held = [len(held_lines(item.fit.model)) for item in calibrations]
     return [*rows, [HELD, *map(str, held)]] if any(held) else rows
 
 
-def _at_rest(found: Sequence[AxisCalibration]) -> list[list[str]]:
+def _at_rest(calibrations: Sequence[AxisCalibration]) -> list[list[str]]:
     """Return the rows with the bias at rest, its spread between recordings, and its rms over a duration."""
-    columns = [{} if one.rest is None else {entry.symbol: entry for entry in one.rest.entries} for one in found]
+    columns = [
+        {} if item.rest is None else {entry.symbol: entry for entry in item.rest.entries} for item in calibrations
+    ]
     rows = []
     for symbol, title in _REST.items():
         entries = [column.get(symbol) for column in columns]
-        known = [entry for entry in entries if entry is not None]
-        if known:
+        shown = [entry for entry in entries if entry is not None]
+        if shown:
             cells = ["" if e is None else with_error(e) if symbol == _BIAS else number(e) for e in entries]
             if symbol == _BIAS:
                 cells = ["tilt unknown" if _MEAN in c and not cell else cell
                          for c, cell in zip(columns, cells, strict=True)]  # fmt: skip
-            rows.append([f"{title} ({known[0].in_units()[3]})", *cells])
+            rows.append([f"{title} ({shown[0].in_units()[3]})", *cells])
     return rows
 
 
-def _spreads(found: Sequence[AxisCalibration]) -> list[list[str]]:
-    """Return the rows with the spread of N, B and K between recordings, and the p-value of the test of equality.
-
-    There are no rows for a single recording.
-    """
-    if all(one.replicates is None for one in found):
+def _spreads(calibrations: Sequence[AxisCalibration]) -> list[list[str]]:
+    """Return the spread of N, B and K between recordings, and the p-value of equality; no rows for one recording."""
+    if all(item.replicates is None for item in calibrations):
         return []
     rows = []
     for symbol in SPREAD_OF:
-        numbers = [_number_of(one, symbol) for one in found]
+        numbers = [_number_of(item, symbol) for item in calibrations]
         if any(number is not None and number.spread is not None for number in numbers):
             rows.append([f"{symbol} spread", *("" if n is None else short_spread(n) for n in numbers)])
-    tests = ["" if one.replicates is None else p_text(one.replicates.pvalue) for one in found]
+    tests = ["" if item.replicates is None else p_text(item.replicates.pvalue) for item in calibrations]
     return [*rows, ["p of equality", *tests]]
 
 
-def _number_of(found: AxisCalibration, symbol: str) -> RecordingNumber | None:
-    numbers = () if found.replicates is None else found.replicates.numbers
+def _number_of(calibration: AxisCalibration, symbol: str) -> RecordingNumber | None:
+    numbers = () if calibration.replicates is None else calibration.replicates.numbers
     return next((number for number in numbers if number.symbol == symbol), None)
 
 
@@ -203,68 +198,65 @@ def held_lines(model: Model) -> list[str]:
     ]  # fmt: skip
 
 
-def _shown(found: AxisCalibration) -> dict[str, Entry]:
-    """Return the datasheet entries to show, by symbol.
-
-    Sinusoids whose parameters are all held fixed are left out. If there is only one other sinusoid, its symbols have no
-    index.
-    """
-    model = found.fit.model
+def _entries_of(calibration: AxisCalibration) -> dict[str, Entry]:
+    """Return the entries to show by symbol, without sinusoids that are held. The only free sinusoid has symbols without
+    an index."""
+    model = calibration.fit.model
     lines = {term for term, process in zip(model.terms, model.processes, strict=True) if is_line(type(process))}
     free = lines.difference(held_lines(model))
     return {
         symbol.partition("[")[0] if free == {entry.term} else symbol: entry
-        for symbol, entry in found.datasheet.items() if entry.term not in lines or entry.term in free
+        for symbol, entry in calibration.datasheet.items() if entry.term not in lines or entry.term in free
     }  # fmt: skip
 
 
-def _others(found: AxisCalibration) -> str:
-    others = len(found.ranking.equivalent) - 1
+def _others(calibration: AxisCalibration) -> str:
+    others = len(calibration.ranking.equivalent) - 1
     return "no other" if others < 1 else counted(others, "other")
 
 
-def _outliers(found: AxisCalibration) -> str:
-    if found.verdict is None:
+def _outliers(calibration: AxisCalibration) -> str:
+    if calibration.verdict is None:
         return "not tested"
-    if not np.any(found.verdict.tested):
+    if not np.any(calibration.verdict.tested):
         return "not tested"
-    if not found.verdict.contaminated:
+    if not calibration.verdict.contaminated:
         return "none"
-    return "yes: left out" if found.fit.wavelet_variance.robust else "yes: kept"
+    return "yes: left out" if calibration.fit.wavelet_variance.robust else "yes: kept"
 
 
 def _legend(calibration: Calibration) -> list[str]:
-    named = key(entry for found in calibration.axes.values() for entry in _shown(found).values())
+    named = key(entry for item in calibration.axes.values() for entry in _entries_of(item).values())
     level = calibration.settings.confidence
-    held = any(held_lines(found.fit.model) for found in calibration.axes.values())
+    held = any(held_lines(item.fit.model) for item in calibration.axes.values())
     lines = f" {HELD}: number of lines with fixed frequency and amplitude; the datasheets list them." if held else ""
-    rest = [one for one in calibration.rest.values() if one.bias is not None]
-    if rest:
+    biases = [bias for bias in calibration.rest.values() if bias.bias is not None]
+    if biases:
         lines += (
             " bias: mean at rest, without gravity but with the Earth's rotation (at most 15 deg/h); ± includes slow "
-            f"noise. bias rms: its changes over {duration_text(max(one.duration for one in rest))}."
+            f"noise. bias rms: its changes over {duration_text(max(bias.duration for bias in biases))}."
         )
-    if any(one.bias is None for one in calibration.rest.values()):
+    if any(bias.bias is None for bias in calibration.rest.values()):
         lines += " tilt unknown: tell calibrate how level the unit stood (tilt, gravity)."
-    if any(one.turn_on is not None for one in rest):
+    if any(bias.turn_on is not None for bias in biases):
         lines += " turn-on: standard deviation of the bias between recordings."
-    if any(found.replicates for found in calibration.axes.values()):
+    if any(item.replicates for item in calibration.axes.values()):
         lines += (
             " spread: standard deviation between recordings without estimation errors; intervals include it. p of "
             "equality: p-value of the test that the recordings are equal."
         )
-    return wrapped(
+    return wrap_text(
         f"{named}. ±: half the {100 * level:g} % confidence interval. ≤: upper limit at {50 + 50 * level:g} %. "
         "equivalent: number of other models that the data do not distinguish from the best; the simplest one is "
-        f"recommended. p: p-value of the goodness-of-fit test.{_filtered(calibration)}{lines}"
+        f"recommended. p: p-value of the goodness-of-fit test.{_filter_note(calibration)}{lines}"
     )
 
 
-def _filtered(calibration: Calibration) -> str:
+def _filter_note(calibration: Calibration) -> str:
     """Return an explanation of AR, MA and ARMA terms that the search has added; "" if there are none."""
     names = {
         process.name.partition("(")[0]
-        for found in calibration.axes.values() for process in found.fit.model.processes
-        if isinstance(process, Ordered) and found.tried
+        for item in calibration.axes.values() for process in item.fit.model.processes
+        if isinstance(process, Ordered) and item.tried
     }  # fmt: skip
     return f" {', '.join(sorted(names))}: white noise behind the filter and resonances of the sensor." if names else ""

@@ -20,11 +20,8 @@ SENSORS = {"gyro": "Gyroscopes", "accel": "Accelerometers"}
 """Headings of the tables, by sensor."""
 
 
-def merged(lists: Sequence[Sequence[str]]) -> list[str]:
-    """Merge lists of names into one list without duplicates that keeps the order of each list where possible.
-
-    If two lists contradict each other, the longer list determines the order.
-    """
+def merge_names(lists: Sequence[Sequence[str]]) -> list[str]:
+    """Merge lists of names without duplicates, in the order of each list where possible; the longer list decides."""
     order: list[str] = []
     for names in sorted(lists, key=len, reverse=True):
         at = 0
@@ -38,7 +35,7 @@ def merged(lists: Sequence[Sequence[str]]) -> list[str]:
 def in_order(lists: Sequence[Sequence[str]]) -> list[str]:
     """Merge the symbols of several datasheets: first N and K of a filter and B, then the rest of IEEE Std 952."""
     order = list(dict.fromkeys(("N", "K", "B", *map(str, LAWS))))
-    return sorted(merged(lists), key=lambda symbol: order.index(symbol) if symbol in order else len(order))
+    return sorted(merge_names(lists), key=lambda symbol: order.index(symbol) if symbol in order else len(order))
 
 
 def key(entries: Iterable[Entry]) -> str:
@@ -51,10 +48,7 @@ def key(entries: Iterable[Entry]) -> str:
 
 
 def number(entry: Entry) -> str:
-    """Format a number with half the width of its confidence interval in per cent.
-
-    A wide interval is given by its ends instead, and a number that may be zero by its upper limit.
-    """
+    """Format a number with half its interval in per cent, with both ends if wide, or as an upper limit."""
     value, low, high, _ = entry.in_units("datasheet")
     if entry.held:
         return f"{value:.3g} fixed"
@@ -81,12 +75,12 @@ def with_error(entry: Entry) -> str:
     return f"{shown:.{digits}f} ± {half:.{digits}f}".replace("-", "−")
 
 
-def wrapped(text: str) -> list[str]:
+def wrap_text(text: str) -> list[str]:
     """Break a text into lines of at most 80 columns."""
     return textwrap.wrap(text, WIDTH, break_long_words=True, break_on_hyphens=False)
 
 
-def bulleted(text: str) -> list[str]:
+def bullet(text: str) -> list[str]:
     """Break the text of a list item into lines of at most 80 columns."""
     return textwrap.wrap(
         text, WIDTH, initial_indent="- ", subsequent_indent="  ", break_long_words=True, break_on_hyphens=False

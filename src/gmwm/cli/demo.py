@@ -14,7 +14,7 @@ import typer
 from gmwm.base.remarks import Dialect, Remark
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.summary_text import summary
-from gmwm.calibration.tables import wrapped
+from gmwm.calibration.tables import wrap_text
 from gmwm.cli.calibrate import calibrated, calibration_files, calibration_helpers, pictures
 from gmwm.cli.command import command
 from gmwm.cli.export import kalibr_file
@@ -147,7 +147,7 @@ def _comparison_text(rows: Sequence[Mapping[str, Any]], truth: Mapping[str, Mode
         "",
         shown,
         "\nVariances in (rad/s)² and (m/s²)², those of RW per sample; beta in 1/s.",
-        *wrapped(
+        *wrap_text(
             f"The simulated model is recommended for {len(same)} of {len(found)} axes, and {sum(inside)} of "
             f"{len(inside)} intervals contain the true value. White and quantization noise are known to about 1 %, "
             "random walks and slow Gauss-Markov processes to about 20 %, because two hours contain only a few of "
@@ -158,12 +158,12 @@ def _comparison_text(rows: Sequence[Mapping[str, Any]], truth: Mapping[str, Mode
         if axis not in same:
             equal = [structure_of(other.model) for other in found.rankings[axis].equivalent]
             tie = " The data do not distinguish them." if structure_of(truth[axis]) in equal else ""
-            lines += wrapped(
+            lines += wrap_text(
                 f"{axis}: {truth[axis].structure} was simulated, {fit.model.structure} is recommended.{tie}"
             )
     gaps = [fit.gap for fit in found.values() if fit.gap is not None]
     if gaps:
-        lines += wrapped(Remark.of("optimal", gap=100 * max(gaps), exact="no").text(Dialect.SHELL))
+        lines += wrap_text(Remark.of("optimal", gap=100 * max(gaps), exact="no").text(Dialect.SHELL))
     return "\n".join(lines)
 
 

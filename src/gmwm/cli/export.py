@@ -65,9 +65,8 @@ def export(
     horizon: Annotated[
         str,
         typer.Option(
-            help="Time between corrections from other sensors, such as 100ms, 1s, 1min or a number of seconds. A "
-            "process with a shorter correlation time is treated as white noise, and one with a longer time as a random "
-            "walk.",
+            help="Time over which a filter with N and K predicts best and states its real error, such as 100ms, 1s, "
+            "1min or a number of seconds.",
             metavar="LENGTH",
         ),
     ] = f"{HORIZON:g}s",

@@ -340,7 +340,7 @@ def replicates_text(fits: Mapping[str, Fit]) -> Iterator[str]:
 def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:
     """Format the summary of one fit, or for several axes a table for each sensor with its axes side by side."""
     from gmwm.base.axis_names import by_sensor
-    from gmwm.calibration.tables import wrapped
+    from gmwm.calibration.tables import wrap_text
     from gmwm.fitting.estimation.summary import intervals_if_known
 
     if len(fits) == 1:
@@ -361,7 +361,7 @@ def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:
         for remark in (intervals_if_known(axis_fit, how)[1], *axis_fit.diagnostics.remarks)
         if remark is not None
     ]
-    lines = [line for text in texts(remarks, Dialect.SHELL) for line in wrapped(text)]
+    lines = [line for text in texts(remarks, Dialect.SHELL) for line in wrap_text(text)]
     return "\n\n".join([*parts, *(["\n".join(lines)] if lines else [])])
 
 

@@ -121,7 +121,7 @@ def stream_curves(
 
     The remarks of its inspection become warnings of the command.
     """
-    from gmwm.calibration.passes import Run, curves_and_inspection
+    from gmwm.calibration.passes import Execution, curves_and_inspection
     from gmwm.cli.output import progress, tell
     from gmwm.measuring.regression.conditions import Conditions
 
@@ -129,7 +129,7 @@ def stream_curves(
         conditions = Conditions.of_recording(stream, Asked.of(against))
         curves, inspection = curves_and_inspection(
             stream, axes, robust=robust, efficiency=efficiency, conditions=conditions,
-            run=Run(scheduler=scheduler, workers=workers, progress=lambda text: advance(text, 0)),
+            run=Execution(scheduler=scheduler, workers=workers, progress=lambda text: advance(text, 0)),
         )  # fmt: skip
     for remark in inspection.remarks:
         tell(remark)

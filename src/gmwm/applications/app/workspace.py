@@ -18,7 +18,7 @@ from gmwm.base.text import duration_text
 from gmwm.calibration.calibrate_axis import choose_model, final_fit, given_fit
 from gmwm.calibration.data import Recordings
 from gmwm.calibration.measure import MeasuredAxis, measure
-from gmwm.calibration.passes import Run
+from gmwm.calibration.passes import Execution
 from gmwm.choosing.selection.search import ModelChoice
 from gmwm.files.readers.streams import Stream, is_large
 from gmwm.fitting.estimation.result import Fit
@@ -112,7 +112,7 @@ class Workspace:
 
         def work(recording: Imu | Stream, job: Job) -> dict[str, MeasuredAxis | GmwmError]:
             options = replace(session.calibration, models={})
-            return measure(Recordings.of(recording, options), options, Run(progress=job.step)).axes
+            return measure(Recordings.of(recording, options), options, Execution(progress=job.step)).axes
 
         return self._of_recording("data", session, "Measuring", work)
 

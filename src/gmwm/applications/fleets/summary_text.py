@@ -11,7 +11,7 @@ from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.tables import headed
 from gmwm.base.text import counted, p_relation
 from gmwm.base.units import datasheet_units
-from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, wrapped
+from gmwm.calibration.tables import SENSORS, WIDTH, bullet, wrap_text
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.measuring.variance.allan_regression import LAWS
 
@@ -29,9 +29,9 @@ def summary(fleet: Fleet, dialect: Dialect = Dialect.PYTHON) -> str:
     good = len(fleet.units) - len(fleet.failed)
     runs = f" ({fleet.done} now, {fleet.kept} before)" if fleet.kept and fleet.done else ""
     failures = f", {len(fleet.failed)} failed" if fleet.failed else ""
-    parts = [wrapped(f"Fleet of {counted(len(fleet.units), 'unit')}: {good} calibrated{runs}{failures}")]
+    parts = [wrap_text(f"Fleet of {counted(len(fleet.units), 'unit')}: {good} calibrated{runs}{failures}")]
     if fleet.failed:
-        listed = [line for unit, why in list(fleet.failed.items())[:LISTED] for line in bulleted(f"{unit}: {why}")]
+        listed = [line for unit, why in list(fleet.failed.items())[:LISTED] for line in bullet(f"{unit}: {why}")]
         more = [f"- and {len(fleet.failed) - LISTED} more"] if len(fleet.failed) > LISTED else []
         parts.append([f"Failed ({counted(len(fleet.failed), 'unit')}):", *listed, *more])
     parts += _parts(fleet.statistics, fleet.remarks, dialect)
@@ -40,22 +40,22 @@ def summary(fleet: Fleet, dialect: Dialect = Dialect.PYTHON) -> str:
 
 def statistics_text(found: FleetStatistics, dialect: Dialect = Dialect.PYTHON) -> str:
     """Write the tables, outliers and remarks of statistics, with at most 80 characters per line."""
-    head = wrapped(f"Fleet of {counted(found.units, 'calibrated unit')}")
+    head = wrap_text(f"Fleet of {counted(found.units, 'calibrated unit')}")
     parts = [head, *_parts(found, found.remarks, dialect)]
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
 
 def _parts(found: FleetStatistics, remarks: Sequence[Remark], dialect: Dialect) -> list[list[str]]:
     parts = [[SENSORS.get(sensor, sensor), *_table(rows)] for sensor, rows in _by_sensor(found.rows).items()]
-    parts.append(wrapped(_legend(found)) if found.rows else ["No numbers to compare"])
+    parts.append(wrap_text(_legend(found)) if found.rows else ["No numbers to compare"])
     if found.outliers:
-        shown = [line for item in found.outliers[:LISTED] for line in bulleted(_outlier(item))]
+        shown = [line for item in found.outliers[:LISTED] for line in bullet(_outlier(item))]
         more = len(found.outliers) - LISTED
         parts.append(["Outliers:", *shown, *([f"- and {more} more numbers"] if more > 0 else [])])
     if differ := [item for item in found.differences if item.differs]:
-        parts.append(["Axes that differ:", *(line for item in differ for line in bulleted(_difference(item)))])
+        parts.append(["Axes that differ:", *(line for item in differ for line in bullet(_difference(item)))])
     if lines := texts(remarks, dialect):
-        parts.append(["What to know about the fleet:", *(line for text in lines for line in bulleted(text))])
+        parts.append(["What to know about the fleet:", *(line for text in lines for line in bullet(text))])
     return parts
 
 

@@ -9,7 +9,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
-from scipy.special import erfc
 
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.fitting.likelihood.system import is_ramp
@@ -194,6 +193,8 @@ class _Fixed:
 
 @lru_cache(maxsize=32)
 def _fixed(theta: bytes, samples: int) -> _Fixed:
+    from scipy.special import erfc
+
     angle = np.frombuffer(theta)
     difference = -np.expm1(-1j * angle)
     start = 1 / (samples * difference)  # G = start (e^{inθ} − 1)

@@ -11,13 +11,12 @@ from numpy.typing import ArrayLike
 
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.choosing.selection.candidate_fits import Explored, Progress, explore, losses_left_out
-from gmwm.choosing.selection.comparison import difference_error
-from gmwm.choosing.selection.equivalence import SURELY, as_good
+from gmwm.choosing.selection.equivalence import SURELY, as_good, difference_error
 from gmwm.choosing.selection.options import DRAWS, RankingOptions, Weights
 from gmwm.choosing.selection.ranking import SAME, Candidate, Ranking
 from gmwm.choosing.selection.structure import (
     freedom,
-    nested,
+    nested_models,
     shown_by,
     structure_of,
     within,
@@ -161,18 +160,18 @@ def select_within(
     checked."""
     wv = measure(data, rate, robust, efficiency, against=against)
     optional = without_drift(without_values(as_model(general)), [wv])
-    models = nested(optional)
+    models = nested_models(optional)
     if required:
         models = [*(Model((*model.processes, *required)) for model in models), Model(tuple(required))]
-    wanted = Model((*optional.processes, *required))
+    general_model = Model((*optional.processes, *required))
     candidates = [model for model in models if freedom(model) <= len(wv)]
     if not candidates:
         raise ModelError(
-            f"every model within {wanted.structure} has more parameters than the wavelet variance has levels, "
+            f"every model within {general_model.structure} has more parameters than the wavelet variance has levels, "
             f"{len(wv)}",
             advice="Record longer.",
         )
-    return _ranked(wanted, candidates, wv, options=options, progress=progress)
+    return _rank(general_model, candidates, wv, options=options, progress=progress)
 
 
 def rank(
@@ -227,31 +226,28 @@ def rank(
             argument="models", expected='a list of candidates such as ["WN + RW", "GM + WN"]', got=models,
             advice="To rank all models within one, use `gmwm.select`.",
         )  # fmt: skip
-    wanted = [as_model(model) for model in models]
-    return rank_models(wanted, measure(data, rate, robust, efficiency, against=against), options, progress=progress)
+    candidates = [as_model(model) for model in models]
+    return rank_models(candidates, measure(data, rate, robust, efficiency, against=against), options, progress=progress)
 
 
 def rank_models(
     models: Sequence[Model], wv: WaveletVariance, options: RankingOptions, *, progress: Progress | None = None
 ) -> Ranking:
     """Rank given models. The options are already checked."""
-    wanted = [without_values(model) for model in models]
-    for model in wanted:
+    candidates = [without_values(model) for model in models]
+    for model in candidates:
         if freedom(model) > len(wv):
             raise ModelError(
                 f"{model.structure} has {freedom(model)} free parameters, but the wavelet variance has only "
                 f"{len(wv)} levels",
                 advice="Record longer, or leave this model out.",
             )
-    unique = list({frozenset(structure_of(model).items()): model for model in wanted}.values())
-    return _ranked(_union(unique), unique, wv, options=options, progress=progress)
+    unique = list({frozenset(structure_of(model).items()): model for model in candidates}.values())
+    return _rank(_union(unique), unique, wv, options=options, progress=progress)
 
 
 def _union(models: Sequence[Model]) -> Model:
-    """Return the smallest model that contains all models.
-
-    A term that is fixed in some models and free in others is free in the result.
-    """
+    """Return the smallest model that contains all models. A term that is fixed in some and free in others is free."""
     most = Counter[Process]()
     for model in models:
         most |= Counter(model.processes)
@@ -271,10 +267,8 @@ def _union(models: Sequence[Model]) -> Model:
 
 
 def _join(one: Process, other: Process) -> type[Process] | None:
-    """Return the class of a process that includes two processes of different order, such as ARMA processes.
-
-    The result is None if there is no such class, or if one of the processes has fixed values.
-    """
+    """Return the class that includes two processes of different order, such as ARMA processes; None if there is none or
+    values are fixed."""
     if type(one) is type(other) or any(
         process.is_fixed(p.name) for process in (one, other) for p in process.parameters
     ):
@@ -282,7 +276,7 @@ def _join(one: Process, other: Process) -> type[Process] | None:
     return type(one).joined(type(other))
 
 
-def _ranked(
+def _rank(
     general: Model,
     candidates: Sequence[Model],
     wv: WaveletVariance,
@@ -294,17 +288,17 @@ def _ranked(
     explored = explore(general, candidates, wv, weighting, progress=progress)
     criteria = _criteria(explored, method=options.criterion, draws=draws, seed=seed)
     losses = losses_left_out(explored, candidates, weighting)
-    made = [
+    ranked = [
         _candidate(model, explored.fits[k], criteria[k], None if losses is None else float(losses[k]))
         for k, model in enumerate(candidates)
     ]
-    made = _related(made)
-    made = _sorted(made)
-    made = [replace(c, difference=_score(c) - _score(made[0])) for c in made]
-    chosen = _equivalent(made, explored, confidence=options.confidence, draws=draws, seed=seed)
-    made = [replace(c, equivalent=any(c is other for other in chosen), recommended=c is chosen[0]) for c in made]
+    ranked = _relate(ranked)
+    ranked = _sort(ranked)
+    ranked = [replace(c, difference=_score(c) - _score(ranked[0])) for c in ranked]
+    chosen = _equivalent(ranked, explored, confidence=options.confidence, draws=draws, seed=seed)
+    ranked = [replace(c, equivalent=any(c is other for other in chosen), recommended=c is chosen[0]) for c in ranked]
     return Ranking(
-        candidates=tuple(made),
+        candidates=tuple(ranked),
         within=general,
         general=explored.general,
         weighting=weighting,
@@ -314,26 +308,23 @@ def _ranked(
     )
 
 
-def _levels(made: Sequence[Candidate]) -> dict[str, float]:
-    """Return the criterion of each structure. Criteria that differ only by numerical errors get the same value.
-
-    For example, ARMA(1,1) and GM + WN have the same wavelet variance. The last digits of their criteria must not decide
-    between them.
-    """
+def _levels(candidates: Sequence[Candidate]) -> dict[str, float]:
+    """Return the criterion of each structure, equal if criteria differ only by numerical errors. ARMA(1,1) and GM + WN
+    have the same curve, for example, and their last digits must not decide."""
     level: dict[str, float] = {}
     least = -np.inf
-    for c in sorted(made, key=_score):
+    for c in sorted(candidates, key=_score):
         if not _score(c) - least <= SAME * abs(_score(c)):
             least = _score(c)
         level[c.structure] = least
     return level
 
 
-def _sorted(made: Sequence[Candidate]) -> list[Candidate]:
+def _sort(candidates: Sequence[Candidate]) -> list[Candidate]:
     """Sort candidates by the criterion. A model with the same fit as a smaller model comes after it."""
-    level = _levels(made)
+    level = _levels(candidates)
     return sorted(
-        made,
+        candidates,
         key=lambda c: (level[c.same_as or c.structure], c.same_as is not None, c.parameters, freedom(c.model)),
     )
 
@@ -358,30 +349,30 @@ def _candidate(model: Model, fit: Fit, wic: Criterion, out_of_sample: float | No
 
 def _criteria(explored: Explored, method: Method, draws: int, seed: int) -> list[Criterion]:
     """Compute the criterion of each candidate. If candidates share a fit, it is evaluated once."""
-    known: dict[int, float] = {}
+    traces: dict[int, float] = {}
     variances = None
     if method == "bootstrap":
         wv = explored.general.wavelet_variance
         variances = simulated_variances(explored.general.model, Design.of(wv), draws, seed)
     for fit in explored.fits:
-        if id(fit) not in known:
+        if id(fit) not in traces:
             if variances is None:
-                known[id(fit)] = optimism(fit, explored.wavelet, explored.weights)
+                traces[id(fit)] = optimism(fit, explored.wavelet, explored.weights)
             else:
                 implied = implied_by_refits(*problem_of(fit), variances)
-                known[id(fit)] = covariance_trace(variances, implied, explored.weights.matrix)
-    return [Criterion(loss=float(fit.objective), optimism=known[id(fit)], method=method) for fit in explored.fits]
+                traces[id(fit)] = covariance_trace(variances, implied, explored.weights.matrix)
+    return [Criterion(loss=float(fit.objective), optimism=traces[id(fit)], method=method) for fit in explored.fits]
 
 
-def _related(made: Sequence[Candidate]) -> list[Candidate]:
+def _relate(candidates: Sequence[Candidate]) -> list[Candidate]:
     """Set `same_as` of candidates that have the same fit as a smaller candidate."""
-    own = {frozenset(structure_of(c.model).items()): c for c in made}
+    by_structure = {frozenset(structure_of(c.model).items()): c for c in candidates}
     alike: dict[int, Candidate] = {}
-    for c in sorted(made, key=lambda c: freedom(c.model)):
+    for c in sorted(candidates, key=lambda c: freedom(c.model)):
         alike.setdefault(id(c.fit), c)
     related = []
-    for c in made:
-        smaller = own.get(frozenset(shown_by(c.fit).items()))
+    for c in candidates:
+        smaller = by_structure.get(frozenset(shown_by(c.fit).items()))
         if smaller is None or smaller is c:
             smaller = alike[id(c.fit)]
         related.append(c if smaller is c else replace(c, same_as=smaller.structure))
@@ -399,11 +390,11 @@ def _end(name: str, target: Mapping[str, str | None]) -> str:
 
 
 def _complexity(candidate: Candidate) -> int:
-    """Return the number of parameters, plus 2 for each term like flicker noise.
+    """Return the number of parameters, plus 2 for each term like flicker noise: no sinusoid, no correlation time, no
+    shape.
 
-    The additional count is for terms that are not sinusoids and have neither a correlation time nor shape parameters.
-    Flicker noise has one parameter, but its wavelet variance is similar to a sum of several Gauss-Markov processes.
-    Without the additional count, it would often replace a single Gauss-Markov process in short recordings.
+    Flicker noise has one parameter, but a curve like several Gauss-Markov processes. It would often replace a single
+    one in short recordings.
     """
     return candidate.parameters + 2 * sum(
         p.correlation_time(1.0) is None and p.line(1.0) is None and not p.nonlinear_parameters()
@@ -411,30 +402,24 @@ def _complexity(candidate: Candidate) -> int:
     )  # fmt: skip
 
 
-def _rejected(candidate: Candidate, best: Candidate) -> bool:
-    """Return whether the goodness-of-fit test rejects a candidate, and the best candidate fits much better.
-
-    The test of equivalence alone is not sufficient. It uses the weights of the candidate. If the candidate is far below
-    the data at long scales, other models can appear equally far from the data with these weights.
-    """
-    own = candidate.pvalue
-    if own is None or own >= REJECTED:
+def _is_rejected(candidate: Candidate, best: Candidate) -> bool:
+    """Return whether the goodness-of-fit test rejects a candidate, and the best one fits much better. With the weights
+    of a candidate far below the data at long scales, other models can appear equally far from the data."""
+    pvalue = candidate.pvalue
+    if pvalue is None or pvalue >= REJECTED:
         return False
-    other = best.pvalue
-    return other is not None and other > BETTER * own
+    best_pvalue = best.pvalue
+    return best_pvalue is not None and best_pvalue > BETTER * pvalue
 
 
 def _equivalent(
-    made: Sequence[Candidate], explored: Explored, confidence: float, draws: int, seed: int
+    candidates: Sequence[Candidate], explored: Explored, confidence: float, draws: int, seed: int
 ) -> list[Candidate]:
-    """Return the candidates that are as good as the best one, the simplest first.
-
-    Candidates that contain a smaller such candidate are left out.
-    """
-    best, level = made[0], _levels(made)
+    """Return the candidates that are as good as the best one and contain no smaller such one, the simplest first."""
+    best, level = candidates[0], _levels(candidates)
     equivalent: list[Candidate] = []
-    own = (c for c in made if c.same_as is None)
-    for candidate in sorted(own, key=lambda c: (_complexity(c), level[c.structure])):
+    distinct = (c for c in candidates if c.same_as is None)
+    for candidate in sorted(distinct, key=lambda c: (_complexity(c), level[c.structure])):
         structure = structure_of(candidate.model)
         if any(within(structure_of(k.model), structure) for k in equivalent):
             continue
@@ -448,7 +433,7 @@ def _equivalent(
             if not as_good(explored, candidate.fit, rival=best.fit, size=1 - confidence, draws=draws, seed=seed):
                 continue
             # This is the last check, because the test fits the candidate again with its own weights.
-            if _rejected(candidate, best):
+            if _is_rejected(candidate, best):
                 continue
         equivalent.append(candidate)
     return equivalent

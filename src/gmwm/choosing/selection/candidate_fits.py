@@ -76,9 +76,8 @@ def explore(
 ) -> Explored:
     """Fit every candidate with the weighting matrix Ω of the general model.
 
-    If the optimum of a model has terms that are zero, it is also the optimum of every smaller model that contains the
-    other terms. These models are not fitted separately, which saves most of the work. The objective of a model is never
-    larger than the objective of a model that it contains; `mend` ensures this.
+    An optimum with terms that are zero is also the optimum of the smaller models with the other terms, which saves most
+    of the work. `mend` ensures that no objective is larger than the one of a contained model.
     """
     largest = general if freedom(general) <= len(wv) else max(candidates, key=freedom)
     settled, wavelet = nearly_settled(largest, wv, weighting)
@@ -96,23 +95,22 @@ def explore(
 
 
 def losses_left_out(explored: Explored, candidates: Sequence[Model], weighting: str) -> Vector | None:
-    """Return the mean loss of each candidate for recordings that its fit did not use, or None for a single recording.
+    """Return the mean loss of each candidate for recordings that its fit did not use; None for a single recording.
 
-    Each recording r is left out once. The candidates are fitted to the other recordings with the Ω of the general
-    model. The loss is (ν̂²_r − ν²)ᵀ Ω_r (ν̂²_r − ν²). ν̂²_r is the wavelet variance of the left-out recording, and ν²
-    is the one of the fit. Ω_r is the weighting matrix for a recording of this length.
+    The candidates are fitted without recording r, with the Ω of the general model. The loss is (ν̂²_r − ν²)ᵀ Ω_r (ν̂²_r
+    − ν²), where Ω_r is the weighting matrix for a recording of this length.
     """
     wv = explored.general.wavelet_variance
     if len(wv.recordings) < 2:
         return None
     losses = []
-    for name, one in wv.recordings.items():
+    for name, recording in wv.recordings.items():
         fits = _explored_again(explored, candidates, without(wv, name), weighting)
-        design = replace(Design.of(one), model_error=wv.model_error)
-        design = design.only(one.levels <= len(fits[0].wavelet_variance))
+        design = replace(Design.of(recording), model_error=wv.model_error)
+        design = design.only(recording.levels <= len(fits[0].wavelet_variance))
         scatter = covariance(explored.general.model, design)
         matrix, reach = _inverse(scatter, weighting), design.levels.size
-        miss = [one.variance[:reach] - fit.implied[:reach] for fit in fits]
+        miss = [recording.variance[:reach] - fit.implied[:reach] for fit in fits]
         losses.append([float(m @ matrix @ m) for m in miss])
     return np.asarray(np.mean(losses, axis=0))
 
@@ -137,7 +135,7 @@ def _inverse(scatter: Matrix, weighting: str) -> Matrix:
 
 
 @dataclass(frozen=True, eq=False)
-class _Solved:
+class _CandidateSolution:
     model: Model
     structure: Counter[str]
     shown: Counter[str]
@@ -150,27 +148,27 @@ class _Exploration:
 
     def __init__(self, wv: WaveletVariance, weights: Weights, weighting: str) -> None:
         self.wv, self.weights, self.weighting = wv, weights, weighting
-        self.solved: dict[frozenset[tuple[str, int]], _Solved] = {}
+        self.solved: dict[frozenset[tuple[str, int]], _CandidateSolution] = {}
         self.fits: dict[int, Fit] = {}
 
-    def take(self, model: Model, problem: Problem, solution: Solution) -> _Solved:
+    def take(self, model: Model, problem: Problem, solution: Solution) -> _CandidateSolution:
         """Store the solution of a model. If terms are zero, also store it for the smaller model without them."""
         structure = structure_of(model)
-        shown = _shown(model, problem, solution)
-        found = _Solved(model, structure, shown=shown, problem=problem, solution=solution)
-        self.solved[_key(structure)] = found
+        shown = _shown_structure(model, problem, solution)
+        solved = _CandidateSolution(model, structure, shown=shown, problem=problem, solution=solution)
+        self.solved[_key(structure)] = solved
         if shown != structure and shown and _key(shown) not in self.solved:
-            self.solved[_key(shown)] = self._part(found)
-        return found
+            self.solved[_key(shown)] = self._part(solved)
+        return solved
 
     def add(self, model: Model) -> None:
         """Fit a candidate, unless its solution is already known."""
         structure = structure_of(model)
         if _key(structure) in self.solved:
             return
-        for known in self.solved.values():
-            if known.shown and consists_of(structure, known.shown) and consists_of(known.structure, structure):
-                self.solved[_key(structure)] = replace(self.solved[_key(known.shown)], structure=structure)
+        for solved in self.solved.values():
+            if solved.shown and consists_of(structure, solved.shown) and consists_of(solved.structure, structure):
+                self.solved[_key(structure)] = replace(self.solved[_key(solved.shown)], structure=structure)
                 return
         problem = pose(without_values(model), self.wv, self.weights)
         self.take(model, problem, solve(problem, certify=False))
@@ -179,39 +177,39 @@ class _Exploration:
         """Replace each solution whose objective is larger than the objective of a model that it contains."""
         lowest = sorted(self.solved.items(), key=lambda item: item[1].solution.objective)
         # The first structure that a structure contains has the smallest objective of all that it contains.
-        first = np.argmax(containing([found.structure for _, found in lowest]), axis=1)
-        for (key, found), place in zip(lowest, first.tolist(), strict=True):
-            square, other = found.problem.unit**2, lowest[place][1]
-            if not found.problem.as_low(
-                found.solution.objective / square, other.solution.objective / square, NOT_LOWER
+        first = np.argmax(containing([solved.structure for _, solved in lowest]), axis=1)
+        for (key, solved), place in zip(lowest, first.tolist(), strict=True):
+            square, other = solved.problem.unit**2, lowest[place][1]
+            if not solved.problem.as_low(
+                solved.solution.objective / square, other.solution.objective / square, NOT_LOWER
             ):
-                self.solved[key] = replace(other, structure=found.structure)
+                self.solved[key] = replace(other, structure=solved.structure)
 
     def fit(self, model: Model) -> Fit:
         """Return the fit of a candidate. Models with the same optimum share one fit."""
-        found = self.solved[_key(structure_of(model))]
-        if id(found.solution) not in self.fits:
-            self.fits[id(found.solution)] = Fit.of(
-                WeightedSolution(found.problem, found.solution), self.wv, self.weighting
+        solved = self.solved[_key(structure_of(model))]
+        if id(solved.solution) not in self.fits:
+            self.fits[id(solved.solution)] = Fit.of(
+                WeightedSolution(solved.problem, solved.solution), self.wv, self.weighting
             )
-        return self.fits[id(found.solution)]
+        return self.fits[id(solved.solution)]
 
-    def _part(self, found: _Solved) -> _Solved:
+    def _part(self, solved: _CandidateSolution) -> _CandidateSolution:
         """Return a solution in the form of the smaller model without the terms that are zero."""
-        old = found.problem
-        linear = [k for k, scale in zip(old.linear, found.solution.scales, strict=True) if scale > 0]
-        moving = [k for k, term in zip(old.shaped, found.solution.terms, strict=True) if term.scale > 0]
+        old = solved.problem
+        linear = [k for k, scale in zip(old.linear, solved.solution.scales, strict=True) if scale > 0]
+        moving = [k for k, term in zip(old.shaped, solved.solution.terms, strict=True) if term.scale > 0]
         free = {*old.linear, *old.shaped}
         places = sorted([*linear, *moving, *(k for k in range(len(old.model.processes)) if k not in free)])
         model = Model(tuple(old.model.processes[k] for k in places))
         problem = pose(without_values(model), self.wv, self.weights)
-        scales = np.array([s for s in found.solution.scales if s > 0], dtype=np.float64)
-        terms = tuple(t for t in found.solution.terms if t.scale > 0)
-        solution = replace(found.solution, scales=scales, terms=terms)
-        return _Solved(model, found.shown, shown=found.shown, problem=problem, solution=solution)
+        scales = np.array([s for s in solved.solution.scales if s > 0], dtype=np.float64)
+        terms = tuple(t for t in solved.solution.terms if t.scale > 0)
+        solution = replace(solved.solution, scales=scales, terms=terms)
+        return _CandidateSolution(model, solved.shown, shown=solved.shown, problem=problem, solution=solution)
 
 
-def _shown(model: Model, problem: Problem, solution: Solution) -> Counter[str]:
+def _shown_structure(model: Model, problem: Problem, solution: Solution) -> Counter[str]:
     """Return the structure of a solved model without the terms that are zero."""
     structure = structure_of(model)
     zero = [k for k, scale in zip(problem.linear, solution.scales, strict=True) if scale == 0]
@@ -224,13 +222,11 @@ def _key(structure: Counter[str]) -> frozenset[tuple[str, int]]:
 
 
 def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
-    """Return the wavelet variances (n, J) of processes that the general model can add to a candidate.
+    """Return the curves (n, J) of processes that the general model can add, and the number of those without shape,
+    which come first.
 
-    The second value is the number of rows for processes without shape parameters.
-
-    These rows come first. A Gauss-Markov process is evaluated on a grid over the domain of its correlation time. For
-    processes with several shape parameters, mixtures of grid points would describe more curves than one such process
-    can. The rows of these processes are the estimated shape and its derivatives.
+    Gauss-Markov processes are on a grid of correlation times. Of processes with several shape parameters, the estimated
+    shape and its derivatives are used, because mixtures of grid points describe more curves than one process.
     """
     wv = explored.general.wavelet_variance
     problem = pose(without_values(explored.general.model), wv, explored.weights)

@@ -24,6 +24,7 @@ from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import GmwmError
 from gmwm.choosing.selection.candidate_fits import Explored
+from gmwm.choosing.selection.ranking import Candidate, Comparison, Ranking
 from gmwm.choosing.selection.structure import without_values
 from gmwm.fitting.estimation.criterion import optimism
 from gmwm.fitting.estimation.linearised import COLLINEAR, slopes_of
@@ -90,37 +91,34 @@ class Hypothesis:
         return cls(explored=explored, fit=fit, weights=Weights(matrix), wavelet=wavelet, draws=draws, seed=seed)
 
     def absurd(self, rival: Fit) -> bool:
-        """Return whether the loss of the candidate exceeds the loss of a rival by far more than chance explains.
-
-        This check needs no other fit.
-        """
+        """Return whether the loss exceeds the loss of a rival by far more than chance explains, without another fit."""
         from scipy.special import gammaincc
 
         losses = []
         for fit in (self.fit, rival):
-            left = self.root @ (fit.wavelet_variance.variance - fit.implied)
+            residual = self.root @ (fit.wavelet_variance.variance - fit.implied)
             axes = self.axes if fit is self.fit else axes_of(fit, self.root)
-            losses.append(float(left @ left - np.sum((axes.T @ left) ** 2)))
+            losses.append(float(residual @ residual - np.sum((axes.T @ residual) ** 2)))
         size = self.root.shape[0] - self.axes.shape[1]
         return bool(gammaincc(size / 2, max(losses[0] - losses[1], 0.0) / 6) < NEVER)
 
     def excess(self, rival: Fit) -> float:
         """Return the criterion of the candidate minus the criterion of a rival, after fitting both with the candidate's
         Ω."""
-        own, other = self.again, self._fitted(rival)
-        criteria = [fit.objective + optimism(fit, self.wavelet, self.weights) for fit in (own, other)]
+        fit_again, other = self.again, self._fit(rival)
+        criteria = [fit.objective + optimism(fit, self.wavelet, self.weights) for fit in (fit_again, other)]
         return criteria[0] - criteria[1]
 
     @cached_property
     def again(self) -> Fit:
         """Fit of the candidate with its own Ω."""
-        return self._fitted(self.fit)
+        return self._fit(self.fit)
 
     def closer(self) -> Hypothesis | None:
         """Return the hypothesis with Ω and V from the fit `again`, or None if this fit has no noise at some level."""
         return Hypothesis.of(self.explored, self.again, self.draws, self.seed)
 
-    def _fitted(self, fit: Fit) -> Fit:
+    def _fit(self, fit: Fit) -> Fit:
         wv = fit.wavelet_variance
         problem = pose(without_values(fit.model), wv, self.weights)
         return Fit.of(WeightedSolution(problem, solve(problem, certify=False)), wv, fit.weighting)
@@ -142,10 +140,8 @@ class Hypothesis:
 
     @cached_property
     def _columns(self) -> tuple[Matrix, int]:
-        """Unit vectors (n, J) of the weighted wavelet variances of all processes that can be added.
-
-        The second value is the number of processes without shape parameters, which come first.
-        """
+        """Unit vectors (n, J) of the weighted curves of all processes that can be added, and the number of those
+        without shape, which come first."""
         shapes, linear = self.explored.columns
         columns = shapes @ self.root.T
         return columns / np.linalg.norm(columns, axis=1, keepdims=True), linear
@@ -229,10 +225,7 @@ def by_chance(hypothesis: Hypothesis, rival: Fit, size: float) -> bool:
 
 
 def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matrix:
-    """Draw deviations of ν̂² (B, J) from a curve, with chi-square distributions and the covariance V.
-
-    `wavelet` is V (J, J).
-    """
+    """Draw deviations of ν̂² (B, J) from a curve, chi-square distributed with the covariance V (J, J) `wavelet`."""
     deviation = np.sqrt(np.diag(wavelet))
     normal = np.random.default_rng(seed).standard_normal((draws, curve.size))
     scores = normal @ factor_of(wavelet).T / deviation
@@ -241,11 +234,7 @@ def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matri
 
 def _mean_squares(scores: Matrix, freedom: Vector) -> Matrix:
     """Return the chi-square quantiles (B, J) at the probabilities of normal scores, divided by the degrees of freedom
-    (J,).
-
-    For each level, they are an analytic function of the score, so Chebyshev polynomials of degree `DEGREE` replace
-    most of the slow quantiles.
-    """
+    (J,). They are analytic in the score, so Chebyshev polynomials of degree `DEGREE` replace most of them."""
     from scipy.special import chdtri, ndtr
 
     reach = float(np.abs(scores).max(initial=0.0))
@@ -274,3 +263,26 @@ def axes_of(fit: Fit, root: Matrix) -> Matrix:
         return np.empty((root.shape[0], 0))
     axes, strength, _ = np.linalg.svd(slopes[:, length > 0] / length[length > 0], full_matrices=False)
     return np.asarray(axes[:, strength > COLLINEAR * strength[0]])
+
+
+def compare(ranking: Ranking, first: Candidate, second: Candidate) -> Comparison:
+    """Compute the difference between the criteria of two candidates of a ranking, and its standard error."""
+    error = difference_error(first.fit, second.fit, Weights(ranking.weighting_matrix), ranking.wavelet)
+    difference = first.wic.value - second.wic.value
+    return Comparison(first=first, second=second, difference=difference, error=error)
+
+
+def difference_error(first: Fit, second: Fit, weights: Weights, wavelet: Matrix) -> float:
+    """Compute the standard error of the difference between the losses of two fits.
+
+    `weights` has Ω (J, J) and `wavelet` is V (J, J) of the ranking; see `compare`.
+    """
+    root = weights.root
+    scatter = root @ wavelet @ root.T
+    axes = [axes_of(fit, root) for fit in (first, second)]
+    shape = axes[1] @ axes[1].T - axes[0] @ axes[0].T
+    residuals = [root @ (fit.wavelet_variance.variance - fit.implied) for fit in (first, second)]
+    pull = residuals[0] - residuals[1]
+    spread = shape @ scatter
+    variance = 2 * float(np.trace(spread @ spread)) + 4 * float(pull @ scatter @ pull)
+    return float(np.sqrt(max(variance, 0.0)))

@@ -178,8 +178,8 @@ class Ranking(Plotted):
     def label(self, candidate: Candidate) -> str:
         """Return a candidate as text. Fixed values are left out of a long text if no other candidate has the same
         terms."""
-        whole, short = candidate.structure, candidate.model.structure
-        return short if len(whole) > LONG and self._terms[short] == 1 else whole
+        text, short = candidate.structure, candidate.model.structure
+        return short if len(text) > LONG and self._terms[short] == 1 else text
 
     @cached_property
     def _terms(self) -> Counter[str]:
@@ -199,9 +199,9 @@ class Ranking(Plotted):
         Comparison
             The criterion of `first` minus the criterion of `second`, and its standard error.
         """
-        from gmwm.choosing.selection.comparison import compared
+        from gmwm.choosing.selection.equivalence import compare
 
-        return compared(self, self[first], self[second])
+        return compare(self, self[first], self[second])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the ranking as numbers, lists and strings for JSON."""
@@ -222,16 +222,16 @@ class Ranking(Plotted):
 
         rows = [
             {
-                "model": one.structure,
-                "wic": one.wic.value,
-                "difference": one.difference,
-                "parameters": one.parameters,
-                "p": one.pvalue,
-                "equivalent": one.equivalent,
-                "recommended": one.recommended,
-                "same_as": one.same_as,
+                "model": candidate.structure,
+                "wic": candidate.wic.value,
+                "difference": candidate.difference,
+                "parameters": candidate.parameters,
+                "p": candidate.pvalue,
+                "equivalent": candidate.equivalent,
+                "recommended": candidate.recommended,
+                "same_as": candidate.same_as,
             }
-            for one in self
+            for candidate in self
         ]
         return DataFrame(rows, infer_schema_length=None)
 
@@ -307,9 +307,9 @@ class Ranking(Plotted):
     def __getitem__(self, key: int | str | Model | slice) -> Candidate | tuple[Candidate, ...]:
         if isinstance(key, (int, np.integer, slice)):
             return self.candidates[key]
-        wanted = structure_of(as_model(key))
+        structure = structure_of(as_model(key))
         for candidate in self.candidates:
-            if structure_of(candidate.model) == wanted:
+            if structure_of(candidate.model) == structure:
                 return candidate
         raise OptionError(
             f"{as_model(key)} is not among the {counted(len(self), 'candidate')} within {self.within}",

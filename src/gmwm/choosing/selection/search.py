@@ -30,7 +30,7 @@ from gmwm.choosing.selection.shape_error import (
     with_sampling_error,
     with_shape_error,
 )
-from gmwm.choosing.selection.structure import freedom, nested, without_drift, without_values
+from gmwm.choosing.selection.structure import freedom, nested_models, without_drift, without_values
 from gmwm.fitting.estimation.model_error import Distance, having_error, model_error, nearly_fitted
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.spectrum.result import PowerSpectrum
@@ -120,19 +120,8 @@ def search(
     *,
     check: Callable[[], None] = lambda: None,
 ) -> ModelChoice:
-    """Search for the noise model of one axis. The module docstring describes the steps.
-
-    Parameters
-    ----------
-    wv : WaveletVariance
-        The wavelet variance of the axis.
-    spectrum : PowerSpectrum or None
-        The spectrum of the same recording, if there is one.
-    options : RankingOptions
-        Options of the rankings.
-    check : function, optional
-        Function that is called between steps. It may raise an exception to end the search.
-    """
+    """Search for the noise model of one axis, as the module describes. `check` is called between steps and may raise to
+    stop."""
     general = nearly_fitted(_largest(SLOW, wv), wv, options.weighting)
     bound = Distance.of(general).surely
     slow = SearchStep(family=general.model.structure, entered="slow", bound=bound, left="all-rejected")
@@ -146,7 +135,7 @@ def search(
             )
             if spectrum is None or not _has_filter(ranking.recommended.fit):
                 return choice
-            shown = _required(general, wv, spectrum, (), options=options, check=check)
+            shown = _required_terms(general, wv, spectrum, (), options=options, check=check)
             return _with_filter(choice, shown.choice(BESIDE, options, check, "filter")) if shown.terms else choice
     check()
     lines = () if spectrum is None else _lines(spectrum, wv)
@@ -159,7 +148,7 @@ def search(
             return replace(choice, tried=(SLOW, *choice.tried)).after(*steps)
         family = with_lines.model.structure
         steps.append(SearchStep(family=family, entered="lines", bound=bound, left="all-rejected"))
-    shown = _required(general, wv, spectrum, lines, options=options, check=check)
+    shown = _required_terms(general, wv, spectrum, lines, options=options, check=check)
     if not shown.terms:
         return within_family(SLOW, wv, options, check=check, entered="nothing-shown").after(*steps)
     # A shape that was fitted to the wavelet variance does not include white and quantization noise.
@@ -177,17 +166,8 @@ def _with_filter(choice: ModelChoice, shaped: ModelChoice) -> ModelChoice:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Shown:
-    """Terms that the spectrum shows.
-
-    Attributes
-    ----------
-    wavelet_variance : WaveletVariance
-        The data. The covariance includes the uncertainty of the shape at high frequencies.
-    terms : tuple of Process
-        The terms.
-    band : mapping of str to float
-        Relative standard errors of the bandwidth and the resonance; see `ModelChoice`.
-    """
+    """Terms that the spectrum shows, the data with the uncertainty of the shape, and the errors of its band
+    (`ModelChoice`)."""
 
     wavelet_variance: WaveletVariance
     terms: tuple[Process, ...]
@@ -239,23 +219,21 @@ def within_family(
     check: Callable[[], None] = lambda: None,
     entered: Entry = "within",
 ) -> ModelChoice:
-    """Rank all models within a general one (`family`), with the model error of its largest model.
-
-    The `required` terms are in every model. Lines among them whose power is estimated as zero are dropped.
-    """
-    whole = _largest(family, wv, required)
-    bound, error = _bound_and_error(whole, wv, options.weighting)
+    """Rank all models within a largest one plus `required` terms, with its model error. Lines whose power is zero are
+    dropped."""
+    largest = _largest(family, wv, required)
+    bound, error = _bound_and_error(largest, wv, options.weighting)
     check()
     ranking = select_within(family, having_error(wv, error), options, required=required, progress=lambda *_: check())
-    supported = _supported(required, ranking.recommended.fit)
-    step = SearchStep(family=whole.structure, entered=entered, bound=bound, model_error=error, left="lines-absent")
+    supported = _supported_terms(required, ranking.recommended.fit)
+    step = SearchStep(family=largest.structure, entered=entered, bound=bound, model_error=error, left="lines-absent")
     step = _with_result(step, ranking)
     if len(supported) < len(required):
         choice = within_family(
             family, wv, options, required=supported, check=check, entered="without-absent-lines"
         )  # fmt: skip
         return choice.after(step)
-    return _only_choice(ranking, wv, step, tried=(whole.structure,))
+    return _only_choice(ranking, wv, step, tried=(largest.structure,))
 
 
 def given_model(model: Model, wv: WaveletVariance, options: RankingOptions) -> ModelChoice:
@@ -268,8 +246,8 @@ def given_model(model: Model, wv: WaveletVariance, options: RankingOptions) -> M
 
 def _only_choice(ranking: Ranking, wv: WaveletVariance, step: SearchStep, *, tried: tuple[str, ...]) -> ModelChoice:
     """Return the choice from the last family."""
-    left: Exit = "model-error" if step.model_error else "accepted" if _is_accepted(ranking) else "last"
-    step = replace(step, left=left, used=True)
+    reason: Exit = "model-error" if step.model_error else "accepted" if _is_accepted(ranking) else "last"
+    step = replace(step, left=reason, used=True)
     return _as_sampled(
         ModelChoice(ranking=ranking, wavelet_variance=wv, error=step.model_error, tried=tried, steps=(step,))
     )
@@ -290,7 +268,7 @@ def _bound_and_error(model: Model, wv: WaveletVariance, weighting: str) -> tuple
     return bound, model_error(general) if bound < REJECTED else 0.0
 
 
-def _supported(required: Sequence[Process], fit: Fit) -> Sequence[Process]:
+def _supported_terms(required: Sequence[Process], fit: Fit) -> Sequence[Process]:
     """Return the required terms except lines whose power is estimated as zero."""
     zero = {p.value("frequency") for p in fit.model.processes if isinstance(p, SIN) and p.scale == 0}
     return [p for p in required if not (isinstance(p, SIN) and p.value("frequency") in zero)]
@@ -300,14 +278,14 @@ def _largest(family: ModelLike, wv: WaveletVariance, required: Sequence[Process]
     """Return the largest model within `family` plus the required terms that has at most as many parameters as
     levels."""
     optional = without_drift(without_values(as_model(family)), [wv])
-    whole = Model((*optional.processes, *required))
-    if freedom(whole) <= len(wv):
-        return whole
-    sums = (Model((*part.processes, *required)) for part in nested(optional))
-    return next((model for model in sums if freedom(model) <= len(wv)), Model(tuple(required)) if required else whole)
+    largest = Model((*optional.processes, *required))
+    if freedom(largest) <= len(wv):
+        return largest
+    sums = (Model((*part.processes, *required)) for part in nested_models(optional))
+    return next((model for model in sums if freedom(model) <= len(wv)), Model(tuple(required)) if required else largest)
 
 
-def _required(
+def _required_terms(
     general: Fit,
     wv: WaveletVariance,
     spectrum: PowerSpectrum | None,
@@ -320,31 +298,29 @@ def _required(
     if spectrum is None:
         shape = _fitted_shape(wv, options)
         return _Shown(wavelet_variance=wv, terms=() if shape is None else (shape,))
-    shape, found, known = None, None, general
+    shape, spectral_shape, slow = None, None, general
     for _ in range(_ROUNDS):
         check()
-        found = _shape(spectrum, known, wv.rate, shape)
-        if found is None:
+        spectral_shape = _shape(spectrum, slow, wv.rate, shape)
+        if spectral_shape is None:
             break
-        shape = process_of(found)
-        whole = _largest(BESIDE, wv, (shape, *lines))
-        known = nearly_fitted(whole, wv, options.weighting)
-    if shape is None or found is None:
+        shape = process_of(spectral_shape)
+        largest = _largest(BESIDE, wv, (shape, *lines))
+        slow = nearly_fitted(largest, wv, options.weighting)
+    if shape is None or spectral_shape is None:
         return _Shown(wavelet_variance=wv, terms=(WN(), *lines) if lines else ())
     return _Shown(
-        wavelet_variance=with_shape_error(wv, known, found, shape), terms=(shape, *lines),
-        band=band_errors(found, wv.rate),
+        wavelet_variance=with_shape_error(wv, slow, spectral_shape, shape), terms=(shape, *lines),
+        band=band_errors(spectral_shape, wv.rate),
     )  # fmt: skip
 
 
 def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | None:
-    """Fit an AR(2) process and slow noise to the wavelet variance, and return the AR(2) with fixed coefficients.
-
-    The result is None if the fit fails or the AR(2) process is not a shape at high frequencies.
-    """
+    """Fit an AR(2) process with slow noise, and return it with fixed coefficients; None if it fails or is not a shape
+    at high frequencies."""
     try:
-        whole = Model.parse("AR(2) + 2*GM + QN + RW")
-        fit = nearly_fitted(whole, wv, options.weighting)
+        general = Model.parse("AR(2) + 2*GM + QN + RW")
+        fit = nearly_fitted(general, wv, options.weighting)
     except GmwmError:
         return None
     process = next(p for p in fit.model.processes if p.name == "AR(2)")
@@ -357,36 +333,30 @@ def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | Non
 
 
 def _peaks(spectrum: PowerSpectrum) -> list[tuple[float, float, float]]:
-    """Return frequency (Hz), power (squared unit of the signal) and width (Hz) of lines and narrow peaks.
-
-    Narrow peaks are those that an ARMA process cannot describe.
-    """
-    found = [(line.frequency, line.amplitude**2 / 2, line.width) for line in spectrum.lines]
+    """Return frequency (Hz), power and width (Hz) of lines and of peaks too narrow for an ARMA process."""
+    peaks = [(line.frequency, line.amplitude**2 / 2, line.width) for line in spectrum.lines]
     for bump in spectrum.bumps:
         if bump.width < NARROW * spectrum.rate:
             # The power is the integral of a Lorentz peak above the surrounding density.
-            found.append((bump.frequency, math.pi / 2 * bump.density * (1 - 1 / bump.height) * bump.width, bump.width))
-    return found
+            peaks.append((bump.frequency, math.pi / 2 * bump.density * (1 - 1 / bump.height) * bump.width, bump.width))
+    return peaks
 
 
 def _lines(spectrum: PowerSpectrum, wv: WaveletVariance) -> tuple[Process, ...]:
     """Return sinusoids of known frequency for the lines that are large enough at some level, the strongest first."""
-    found = []
+    lines = []
     for frequency, power, _ in _peaks(spectrum):
         process = SIN(frequency=Fixed(frequency), power=Fixed(power))
         share = process.wavelet_variance(wv.levels, wv.rate, wv.filter) / np.where(wv.variance > 0, wv.variance, np.inf)
         if share.max() >= FELT:
-            found.append((float(share.max()), process))
-    found.sort(key=lambda pair: -pair[0])
-    free = [SIN(frequency=Fixed(process.value("frequency"))) for _, process in found[:MOST_FREE]]
-    return (*free, *(process for _, process in found[MOST_FREE:]))
+            lines.append((float(share.max()), process))
+    lines.sort(key=lambda pair: -pair[0])
+    free = [SIN(frequency=Fixed(process.value("frequency"))) for _, process in lines[:MOST_FREE]]
+    return (*free, *(process for _, process in lines[MOST_FREE:]))
 
 
 def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | None) -> SpectralShape | None:
-    """Fit a shape to the noise at high frequencies that the slow terms of a fit do not explain.
-
-    The result is None if too few frequencies can be used.
-    """
+    """Fit a shape to the high frequencies that slow terms do not explain; None if too few frequencies can be used."""
     smooth = spectrum.smoothed() if spectrum.frequencies[0] == 0 else spectrum
     frequencies, density = smooth.frequencies, smooth.density * rate / 2
     slow = _slow_density([p for p in known.model.processes if type(p) is not type(before)], frequencies, rate)

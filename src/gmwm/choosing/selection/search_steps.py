@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from textwrap import wrap
-from typing import Any, Literal
+from typing import Literal
 
+from gmwm.base.documents import Documented
 from gmwm.base.text import p_relation
 
 Entry = Literal["within", "model", "slow", "lines", "shape", "filter", "nothing-shown", "without-absent-lines"]
@@ -33,7 +34,7 @@ EXIT_TEXTS: Mapping[Exit, str] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchStep:
+class SearchStep(Documented):
     """One step of the search for a model: a family of models, and why it was entered and left.
 
     Attributes
@@ -75,15 +76,6 @@ class SearchStep:
             model=self.recommended, p=_in_brackets(pvalue), bound=_in_brackets(self.bound), error=100 * self.model_error
         )
         return f"{self.family}: {ENTRY_TEXTS[self.entered]}. {reason}{' Result.' if self.used else ''}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain values for JSON."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> SearchStep:
-        """Restore a step from the result of `to_dict`."""
-        return cls(**content)
 
 
 def _in_brackets(pvalue: float | None) -> str:

@@ -64,20 +64,9 @@ def acts_as_filter(process: Process, fit: Fit) -> bool:
 def with_shape_error(wv: WaveletVariance, fit: Fit, shape: SpectralShape, process: Process) -> WaveletVariance:
     """Add the uncertainty of a shape to the covariance of a wavelet variance.
 
-    The uncertainty consists of the covariance of the coefficients and the differences to other ARMA orders that
-    describe the spectrum equally well. The spectral density of the shape at frequency 0 is held constant, because the
-    fit estimates it.
-
-    Parameters
-    ----------
-    wv : WaveletVariance
-        The data.
-    fit : Fit
-        A fit with the shape, from which its share of the wavelet variance at each level is taken.
-    shape : SpectralShape
-        The shape with its uncertainty.
-    process : Process
-        The shape as a term of the fit.
+    It consists of the covariance of the coefficients and the differences to other ARMA orders that describe the
+    spectrum equally well. The density at frequency 0 is held constant, because the fit estimates it. `fit` is a fit
+    with the term `process`, from which the share of the shape at each level is taken.
     """
     if not shape.covariance.size:
         return wv
@@ -87,9 +76,9 @@ def with_shape_error(wv: WaveletVariance, fit: Fit, shape: SpectralShape, proces
     slopes[:, : shape.phi.size] -= 2 / (1 - shape.phi.sum())
     slopes[:, shape.phi.size :] -= 2 / (1 + shape.theta.sum())
     relative: Matrix = slopes @ shape.covariance @ slopes.T
-    own = _unit_curve(shape, wv)
+    curve = _unit_curve(shape, wv)
     for other in shape.alternatives:
-        apart = _unit_curve(other, wv) / own - 1
+        apart = _unit_curve(other, wv) / curve - 1
         relative = relative + other.weight * np.outer(apart, apart)
     # A fast Gauss-Markov term can take the place of the shape, or of a part of it.
     fast = [
@@ -102,24 +91,14 @@ def with_shape_error(wv: WaveletVariance, fit: Fit, shape: SpectralShape, proces
 
 
 def band_errors(shape: SpectralShape, rate: float) -> dict[str, float]:
-    """Return the relative standard errors of the bandwidth f_b, the resonance frequency f_r and the quality factor Q_r.
-
-    They follow from the covariance of the coefficients by the delta method. The differences to other ARMA orders that
-    describe the spectrum equally well are added.
-
-    Parameters
-    ----------
-    shape : SpectralShape
-        The shape with its uncertainty.
-    rate : float
-        Sampling rate (Hz).
-    """
+    """Return the relative standard errors of f_b, f_r and Q_r by the delta method, with the differences to other ARMA
+    orders that describe the spectrum equally well."""
     values = np.concatenate([shape.phi, shape.theta])
     if not values.size:
         return {}
     names = [parameter.name for parameter in process_of(shape).nonlinear_parameters()]
     others = [(other.weight, _band(process_of(other), rate)) for other in shape.alternatives]
-    found = {}
+    errors = {}
     free: dict[str, Any] = {**dict(zip(names, values.tolist(), strict=True)), "sigma2": shape.innovation}
     for number in type(process_of(shape))(**free).physical(rate):
         if number.signal_power or number.symbol not in BAND:
@@ -127,8 +106,8 @@ def band_errors(shape: SpectralShape, rate: float) -> dict[str, float]:
         slopes = np.array([number.slopes.get(name, 0.0) for name in names]) / values
         square = float(slopes @ shape.covariance @ slopes)
         square += sum(w * math.log(b[number.symbol] / number.value) ** 2 for w, b in others if number.symbol in b)
-        found[number.symbol] = math.sqrt(max(square, 0.0))
-    return found
+        errors[number.symbol] = math.sqrt(max(square, 0.0))
+    return errors
 
 
 def _band(process: Process, rate: float) -> dict[str, float]:
@@ -147,16 +126,8 @@ def _unit_curve(shape: SpectralShape | Alternative, wv: WaveletVariance) -> Vect
 def with_sampling_error(wv: WaveletVariance, fit: Fit) -> WaveletVariance:
     """Add the uncertainty of flicker noise near half the sampling rate to the covariance of a wavelet variance.
 
-    The model describes continuous noise averaged over each sampling interval. Flicker noise from the output stage of
-    the sensor, or aliased noise, has more power at the first levels, and a fit would attribute this power to white
-    noise.
-
-    Parameters
-    ----------
-    wv : WaveletVariance
-        The data.
-    fit : Fit
-        A fit, from which the share of flicker noise in the wavelet variance at each level is taken.
+    The model is continuous noise averaged over each sampling interval. Flicker noise of the output stage, or aliased
+    noise, has more power at the first levels, which a fit would attribute to white noise.
     """
     flicker = [t for t, p in zip(fit.model.terms, fit.model.processes, strict=True) if isinstance(p, FN) and p.scale]
     if not flicker or find_filter(wv.filter) is not HAAR:

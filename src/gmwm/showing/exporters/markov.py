@@ -74,7 +74,7 @@ def biases(axes: Sequence[AxisNoise], low: float, high: float, *, common: bool) 
         curves = [Curve.of(axis.fit, low, high) for axis in group]
         # White noise is fitted beside a bias whose correlation time may be far longer, like that of a random walk.
         white = [fit_states([curve], 1, low, _AS_WALK * high)[0].white for curve in curves]
-        states = fit_states(curves, 1, low, high, white)
+        states = fit_states(curves, 1, low, high, white=white)
         fitted |= {
             axis.axis: Bias(
                 axis=axis.axis, N=Number(state.white, axis.N.upper), sigma=Number(state.sigma[0], False),

@@ -197,7 +197,7 @@ class Curve:
 
 
 def fit_states(
-    curves: Sequence[Curve], count: int, low: float, high: float, white: Sequence[float] | None = None
+    curves: Sequence[Curve], count: int, low: float, high: float, *, white: Sequence[float] | None = None
 ) -> list[States]:
     """Fit white noise and at most `count` Gauss-Markov states to each curve, with the same correlation times for all.
 

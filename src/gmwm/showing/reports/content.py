@@ -12,7 +12,7 @@ from gmwm.base.axis_names import by_sensor
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.text import version
-from gmwm.calibration.findings import SIZE, rejected
+from gmwm.calibration.findings import SIZE, rejected_axes
 from gmwm.calibration.summary_text import rows_of
 from gmwm.calibration.tables import SENSORS
 from gmwm.choosing.datasheets.entry import Entry, significant
@@ -83,7 +83,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
         pictures[f"sensor{k}"] = variants
         sensors.append({"title": SENSORS.get(sensor, sensor), "picture": f"sensor{k}"})
     files, refused = configurations(calibration)
-    misfits = rejected(calibration)
+    misfits = rejected_axes(calibration)
     axes = []
     for k, (name, axis) in enumerate(calibration.axes.items(), 1):
         drawn = _pictures(axis)

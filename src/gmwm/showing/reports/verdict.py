@@ -11,7 +11,7 @@ import numpy as np
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.remarks import Dialect, Remark, Severity, with_groups
 from gmwm.base.text import duration_text
-from gmwm.calibration.findings import equality_remarks, rejected, unusable
+from gmwm.calibration.findings import equality_remarks, rejected_axes, unusable
 from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.choosing.datasheets.entry import Entry, significant
 
@@ -80,7 +80,7 @@ def _results(calibration: Calibration) -> Iterator[Remark]:
     for sensor, members in by_sensor(calibration.axes).items():
         if numbers := _numbers({name: axis for name, axis in members.items() if name not in lost}):
             yield Remark.of("numbers-found", SENSORS.get(sensor, sensor or "Axes"), numbers=numbers)
-    misfits = rejected(calibration)
+    misfits = rejected_axes(calibration)
     for name, axis in calibration.axes.items():
         if axis.test is not None and name not in misfits:
             yield Remark.of("test-passed", name)

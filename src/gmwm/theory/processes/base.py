@@ -23,10 +23,9 @@ from gmwm.base.guests import admit_guests
 from gmwm.base.remarks import Remark
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
-from gmwm.theory.processes import circulant_embedding, filtered, haar_covariance
+from gmwm.theory.processes import circulant_embedding, filtered
 from gmwm.theory.processes.definition import check_calls, check_members, check_name, function_of
-from gmwm.theory.processes.exponential_sum import ExponentialSum
-from gmwm.theory.processes.haar_covariance import LagGrid
+from gmwm.theory.processes.haar_theory import HaarTheory
 from gmwm.theory.processes.parameter import Branch, Fixed, Parameter, Value
 from gmwm.theory.processes.physical import Physical
 from gmwm.theory.processes.start_context import Occasion
@@ -58,7 +57,7 @@ _NEEDS_STATIONARITY = frozenset({"running_sum_covariance", "autocovariance", "ps
 _LONGEST_SUM = 2**24
 
 
-class Process(ABC):
+class Process(HaarTheory, ABC):
     """Base class of noise processes. Each process is a frozen dataclass whose fields are its parameters.
 
     All theory is per sample and in SI units; u is the unit of the signal. The page docs/howto/add-a-process.md
@@ -386,42 +385,6 @@ class Process(ABC):
         """Return the state space in continuous time, whose discretisation at `rate` is `state_space`; None if none."""
         return ContinuousStateSpace.of(self.state_space(rate), rate)
 
-    def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Compute the covariances 2^(j+k) Cov(W_{j,t}, W_{k,t+u}) (n,) of Haar wavelet coefficients, in u².
-
-        Each of the n entries of `at` has a pair of levels j ≤ k, given by the half-scales `fine` = 2^(j−1) and
-        `coarse` = 2^(k−1), and a `lag` u. The default uses the autocovariance at the lags up to `memory`.
-        """
-        lags = self.memory(rate) if self._gives("memory") else None
-        if lags is None:
-            raise self.missing("coefficient_covariance")
-        return haar_covariance.short_memory(at, self.autocovariance(np.arange(lags + 1), rate))
-
-    def exponential_sum(self, rate: float) -> ExponentialSum | None:
-        """Return the covariance of the running sum as a sum of exponentials; None if it does not have this form.
-
-        The covariance of wavelet variances is then computed in closed form. The class that defines the covariance of a
-        process must define it. The default uses the autocovariance at the lags up to `memory`.
-        """
-        lags = self.memory(rate) if self._gives("memory") and not self._gives("coefficient_covariance") else None
-        return None if lags is None else ExponentialSum.of_table(self.autocovariance(np.arange(lags + 1), rate))
-
-    def exponential_mixture(self, rate: float, samples: int) -> ExponentialSum | None:
-        """Return a sum of exponentials that approximates a process without `exponential_sum`; None by default.
-
-        The relative error of the covariances of Haar wavelet coefficients must be below 1e-9 for up to `samples`
-        samples.
-        """
-        return None
-
-    def memory(self, rate: float) -> int | None:
-        """Return the lag L beyond which the autocovariance is negligible, apart from exponentials with rates `decays`.
-
-        It is 0 if `coefficient_covariance` is a closed form, and None if L is unknown or exceeds
-        `short_memory.LONGEST`. For None, the covariance of wavelet variances takes seconds at 10^6 samples.
-        """
-        return 0 if self._gives("coefficient_covariance") else None
-
     @property
     def error_cumulant(self) -> float:
         """Fourth cumulant κ₄ (u⁴) of the errors e_t of a process X_t = e_t − e_{t−1}; 0 if they are Gaussian.
@@ -434,11 +397,6 @@ class Process(ABC):
     def line(self, rate: float) -> tuple[float, float] | None:
         """Return the power (u²) and frequency (cycles per sample) of a sinusoid; None for Gaussian noise."""
         return None
-
-    def decays(self, rate: float) -> tuple[float, ...]:
-        """Return the decay rates (per sample) of the exponentials in `coefficient_covariance`; < 0 for alternating
-        signs."""
-        return ()
 
     def mean(self, t: ArrayLike) -> Vector:
         """Return the mean (u) at sample numbers t; it is 0 for every process except a drift."""
