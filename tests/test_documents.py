@@ -10,9 +10,10 @@ import pytest
 
 from gmwm import Model
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.base.documents import Documented, plain
+from gmwm.base.documents import Documented
 from gmwm.base.errors import ReadError
 from gmwm.base.kinds import Document
+from gmwm.base.plain import plain
 from tests.helpers import raises
 
 
@@ -104,5 +105,6 @@ def test_only_marked_keys_may_be_missing(curve):
 
 def test_plain_values():
     values = {"a": np.float64(1.5), "b": (np.int64(2), None), "c": math.nan}
-    assert plain(values, math.inf) == {"a": 1.5, "b": [2, None], "c": None}
+    assert plain(values) == {"a": 1.5, "b": [2, None], "c": None}
     assert type(plain(values)["a"]) is float
+    assert math.isnan(plain(values, finite=False)["c"])

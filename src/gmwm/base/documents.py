@@ -8,9 +8,8 @@ writes the keys of a member into the document itself. A name that is not a field
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import fields
 from types import NoneType, UnionType
 from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeVar, Union, get_args, get_origin
 
@@ -18,16 +17,17 @@ import numpy as np
 
 from gmwm.base.errors import OptionError
 from gmwm.base.kinds import Document, array_type, field_types, require_kinds
+from gmwm.base.plain import TEXTS, plain
 
 T = TypeVar("T")
 
-_TEXTS: dict[type, tuple[Callable[[Any], str], Callable[[str], Any]]] = {}
-"""Classes that a document writes as a text: the function that writes it, and the function that reads it."""
+_READERS: dict[type, Callable[[str], Any]] = {}
+"""Functions that read the classes that a document contains as a text."""
 
 
 def write_as_text(kind: type[T], read: Callable[[str], T], write: Callable[[T], str] = str) -> None:
     """Let documents contain the objects of a class as a text."""
-    _TEXTS[kind] = write, read
+    TEXTS[kind], _READERS[kind] = write, read
 
 
 class Entry(NamedTuple):
@@ -100,38 +100,11 @@ class Documented:
         """Raise an error if fields that were read contradict each other; by default, they never do."""
 
 
-def plain(value: Any, default: float | None = None) -> Any:
-    """Convert a value to numbers, lists, texts and mappings for JSON.
-
-    Parameters
-    ----------
-    value : object
-        Number, text, array, sequence, mapping, dataclass, or object with the method `to_dict`.
-    default : float, optional
-        If given, None replaces numbers that are infinite or undefined.
-    """
-    if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
-    if isinstance(value, float) and default is not None and not math.isfinite(value):
-        return None
-    if type(value) in _TEXTS:
-        return _TEXTS[type(value)][0](value)
-    if hasattr(value, "to_dict"):
-        return value.to_dict()
-    if is_dataclass(value):
-        return _written(value)
-    if isinstance(value, Mapping):
-        return {key: plain(item, default) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item, default) for item in value]
-    return value
-
-
 def _written(result: Any) -> dict[str, Any]:
     content: dict[str, Any] = {}
     for entry in entries_of(type(result)):
         value = getattr(result, entry.name)
-        value = plain(value() if callable(value) else value, entry.default)
+        value = plain(value() if callable(value) else value, finite=entry.default is not None)
         content.update(value if entry.inlined else {entry.key: value})
     return content
 
@@ -166,8 +139,8 @@ def _value(kind: Any, value: Any, entry: Entry) -> Any:
         return {inner[0](key): _value(inner[1], item, entry) for key, item in value.items()}
     if kind in (int, float) and not isinstance(value, str | bool):
         return kind(_filled(value, entry.default))
-    if kind in _TEXTS:
-        return _TEXTS[kind][1](value)
+    if kind in _READERS:
+        return _READERS[kind](value)
     reader = getattr(kind, "from_dict", None)
     if reader is not None and getattr(reader, "__func__", None) is not Documented.from_dict.__func__:  # type: ignore[attr-defined]
         return reader(value)

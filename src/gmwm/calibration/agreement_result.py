@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from gmwm.base.documents import Documented, plain
+from gmwm.base.documents import Documented
+from gmwm.base.plain import plain
 from gmwm.base.remarks import Remark, sorted_remarks
 from gmwm.base.text import Summarised, round_text
 from gmwm.calibration.agreement_text import summary
@@ -144,7 +145,7 @@ class Agreement(Summarised, Sequence[SharedNumber]):
         content = {"labels": self.labels, "size": self.size, "compared": len(self.compared), "disagreeing": differing}
         for name in ("models", "rejected", "unmatched", "failed", "rows", "verdict", "remarks"):
             content[name] = getattr(self, name)
-        document: dict[str, Any] = plain(content)
+        document: dict[str, Any] = plain(content, finite=False)
         return document
 
     def __repr__(self) -> str:

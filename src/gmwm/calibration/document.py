@@ -12,9 +12,9 @@ from types import NoneType, UnionType
 from typing import Any, NamedTuple, TypeVar
 
 from gmwm.base.atomic_files import read_json
-from gmwm.base.documents import plain
 from gmwm.base.errors import ReadError
 from gmwm.base.kinds import Document, require_kinds
+from gmwm.base.plain import plain
 from gmwm.base.remarks import Remark
 from gmwm.base.text import with_article
 from gmwm.calibration.additions import axis_additions
@@ -58,21 +58,21 @@ def document(calibration: Calibration) -> dict[str, Any]:
         "settings": calibration.settings.to_dict(),
         "axes": {axis: _of_axis(entry) for axis, entry in calibration.axes.items()},
         "failed": dict(calibration.failed),
-        "recording_remarks": plain(calibration.recording_remarks),
-        "verdict": plain(calibration.verdict),
-        "use": plain(calibration.number_verdicts),
-        "remarks": plain(calibration.remarks),
-        "recording": plain(calibration.recording),
-        "recordings": plain(calibration.recordings),
+        "recording_remarks": plain(calibration.recording_remarks, finite=False),
+        "verdict": plain(calibration.verdict, finite=False),
+        "use": plain(calibration.number_verdicts, finite=False),
+        "remarks": plain(calibration.remarks, finite=False),
+        "recording": plain(calibration.recording, finite=False),
+        "recordings": plain(calibration.recordings, finite=False),
     }
     finite: dict[str, Any] = _plain(content)
     return finite
 
 
 def _of_axis(axis: AxisCalibration) -> dict[str, Any]:
-    content = {part.key: plain(getattr(axis, part.name)) for part in _AXIS_PARTS}
+    content = {part.key: plain(getattr(axis, part.name), finite=False) for part in _AXIS_PARTS}
     content["ranking"] = ranking_document(axis.ranking)
-    content["replicates"] = plain(axis.replicates)
+    content["replicates"] = plain(axis.replicates, finite=False)
     for addition in axis_additions():
         value = axis.additions.get(addition.name)
         content[addition.name] = None if value is None else addition.to_dict(value)

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from gmwm.base.documents import plain
 from gmwm.base.errors import OptionError
+from gmwm.base.plain import plain
 from gmwm.base.plotting import Plotted
 from gmwm.base.tables import align
 from gmwm.base.text import Summarised, p_relation
@@ -172,8 +172,7 @@ class ConditionsFit(Summarised, Plotted):
                     name: {"value": estimate.value, "standard_error": estimate.error, "interval": estimate.interval(),
                            "acts_as": estimate.acts_as}
                     for name, estimate in self.estimates.items()
-                },
-                math.inf,
+                }
             ),
             "objective": self.objective, "lower_bound": self.lower_bound, "weighting": self.weighting,
             "goodness_of_fit": {"statistic": self.statistic, "df": self.df, "pvalue": self.pvalue},

@@ -35,11 +35,9 @@ def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matr
 
 
 def usable_in(design: Design) -> NDArray[np.bool_]:
-    """Return a mask (J,) of the levels of a design that have enough degrees of freedom for a test.
-
-    At the threshold, a test at the 5 % level has this size (docs/validation/goodness.md and recordings.md).
-    If all levels of a recording are available, the two coarsest are left out.
-    """
+    """Return a mask (J,) of the levels of a design that have enough degrees of freedom for a test. At the threshold, a
+    test at the 5 % level has this size (docs/validation/goodness.md and recordings.md). If all levels of a recording
+    are available, the two coarsest are left out."""
     return np.asarray(design.degrees_of_freedom > 3.0)
 
 

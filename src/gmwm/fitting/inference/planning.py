@@ -13,8 +13,8 @@ from typing import Any, Literal
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector, as_rate, freeze
-from gmwm.base.documents import plain
 from gmwm.base.errors import ModelError, OptionError
+from gmwm.base.plain import plain
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark, texts
 from gmwm.base.tables import align
@@ -41,11 +41,12 @@ samples."""
 
 
 @dataclass(frozen=True)
-class Losses:
+class PlannedGaps:
     """Gaps of a planned recording, which repeat the gaps of a pilot recording. `filled`: share of the samples that are
     filled. `segments`: lengths of the segments of the pilot recording; () if all its gaps are filled or it has no gaps.
 
-    >>> Losses(segments=(500, 1500)).design(1200, 100.0)[0].segments, Losses(segments=(500, 1500)).shortest(512)
+    >>> gaps = PlannedGaps(segments=(500, 1500))
+    >>> gaps.design(1200, 100.0)[0].segments, gaps.shortest(512)
     ((500, 700), 1012)
     """
 
@@ -53,7 +54,7 @@ class Losses:
     segments: tuple[int, ...] = ()
 
     @classmethod
-    def of(cls, wv: WaveletVariance | None) -> Losses:
+    def of(cls, wv: WaveletVariance | None) -> PlannedGaps:
         """Return the gaps of the recording with the wavelet variance `wv`; no gaps for None."""
         return cls() if wv is None else cls(wv.filled / wv.samples, wv.segments)
 
@@ -92,7 +93,7 @@ class Losses:
         return Design(levels, samples, rate, segments=segments, filled=filled), share
 
 
-NONE = Losses()
+NONE = PlannedGaps()
 """No gaps."""
 
 
@@ -116,7 +117,7 @@ class Plan(Summarised, Plotted):
         parameter.
     unit : str
         Unit of the signal, for the summary.
-    losses : Losses
+    losses : PlannedGaps
         Gaps of the planned recording.
 
     Examples
@@ -134,7 +135,7 @@ class Plan(Summarised, Plotted):
     durations: Vector
     errors: Mapping[str, Vector]
     unit: str = ""
-    losses: Losses = NONE
+    losses: PlannedGaps = NONE
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "errors", MappingProxyType(Named(self.errors, "parameter")))
@@ -270,7 +271,7 @@ class Plan(Summarised, Plotted):
             "units": {name: unit for name, unit in self.model.units(self.unit).items() if name in self.errors},
             "rate": self.rate, "weighting": self.weighting, "duration": self.duration,
             "planned": self.at(self.duration),
-            **{name: plain(getattr(self, name)) for name in ("durations", "errors", "losses")},
+            **{name: plain(getattr(self, name), finite=False) for name in ("durations", "errors", "losses")},
         }  # fmt: skip
 
     def __repr__(self) -> str:
@@ -374,7 +375,7 @@ def plan(
     weighting = usual_weighting(terms) if weighting is None else weighting
     one_of(weighting, "weighting", ("diagonal", "optimal"))
     free = _free(terms, rate)
-    losses = Losses.of(pilot)
+    losses = PlannedGaps.of(pilot)
     longest = samples_of(duration, rate, free, losses)
     _require_range(terms, min(int(BEYOND * longest), LONGEST), rate)
     levels = losses.design(longest, rate)[0].levels.size
@@ -392,7 +393,7 @@ def plan(
 
 
 def relative_errors(
-    model: Model, samples: int, rate: float, weighting: Literal["diagonal", "optimal"], losses: Losses = NONE
+    model: Model, samples: int, rate: float, weighting: Literal["diagonal", "optimal"], losses: PlannedGaps = NONE
 ) -> tuple[tuple[str, ...], Vector]:
     """Return the names of the p free parameters, and their relative standard errors (p,), for a recording. The
     recording has `samples` samples and the gaps `losses`."""
@@ -462,7 +463,7 @@ def _require_range(model: Model, samples: int, rate: float) -> None:
         )
 
 
-def samples_of(duration: float, rate: float, free: int, losses: Losses = NONE) -> int:
+def samples_of(duration: float, rate: float, free: int, losses: PlannedGaps = NONE) -> int:
     """Return the number of samples of a recording of `duration` (s). Raises OptionError unless the recording has more
     levels than `free`, the number of free parameters."""
     is_number = isinstance(duration, int | float | np.number) and not isinstance(duration, bool)

@@ -232,9 +232,7 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     def exponential_sum(self, rate: float) -> ExponentialSum | None:
         """Return an exponential for each root of φ(B)Φ(B^s), and a table for short-lived roots and the moving average.
-
-        It is None if roots nearly coincide.
-        """
+        It is None if roots nearly coincide."""
         unit = _exponential_sum(self.full_orders(), tuple(self.nonlinear.tolist()))
         return None if unit is None else unit.scaled(self.scale)
 
@@ -378,10 +376,8 @@ def _short_memory(orders: tuple[int, int, int, int, int], parameters: tuple[floa
 
 @lru_cache(maxsize=64)
 def _exponential_sum(orders: tuple[int, int, int, int, int], parameters: tuple[float, ...]) -> ExponentialSum | None:
-    """Return the exponentials of the lasting roots and a table of the rest, for innovation variance 1.
-
-    It is None if roots nearly coincide, or if the table would be too long.
-    """
+    """Return the exponentials of the lasting roots and a table of the rest, for innovation variance 1. It is None if
+    roots nearly coincide, or if the table would be too long."""
     p, q, seasonal_p, seasonal_q, period = orders
     values, degree = np.array(parameters, dtype=np.float64), q + period * seasonal_q
     season = rational.roots(values[p + q : p + q + seasonal_p])[:, None] ** (1.0 / period)

@@ -148,8 +148,8 @@ class MAT(Process):
 
     def exponential_sum(self, rate: float) -> ExponentialSum | None:
         """Return the table of the autocovariance; None if it is too long."""
-        known = _short_memory(self.value("beta") / rate, self.value("nu"))
-        return None if known is None else ExponentialSum.of_table(self.scale * known.autocovariance)
+        tail = _short_memory(self.value("beta") / rate, self.value("nu"))
+        return None if tail is None else ExponentialSum.of_table(self.scale * tail.autocovariance)
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
         """Compute the Allan variance (σ²/n²) Σ_k w_k M(βkΔt) of clusters of n samples; M is the Matérn correlation.

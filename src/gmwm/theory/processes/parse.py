@@ -278,7 +278,7 @@ class _ModelParser:
 def _find(name: str) -> type[Process] | type[Ordered] | None:
     """Return the process of a name, in which upper and lower case are not distinguished."""
     classes = {**registry, **ordered_classes}
-    return next((process for known, process in classes.items() if known.casefold() == name.casefold()), None)
+    return next((process for key, process in classes.items() if key.casefold() == name.casefold()), None)
 
 
 def _registered() -> str:
