@@ -20,7 +20,7 @@ from gmwm.measuring.spectrum.short_memory import (
     _descend,
     _inside,
     _starts,
-    _widen,
+    _add_roots,
     short_memory,
 )
 
@@ -180,7 +180,7 @@ def test_roots_near_the_unit_circle_are_moved_to_the_limit():
 
 
 def test_more_roots_are_where_they_are_asked_for():
-    whole = np.concatenate([[1.0], _widen(np.array([-0.5]), 3, 1.0, 0.8)])
+    whole = np.concatenate([[1.0], _add_roots(np.array([-0.5]), 3, 1.0, 0.8)])
     expected = [0.5, 0.8 * np.exp(1j), 0.8 * np.exp(-1j), 0.8]
     for root in expected:
         assert abs(np.polyval(whole, root)) < 1e-12
