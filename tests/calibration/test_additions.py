@@ -81,7 +81,7 @@ def test_a_guest_adds_values_remarks_and_a_paragraph(guest):
     assert calibration.axes["gyro_x"].additions["peak"] == largest
     assert calibration.addition("peak") == {"gyro_x": largest}
     assert only(calibration.recording_remarks, "candidates-reduced", "guest").facts["count"] == 1
-    assert "Largest samples: gyro_x." in calibration.summary()
+    assert "Largest samples: gyro_x." in calibration.summary(details=True)
     document = json.loads(json.dumps(calibration.to_dict()))
     assert document["axes"]["gyro_x"]["peak"] == largest
     assert gmwm.Calibration.from_dict(document).to_dict() == calibration.to_dict()

@@ -222,7 +222,7 @@ def averaged_over(monkeypatch, sheet, other):
     for candidate in ranking.distinct:
         candidate.fit = None
     monkeypatch.setattr(averaging, "with_quick_intervals", lambda fit, level: fit)
-    monkeypatch.setattr(averaging, "datasheet", lambda fit, level: other)
+    monkeypatch.setattr(averaging, "model_datasheet", lambda fit, level: other)
     return averaged_datasheet(sheet, ranking, LEVEL)
 
 

@@ -10,6 +10,7 @@ import gmwm
 from gmwm.base.errors import DataError, OptionError
 from gmwm.calibration.averaging import averaged_datasheet, averaged_intervals
 from gmwm.calibration.calibrate_axis import STAGES
+from gmwm.choosing.datasheets import model_datasheet, with_limits
 from gmwm.choosing.selection.structure import structure_of
 from tests.helpers import codes, only, raises
 
@@ -45,11 +46,11 @@ def test_each_axis_is_what_the_pieces_give_by_themselves(imu, calibration):
         found = calibration.axes[axis]
         assert calibration[axis].to_dict() == fit.to_dict()
         assert found.ranking.to_dict() == ranking.to_dict()
-        sheet = averaged_datasheet(fit.datasheet(), ranking, 0.95)
+        sheet = averaged_datasheet(model_datasheet(fit, 0.95), ranking, 0.95)
         assert found.intervals == averaged_intervals(fit, fit.confidence_intervals(), sheet)
         assert found.test is not None
         assert found.test.to_dict() == fit.goodness_of_fit().to_dict()
-        assert found.datasheet.to_dict() == sheet.to_dict()
+        assert found.datasheet.to_dict() == with_limits(sheet, fit).to_dict()
         assert fit.gap is not None
 
 

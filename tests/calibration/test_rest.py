@@ -159,7 +159,7 @@ def test_a_calibration_has_the_bias_and_keeps_it(tmp_path):
     again = gmwm.Calibration.load(tmp_path / "calibration.json")
     assert again.rest == found.rest
     assert again.settings.gravity == 9.81
-    text = found.summary()
+    text = found.summary(details=True)
     assert "bias (deg/h)" in text
     assert "tilt unknown" in text
     levelled = gmwm.calibrate(imu, "WN + RW", tilt=0.1, axes="accel_x").rest["accel_x"]
@@ -190,7 +190,7 @@ def test_several_recordings_have_a_turn_on_spread():
     assert rest.turn_on_low < 1e-3 < rest.turn_on_high
     assert rest.low < np.mean(biases) < rest.high
     assert rest.error == pytest.approx(np.std(biases, ddof=1) / math.sqrt(5), rel=0.05)
-    assert "turn-on (deg/h)" in found.summary()
+    assert "turn-on (deg/h)" in found.summary(details=True)
 
 
 def test_the_document_has_the_bias_without_gravity():

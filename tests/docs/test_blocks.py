@@ -18,8 +18,7 @@ pytestmark = pytest.mark.docs
 RUNNING = {str(page.relative_to(pages.DOCS)): page for page in pages.pages() if pages.blocks(page)}
 ELSEWHERE = {
     ("coming-from/imu-tools.md", "gmwm calibrate recording.bag"): "to be typed",
-    ("exporters.md", "# CAUTION"): "an example of its words",
-    ("exporters.md", "# UPPER LIMIT"): "an example of its words",
+    ("exporters.md", "# Noise of an IMU"): "an example of a file",
     ("fleet.md", "Gyroscopes"): "an example of sixty units, to be read",
     ("howto/add-a-process.md", "def state_space"): "to be written",
     ("howto/record.md", "ros2 bag record"): "to be typed",

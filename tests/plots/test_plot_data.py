@@ -92,10 +92,10 @@ def test_a_fit_shows_the_model_and_every_term(fit):
 def test_in_datasheet_units_the_legend_gives_the_numbers_of_the_datasheet(fit, view):
     labels = {label.split(":")[0]: label for label in fit_panel(fit, view=view, units="datasheet").labels}
     numbers = [entry for entry in fit.datasheet().values() if entry.term]
-    assert {entry.symbol for entry in numbers} == {"N", "Q", "K", "T_c", "q_c"}
+    assert {entry.symbol for entry in numbers} == {"N of WN", "Q", "K of RW", "T_c", "q_c"}
     for entry in numbers:
         value, _, _, unit = entry.in_units()
-        shown = re.search(rf"\b{entry.symbol} = (\S+) {unit}(,|$)", labels[entry.term])
+        shown = re.search(rf"\b{entry.symbol.partition(' of ')[0]} = (\S+) {unit}(,|$)", labels[entry.term])
         assert shown, entry
         assert float(shown[1]) == pytest.approx(value, rel=0.05)
 

@@ -140,7 +140,7 @@ class CalibrationOptions:
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> CalibrationOptions:
-        """Restore the options from the result of `to_dict`, or raise a ReadError."""
+        """Restore the options from `content`, the result of `to_dict`, or raise a ReadError."""
         for name in _SAVED:
             if name not in content:
                 raise ReadError(f"the calibration is incomplete: settings has no {name!r}", advice=AGAIN)

@@ -21,7 +21,7 @@ from gmwm.base.time_base import TimeBase, gap_duration
 from gmwm.base.units import LONG_TIME_UNITS, TIME_UNITS
 from gmwm.files.clock.loss_levels import Rows
 from gmwm.files.clock.rate_check import require_one_rate, require_order
-from gmwm.files.clock.sampling_interval import RATE_TOLERANCE, Losses, find_losses, resolution_of
+from gmwm.files.clock.sampling_interval import RATE_TOLERANCE, SampleLosses, find_losses, resolution_of
 from gmwm.files.clock.stamp_order import ClockSteps, in_order, nominal_interval, require_span, without_steps_back
 from gmwm.files.clock.time_stamps import SegmentStarts, Timing, about_stamps, as_stamps, require_countable
 
@@ -30,7 +30,7 @@ BLOCK, MARGIN = 1 << 20, 1 << 16
 _RATE_REMARK, _RATE_TROUBLE = 1e-4, 1e-3
 """Relative differences between declared and measured rate for a remark or warning; crystals are within 1e-4."""
 _REGULAR, _REGULAR_SHARE, _EVEN = 5, 0.01, 0.1
-"""Losses are regular from 5 gaps and 1 % of the samples on, if the gaps are even to 10 % (standard deviation)."""
+"""SampleLosses are regular from 5 gaps and 1 % of the samples on, if the gaps are even to 10 % (standard deviation)."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class _StampBlock:
     set back."""
 
     rows: int  # number of rows
-    found: Losses  # sampling interval, and gaps by the number of the row in the recording
+    found: SampleLosses  # sampling interval, and gaps by the number of the row in the recording
     walls: tuple[tuple[int, float], ...]  # each row before which the clock was set back, and its time stamp
     index: float  # mean index of the samples, in which lost samples are counted, and mean of the time stamps
     tick: float

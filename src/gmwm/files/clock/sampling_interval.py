@@ -54,7 +54,7 @@ _SLIPS = 5  # smallest number of regular steps that are taken as rounding at ano
 
 
 @dataclass(frozen=True)
-class Losses:
+class SampleLosses:
     """Sampling interval and lost samples of time stamps without backward steps."""
 
     interval: float  # sampling interval in ticks
@@ -64,7 +64,7 @@ class Losses:
     repeated: Rows = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # rows that were written twice
 
 
-def find_losses(ticks: Vector, resolution: float, declared: float | None = None) -> Losses:
+def find_losses(ticks: Vector, resolution: float, declared: float | None = None) -> SampleLosses:
     """Find the sampling interval and the lost samples. `ticks` (N,) never decrease and are multiples of `resolution`.
     The declared interval (ticks) decides if several intervals explain the time stamps."""
     none = np.empty(0, dtype=np.int64)
@@ -74,7 +74,7 @@ def find_losses(ticks: Vector, resolution: float, declared: float | None = None)
         resolution < _COARSE * line or bool(np.all(np.abs(np.diff(ticks) - line) < 1e-2 * line))
     )
     if line is not None and uniform and not contradicts:
-        return Losses(line, none, none, 1)
+        return SampleLosses(line, none, none, 1)
     single, burst = _typical(ticks), _burst(ticks)
     mean = _windowed_mean(ticks, burst)
     if declared is not None and contradicts:
@@ -88,11 +88,11 @@ def find_losses(ticks: Vector, resolution: float, declared: float | None = None)
     if agrees and regular is not None and (line is None or contradicts):
         return regular  # the declared rate decides between jitter or rounding, and regular losses
     if line is not None and uniform:
-        return Losses(line, none, none, 1)
+        return SampleLosses(line, none, none, 1)
     if regular is not None and resolution >= _COARSE * single and _is_rounding(regular, resolution, single):
         regular = None
     if line is not None and (regular is None or not 0 < regular.rows.size + regular.repeated.size < _SLIPS):
-        return Losses(line, none, none, 1)
+        return SampleLosses(line, none, none, 1)
     if regular is not None and (declared is None or agrees):
         return regular
     interval = mean if declared is None or abs(mean / declared - 1) > 0.05 else declared
@@ -173,7 +173,7 @@ def _slope(k: Vector, t: Vector, far: Rows | None = None) -> float:
     return float(np.dot(c, m) / max(np.dot(c, c), 1e-300))
 
 
-def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Losses | None:
+def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> SampleLosses | None:
     """Find losses from single rows if the intervals are multiples of one interval; return None if they are not."""
     if single <= 0:
         return None
@@ -200,7 +200,7 @@ def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Lo
     return _with_closed_gaps(ticks, closed, far, level, interval=interval, width=1)
 
 
-def _is_rounding(found: Losses, resolution: float, single: float) -> bool:
+def _is_rounding(found: SampleLosses, resolution: float, single: float) -> bool:
     """Return whether the losses are so regular that they are taken as rounding at another rate."""
     apart = np.diff(found.rows)
     return bool(
@@ -299,7 +299,7 @@ _STATISTICS: dict[str, Callable[[Vector], Vector]] = {
 }
 
 
-def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) -> Losses:
+def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) -> SampleLosses:
     """Find losses from statistics of blocks of rows."""
     closed, far = _close_gaps(ticks, interval)
     n = closed.size
@@ -381,7 +381,7 @@ def _coherence(b: Vector) -> float:
 
 def _with_closed_gaps(
     ticks: Vector, closed: Vector, far: Rows, level: Rows, interval: float, width: int, name: str = "mean"
-) -> Losses:
+) -> SampleLosses:
     """Return the gaps from the levels of the rows, together with the long gaps that were closed."""
     index = (np.arange(ticks.size) + (level - level[0])).astype(np.float64)
     slope = _slope(index, closed, far)
@@ -401,7 +401,7 @@ def _with_closed_gaps(
             rise[row] = round(rise[row] + steps[row] / slope + after - before)
     rows = np.flatnonzero(rise > 0)
     repeated = np.repeat(np.arange(rise.size), np.maximum(-rise, 0).astype(np.int64))
-    return Losses(slope, rows, rise[rows].astype(np.int64), width=width, repeated=repeated)
+    return SampleLosses(slope, rows, rise[rows].astype(np.int64), width=width, repeated=repeated)
 
 
 def _blocks_of(v: Vector, width: int, name: str) -> Vector:

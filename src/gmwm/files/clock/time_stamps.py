@@ -47,7 +47,7 @@ class Stamps:
 @dataclass(frozen=True)
 class Timing:
     """Time base, segments, their start times (s), remarks on the time stamps, and the width of
-    `sampling_interval.Losses`."""
+    `sampling_interval.SampleLosses`."""
 
     base: TimeBase
     segments: tuple[tuple[int, int], ...]

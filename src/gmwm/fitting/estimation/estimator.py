@@ -10,6 +10,7 @@ from typing import cast, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gmwm.base.arrays import as_vector
 from gmwm.base.errors import DataError, FitWarning, ModelError, OptionError
 from gmwm.fitting.estimation.conditions import fit_conditions
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit
@@ -263,7 +264,8 @@ def _measure(data: Curve, rate: float | None, robust: bool, efficiency: float, *
             )  # fmt: skip
         wv = _as_measured(data, robust, efficiency)
     else:
-        wv = wavelet_variance(data, rate, robust=robust, efficiency=efficiency)
+        signal = data if isinstance(data, Signal) else as_vector(data, "x")
+        wv = wavelet_variance(signal, rate, robust=robust, efficiency=efficiency)
     if not np.any(wv.variance > 0):
         raise ModelError(
             "the signal is constant: its wavelet variance is zero at every level",

@@ -294,7 +294,7 @@ class Fit(Documented, Plotted, KalmanMethods):
         >>> x = (gmwm.WN(sigma2=1e-6) + gmwm.RW(gamma2=1e-12)).simulate(100_000, 100.0, rng=1)
         >>> found = gmwm.fit(gmwm.WN() + gmwm.RW(), gmwm.Signal(x, 100.0, "rad/s")).datasheet()
         >>> list(found)
-        ['N', 'B', 'K']
+        ['N', 'K', 'B']
         >>> found["N"].low < 1e-4 < found["N"].high
         True
         >>> found["N"].in_units("datasheet")[3]

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm.base.arrays import Vector, freeze
+from gmwm.base.arrays import Vector, as_vector, freeze
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.remarks import Quantity, Remark, texts
@@ -307,8 +307,8 @@ def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVarianc
     if isinstance(x, WaveletVariance) or (pair and not all(isinstance(part, WaveletVariance) for part in x)):
         raise DataError(argument="x", expected="a signal, or a pair (classical, robust) of wavelet variances", got=x)
     if not pair:
-        classical = wavelet_variance(x, rate)
-        return classical, wavelet_variance(x, rate, robust=True, efficiency=efficiency)
+        signal = x if isinstance(x, Signal) else as_vector(x, "x")
+        return wavelet_variance(signal, rate), wavelet_variance(signal, rate, robust=True, efficiency=efficiency)
     if len(x) != 2 or x[0].robust or not x[1].robust:
         kinds = ", ".join("robust" if part.robust else "classical" for part in x)
         raise DataError(argument="x", expected="a pair (classical, robust) of wavelet variances", got=kinds)
