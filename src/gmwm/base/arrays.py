@@ -24,23 +24,7 @@ MISSING_SAMPLES = "Mark missing samples as gaps with `gmwm.Signal.from_missing(x
 
 
 def as_vector(values: ArrayLike, name: str, *, at_least: int = 1, finite: bool = True) -> Vector:
-    """Convert to a contiguous one-dimensional float64 array.
-
-    Parameters
-    ----------
-    values : array-like
-    name : str
-        Name of the argument, for errors.
-    at_least : int
-        Smallest number of values.
-    finite : bool
-        Whether NaN and infinite values raise an error; False if the caller checks this.
-
-    Raises
-    ------
-    DataError
-        If `values` is not numeric, not one-dimensional, shorter than `at_least`, or has masked, NaN or infinite values.
-    """
+    """Convert to a contiguous one-dimensional float64 array."""
     if _is_vector(values) and values.size >= max(at_least, 1) and (not finite or math.isfinite(_core.mean(values))):
         return values
     if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
@@ -135,13 +119,7 @@ def _require_samples(values: object, name: str) -> None:
 
 
 def as_rate(rate: float | None, name: str = "rate") -> float:
-    """Check a sampling rate: a positive, finite number (Hz).
-
-    Raises
-    ------
-    OptionError
-        If the rate is missing, not a number, or not positive and finite.
-    """
+    """Check a sampling rate: a positive, finite number (Hz)."""
     if rate is None:
         raise OptionError(
             "the sampling rate is missing", argument=name, advice=f"Pass the samples per second with {{--{name}}}."
@@ -166,11 +144,6 @@ def as_levels(levels: int | ArrayLike) -> NDArray[np.int64]:
     """Check wavelet levels: ascending integers from 1 to 62, or one number J, which means 1, …, J.
 
     62 is the largest level whose scale, 2^62 samples, is a 64-bit integer.
-
-    Raises
-    ------
-    OptionError
-        If `levels` has another form.
     """
     expected = "ascending integers from 1 to 62, or the number of levels"
     array = np.asarray(levels)

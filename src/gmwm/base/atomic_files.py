@@ -18,11 +18,6 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path in the folder of `path`, and rename it to `path` if the block ends without an error.
 
     The temporary file has the suffix of `path`, because writers choose the format by the suffix.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written. The error names `path`, not the temporary file.
     """
     target = Path(path)
     if target.is_symlink():
@@ -54,11 +49,6 @@ def written_together(folder: Path) -> Iterator[Path]:
     """Yield a temporary folder, and move its files to `folder` if the block ends without an error.
 
     If the run is interrupted, `folder` does not mix files of this run with files of an earlier one.
-
-    Raises
-    ------
-    OSError
-        If a file cannot be written. The error names the file in `folder`.
     """
     temporary = Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
     try:
@@ -99,16 +89,7 @@ stack."""
 
 
 def read_json(path: str | os.PathLike[str]) -> Any:
-    """Read a JSON file.
-
-    Raises
-    ------
-    ValueError
-        If the file is not UTF-8, not JSON, nested more deeply than `DEEPEST`, or has a number that is not finite as
-        a floating-point number.
-    OSError
-        If the file cannot be read.
-    """
+    """Read a JSON file. Raises ValueError if it is not UTF-8 or JSON, too deeply nested, or has a non-finite number."""
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
     except RecursionError:

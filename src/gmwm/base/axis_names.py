@@ -45,13 +45,7 @@ def by_sensor(axes: Mapping[str, T]) -> dict[str, dict[str, T]]:
 
 
 def axis_quantity(axis: str) -> Quantity:
-    """Return the quantity that an axis measures, "gyro" or "accel".
-
-    Raises
-    ------
-    OptionError
-        If `axis` is not one of `AXES`.
-    """
+    """Return the quantity that an axis measures, "gyro" or "accel"."""
     if axis not in AXES:
         raise OptionError(argument="axis", expected=f"one of {', '.join(AXES)}", got=axis)
     return "gyro" if axis.startswith("gyro") else "accel"

@@ -40,13 +40,7 @@ if hasattr(os, "register_at_fork"):
 
 
 def require_threads(path: object) -> None:
-    """Require that Polars has its threads in this process, and note that it is used.
-
-    Raises
-    ------
-    ReadError
-        If the process was forked after Polars was used.
-    """
+    """Require that Polars has its threads in this process, and note that it is used."""
     global _used
     _used = True
     if _lost:

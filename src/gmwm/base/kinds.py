@@ -83,20 +83,6 @@ def require_kinds(found: Any, where: str, document: Document) -> None:
     `shares` of the class lists must be between 0 and 1. Counts, degrees of freedom, standard errors and other fields
     must be in the range that their name implies, and covariances must have no negative eigenvalue. No finite number may
     exceed `LARGEST`, and no count `LARGEST_COUNT`.
-
-    Parameters
-    ----------
-    found : dataclass
-        The result.
-    where : str
-        Name of the result in error messages.
-    document : Document
-        The kind of document that was read.
-
-    Raises
-    ------
-    ReadError
-        If a field is wrong; the message names it.
     """
     lengths = {}
     renamed = (text.split("=") for text in getattr(found, "document_keys", ()) if "=" in text)

@@ -49,12 +49,7 @@ class Unit:
 
 _UNITS = (
     Unit("rad/s", "gyro", 1.0, ("rads^-1", "rad.s^-1", "radians/s", "radian/s", "rad/sec", "rps", "rads-1")),
-    Unit(
-        "deg/s",
-        "gyro",
-        math.pi / 180,
-        ("dps", "°/s", "degrees/s", "degree/s", "deg/sec", "degs^-1", "degs-1"),
-    ),
+    Unit("deg/s", "gyro", math.pi / 180, ("dps", "°/s", "degrees/s", "degree/s", "deg/sec", "degs^-1", "degs-1")),
     Unit("mdeg/s", "gyro", math.pi / 180e3, ("mdps", "m°/s", "mdeg/sec")),
     Unit("mrad/s", "gyro", 1e-3, ("mrad/sec", "mrads^-1", "mrads-1")),
     Unit("deg/min", "gyro", math.pi / 180 / 60, ("°/min", "degrees/min")),

@@ -10,11 +10,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import typer
-
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
-from gmwm.cli.options import RESULT, Datasheet
+from gmwm.cli.options import Datasheet, EstimationOption, Plot, ResultOption
 from gmwm.cli.output import NewFile, Outcome, progress, table_text, text_file
 from gmwm.cli.read_options import Axes, File, chosen_axes, load
 from gmwm.recording.options import ReadOptions
@@ -34,7 +32,6 @@ EXAMPLES = (
 )
 
 Kind = Literal["overlapping", "nonoverlapping", "modified", "hadamard", "nonoverlapping-hadamard", "total"]
-MEASURE = "Estimation"
 LONGEST_TABLE = 100
 """Largest number of cluster sizes that the table shows. If there are more (--clusters all), it shows octaves only."""
 
@@ -46,34 +43,24 @@ def allan(
     axis: Axes = None,
     kind: Annotated[
         Kind,
-        typer.Option(
+        EstimationOption(
             help="Estimator: overlapping, nonoverlapping or modified Allan variance; Hadamard variance, which a linear "
-            "drift does not affect; or total variance, which has more degrees of freedom at long averaging times.",
-            rich_help_panel=MEASURE,
+            "drift does not affect; or total variance, which has more degrees of freedom at long averaging times."
         ),
     ] = "overlapping",
     clusters: Annotated[
         Literal["octave", "decade", "all"],
-        typer.Option(
+        EstimationOption(
             help="Cluster sizes: 1, 2, 4, 8 … (octave); 1, 2, 4, 10, 20, 40 … (decade); or every size (all). The time "
-            "for all sizes is proportional to the square of the number of samples.",
-            rich_help_panel=MEASURE,
+            "for all sizes is proportional to the square of the number of samples."
         ),
     ] = "octave",
     slopes: Annotated[
-        bool,
-        typer.Option(
-            "--slopes", help="Estimate Q, N, B, K and R from the slopes of the Allan deviation.", rich_help_panel=RESULT
-        ),
+        bool, ResultOption("--slopes", help="Estimate Q, N, B, K and R from the slopes of the Allan deviation.")
     ] = False,
     datasheet: Datasheet = False,
-    csv: Annotated[
-        Path | None,
-        typer.Option(help="Write all values of all axes to this CSV file (SI units).", rich_help_panel=RESULT),
-    ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
-    ] = None,
+    csv: Annotated[Path | None, ResultOption(help="Write all values of all axes to this CSV file (SI units).")] = None,
+    plot: Plot = None,
 ) -> Outcome:
     """Print the Allan deviation of each axis, with confidence intervals and the dominant noise type.
 

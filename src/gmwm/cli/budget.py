@@ -12,7 +12,7 @@ from gmwm.base.durations import parse_length
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
 from gmwm.cli.noise_source import NoiseText, calibration_in, noise_of
-from gmwm.cli.options import RESULT
+from gmwm.cli.options import Plot
 from gmwm.cli.output import NewFile, Outcome, file_names
 
 if TYPE_CHECKING:
@@ -24,8 +24,7 @@ EXAMPLES = (
     "gmwm budget results --duration 60s --against old/calibration.json",
 )
 _DURATION = typer.Option(
-    help="Time of navigation without corrections, such as 60s, 10min, 1h or a number of seconds.",
-    metavar="LENGTH",
+    help="Time of navigation without corrections, such as 60s, 10min, 1h or a number of seconds.", metavar="LENGTH"
 )
 
 
@@ -54,9 +53,7 @@ def budget(
             metavar="SOURCE",
         ),
     ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
-    ] = None,
+    plot: Plot = None,
 ) -> Outcome:
     """Compute how attitude, velocity and position errors of unaided inertial navigation grow.
 

@@ -26,13 +26,15 @@ from gmwm.cli.export import KalibrFile, kalibr_file
 from gmwm.cli.measuring import Chunked, Scheduler, Workers, memory_for, opened
 from gmwm.cli.option_names import named_as_options
 from gmwm.cli.options import (
-    RESULT,
     AgainstOption,
     ChoiceWeighting,
     Confidence,
     CriterionName,
     Datasheet,
     Efficiency,
+    EstimationOption,
+    InputOption,
+    ResultOption,
     Searched,
     Seed,
     View,
@@ -40,7 +42,7 @@ from gmwm.cli.options import (
     parse_searched,
 )
 from gmwm.cli.output import NewFile, Outcome, file_names, made_directory, progress, text_file
-from gmwm.cli.read_options import INPUT, Axes, Files, chosen_names, document_of, names_of, only_file
+from gmwm.cli.read_options import Axes, Files, chosen_names, document_of, names_of, only_file
 from gmwm.cli.topics import each_topic, separate_topics
 from gmwm.measuring.regression.against import AUTO
 from gmwm.measuring.variance.biweight import EFFICIENCY
@@ -62,10 +64,9 @@ EXAMPLES = (
 
 Outliers = Annotated[
     Literal["auto", "yes", "no"],
-    typer.Option(
+    EstimationOption(
         help="Axes with the robust wavelet variance: auto, those where a test finds knocks or motion (5 % level for "
-        "all axes together; none if --within has a sinusoid); yes, all axes; no, none.",
-        rich_help_panel="Estimation",
+        "all axes together; none if --within has a sinusoid); yes, all axes; no, none."
     ),
 ]
 ROBUST: Mapping[str, Literal["auto"] | bool] = {"auto": "auto", "yes": True, "no": False}
@@ -79,14 +80,13 @@ def calibrate(
     within: Searched = SEARCHED,
     model: Annotated[
         list[str] | None,
-        typer.Option(
+        EstimationOption(
             "--model",
             "-m",
             help="Model to fit instead of comparing models: MODEL for all axes, gyro=MODEL or accel=MODEL for the "
             "three axes of a sensor, gyro_x=MODEL for one axis. Repeat the option for other axes; gmwm chooses the "
             "models of the axes that are not named.",
             metavar="[AXIS=]MODEL",
-            rich_help_panel="Estimation",
         ),
     ] = None,
     against: AgainstOption = AUTO,
@@ -118,28 +118,23 @@ def calibrate(
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option(
+        ResultOption(
             "--output",
             "-o",
             help="Write calibration.json, report.html, summary.txt, calibration.png and by_sensor.png to this "
             "directory, and imu.yaml for Kalibr if gyroscopes and accelerometers are calibrated.",
-            rich_help_panel=RESULT,
         ),
     ] = None,
     view: View = "wavelet",
     datasheet: Datasheet = False,
     details: Annotated[
         bool,
-        typer.Option(
-            help="Print all numbers of each axis, and why its model was chosen, not one line for each axis.",
-            rich_help_panel=RESULT,
-        ),
+        ResultOption(help="Print all numbers of each axis, and why its model was chosen, not one line for each axis."),
     ] = False,
     all_topics: Annotated[
         bool,
-        typer.Option(
-            help="Calibrate each IMU topic of a file that has several, and write each result to its own directory.",
-            rich_help_panel=INPUT,
+        InputOption(
+            help="Calibrate each IMU topic of a file that has several, and write each result to its own directory."
         ),
     ] = False,
 ) -> Outcome:
@@ -285,17 +280,7 @@ def calibrated(
 def calibration_helpers(
     *, plots: bool = False, before: str = "gmwm.calibration.calibrate_recordings", count: int | None = None
 ) -> Helpers:
-    """Fork helpers that calibrate.
-
-    Parameters
-    ----------
-    plots : bool
-        Whether the helpers import the modules that draw plots, while they have no work.
-    before : str
-        Module to import before the fork, so that no helper needs to import it.
-    count : int, optional
-        Number of helpers. Default: one for each further processor.
-    """
+    """Fork helpers that calibrate."""
     import_module("scipy.special")  # for the tests of each axis
     import_module(before)
     return helpers_of(*(("gmwm.showing.plots.imu", "gmwm.showing.plots.matplotlib") if plots else ()), count=count)

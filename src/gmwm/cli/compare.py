@@ -11,7 +11,7 @@ import typer
 
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
-from gmwm.cli.options import RESULT, Datasheet, Efficiency, View
+from gmwm.cli.options import Datasheet, Efficiency, EstimationOption, Plot, View
 from gmwm.cli.output import NewFile, Outcome, calibration_file, table_text, tell
 from gmwm.cli.read_options import Axes, chosen_axes, load
 from gmwm.recording.options import ReadOptions
@@ -30,23 +30,16 @@ EXAMPLES = (
 @command
 def compare(
     files: Annotated[
-        list[Path],
-        typer.Argument(help="One or more recordings, each in any supported format.", metavar="FILE…"),
+        list[Path], typer.Argument(help="One or more recordings, each in any supported format.", metavar="FILE…")
     ],
     reading: ReadOptions,
     axis: Axes = None,
-    classical: Annotated[
-        bool, typer.Option("--classical", help="Show only the classical curve.", rich_help_panel="Estimation")
-    ] = False,
-    robust: Annotated[
-        bool, typer.Option("--robust", help="Show only the robust curve.", rich_help_panel="Estimation")
-    ] = False,
+    classical: Annotated[bool, EstimationOption("--classical", help="Show only the classical curve.")] = False,
+    robust: Annotated[bool, EstimationOption("--robust", help="Show only the robust curve.")] = False,
     efficiency: Efficiency = None,
     view: View = "wavelet",
     datasheet: Datasheet = False,
-    plot: Annotated[
-        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
-    ] = None,
+    plot: Plot = None,
 ) -> Outcome:
     """Compare the classical and robust wavelet variances of one or several recordings.
 

@@ -40,13 +40,7 @@ class Table:
 
     @classmethod
     def read(cls, path: Path) -> Table:
-        """Read a CSV file with the columns start, stop and the condition.
-
-        Raises
-        ------
-        ReadError
-            If the file cannot be read, has other columns or wrong times, or parts overlap.
-        """
+        """Read a CSV file with the columns start, stop and the condition."""
         try:
             rows = [row for row in csv.reader(path.read_text(encoding="utf-8-sig").splitlines()) if row]
         except (OSError, UnicodeDecodeError) as error:
@@ -97,13 +91,7 @@ def as_varies(texts: Sequence[str]) -> dict[str, str]:
 
 
 def require_unused(conditions: bool, *, varies: bool, **others: bool) -> None:
-    """Check that no option is given that cannot be combined with --conditions, or that needs it.
-
-    Raises
-    ------
-    OptionError
-        If --varies is given without --conditions, or one of `others` with it.
-    """
+    """Check that no option is given that cannot be combined with --conditions, or that needs it."""
     if varies and not conditions:
         raise OptionError("--varies needs --conditions", argument="varies", advice="Add {--conditions}.")
     if conditions and (name := next((name for name, present in others.items() if present), None)):

@@ -11,6 +11,7 @@ from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.cli.command import command
 from gmwm.cli.option_names import named_as_options
+from gmwm.cli.options import ResultOption
 from gmwm.cli.output import Outcome, progress
 from gmwm.cli.read_options import File, load
 from gmwm.recording.options import ReadOptions
@@ -29,11 +30,10 @@ def convert(
     output: Annotated[Path, typer.Argument(help="File to write: .parquet, .csv or .imu.", metavar="OUT")],
     to: Annotated[
         str | None,
-        typer.Option(
+        ResultOption(
             help="Type of the records of an .imu file: imu:IMAR, imu:LN200, imu:LN200IG, imu:IXSEA, imu:NAVCHIP_INT "
             "or imu:NAVCHIP_FLT. An .imu file does not state its type, so the option is needed for it.",
             metavar="FORMAT",
-            rich_help_panel="Result",
         ),
     ] = None,
 ) -> Outcome:

@@ -6,12 +6,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, opened, tell_inspection
-from gmwm.cli.options import RESULT, Efficiency
+from gmwm.cli.options import Efficiency, EstimationOption, Plot, ResultOption
 from gmwm.cli.output import NewFile, Outcome, progress, text_file
 from gmwm.cli.read_options import Axes, File, chosen_names
 from gmwm.recording.options import ReadOptions
@@ -19,10 +17,7 @@ from gmwm.recording.options import ReadOptions
 if TYPE_CHECKING:
     from gmwm.applications.several import CrossCovariance
 
-EXAMPLES = (
-    "gmwm cross static.csv --axis gyro --plot cross.png",
-    "gmwm cross static.csv --robust --csv cross.csv",
-)
+EXAMPLES = ("gmwm cross static.csv --axis gyro --plot cross.png", "gmwm cross static.csv --robust --csv cross.csv")
 
 
 @command
@@ -31,27 +26,17 @@ def cross(
     reading: ReadOptions,
     axis: Axes = None,
     robust: Annotated[
-        bool,
-        typer.Option(
-            "--robust", help="Use robust estimates, which are insensitive to knocks.", rich_help_panel="Estimation"
-        ),
+        bool, EstimationOption("--robust", help="Use robust estimates, which are insensitive to knocks.")
     ] = False,
     efficiency: Efficiency = None,
     chunked: Chunked = "auto",
     size: Annotated[
-        float,
-        typer.Option(
-            help="Significance level: probability of any false detection in all tests together.",
-            rich_help_panel="Estimation",
-        ),
+        float, EstimationOption(help="Significance level: probability of any false detection in all tests together.")
     ] = 0.05,
     csv: Annotated[
-        Path | None,
-        typer.Option(help="Write the correlations of all pairs and scales to this CSV file.", rich_help_panel=RESULT),
+        Path | None, ResultOption(help="Write the correlations of all pairs and scales to this CSV file.")
     ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
-    ] = None,
+    plot: Plot = None,
 ) -> Outcome:
     """Test whether the axes of a recording share noise, at which scales, and how much.
 

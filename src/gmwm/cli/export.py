@@ -17,7 +17,7 @@ from gmwm.choosing.datasheets.effective import HORIZON
 from gmwm.cli.command import command
 from gmwm.cli.noise_source import GivenText, given
 from gmwm.cli.option_names import named_as_options
-from gmwm.cli.options import RESULT
+from gmwm.cli.options import ResultOption
 from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, made_directory, text_file
 from gmwm.cli.read_options import document_of
 from gmwm.showing.exporters import export_formats
@@ -48,15 +48,14 @@ def export(
     ] = None,
     source: GivenText = None,
     format: Annotated[
-        str | None,
-        typer.Option(help=f"Format: {', '.join(export_formats())}. Default: {DEFAULT}.", metavar="NAME"),
+        str | None, typer.Option(help=f"Format: {', '.join(export_formats())}. Default: {DEFAULT}.", metavar="NAME")
     ] = None,
     axes: Annotated[
         Literal["worst", "mean", "each"] | None,
         typer.Option(
             help="How to combine the axes of a sensor: use the largest value (worst), the root mean square (mean), or "
             "one value for each axis (each) if the format allows it. Default: worst for filters, each for simulators "
-            "and messages.",
+            "and messages."
         ),
     ] = None,
     inflation: Annotated[
@@ -71,8 +70,7 @@ def export(
         ),
     ] = f"{HORIZON:g}s",
     rate: Annotated[
-        float | None,
-        typer.Option(help="Sampling rate (Hz) in the other program. Default: the rate of the recording."),
+        float | None, typer.Option(help="Sampling rate (Hz) in the other program. Default: the rate of the recording.")
     ] = None,
     duration: Annotated[
         str | None,
@@ -83,13 +81,9 @@ def export(
         ),
     ] = None,
     output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="Write to this file. Default: print the text.", rich_help_panel=RESULT),
+        Path | None, ResultOption("--output", "-o", help="Write to this file. Default: print the text.")
     ] = None,
-    all: Annotated[
-        Path | None,
-        typer.Option("--all", help="Write one file in each format to this directory.", rich_help_panel=RESULT),
-    ] = None,
+    all: Annotated[Path | None, ResultOption("--all", help="Write one file in each format to this directory.")] = None,
 ) -> Outcome:
     """Write the noise of a calibrated unit in the format of another program.
 
@@ -100,10 +94,7 @@ def export(
     """
     if all is not None and (format is not None or output is not None):
         raise OptionError(
-            "--all writes every format",
-            argument="all",
-            got=str(all),
-            advice="Leave {--format} and {--output} out.",
+            "--all writes every format", argument="all", got=str(all), advice="Leave {--format} and {--output} out."
         )
     seconds = parse_length(horizon, "horizon")
     choice: _Choice = {
@@ -141,13 +132,7 @@ def _source(calibrations: list[Path] | None, source: str | None, rate: float | N
 
 
 def _fits_source(files: Sequence[Path], format: str | None) -> Calibration | None:
-    """Return the fits of a fits.json as a calibration; None if none of the files is a fits.json.
-
-    Raises
-    ------
-    OptionError
-        If other files are given too, or the format needs more than the models.
-    """
+    """Return the fits of a fits.json as a calibration; None if none of the files is a fits.json."""
     from gmwm import Fit
     from gmwm.cli.plan import fits_in
     from gmwm.showing.exporters.given import fitted_calibration

@@ -15,11 +15,12 @@ from gmwm.cli.likelihood_output import LIKELIHOOD, Judged, asked_again, judged, 
 from gmwm.cli.likelihood_output import as_dict as likelihood_as_dict
 from gmwm.cli.measuring import Chunked, measured_together, memory_for, needs_memory, opened_together
 from gmwm.cli.options import (
-    RESULT,
     AgainstOption,
     Datasheet,
     Efficiency,
+    EstimationOption,
     Filter,
+    ResultOption,
     Robust,
     TransformName,
     View,
@@ -80,31 +81,28 @@ def fit(
     against: AgainstOption = NONE,
     conditions: Annotated[
         Path | None,
-        typer.Option(
+        EstimationOption(
             help="CSV table of the parts of the recording at which a condition had a known value. Its columns are "
             "start and stop (s from the first sample) and the condition, for example start,stop,rate. One model is "
             "fitted to all parts.",
             metavar="TABLE",
-            rich_help_panel="Estimation",
         ),
     ] = None,
     varies: Annotated[
         list[str] | None,
-        typer.Option(
+        EstimationOption(
             help="With --conditions: how the variance of a term depends on the condition, as a sum of known functions "
             "with unknown coefficients, for example 'WN: 1 + rate**2' or 'WN: hats(-20, 20, 60)'. "
             "Repeat the option for other terms.",
             metavar="TERM: SUM",
-            rich_help_panel="Estimation",
         ),
     ] = None,
     weighting: Annotated[
         Literal["diagonal", "optimal", "identity"] | None,
-        typer.Option(
+        EstimationOption(
             help="Weights of the levels in the fit: inverse variances (diagonal), inverse covariance matrix (optimal), "
             "or equal weights (identity). Default: diagonal, but optimal for processes with several shape parameters "
-            "such as AR(2).",
-            rich_help_panel="Estimation",
+            "such as AR(2)."
         ),
     ] = None,
     filter: Filter = "haar",
@@ -113,61 +111,42 @@ def fit(
     efficiency: Efficiency = None,
     likelihood: Annotated[
         bool,
-        typer.Option(
+        EstimationOption(
             *LIKELIHOOD,
             help="Refine the wavelet fit by maximum likelihood, and print both. Outliers affect the likelihood.",
-            rich_help_panel="Estimation",
         ),
     ] = False,
     certify: Annotated[
         bool,
-        typer.Option(
-            "--certify/--no-certify",
-            help="Compute a certificate that the fit is the global optimum.",
-            rich_help_panel="Estimation",
-        ),
+        EstimationOption("--certify/--no-certify", help="Compute a certificate that the fit is the global optimum."),
     ] = True,
     start_draws: Annotated[
         int | None,
-        typer.Option(
+        EstimationOption(
             "--start-draws",
             help="Start from the best of this number of random parameter values instead of the usual search. Only for "
             "comparisons with the original method. --seed sets the random numbers.",
             metavar="DRAWS",
             min=1,
-            rich_help_panel="Estimation",
         ),
     ] = None,
     confidence: Annotated[
-        float,
-        typer.Option(
-            callback=checked_confidence,
-            help="Level of the confidence intervals.",
-            metavar="LEVEL",
-            rich_help_panel=RESULT,
-        ),
+        float, ResultOption(callback=checked_confidence, help="Level of the confidence intervals.", metavar="LEVEL")
     ] = 0.95,
     bootstrap_draws: Annotated[
         int | None,
-        typer.Option(
+        ResultOption(
             "--bootstrap-draws",
             help="Compute the intervals and the goodness-of-fit test from this number of simulated records, for "
             "example 500, instead of from theory. Intervals at 95 % need at least 39 records.",
             metavar="DRAWS",
-            rich_help_panel=RESULT,
         ),
     ] = None,
-    seed: Annotated[
-        int, typer.Option(help="Seed of the bootstrap and of the random draws.", min=0, rich_help_panel=RESULT)
-    ] = 0,
+    seed: Annotated[int, ResultOption(help="Seed of the bootstrap and of the random draws.", min=0)] = 0,
     chunked: Chunked = "auto",
-    plot: Annotated[
-        Path | None,
-        typer.Option(help="Plot the fits to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
-    ] = None,
+    plot: Annotated[Path | None, ResultOption(help="Plot the fits to this .png, .pdf or .svg file.")] = None,
     output: Annotated[
-        Path | None,
-        typer.Option(help="Write fits.json and a plot of each fit to this directory.", rich_help_panel=RESULT),
+        Path | None, ResultOption(help="Write fits.json and a plot of each fit to this directory.")
     ] = None,
     view: View = "wavelet",
     datasheet: Datasheet = False,
@@ -272,13 +251,7 @@ def _files(
 
 
 def _interval_method(confidence: float, draws: int | None, seed: int) -> IntervalMethod:
-    """Return the method for intervals and tests: theory, or a bootstrap if `draws` is given.
-
-    Raises
-    ------
-    OptionError
-        If there are too few simulated records for the confidence level.
-    """
+    """Return the method for intervals and tests: theory, or a bootstrap if `draws` is given."""
     from gmwm.fitting.estimation.bootstrap import as_draws
     from gmwm.fitting.estimation.summary import IntervalMethod
 

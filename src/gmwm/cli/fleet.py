@@ -17,20 +17,21 @@ from gmwm.base.threads import processors
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.cli.calibrate import ROBUST, Outliers, calibration_helpers
 from gmwm.cli.command import command
-from gmwm.cli.measuring import MACHINES
 from gmwm.cli.options import (
-    RESULT,
     AgainstOption,
     ChoiceWeighting,
     Confidence,
     CriterionName,
     Efficiency,
+    InputOption,
+    ParallelOption,
+    ResultOption,
     Searched,
     Seed,
     parse_searched,
 )
 from gmwm.cli.output import NewFile, Outcome, file_names, progress, text_file
-from gmwm.cli.read_options import INPUT, Axes
+from gmwm.cli.read_options import Axes
 from gmwm.measuring.regression.against import AUTO
 from gmwm.measuring.variance.biweight import EFFICIENCY
 from gmwm.recording.options import ReadOptions
@@ -58,22 +59,20 @@ def fleet(
     ],
     output: Annotated[
         Path,
-        typer.Option(
+        ResultOption(
             "--output",
             "-o",
             help="Write units/<unit>.json, fleet.json, fleet.parquet, summary.txt and fleet.png to this directory. "
             "Units whose results are already in this directory are skipped.",
-            rich_help_panel=RESULT,
         ),
     ],
     reading: ReadOptions,
     pattern: Annotated[
         str | None,
-        typer.Option(
+        InputOption(
             help="Pattern of the files to read, such as '*.csv' for names or 'lot 7/*.csv' for paths in the folder. "
             "Default: all recordings.",
             metavar="PATTERN",
-            rich_help_panel=INPUT,
         ),
     ] = None,
     axis: Axes = None,
@@ -87,28 +86,25 @@ def fleet(
     seed: Seed = 0,
     scheduler: Annotated[
         str | None,
-        typer.Option(
+        ParallelOption(
             help="Address of a Dask scheduler, such as tcp://10.0.0.5:8786. Its workers need the files at the same "
             "paths. Default: this machine.",
             metavar="ADDRESS",
-            rich_help_panel=MACHINES,
         ),
     ] = None,
     workers: Annotated[
         int | None,
-        typer.Option(
+        ParallelOption(
             help="Number of worker processes on this machine; 0 uses only the main process. Default: one for each "
             "processor.",
             min=0,
-            rich_help_panel=MACHINES,
         ),
     ] = None,
     retries: Annotated[
         int,
-        typer.Option(
+        ParallelOption(
             help="Number of further attempts for a unit after an error of the file system or the loss of a worker.",
             min=0,
-            rich_help_panel=MACHINES,
         ),
     ] = 2,
 ) -> Outcome:

@@ -13,7 +13,7 @@ from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
-from gmwm.cli.options import RESULT
+from gmwm.cli.options import Plot, ResultOption
 from gmwm.cli.output import NewFile, Outcome, progress, text_file
 from gmwm.cli.read_options import Axes, chosen_names
 from gmwm.recording.options import ReadOptions
@@ -63,24 +63,17 @@ def fuse(
     ] = False,
     apply: Annotated[
         list[Path] | None,
-        typer.Option(
+        ResultOption(
             help="Apply the weights or the filter to this recording of the same array, for example one in motion. "
             "Repeat the option if there is a file for each unit.",
             metavar="FILE",
-            rich_help_panel=RESULT,
         ),
     ] = None,
     output: Annotated[
-        Path | None,
-        typer.Option(help="Write the fused recording to this .csv or .parquet file.", rich_help_panel=RESULT),
+        Path | None, ResultOption(help="Write the fused recording to this .csv or .parquet file.")
     ] = None,
-    csv: Annotated[
-        Path | None,
-        typer.Option(help="Write the predicted wavelet deviations to this CSV file.", rich_help_panel=RESULT),
-    ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
-    ] = None,
+    csv: Annotated[Path | None, ResultOption(help="Write the predicted wavelet deviations to this CSV file.")] = None,
+    plot: Plot = None,
 ) -> Outcome:
     """Fuse the parallel axes of several units into one virtual sensor with less noise.
 

@@ -6,13 +6,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
-
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, memory_for, opened
-from gmwm.cli.options import RESULT, AgainstOption
+from gmwm.cli.options import AgainstOption, ResultOption
 from gmwm.cli.output import NewFile, Outcome, progress
 from gmwm.cli.read_options import File
 from gmwm.measuring.inspection.result import text
@@ -40,16 +38,12 @@ def info(
     against: AgainstOption = AUTO,
     noise_against: Annotated[
         Literal["temperature", "time"] | None,
-        typer.Option(
+        ResultOption(
             help="Test whether the noise of each axis depends on the temperature or on time, at each scale and for "
-            "each term of the noise model.",
-            rich_help_panel=RESULT,
+            "each term of the noise model."
         ),
     ] = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option(help="Plot all axes over time to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
-    ] = None,
+    plot: Annotated[Path | None, ResultOption(help="Plot all axes over time to this .png, .pdf or .svg file.")] = None,
 ) -> Outcome:
     """Inspect a recording, and report whether it can be used for a calibration.
 

@@ -12,7 +12,7 @@ from gmwm.base.durations import parse_length
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
-from gmwm.cli.options import RESULT
+from gmwm.cli.options import Plot
 from gmwm.cli.output import NewFile, Outcome, progress
 from gmwm.cli.read_options import Axes, File, chosen_axes, load
 from gmwm.recording.options import ReadOptions
@@ -48,8 +48,7 @@ def joint(
         ),
     ] = None,
     certify: Annotated[
-        bool,
-        typer.Option("--certify", help="Prove by branch and bound that no other correlation times fit better."),
+        bool, typer.Option("--certify", help="Prove by branch and bound that no other correlation times fit better.")
     ] = False,
     certify_within: Annotated[
         str,
@@ -58,9 +57,7 @@ def joint(
             metavar="TIME",
         ),
     ] = "60s",
-    plot: Annotated[
-        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
-    ] = None,
+    plot: Plot = None,
 ) -> Outcome:
     """Fit one model to several axes at once, including the noise that the axes share.
 

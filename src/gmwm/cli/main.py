@@ -71,13 +71,7 @@ def accept_all_characters(stream: io.TextIOWrapper) -> None:
 
 
 def _terminate(number: int, _frame: FrameType | None) -> None:
-    """Handle SIGTERM and SIGHUP by an exception, as for Ctrl-C, so that temporary files are removed.
-
-    Raises
-    ------
-    Terminated
-        Always.
-    """
+    """Handle SIGTERM and SIGHUP by an exception, as for Ctrl-C, so that temporary files are removed."""
     raise Terminated(number)
 
 

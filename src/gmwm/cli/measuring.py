@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
-
 from gmwm.base.errors import OptionError
+from gmwm.cli.options import InputOption, ParallelOption
 from gmwm.cli.output import progress, tell
-from gmwm.cli.read_options import INPUT, chosen_axes, chosen_names, load, names_of
+from gmwm.cli.read_options import chosen_axes, chosen_names, load, names_of
 from gmwm.measuring.regression.against import NONE, Asked
 from gmwm.recording.options import ReadOptions
 
@@ -22,59 +21,33 @@ if TYPE_CHECKING:
 
 Chunked = Annotated[
     Literal["auto", "yes", "no"],
-    typer.Option(
+    InputOption(
         help="Read the recording in chunks, which needs little memory. auto: only for files of 300 MB or more. The "
-        "result is the same.",
-        rich_help_panel=INPUT,
+        "result is the same."
     ),
 ]
-MACHINES = "Parallel work"
 Scheduler = Annotated[
     str | None,
-    typer.Option(
+    ParallelOption(
         help="Address of a Dask scheduler, such as tcp://10.0.0.5:8786. Each worker reads a part of the recording and "
         "needs the file at the same path. Default: this process.",
         metavar="ADDRESS",
-        rich_help_panel=MACHINES,
     ),
 ]
 Workers = Annotated[
     int | None,
-    typer.Option(
+    ParallelOption(
         help="Number of processes on this machine; each reads a part of the recording. Default: threads in one "
         "process.",
         min=1,
-        rich_help_panel=MACHINES,
     ),
 ]
 
 
 def opened(
-    path: Path,
-    reading: ReadOptions,
-    chunked: Literal["auto", "yes", "no"],
-    *,
-    spread: bool = False,
-    whole: str = "",
+    path: Path, reading: ReadOptions, chunked: Literal["auto", "yes", "no"], *, spread: bool = False, whole: str = ""
 ) -> Imu | Stream:
-    """Open the recording in a file, in memory or in chunks.
-
-    Parameters
-    ----------
-    path : Path
-    reading : ReadOptions
-    chunked : "auto", "yes" or "no"
-        Value of --chunked.
-    spread : bool
-        Whether worker processes read the recording. They always read in chunks.
-    whole : str
-        The option that needs the whole recording in memory, for the error message; "" if there is none.
-
-    Raises
-    ------
-    OptionError
-        If the options need the recording both in memory and in chunks.
-    """
+    """Open the recording in a file, in memory or in chunks."""
     whole = whole or ("--gaps longest" if reading.gaps == "longest" else "")
     if whole and (spread or chunked == "yes"):
         chunks = "--scheduler and --workers read" if spread else "--chunked yes reads"
@@ -137,20 +110,7 @@ def stream_curves(
 
 
 def memory_for(against: str, other: str = "") -> str:
-    """Return --against if its value needs the whole recording in memory, otherwise `other`.
-
-    Parameters
-    ----------
-    against : str
-        Value of --against.
-    other : str
-        Another option that needs the whole recording in memory; "" if there is none.
-
-    Raises
-    ------
-    OptionError
-        If both options are given, because --against needs Haar coefficients.
-    """
+    """Return --against if its value needs the whole recording in memory, otherwise `other`."""
     if other and against != NONE:
         reason = f"--against removes an effect from Haar coefficients only, and cannot be combined with {other}"
         raise OptionError(reason, argument="against", got=against, advice="Leave one of them out.")
@@ -188,13 +148,7 @@ def opened_together(
 
 
 def axes_together(recordings: Mapping[str, Imu | Stream], wanted: Sequence[str] | None) -> list[str]:
-    """Return those axes of --axis that all recordings have.
-
-    Raises
-    ------
-    DataError
-        If the recordings have no axis in common.
-    """
+    """Return those axes of --axis that all recordings have."""
     from gmwm.calibration.data import common_axes
 
     return common_axes(
@@ -216,11 +170,6 @@ def measured_together(
 
     For one recording, these are signals or wavelet variances. For several recordings, they are pooled wavelet
     variances.
-
-    Raises
-    ------
-    DataError
-        If several recordings cannot be pooled.
     """
     from gmwm.measuring.variance.api import wavelet_variance
     from gmwm.measuring.variance.pooling import pool
@@ -243,19 +192,7 @@ def measured_together(
 
 
 def tell_inspection(imu: Imu | Stream, against: str = NONE) -> Conditions:
-    """Inspect a recording, and add the remarks about motion, knocks and similar problems to the warnings.
-
-    Parameters
-    ----------
-    imu : Imu or Stream
-    against : str
-        Covariates whose effect is removed before the inspection, as for --against.
-
-    Returns
-    -------
-    Conditions
-        The covariates, with the regression of each axis on them.
-    """
+    """Inspect a recording, and add the remarks about motion, knocks and similar problems to the warnings."""
     from gmwm.measuring.inspection.api import inspect_with
     from gmwm.measuring.regression.against import Asked
     from gmwm.measuring.regression.conditions import Conditions

@@ -11,6 +11,7 @@ import typer
 
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.cli.likelihood_output import LIKELIHOOD, likelihood_fits
+from gmwm.cli.options import EstimationOption
 
 if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
@@ -32,16 +33,15 @@ FromFits = Annotated[
     Path | None,
     typer.Option(
         help="Instead of --model: the fits.json of gmwm fit or the calibration.json of gmwm calibrate. It can come "
-        "from this recording, or from another recording of the same unit at the same rate.",
+        "from this recording, or from another recording of the same unit at the same rate."
     ),
 ]
 ByLikelihood = Annotated[
     bool,
-    typer.Option(
+    EstimationOption(
         *LIKELIHOOD,
         help="Fit the model by maximum likelihood, starting from the wavelet fit. With --from-fits, use the "
         "maximum-likelihood fit in the file.",
-        rich_help_panel="Estimation",
     ),
 ]
 
@@ -96,13 +96,7 @@ class ModelSource:
 def model_source(
     model: str | None, from_fits: Path | None, likelihood: bool, robust: bool = False, efficiency: float = 0.6
 ) -> ModelSource:
-    """Check the options that define the model.
-
-    Raises
-    ------
-    OptionError
-        If not exactly one of --model and --from-fits is given, or --robust is combined with --from-fits.
-    """
+    """Check the options that define the model."""
     from gmwm import Model
     from gmwm.cli.plan import fits_in
 

@@ -19,7 +19,7 @@ from gmwm.base.text import counted
 from gmwm.cli.command import command
 from gmwm.cli.growing_source import Idle, growing_source, interruptible, remarks_on_end
 from gmwm.cli.noise_source import GivenText, given
-from gmwm.cli.options import RESULT, Json
+from gmwm.cli.options import Json, ResultOption
 from gmwm.cli.output import NewFile, Outcome, file_names, tell
 from gmwm.cli.read_options import Axes, chosen_names, names_of
 from gmwm.recording.options import ReadOptions
@@ -55,7 +55,7 @@ def monitor(
         Path | None,
         typer.Option(
             help="Noise models of the sensor: the calibration.json of gmwm calibrate, the fits.json of gmwm fit, or "
-            "the folder of one of them.",
+            "the folder of one of them."
         ),
     ] = None,
     source: GivenText = None,
@@ -63,7 +63,7 @@ def monitor(
         Path | None,
         typer.Option(
             help="Recording of the healthy sensor at rest, from which the baseline of the control charts is computed. "
-            "Default: the baseline in calibration.json.",
+            "Default: the baseline in calibration.json."
         ),
     ] = None,
     every: Annotated[
@@ -80,15 +80,9 @@ def monitor(
     idle: Idle = None,
     plot: Annotated[
         Path | None,
-        typer.Option(
-            help="Plot the signals with the events, and the control charts, to this .png, .pdf or .svg file.",
-            rich_help_panel=RESULT,
-        ),
+        ResultOption(help="Plot the signals with the events, and the control charts, to this .png, .pdf or .svg file."),
     ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="Write a summary to this .html file.", rich_help_panel=RESULT),
-    ] = None,
+    output: Annotated[Path | None, ResultOption("--output", "-o", help="Write a summary to this .html file.")] = None,
     json: Json = False,
 ) -> Outcome:
     """Report when a sensor at rest has changed: noise, level, drift, hum, spikes, frozen values, lost samples.

@@ -73,15 +73,7 @@ def calibration_in(text: str) -> Calibration | None:
 
 
 def noise_of(text: str, rate: float | None, option: str = "SOURCE") -> NoiseSource:
-    """Read the noise of a sensor from a calibration, from fits, or from a datasheet or file of another program.
-
-    Raises
-    ------
-    OptionError
-        If `text` is none of these.
-    ReadError
-        If the file contains neither fits nor the noise parameters of another program.
-    """
+    """Read the noise of a sensor from a calibration, from fits, or from a datasheet or file of another program."""
     from gmwm import Fit
     from gmwm.cli.plan import fits_in
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -19,89 +21,68 @@ from gmwm.recording.options import as_confidence
 if TYPE_CHECKING:
     from gmwm.theory.processes.model import Model, ModelLike
 
-RESULT = "Result"
+ResultOption = partial(typer.Option, rich_help_panel="Result")
+EstimationOption = partial(typer.Option, rich_help_panel="Estimation")
+InputOption = partial(typer.Option, rich_help_panel="Input")
+ParallelOption = partial(typer.Option, rich_help_panel="Parallel work")
 _PLACE = re.compile(r"\s*(\w+)\s*=(.*)", re.DOTALL)
 
-Json = Annotated[
-    bool,
-    typer.Option(
-        "--json",
-        help="Print only JSON on stdout; warnings and progress go to stderr.",
-        rich_help_panel=RESULT,
-    ),
-]
-AllRemarks = Annotated[
-    bool,
-    typer.Option("--all-remarks", help="Show all remarks instead of the five most severe.", rich_help_panel=RESULT),
-]
+Json = Annotated[bool, ResultOption("--json", help="Print only JSON on stdout; warnings and progress go to stderr.")]
+AllRemarks = Annotated[bool, ResultOption("--all-remarks", help="Show all remarks instead of the five most severe.")]
 View = Annotated[
     Literal["wavelet", "allan"],
-    typer.Option(
-        help="Show the wavelet variance over the scale, or the Allan deviation over the averaging time.",
-        rich_help_panel=RESULT,
-    ),
+    ResultOption(help="Show the wavelet variance over the scale, or the Allan deviation over the averaging time."),
 ]
-Datasheet = Annotated[
-    bool, typer.Option("--datasheet", help="Use deg/h and mg instead of rad/s and m/s².", rich_help_panel=RESULT)
-]
+Datasheet = Annotated[bool, ResultOption("--datasheet", help="Use deg/h and mg instead of rad/s and m/s².")]
 Filter = Annotated[
     str,
-    typer.Option(
-        help="Wavelet filter: haar, d4 … d16, la8 … la20, fk4 … fk22, bl14, bl20, mb4 … mb24, or a name of PyWavelets.",
-        rich_help_panel="Estimation",
+    EstimationOption(
+        help="Wavelet filter: haar, d4 … d16, la8 … la20, fk4 … fk22, bl14, bl20, mb4 … mb24, or a name of PyWavelets."
     ),
 ]
 TransformName = Annotated[
     Literal["modwt", "dwt"],
-    typer.Option(
+    EstimationOption(
         "--transform",
         help="Use the maximal-overlap transform (modwt), or the decimated transform (dwt), whose estimates have a "
         "larger variance.",
-        rich_help_panel="Estimation",
     ),
 ]
+Plot = Annotated[Path | None, ResultOption(help="Plot to this .png, .pdf or .svg file.")]
 Robust = Annotated[
-    bool,
-    typer.Option(
-        "--robust",
-        help="Use the robust wavelet variance, which is insensitive to outliers.",
-        rich_help_panel="Estimation",
-    ),
+    bool, EstimationOption("--robust", help="Use the robust wavelet variance, which is insensitive to outliers.")
 ]
 
 
 checked_against = checked(Asked.of)
 Efficiency = Annotated[
     float | None,
-    typer.Option(
+    EstimationOption(
         callback=checked(biweight),
         help="Efficiency of the robust wavelet variance for Gaussian noise, 0.3 to 0.99. Lower values suppress "
         "outliers close to the noise; higher values tolerate more distant outliers. Default: 0.6.",
-        rich_help_panel="Estimation",
     ),
 ]
 Within = Annotated[
     str,
-    typer.Option(
+    EstimationOption(
         help="Largest model; all models that are part of it are compared. A term with a fixed value, such as "
         "WN(sigma2=fixed(1e-6)), is in all of them.",
         metavar="MODEL",
-        rich_help_panel="Estimation",
     ),
 ]
 Searched = Annotated[
     str,
-    typer.Option(
+    EstimationOption(
         "--within",
         help="Largest model; all models that are part of it are compared. auto: search for the model with the "
         "wavelet variance and the spectrum.",
         metavar="MODEL",
-        rich_help_panel="Estimation",
     ),
 ]
 AgainstOption = Annotated[
     str,
-    typer.Option(
+    EstimationOption(
         "--against",
         callback=checked_against,
         help="Remove the effect of covariates from each axis before its noise is estimated. auto: remove the effect of "
@@ -109,25 +90,22 @@ AgainstOption = Annotated[
         "warmup, or several joined by +, with options such as temperature:2,lag (degree 2, and its rate of change), "
         "temperature:knots=2 or time:3.",
         metavar="COVARIATES",
-        rich_help_panel="Estimation",
     ),
 ]
 ChoiceWeighting = Annotated[
     Literal["optimal", "diagonal"],
-    typer.Option(
+    EstimationOption(
         "--weighting",
         help="Weight the levels in the fit by the inverse of their covariance matrix (optimal) or of their variances "
         "(diagonal).",
-        rich_help_panel="Estimation",
     ),
 ]
 CriterionName = Annotated[
     Literal["asymptotic", "bootstrap"],
-    typer.Option(
+    EstimationOption(
         "--criterion",
         help="Compute the penalty of a model, for the comparison of models, from theory (asymptotic) or from simulated "
         "records (bootstrap).",
-        rich_help_panel="Estimation",
     ),
 ]
 
@@ -135,14 +113,13 @@ CriterionName = Annotated[
 checked_confidence = checked(as_confidence)
 Confidence = Annotated[
     float,
-    typer.Option(
+    EstimationOption(
         callback=checked_confidence,
         help="Confidence level of the intervals, and of the comparison of models.",
         metavar="LEVEL",
-        rich_help_panel="Estimation",
     ),
 ]
-Seed = Annotated[int, typer.Option(help="Seed of the simulated records.", min=0, rich_help_panel="Estimation")]
+Seed = Annotated[int, EstimationOption(help="Seed of the simulated records.", min=0)]
 
 
 def parse_within(text: str) -> Model:
@@ -169,13 +146,7 @@ def parse_searched(text: str) -> Model | str:
 
 
 def chosen_efficiency(robust: bool, efficiency: float | None) -> float:
-    """Return the efficiency of the robust wavelet variance, 0.6 by default.
-
-    Raises
-    ------
-    OptionError
-        If --efficiency is given without --robust.
-    """
+    """Return the efficiency of the robust wavelet variance, 0.6 by default."""
     if efficiency is not None and not robust:
         raise OptionError(
             "--efficiency applies only to the robust wavelet variance",

@@ -195,12 +195,7 @@ def _plain(value: Any) -> Any:
 
 
 def table_text(
-    columns: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    *,
-    title: str = "",
-    texts: int = 1,
-    rules: Sequence[int] = (),
+    columns: Sequence[str], rows: Sequence[Sequence[str]], *, title: str = "", texts: int = 1, rules: Sequence[int] = ()
 ) -> str:
     """Format a table with column headings. The table is as wide as its contents: no cell is wrapped or truncated.
 
@@ -239,13 +234,7 @@ def table_text(
 
 
 def units_text(units: Mapping[str, str]) -> str:
-    """Format the units of parameters in one line, with each parameter name once.
-
-    Parameters
-    ----------
-    units : mapping of str to str
-        Unit of each parameter, by its full name such as "GM[1].sigma2".
-    """
+    """Format the units of parameters in one line, with each parameter name once."""
     of = {name.rpartition(".")[2]: unit for name, unit in units.items() if unit}
     # If two parameters with the same short name have different units, such as σ² of GM and of AR1, use full names.
     if len(set(of.items())) != len({(name.rpartition(".")[2], unit) for name, unit in units.items() if unit}):

@@ -15,7 +15,7 @@ from gmwm.base.remarks import Remark
 from gmwm.base.units import SI_UNIT
 from gmwm.cli.command import command
 from gmwm.cli.noise_source import GivenText, given
-from gmwm.cli.options import RESULT
+from gmwm.cli.options import Plot
 from gmwm.cli.output import NewFile, Outcome, progress, tell
 
 if TYPE_CHECKING:
@@ -55,26 +55,23 @@ def plan(
         Path | None,
         typer.Option(
             help="Instead of MODEL: the fits.json of gmwm fit or the calibration.json of gmwm calibrate for a pilot "
-            "recording.",
+            "recording."
         ),
     ] = None,
     source: GivenText = None,
     axis: Annotated[str | None, typer.Option(help="Axis to use from --from-fits or --from.")] = None,
     rate: Annotated[float | None, typer.Option(help="Sampling rate (Hz). Not needed with --from-fits.")] = None,
     accuracy: Annotated[
-        str,
-        typer.Option(help="Desired relative standard error, as 0.1 or 10%; at most 0.5.", metavar="SHARE"),
+        str, typer.Option(help="Desired relative standard error, as 0.1 or 10%; at most 0.5.", metavar="SHARE")
     ] = "0.1",
     weighting: Annotated[
         Literal["diagonal", "optimal"] | None,
         typer.Option(
             help="Weights of the planned fit: inverse variances (diagonal) or inverse covariance matrix (optimal). "
-            "Default: diagonal, but optimal for processes with several shape parameters such as AR(2).",
+            "Default: diagonal, but optimal for processes with several shape parameters such as AR(2)."
         ),
     ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
-    ] = None,
+    plot: Plot = None,
 ) -> Outcome:
     """Plan how long to record: print the standard error of each parameter for several durations.
 
@@ -182,20 +179,7 @@ def pilot(path: Path, axis: str | None) -> tuple[str, dict[str, Any]]:
 
 
 def fits_in(path: Path) -> tuple[str | None, dict[str, Any]]:
-    """Read the fits from a fits.json or calibration.json, or from the one of these files that a folder contains.
-
-    Returns
-    -------
-    recording : str or None
-        Path of the recording that was fitted, if it is known.
-    fits : dict of str to dict
-        The fit of each axis, in the form of `Fit.to_dict`.
-
-    Raises
-    ------
-    ReadError
-        If there is no such file, it has no fits, or the folder contains both files.
-    """
+    """Read the fits from a fits.json or calibration.json, or from the one of these files that a folder contains."""
     if path.is_dir():
         candidates = [path / name for name in ("calibration.json", "fits.json") if (path / name).is_file()]
         if not candidates:
@@ -235,13 +219,7 @@ def _not_fits(path: Path, why: str) -> ReadError:
 
 
 def _fits(content: Any) -> tuple[str | None, dict[str, Any]]:
-    """Return the recording and the fit of each axis in a fits.json or calibration.json.
-
-    Raises
-    ------
-    ReadError
-        If any part of the document is missing or wrong.
-    """
+    """Return the recording and the fit of each axis in a fits.json or calibration.json."""
     from gmwm import Calibration, Fit
     from gmwm.calibration.document import FORMAT
     from gmwm.fitting.likelihood import LikelihoodFit

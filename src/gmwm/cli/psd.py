@@ -6,11 +6,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
-
 from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, opened, tell_inspection
-from gmwm.cli.options import RESULT
+from gmwm.cli.options import EstimationOption, Plot, ResultOption
 from gmwm.cli.output import NewFile, Outcome, progress, table_text, text_file
 from gmwm.cli.read_options import Axes, File, chosen_axes, chosen_names
 from gmwm.recording.options import ReadOptions
@@ -26,7 +24,6 @@ EXAMPLES = (
     "gmwm psd static.csv --axis accel --plot psd.png --datasheet",
     "gmwm psd static.csv --length 4096 --csv psd.csv",
 )
-ESTIMATION = "Estimation"
 
 
 @command
@@ -37,29 +34,18 @@ def psd(
     chunked: Chunked = "auto",
     length: Annotated[
         int | None,
-        typer.Option(
+        EstimationOption(
             help="Length of the blocks (samples), an even number of at least 8. Default: the largest power of two up "
-            "to 65536 that gives at least 15 blocks.",
-            rich_help_panel=ESTIMATION,
+            "to 65536 that gives at least 15 blocks."
         ),
     ] = None,
     detrend: Annotated[
         Literal["constant", "linear"],
-        typer.Option(
-            help="Trend to remove from each block: its mean (constant) or a fitted line (linear).",
-            rich_help_panel=ESTIMATION,
-        ),
+        EstimationOption(help="Trend to remove from each block: its mean (constant) or a fitted line (linear)."),
     ] = "constant",
-    datasheet: Annotated[
-        bool,
-        typer.Option("--datasheet", help="Use deg/s/√Hz and µg/√Hz in the plot.", rich_help_panel=RESULT),
-    ] = False,
-    csv: Annotated[
-        Path | None, typer.Option(help="Write all frequencies to this CSV file (SI units).", rich_help_panel=RESULT)
-    ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
-    ] = None,
+    datasheet: Annotated[bool, ResultOption("--datasheet", help="Use deg/s/√Hz and µg/√Hz in the plot.")] = False,
+    csv: Annotated[Path | None, ResultOption(help="Write all frequencies to this CSV file (SI units).")] = None,
+    plot: Plot = None,
 ) -> Outcome:
     """Print the lines and the resonances in the power spectral density of each axis.
 
@@ -74,10 +60,7 @@ def psd(
     if plot is not None:
         files.append(NewFile(plot, partial(_draw, spectra, system), "plotting"))
     return Outcome(
-        command="psd",
-        document={"file": str(file), "axes": spectra.to_dict()},
-        text=_text(spectra),
-        files=tuple(files),
+        command="psd", document={"file": str(file), "axes": spectra.to_dict()}, text=_text(spectra), files=tuple(files)
     )
 
 

@@ -13,14 +13,13 @@ import typer
 from gmwm.base.durations import parse_length
 from gmwm.base.errors import OptionError
 from gmwm.base.units import SI_UNIT
+from gmwm.cli.options import InputOption
 from gmwm.files.columns.columns import parse_columns
 from gmwm.files.columns.scale_factors import parse_scale
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
     from gmwm.recording.signals import Imu, Signal
-
-INPUT = "Input"
 
 File = Annotated[
     Path,
@@ -39,104 +38,84 @@ Files = Annotated[
         metavar="FILE…",
     ),
 ]
-Rate = Annotated[
-    float | None,
-    typer.Option(help="Sampling rate (Hz). Not needed if the file has time stamps.", rich_help_panel=INPUT),
-]
+Rate = Annotated[float | None, InputOption(help="Sampling rate (Hz). Not needed if the file has time stamps.")]
 Units = Annotated[
     str | None,
-    typer.Option(
+    InputOption(
         help="Units, if the file does not state them. Gyroscopes: rad/s, deg/s, mdeg/s, deg/h; accelerometers: m/s², "
         "g, mg, mGal, µg; time: s, ms, us, ns.",
         metavar="gyro=deg/s,accel=g",
-        rich_help_panel=INPUT,
     ),
 ]
 Scale = Annotated[
     str | None,
-    typer.Option(
+    InputOption(
         help="Scale factors for raw counts, by sensor or axis. Each number in the file is multiplied by its factor.",
         metavar="gyro=1/131,accel_x=6.1e-5",
-        rich_help_panel=INPUT,
     ),
 ]
 Increments = Annotated[
     str | None,
-    typer.Option(
+    InputOption(
         help="Sensors or axes whose numbers are increments of angle or velocity per sample. The increments are "
         "multiplied by the sampling rate; for increments in degrees, give the unit deg/s in --units.",
         metavar="gyro,accel",
-        rich_help_panel=INPUT,
     ),
 ]
 Columns = Annotated[
     str | None,
-    typer.Option(
+    InputOption(
         help="Axes of the columns, if the file does not name them: a list in the order of the columns, in which an "
         "empty item skips a column; or items axis=NAME or axis=INDEX, with indices from 0. time= ignores the time "
         "stamps.",
         metavar="time,gyro_x,gyro_y,…",
-        rich_help_panel=INPUT,
     ),
 ]
 Gaps = Annotated[
     Literal["keep", "longest"],
-    typer.Option(
-        help="If samples are missing: use all segments between the gaps (keep), or only the longest segment (longest).",
-        rich_help_panel=INPUT,
+    InputOption(
+        help="If samples are missing: use all segments between the gaps (keep), or only the longest segment (longest)."
     ),
 ]
 BadLines = Annotated[
     Literal["error", "skip"],
-    typer.Option(
+    InputOption(
         help="If a line of a text file cannot be read: stop with an error that names the line (error), or treat the "
-        "line as missing samples (skip).",
-        rich_help_panel=INPUT,
+        "line as missing samples (skip)."
     ),
 ]
 Format = Annotated[
     str | None,
-    typer.Option(
+    InputOption(
         help="Format of the file, if its content does not show it, for example imu:LN200 for .imu records of that "
         "sensor. If the name is unknown, the error lists all formats.",
         metavar="NAME",
-        rich_help_panel=INPUT,
     ),
 ]
 
 
 Start = Annotated[
     str | None,
-    typer.Option(
+    InputOption(
         help="Start at this time after the first sample, such as 90s, 10min, 1h30m or a number of seconds.",
         metavar="LENGTH",
-        rich_help_panel=INPUT,
     ),
 ]
-Stop = Annotated[
-    str | None,
-    typer.Option(
-        help="Stop at this time after the first sample.",
-        metavar="LENGTH",
-        rich_help_panel=INPUT,
-    ),
-]
+Stop = Annotated[str | None, InputOption(help="Stop at this time after the first sample.", metavar="LENGTH")]
 Skip = Annotated[
     list[str] | None,
-    typer.Option(
+    InputOption(
         help="Leave out a time range, such as 20min-25min after the first sample. For several ranges, repeat the "
         "option or use commas.",
         metavar="FROM-TO",
-        rich_help_panel=INPUT,
     ),
 ]
 Topic = Annotated[
     str | None,
-    typer.Option(
+    InputOption(
         help="Recording to read from a file that contains several, for example a topic of a ROS bag. If the option is "
         "missing for such a file, the error lists the names.",
         metavar="NAME",
-        rich_help_panel=INPUT,
     ),
 ]
 
@@ -159,13 +138,7 @@ class ReadOptionTexts:
     increments: Increments = None
 
     def parsed(self) -> ReadOptions:
-        """Parse and check the options, and return them as `ReadOptions`.
-
-        Raises
-        ------
-        OptionError, UnitError
-            If a value is not allowed.
-        """
+        """Parse and check the options, and return them as `ReadOptions`."""
         return ReadOptions(
             rate=self.rate,
             columns=parse_columns(self.columns),
@@ -184,12 +157,11 @@ class ReadOptionTexts:
 
 Axes = Annotated[
     list[str] | None,
-    typer.Option(
+    InputOption(
         "--axis",
         help="Axis to use: gyro_x … accel_z, or gyro or accel for all three axes of a sensor. For several axes, repeat "
         "the option or use commas. Default: all axes.",
         metavar="AXIS",
-        rich_help_panel=INPUT,
     ),
 ]
 
@@ -262,13 +234,7 @@ def chosen_names(known: Sequence[str], wanted: Sequence[str] | None) -> list[str
 
 
 def names_of(files: Sequence[Path]) -> list[str]:
-    """Return a unique name for each file: its stem, the name of its folder, or its path.
-
-    Raises
-    ------
-    OptionError
-        If a file is given twice.
-    """
+    """Return a unique name for each file: its stem, the name of its folder, or its path."""
     for names in ([file.stem for file in files], [file.resolve().parent.name for file in files]):
         if len(set(names)) == len(names):
             return names
@@ -284,13 +250,7 @@ def document_of(files: Sequence[Path]) -> dict[str, object]:
 
 
 def only_file(files: Sequence[Path], option: str) -> Path:
-    """Return the only file of a command.
-
-    Raises
-    ------
-    OptionError
-        If there are several files. The message names `option`, which allows only one.
-    """
+    """Return the only file of a command."""
     if len(files) > 1:
         raise OptionError(
             f"{option} needs one recording, but {len(files)} are given", argument="files",

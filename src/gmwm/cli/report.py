@@ -9,7 +9,7 @@ import typer
 
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
-from gmwm.cli.options import RESULT
+from gmwm.cli.options import ResultOption
 from gmwm.cli.output import Outcome, calibration_file, progress
 
 EXAMPLES = (
@@ -24,8 +24,7 @@ def report(
     file: Annotated[
         Path,
         typer.Argument(
-            help="The calibration.json that gmwm calibrate --output wrote, or its folder.",
-            metavar="CALIBRATION",
+            help="The calibration.json that gmwm calibrate --output wrote, or its folder.", metavar="CALIBRATION"
         ),
     ],
     one_page: Annotated[
@@ -44,11 +43,10 @@ def report(
     ] = False,
     output: Annotated[
         Path | None,
-        typer.Option(
+        ResultOption(
             "--output",
             "-o",
             help="Write to this file. Default: report.html, or one_page.html, in the folder of the calibration.",
-            rich_help_panel=RESULT,
         ),
     ] = None,
 ) -> Outcome:

@@ -6,14 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from gmwm.base.errors import OptionError
 from gmwm.base.text import p_text
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
 from gmwm.cli.model_source import AxisModel, ByLikelihood, FromFits, ModelText, axes_of, axis_models, model_source
-from gmwm.cli.options import RESULT, Efficiency, Robust, chosen_efficiency
+from gmwm.cli.options import Efficiency, ResultOption, Robust, chosen_efficiency
 from gmwm.cli.output import NewFile, Outcome, file_names, table_text
 from gmwm.cli.read_options import Axes, File, chosen_axes, load
 from gmwm.recording.options import ReadOptions
@@ -40,19 +38,13 @@ def residuals(
     robust: Robust = False,
     efficiency: Efficiency = None,
     lags: Annotated[
-        int | None,
-        typer.Option(
-            help="Number of lags of the Ljung-Box test. Default: 10 log₁₀ n for n samples.",
-            min=1,
-            rich_help_panel=RESULT,
-        ),
+        int | None, ResultOption(help="Number of lags of the Ljung-Box test. Default: 10 log₁₀ n for n samples.", min=1)
     ] = None,
     plot: Annotated[
         Path | None,
-        typer.Option(
+        ResultOption(
             help="Plot the residuals of one axis, their quantiles and their autocorrelation to this .png, .pdf or "
-            ".svg file.",
-            rich_help_panel=RESULT,
+            ".svg file."
         ),
     ] = None,
 ) -> Outcome:

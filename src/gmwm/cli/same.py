@@ -24,8 +24,7 @@ EXAMPLES = (
 @command
 def same(
     files: Annotated[
-        list[Path],
-        typer.Argument(help="Two or more recordings of any supported format.", metavar="FILE FILE…"),
+        list[Path], typer.Argument(help="Two or more recordings of any supported format.", metavar="FILE FILE…")
     ],
     reading: ReadOptions,
     axis: Axes = None,

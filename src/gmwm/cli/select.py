@@ -6,19 +6,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from gmwm.base.errors import OptionError
 from gmwm.choosing.selection.options import SLOW, RankingOptions
 from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, axes_together, measured_together, memory_for, opened_together
 from gmwm.cli.options import (
-    RESULT,
     AgainstOption,
     ChoiceWeighting,
     Confidence,
     CriterionName,
     Efficiency,
+    ResultOption,
     Robust,
     Seed,
     Within,
@@ -58,20 +56,14 @@ def select(
     confidence: Confidence = 0.95,
     seed: Seed = 0,
     chunked: Chunked = "auto",
-    limit: Annotated[
-        int, typer.Option(help="Number of models to print for each axis.", min=1, rich_help_panel=RESULT)
-    ] = 10,
+    limit: Annotated[int, ResultOption(help="Number of models to print for each axis.", min=1)] = 10,
     plot: Annotated[
-        Path | None,
-        typer.Option(help="Plot the best models of one axis to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
+        Path | None, ResultOption(help="Plot the best models of one axis to this .png, .pdf or .svg file.")
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            help="Write rankings.json and a plot of the best models of each axis to this directory.",
-            rich_help_panel=RESULT,
+        ResultOption(
+            "--output", "-o", help="Write rankings.json and a plot of the best models of each axis to this directory."
         ),
     ] = None,
 ) -> Outcome:

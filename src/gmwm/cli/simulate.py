@@ -56,8 +56,7 @@ def simulate(
     ] = False,
     source: GivenText = None,
     rate: Annotated[
-        float | None,
-        typer.Option(help="Sampling rate (Hz). Default: 100, or the rate in the file of --from."),
+        float | None, typer.Option(help="Sampling rate (Hz). Default: 100, or the rate in the file of --from.")
     ] = None,
     seed: Annotated[
         int, typer.Option(help="Seed of the simulation. The same seed gives the same recording.", min=0)
@@ -66,7 +65,7 @@ def simulate(
         Path | None,
         typer.Option(
             help="Also write the simulated process of each term to this .csv or .parquet file, in columns such as "
-            "'gyro_x WN \\[rad/s]'.",
+            "'gyro_x WN \\[rad/s]'."
         ),
     ] = None,
 ) -> Outcome:

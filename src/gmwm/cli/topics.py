@@ -15,25 +15,7 @@ from gmwm.recording.options import ReadOptions
 def each_topic(
     one: Callable[[ReadOptions, Path | None], Outcome], file: Path, reading: ReadOptions, output: Path | None
 ) -> Outcome:
-    """Run a command for each IMU topic of a file, and combine the outcomes into one.
-
-    Parameters
-    ----------
-    one : callable
-        Function that runs the command for one topic, given the options for reading and the directory for results.
-    file : Path
-    reading : ReadOptions
-        Options for reading, without a topic.
-    output : Path or None
-        Directory for results, in which each topic gets its own directory.
-
-    Raises
-    ------
-    OptionError
-        If `reading` already selects a topic.
-    DataError
-        If the command fails for every topic.
-    """
+    """Run a command for each IMU topic of a file, and combine the outcomes into one."""
     from gmwm.files.readers.topics import inertial_topics, topic_folder
 
     if reading.topic is not None:

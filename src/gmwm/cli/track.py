@@ -7,15 +7,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
-
 from gmwm.base.durations import parse_length
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
 from gmwm.cli.model_source import AxisModel, ByLikelihood, FromFits, ModelText, axes_of, axis_models, model_source
-from gmwm.cli.options import RESULT, Datasheet, Efficiency, Robust, checked_confidence, chosen_efficiency
+from gmwm.cli.options import Datasheet, Efficiency, ResultOption, Robust, checked_confidence, chosen_efficiency
 from gmwm.cli.output import NewFile, Outcome, file_names
 from gmwm.cli.read_options import Axes, File, chosen_axes, load
 from gmwm.cli.track_output import as_dict, tracks_text
@@ -49,50 +47,42 @@ def track(
     efficiency: Efficiency = None,
     kind: Annotated[
         Literal["smooth", "filter"],
-        typer.Option(
-            help="Estimate each sample from the whole recording (smooth), or from the samples up to it (filter).",
-            rich_help_panel=RESULT,
+        ResultOption(
+            help="Estimate each sample from the whole recording (smooth), or from the samples up to it (filter)."
         ),
     ] = "smooth",
     predict: Annotated[
         str | None,
-        typer.Option(
+        ResultOption(
             help="Predict the processes for this time after the end of the recording, such as 90s, 10min, 1h30m or a "
             "number of seconds, instead of estimating them in it.",
             metavar="LENGTH",
-            rich_help_panel=RESULT,
         ),
     ] = None,
     label: Annotated[
         list[str] | None,
-        typer.Option(
+        ResultOption(
             help="Process for --output and --plot: bias, level, or a term of the model such as GM[1]. Repeat the "
             "option for more processes. Default: all processes for --output, the bias for --plot.",
             metavar="LABEL",
-            rich_help_panel=RESULT,
         ),
     ] = None,
     confidence: Annotated[
-        float,
-        typer.Option(
-            callback=checked_confidence, help="Level of the confidence bands.", metavar="LEVEL", rich_help_panel=RESULT
-        ),
+        float, ResultOption(callback=checked_confidence, help="Level of the confidence bands.", metavar="LEVEL")
     ] = 0.95,
     output: Annotated[
         Path | None,
-        typer.Option(
+        ResultOption(
             "--output",
             "-o",
             help="Write the time, the data, and each process with its standard deviation to this .csv or .parquet "
             "file, in SI units. Missing samples are NaN.",
-            rich_help_panel=RESULT,
         ),
     ] = None,
     plot: Annotated[
         Path | None,
-        typer.Option(
-            help="Plot the data and the processes of one axis, with confidence bands, to this .png, .pdf or .svg file.",
-            rich_help_panel=RESULT,
+        ResultOption(
+            help="Plot the data and the processes of one axis, with confidence bands, to this .png, .pdf or .svg file."
         ),
     ] = None,
     datasheet: Datasheet = False,

@@ -57,8 +57,7 @@ def watch(
         ),
     ] = None,
     accuracy: Annotated[
-        str,
-        typer.Option(help="Desired relative standard error, as 0.1 or 10%; at most 0.5.", metavar="SHARE"),
+        str, typer.Option(help="Desired relative standard error, as 0.1 or 10%; at most 0.5.", metavar="SHARE")
     ] = "0.1",
     every: Annotated[str, typer.Option(help="Time between updates, such as 5s or 1min.", metavar="LENGTH")] = "5s",
     idle: Idle = None,

@@ -7,11 +7,19 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
-
 from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, Scheduler, Workers, needs_memory, opened, stream_curves, tell_inspection
-from gmwm.cli.options import RESULT, Datasheet, Efficiency, Filter, Robust, TransformName, View, chosen_efficiency
+from gmwm.cli.options import (
+    Datasheet,
+    Efficiency,
+    Filter,
+    Plot,
+    ResultOption,
+    Robust,
+    TransformName,
+    View,
+    chosen_efficiency,
+)
 from gmwm.cli.output import NewFile, Outcome, table_text, text_file
 from gmwm.cli.read_options import Axes, File, chosen_axes, chosen_names
 from gmwm.recording.options import ReadOptions
@@ -44,20 +52,10 @@ def wv(
     workers: Workers = None,
     view: View = "wavelet",
     datasheet: Datasheet = False,
-    csv: Annotated[
-        Path | None,
-        typer.Option(help="Write all levels of all axes to this CSV file (SI units).", rich_help_panel=RESULT),
-    ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
-    ] = None,
+    csv: Annotated[Path | None, ResultOption(help="Write all levels of all axes to this CSV file (SI units).")] = None,
+    plot: Plot = None,
     overlay: Annotated[
-        bool,
-        typer.Option(
-            "--overlay",
-            help="Plot the axes x, y and z of a sensor in one panel.",
-            rich_help_panel=RESULT,
-        ),
+        bool, ResultOption("--overlay", help="Plot the axes x, y and z of a sensor in one panel.")
     ] = False,
 ) -> Outcome:
     """Print the wavelet variance of each axis, or its Allan deviation.

@@ -40,13 +40,7 @@ def write(imu: Imu | Signal, path: str | os.PathLike[str], *, format: str | None
 
 
 def _recording(given: object) -> Imu:
-    """Return the recording to write.
-
-    Raises
-    ------
-    OptionError
-        If `given` is neither an Imu nor a Signal of one of the six axes.
-    """
+    """Return the recording to write."""
     if isinstance(given, Imu):
         return given
     if isinstance(given, Signal) and given.axis in AXES:

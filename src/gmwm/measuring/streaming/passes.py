@@ -230,13 +230,7 @@ def accumulators(
     count, held = (exact_levels(len(axes)), held_samples(len(axes))) if exact is None else (exact, None)
     return {
         axis: WaveletAccumulator(
-            rate,
-            levels=levels,
-            held=held,
-            exact=count,
-            unit=unit_of(recording, axis),
-            axis=axis,
-            robust=robust,
+            rate, levels=levels, held=held, exact=count, unit=unit_of(recording, axis), axis=axis, robust=robust
         )
         for axis in axes
     }

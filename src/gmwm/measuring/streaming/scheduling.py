@@ -131,13 +131,7 @@ def _processes(distributed: Any, workers: int, folder: str) -> Any:
 
 
 def _client(distributed: Any, address: object) -> Any:
-    """Connect to the scheduler at an address.
-
-    Raises
-    ------
-    OptionError
-        If `address` has another form, or no scheduler answers.
-    """
+    """Connect to the scheduler at an address."""
     if not isinstance(address, str) or not address.partition("://")[2]:
         raise OptionError(argument="scheduler", expected="an address such as tcp://10.0.0.5:8786", got=address)
     try:

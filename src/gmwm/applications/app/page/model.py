@@ -49,10 +49,7 @@ def panel() -> list[Any]:
         ),
         html.P(id="error-model", className="error", role="alert"),
         html.Div(
-            [
-                button("Use for all axes of the sensor", "spread"),
-                button("Let gmwm choose", "choose"),
-            ],
+            [button("Use for all axes of the sensor", "spread"), button("Let gmwm choose", "choose")],
             className="controls",
         ),
         html.Div(id="fit"),
@@ -104,20 +101,7 @@ def register(app: Dash, desk: Desk) -> None:
 
 
 def _apply_change(session: Session, workspace: Workspace, hit: Any, value: Any, *, typed: str, term: str) -> Session:
-    """Return the session after an action of the user on this tab.
-
-    Parameters
-    ----------
-    session, workspace
-    hit : str or dict
-        Identifier of the component with which the action was done.
-    value : object
-        New value of the component.
-    typed : str
-        Text in the field of the model.
-    term : str
-        Process that is selected in the menu.
-    """
+    """Return the session after an action of the user on this tab."""
     axis = axis_of(session, workspace)
     kind = hit["type"] if isinstance(hit, dict) else hit
     if kind == "axis":
