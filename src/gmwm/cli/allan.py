@@ -8,12 +8,12 @@ from collections.abc import Callable, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
-from gmwm.cli.options import Datasheet, EstimationOption, Plot, ResultOption
-from gmwm.cli.output import NewFile, Outcome, progress, table_text, text_file
+from gmwm.cli.options import Datasheet, EstimationOption, Plot, ResultOption, unit_system
+from gmwm.cli.output import Outcome, csv_file, plot_file, progress, table_text
 from gmwm.cli.read_options import Axes, File, chosen_axes, load
 from gmwm.recording.options import ReadOptions
 
@@ -67,6 +67,8 @@ def allan(
     The samples are angular rates and specific forces. The 95 % confidence intervals come from a chi-square
     distribution, whose degrees of freedom depend on the dominant noise type at each averaging time.
     """
+    from gmwm.measuring.variance.allan_regression import avlr
+
     if slopes and kind not in ("overlapping", "nonoverlapping", "total"):
         raise OptionError(
             f"--slopes needs an Allan deviation, not --kind {kind}",
@@ -77,29 +79,26 @@ def allan(
     imu = load(file, reading)
 
     results = _measure(chosen_axes(imu, axis), kind, clusters)
-    regressions = _regressions(results) if slopes else {}
-    system: UnitSystem = "datasheet" if datasheet else "si"
-    files = [] if csv is None else [text_file(csv, _csv_text(results))]
-    if plot is not None:
-        files.append(NewFile(plot, partial(_draw, results, regressions, system), "plotting"))
+    regressions = {name: avlr(result) for name, result in results.items()} if slopes else {}
+    system = unit_system(datasheet)
+    heading = "axis,unit,cluster_samples,tau_s,deviation,lower,upper,variance,differences,degrees_of_freedom,noise"
+    tables = [
+        ((name, r.unit), (r.clusters, r.tau, r.deviation, r.lower_deviation, r.upper_deviation, r.variance, r.counts,
+                          r.degrees_of_freedom, r.noise))
+        for name, r in results.items()
+    ]  # fmt: skip
+    slope_documents = {
+        name: {key: value for key, value in regression.to_dict().items() if key != "allan"}
+        for name, regression in regressions.items()
+    }
     curves = {name: result.to_dict() for name, result in results.items()}
     return Outcome(
         command="allan",
-        document={"file": str(file), "kind": kind, "axes": curves, **_slopes(regressions)},
+        document={"file": str(file), "kind": kind, "axes": curves, **({"slopes": slope_documents} if slopes else {})},
         text="\n\n".join(
             [_curves_text(results, system), *(regression.summary(system) for regression in regressions.values())]
         ),
-        files=tuple(files),
-    )
-
-
-def _slopes(regressions: Mapping[str, AllanRegression]) -> dict[str, Any]:
-    """Return the slope estimates of each axis under the key "slopes" for JSON, without the Allan variance."""
-    documents = {name: regression.to_dict() for name, regression in regressions.items()}
-    return (
-        {"slopes": {n: {k: v for k, v in regression.items() if k != "allan"} for n, regression in documents.items()}}
-        if documents
-        else {}
+        files=csv_file(csv, heading, tables) + plot_file(plot, partial(_draw, results, regressions, system)),
     )
 
 
@@ -172,12 +171,6 @@ def _bar(name: str) -> Iterator[Callable[[int, int], None]]:
         yield advance
 
 
-def _regressions(results: Mapping[str, ClusterVariance]) -> dict[str, AllanRegression]:
-    from gmwm.measuring.variance.allan_regression import avlr
-
-    return {name: avlr(result) for name, result in results.items()}
-
-
 def _draw(
     results: Mapping[str, ClusterVariance], regressions: Mapping[str, AllanRegression], system: UnitSystem, path: Path
 ) -> None:
@@ -228,18 +221,3 @@ def _curves_text(results: Mapping[str, ClusterVariance], system: UnitSystem) -> 
         columns = ["cluster", "τ (s)", *heads, *(["edf", "noise"] if len(group) == 1 else [])]
         parts.append(table_text(columns, rows, title=view.height_label, texts=0))
     return "\n\n".join(parts)
-
-
-def _csv_text(results: Mapping[str, ClusterVariance]) -> str:
-    """Format the variances as CSV, with one line for each cluster size of each axis."""
-    lines = ["axis,unit,cluster_samples,tau_s,deviation,lower,upper,variance,differences,degrees_of_freedom,noise"]
-    for name, result in results.items():
-        columns = zip(
-            result.clusters, result.tau, result.deviation, result.lower_deviation, result.upper_deviation,
-            result.variance, result.counts, result.degrees_of_freedom, strict=True,
-        )  # fmt: skip
-        lines += [
-            ",".join([name, result.unit, *(str(value.item()) for value in row), noise])
-            for row, noise in zip(columns, result.noise, strict=True)
-        ]
-    return "\n".join(lines) + "\n"

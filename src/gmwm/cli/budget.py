@@ -13,7 +13,7 @@ from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
 from gmwm.cli.noise_source import NoiseText, calibration_in, noise_of
 from gmwm.cli.options import Plot
-from gmwm.cli.output import NewFile, Outcome, file_names
+from gmwm.cli.output import Outcome, file_names, plot_file
 
 if TYPE_CHECKING:
     from gmwm.applications.navigation import Budget
@@ -65,7 +65,7 @@ def budget(
     """
     seconds, before = parse_length(duration), parse_length(rest, "rest")
 
-    def made(text: str, option: str = "SOURCE") -> Budget:
+    def budget_of(text: str, option: str = "SOURCE") -> Budget:
         from gmwm.applications.navigation import budget as budgeted
 
         if (calibration := calibration_in(text)) is not None:
@@ -73,16 +73,16 @@ def budget(
         noise = noise_of(text, rate, option)
         return budgeted(noise.axes, seconds, rate=noise.rate, rest=before, latitude=latitude, level=level)
 
-    errors = made(source)
+    errors = budget_of(source)
     document = {"source": source, **errors.to_dict()}
     text = errors.summary()
     if against is not None:
         if against == source:
             raise OptionError(argument="against", expected="another source", got=against)
-        other = made(against, "--against")
+        other = budget_of(against, "--against")
         document["against"] = {"source": against, **other.to_dict()}
         text += "\n\n" + errors.compare(other, (short(source), short(against)))
-    files = () if plot is None else (NewFile(plot, lambda target: errors.plot(path=target)),)
+    files = plot_file(plot, lambda path: errors.plot(path=path))
     return Outcome(
         command="budget", document={**document, "written": file_names(files)}, text=text, files=files,
         in_text=errors.remarks,

@@ -40,6 +40,7 @@ from gmwm.cli.options import (
     View,
     parse_models,
     parse_searched,
+    unit_system,
 )
 from gmwm.cli.output import NewFile, Outcome, file_names, made_directory, progress, text_file
 from gmwm.cli.read_options import Axes, Files, chosen_names, document_of, names_of, only_file
@@ -69,7 +70,6 @@ Outliers = Annotated[
         "all axes together; none if --within has a sinusoid); yes, all axes; no, none."
     ),
 ]
-ROBUST: Mapping[str, Literal["auto"] | bool] = {"auto": "auto", "yes": True, "no": False}
 
 
 @command
@@ -152,19 +152,10 @@ def calibrate(
     --view and --datasheet apply to the plots. Calibration.load reads calibration.json in Python;
     docs/calibration-format.md describes this file.
     """
-    if efficiency is not None and robust == "no":
-        raise OptionError(
-            "--efficiency applies only to the robust wavelet variance",
-            argument="efficiency",
-            got=efficiency,
-            advice="Leave {--efficiency} or {--robust=no} out.",
-        )
-    options = CalibrationOptions(
-        within=parse_searched(within), robust=ROBUST[robust], weighting=weighting, criterion=criterion,
-        confidence=confidence, efficiency=EFFICIENCY if efficiency is None else efficiency, seed=seed,
-        against=against, gravity=gravity, tilt=tilt,
+    options = calibration_options(
+        within=within, robust=robust, efficiency=efficiency, weighting=weighting, criterion=criterion,
+        confidence=confidence, seed=seed, against=against, gravity=gravity, tilt=tilt,
     )  # fmt: skip
-
     spread = scheduler is not None or workers is not None
     if spread:
         only_file(files, "--workers" if scheduler is None else "--scheduler")
@@ -191,6 +182,18 @@ def calibrate(
     if all_topics:
         return each_topic(lambda topic, folder: one([topic], folder), only_file(files, "--all-topics"), reading, output)
     return one([reading], output)
+
+
+def calibration_options(*, within: str, robust: str, efficiency: float | None, **others: Any) -> CalibrationOptions:
+    """Return the options of a calibration from the values of --within, --robust, --efficiency and others."""
+    if efficiency is not None and robust == "no":
+        raise OptionError(
+            "--efficiency applies only to the robust wavelet variance", argument="efficiency", got=efficiency,
+            advice="Leave {--efficiency} or {--robust=no} out.",
+        )  # fmt: skip
+    outliers: dict[str, Literal["auto"] | bool] = {"auto": "auto", "yes": True, "no": False}
+    strength = EFFICIENCY if efficiency is None else efficiency
+    return CalibrationOptions(within=parse_searched(within), robust=outliers[robust], efficiency=strength, **others)
 
 
 def _unite(
@@ -290,7 +293,7 @@ def pictures(found: Calibration, view: Literal["wavelet", "allan"], datasheet: b
     """Draw the plots of a calibration: the content of each file."""
     from gmwm.showing.plots.matplotlib import render
 
-    system: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
+    system = unit_system(datasheet)
     return {
         name: render(found.plot(split=split, view=view, units=system), ".png")
         for name, split in (("calibration.png", True), ("by_sensor.png", False))

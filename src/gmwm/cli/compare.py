@@ -11,8 +11,8 @@ import typer
 
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
-from gmwm.cli.options import Datasheet, Efficiency, EstimationOption, Plot, View
-from gmwm.cli.output import NewFile, Outcome, calibration_file, table_text, tell
+from gmwm.cli.options import Datasheet, Efficiency, EstimationOption, Plot, View, unit_system
+from gmwm.cli.output import Outcome, calibration_file, plot_file, table_text, tell
 from gmwm.cli.read_options import Axes, chosen_axes, load
 from gmwm.recording.options import ReadOptions
 
@@ -65,7 +65,7 @@ def compare(
             advice="Leave {--efficiency} or {--classical} out.",
         )
     kinds = [kind for kind, chosen in (("classical", classical), ("robust", robust)) if chosen or classical == robust]
-    system: UnitSystem = "datasheet" if datasheet else "si"
+    system = unit_system(datasheet)
     curves: dict[str, dict[str, WaveletVariance]] = {}
     for file, name in zip(files, _names(files), strict=True):
         signals = chosen_axes(load(file, reading), axis)
@@ -80,7 +80,7 @@ def compare(
         command="compare",
         document={"files": list(map(str, files)), "axes": axes},
         text=_curves_text(curves, view, system),
-        files=() if plot is None else (NewFile(plot, partial(_draw, curves, view, system), "plotting"),),
+        files=plot_file(plot, partial(_draw, curves, view, system)),
     )
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from gmwm.base.errors import OptionError, ReadError
-from gmwm.cli.output import NewFile, Outcome, json_text, made_directory, text_file
+from gmwm.cli.output import Outcome, json_text, made_directory, plot_file, text_file
 from gmwm.cli.read_options import chosen_names, load
 from gmwm.recording.options import ReadOptions
 
@@ -136,13 +136,10 @@ def fitted_conditions(
         "file": str(file), "model": str(model), "conditions": str(table),
         "axes": {name: condition_fit.to_dict() for name, condition_fit in fits.items()},
     }  # fmt: skip
-    files = []
-    if output is not None:
-        files.append(text_file(output / "fits.json", json_text("fit", content) + "\n"))
+    files = [] if output is None else [text_file(output / "fits.json", json_text("fit", content) + "\n")]
     for name, condition_fit in fits.items():
-        targets = [output / f"fit_{name}.png"] if output is not None else []
-        for path in [*targets, *([plot] if plot is not None else [])]:
-            files.append(NewFile(path, partial(_draw, condition_fit), f"plotting {path.name}"))
+        for path in (None if output is None else output / f"fit_{name}.png", plot):
+            files += plot_file(path, partial(_draw, condition_fit))
     text = "\n\n".join(f"{name}: {condition_fit.summary()}" for name, condition_fit in fits.items())
     return Outcome(command="fit", document=content, text=text, files=tuple(files))
 

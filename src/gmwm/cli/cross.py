@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, opened, tell_inspection
 from gmwm.cli.options import Efficiency, EstimationOption, Plot, ResultOption
-from gmwm.cli.output import NewFile, Outcome, progress, text_file
+from gmwm.cli.output import Outcome, plot_file, progress, text_file
 from gmwm.cli.read_options import Axes, File, chosen_names
 from gmwm.recording.options import ReadOptions
-
-if TYPE_CHECKING:
-    from gmwm.applications.several import CrossCovariance
 
 EXAMPLES = ("gmwm cross static.csv --axis gyro --plot cross.png", "gmwm cross static.csv --robust --csv cross.csv")
 
@@ -54,21 +50,10 @@ def cross(
             recording, axes=axes, robust=robust, efficiency=0.6 if efficiency is None else efficiency, size=size
         )
     tell_inspection(recording)
-    files = [] if csv is None else [text_file(csv, _csv_text(result))]
-    if plot is not None:
-        files.append(NewFile(plot, partial(_draw, result), "plotting"))
+    files = () if csv is None else (text_file(csv, result.to_frame().write_csv()),)
     return Outcome(
         command="cross",
         document={"file": str(file), **result.to_dict()},
         text=result.summary(Dialect.SHELL),
-        files=tuple(files),
+        files=files + plot_file(plot, lambda path: result.plot(path=path)),
     )
-
-
-def _draw(found: CrossCovariance, path: Path) -> None:
-    found.plot(path=path)
-
-
-def _csv_text(found: CrossCovariance) -> str:
-    """Format the correlations as CSV, with one line for each pair of axes and scale."""
-    return found.to_frame().write_csv()

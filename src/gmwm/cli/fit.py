@@ -26,6 +26,7 @@ from gmwm.cli.options import (
     View,
     checked_confidence,
     chosen_efficiency,
+    unit_system,
 )
 from gmwm.cli.output import (
     NewFile,
@@ -291,7 +292,7 @@ def _picture(fits: Mapping[str, Fit], path: Path, view: Literal["wavelet", "alla
     """Return a file with a plot of one fit and its terms, or of several fits with a panel for each."""
     from gmwm.showing.plots.imu import plot_imu
 
-    units: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
+    units = unit_system(datasheet)
 
     def draw(target: Path) -> None:
         if len(fits) == 1:

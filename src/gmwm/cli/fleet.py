@@ -14,8 +14,8 @@ from gmwm.applications.fleets.storage import TABLE
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.threads import processors
-from gmwm.calibration.options import SEARCHED, CalibrationOptions
-from gmwm.cli.calibrate import ROBUST, Outliers, calibration_helpers
+from gmwm.calibration.options import SEARCHED
+from gmwm.cli.calibrate import Outliers, calibration_helpers, calibration_options
 from gmwm.cli.command import command
 from gmwm.cli.options import (
     AgainstOption,
@@ -28,12 +28,10 @@ from gmwm.cli.options import (
     ResultOption,
     Searched,
     Seed,
-    parse_searched,
 )
 from gmwm.cli.output import NewFile, Outcome, file_names, progress, text_file
 from gmwm.cli.read_options import Axes
 from gmwm.measuring.regression.against import AUTO
-from gmwm.measuring.variance.biweight import EFFICIENCY
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -118,11 +116,10 @@ def fleet(
     """
     from gmwm.applications.fleets.engine import calibrate_fleet
 
-    _check(folder, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers)
-    options = CalibrationOptions(
-        within=parse_searched(within), robust=ROBUST[robust], weighting=weighting, criterion=criterion,
-        confidence=confidence, efficiency=EFFICIENCY if efficiency is None else efficiency, seed=seed,
-        against=against,
+    _check(folder, scheduler=scheduler, workers=workers)
+    options = calibration_options(
+        within=within, robust=robust, efficiency=efficiency, weighting=weighting, criterion=criterion,
+        confidence=confidence, seed=seed, against=against,
         axes=[part.strip() for text in axis or () for part in text.split(",")] or None,
     )  # fmt: skip
     count = processors() if workers is None else workers
@@ -155,15 +152,8 @@ def fleet(
     )
 
 
-def _check(folder: Path, *, robust: str, efficiency: float | None, scheduler: str | None, workers: int | None) -> None:
+def _check(folder: Path, *, scheduler: str | None, workers: int | None) -> None:
     """Raise an OptionError if options exclude each other, or if `folder` is a file."""
-    if efficiency is not None and robust == "no":
-        raise OptionError(
-            "--efficiency applies only to the robust wavelet variance",
-            argument="efficiency",
-            got=efficiency,
-            advice="Leave {--efficiency} or {--robust=no} out.",
-        )
     if workers is not None and scheduler is not None:
         raise OptionError(
             "--workers starts processes on this machine, but a scheduler has its own workers",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,12 +13,11 @@ from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
 from gmwm.cli.options import Plot, ResultOption
-from gmwm.cli.output import NewFile, Outcome, progress, text_file
+from gmwm.cli.output import NewFile, Outcome, plot_file, progress, text_file
 from gmwm.cli.read_options import Axes, chosen_names
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.applications.several import VirtualSensor
     from gmwm.recording.signals import Imu
 
 EXAMPLES = (
@@ -97,13 +95,11 @@ def fuse(
         # Files of several units are in the same order, but their names differ.
         fused = virtual.apply(dict(zip(units, moving.values(), strict=False)) if apply and len(apply) > 1 else moving)
         new.append(NewFile(output, fused.write, "writing"))
-    if plot is not None:
-        new.append(NewFile(plot, partial(_draw, virtual), "plotting"))
     return Outcome(
         command="fuse",
         document={"files": list(map(str, files)), **virtual.to_dict()},
         text=virtual.summary(Dialect.SHELL),
-        files=tuple(new),
+        files=(*new, *plot_file(plot, lambda path: virtual.plot(path=path))),
     )
 
 
@@ -117,7 +113,3 @@ def _load(files: list[Path], reading: ReadOptions, axis: list[str] | None) -> di
     return {
         name: Imu({a: imu[a] for a in chosen_names(imu.axes, axis)}) for name, imu in units.items()
     }  # fmt: skip
-
-
-def _draw(virtual: VirtualSensor, path: Path) -> None:
-    virtual.plot(path=path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -11,7 +10,7 @@ from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, memory_for, opened
 from gmwm.cli.options import AgainstOption, ResultOption
-from gmwm.cli.output import NewFile, Outcome, progress
+from gmwm.cli.output import Outcome, plot_file, progress
 from gmwm.cli.read_options import File
 from gmwm.measuring.inspection.result import text
 from gmwm.measuring.regression.against import AUTO, TEMPERATURE, TIME, Against
@@ -65,15 +64,12 @@ def info(
     if noise_against is not None:
         document["noise_against"] = {axis: change.to_dict() for axis, change in changes.items()}
     below = "".join(f"\n\n{change.summary()}" for change in changes.values())
-    files = []
-    if plot is not None and isinstance(recording, Imu):
-        files.append(NewFile(plot, partial(_draw, recording), f"plotting {plot.name}"))
     return Outcome(
         command="info",
         document=document,
         text=text(inspection, Dialect.SHELL) + below,
         all_text=text(inspection, Dialect.SHELL, every=True) + below,
-        files=tuple(files),
+        files=plot_file(plot, lambda path: recording.plot(path=path)) if isinstance(recording, Imu) else (),
     )
 
 
@@ -94,7 +90,3 @@ def _noise_changes(recording: Imu, condition: str) -> dict[str, NoiseAgainst]:
         covariates = {TEMPERATURE: recording.temperature}
     with progress("noise against conditions"):
         return {axis: noise_against(signal, covariates) for axis, signal in recording.signals.items()}
-
-
-def _draw(recording: Imu, path: Path) -> None:
-    recording.plot(path=path)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -13,12 +11,12 @@ from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
 from gmwm.cli.options import Plot
-from gmwm.cli.output import NewFile, Outcome, progress
+from gmwm.cli.output import Outcome, plot_file, progress
 from gmwm.cli.read_options import Axes, File, chosen_axes, load
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.applications.several import JointFit
+    pass
 
 EXAMPLES = (
     "gmwm joint static.csv --axis gyro --model 'shared(RW) + WN'",
@@ -79,12 +77,11 @@ def joint(
         time = parse_length(certify_within) if certify else False
         joint_fit = fit_joint(model, signals, levels=parse_levels(levels), certify=time)
     tell_inspection(recording)
-    files = [] if plot is None else [NewFile(plot, partial(_draw, joint_fit), "plotting")]
     return Outcome(
         command="joint",
         document={"file": str(file), **joint_fit.to_dict()},
         text=joint_fit.summary(),
-        files=tuple(files),
+        files=plot_file(plot, lambda path: joint_fit.plot(path=path)),
     )
 
 
@@ -100,7 +97,3 @@ def parse_levels(text: str | None) -> int | list[int] | None:
     if first.isdecimal() and (not dash or last.isdecimal()):
         return int(first) if not dash else list(range(int(first), int(last) + 1))
     raise OptionError(argument="levels", expected="a number or a range such as 9-17", got=text)
-
-
-def _draw(found: JointFit, path: Path) -> None:
-    found.plot(path=path)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -76,7 +76,7 @@ class AxisModel:
         return {"model": str(self.values), "parameters": dict(self.values.parameters), "values": self.origin}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ModelSource:
     """The options that define the model. They are checked before the recording is read.
 
@@ -84,13 +84,13 @@ class ModelSource:
     which these fits belong, if it is known.
     """
 
-    model: Model | None
-    fits: Mapping[str, Any]
-    fits_file: str
-    fitted_file: str | None
     likelihood: bool
     robust: bool
     efficiency: float
+    model: Model | None = None
+    fits: Mapping[str, Any] = field(default_factory=dict)
+    fits_file: str = ""
+    fitted_file: str | None = None
 
 
 def model_source(
@@ -116,25 +116,10 @@ def model_source(
                 advice="Leave {--robust} or {--from-fits} out.",
             )
         fitted, fits = fits_in(from_fits)
-        return ModelSource(
-            model=None,
-            fits=fits,
-            fits_file=str(from_fits),
-            fitted_file=fitted,
-            likelihood=likelihood,
-            robust=robust,
-            efficiency=efficiency,
-        )
-    parsed = Model.parse(str(model))
-    return ModelSource(
-        model=parsed,
-        fits={},
-        fits_file="",
-        fitted_file=None,
-        likelihood=likelihood,
-        robust=robust,
-        efficiency=efficiency,
-    )
+        origin: dict[str, Any] = {"fits": fits, "fits_file": str(from_fits), "fitted_file": fitted}
+    else:
+        origin = {"model": Model.parse(str(model))}
+    return ModelSource(likelihood=likelihood, robust=robust, efficiency=efficiency, **origin)
 
 
 def axis_models(source: ModelSource, signals: Mapping[str, Signal], file: Path) -> dict[str, AxisModel]:

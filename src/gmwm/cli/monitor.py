@@ -20,7 +20,7 @@ from gmwm.cli.command import command
 from gmwm.cli.growing_source import Idle, growing_source, interruptible, remarks_on_end
 from gmwm.cli.noise_source import GivenText, given
 from gmwm.cli.options import Json, ResultOption
-from gmwm.cli.output import NewFile, Outcome, file_names, tell
+from gmwm.cli.output import NewFile, Outcome, file_names, plot_file, tell
 from gmwm.cli.read_options import Axes, chosen_names, names_of
 from gmwm.recording.options import ReadOptions
 
@@ -35,9 +35,6 @@ EXAMPLES = (
     "gmwm monitor a.csv b.csv c.csv --from-fits results",
     "gmwm monitor unit.bag --from-fits fits.json --reference good.bag --axis gyro",
 )
-
-CHANGED = 1
-"""Exit code if the monitor reported at least one event."""
 
 
 @command
@@ -120,19 +117,17 @@ def monitor(
         )
         _print_events(_watch(stream, trace), json)
     remarks = ended()
-    monitors = []
-    if plot is not None:
-        monitors.append(NewFile(plot, lambda path: trace.plot(path=path), f"plotting {plot.name}"))
+    new = plot_file(plot, lambda path: trace.plot(path=path))
     if output is not None:
-        monitors.append(NewFile(output, trace.report, f"writing {output.name}"))
+        new += (NewFile(output, trace.report, f"writing {output.name}"),)
     summary = trace.to_dict()
     return Outcome(
         command="monitor",
-        document={"file": file, **summary, "written": file_names(monitors)},
+        document={"file": file, **summary, "written": file_names(new)},
         text=trace.summary(),
-        files=tuple(monitors),
+        files=new,
         remarks=remarks,
-        status=CHANGED if trace.events else 0,
+        status=int(bool(trace.events)),
         in_one_line=True,
     )
 
@@ -226,7 +221,7 @@ def _side_by_side(
         command="monitor",
         document={"files": files, "axes": both, "every": every, "events": [event.to_dict() for event in events]},
         text=f"{counted(len(events), 'event') if events else 'no event'} of {counted(len(files), 'unit')}",
-        status=CHANGED if events else 0,
+        status=int(bool(events)),
         in_one_line=True,
     )
 

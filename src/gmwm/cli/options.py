@@ -19,6 +19,7 @@ from gmwm.measuring.variance.biweight import EFFICIENCY, biweight
 from gmwm.recording.options import as_confidence
 
 if TYPE_CHECKING:
+    from gmwm.showing.plots.view import UnitSystem
     from gmwm.theory.processes.model import Model, ModelLike
 
 ResultOption = partial(typer.Option, rich_help_panel="Result")
@@ -120,6 +121,11 @@ Confidence = Annotated[
     ),
 ]
 Seed = Annotated[int, EstimationOption(help="Seed of the simulated records.", min=0)]
+
+
+def unit_system(datasheet: bool) -> UnitSystem:
+    """Return the units of plots and tables that --datasheet selects."""
+    return "datasheet" if datasheet else "si"
 
 
 def parse_within(text: str) -> Model:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import codecs
 import json
-import math
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, TextIO
+from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 import typer
 
@@ -19,6 +18,9 @@ from gmwm.base.atomic_files import write_text, written_together
 from gmwm.base.errors import FitWarning, GmwmError, GmwmWarning, OptionError
 from gmwm.base.remarks import Dialect, Remark, Severity, brief
 from gmwm.base.remarks.rendering import MOST
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True)
@@ -117,15 +119,11 @@ def finish(outcome: Outcome, warned: Warned, *, json: bool, every: bool = False)
 
 
 def _write_files(outcome: Outcome) -> None:
-    if not outcome.together or not outcome.files:
+    together = outcome.together and outcome.files
+    with written_together(outcome.files[0].path.parent) if together else nullcontext() as folder:
         for file in outcome.files:
             with progress(file.label) if file.label else nullcontext():
-                file.write(file.path)
-        return
-    with written_together(outcome.files[0].path.parent) as room:
-        for file in outcome.files:
-            with progress(file.label) if file.label else nullcontext():
-                file.write(room / file.path.name)
+                file.write(file.path if folder is None else folder / file.path.name)
         for path in outcome.obsolete:
             path.unlink(missing_ok=True)
 
@@ -133,6 +131,27 @@ def _write_files(outcome: Outcome) -> None:
 def text_file(path: Path, text: str) -> NewFile:
     """Return a file to write that contains a text."""
     return NewFile(path, lambda target: write_text(target, text))
+
+
+def plot_file(path: Path | None, draw: Callable[[Path], object]) -> tuple[NewFile, ...]:
+    """Return the file of the option --plot; an empty tuple if the option is not given."""
+    return () if path is None else (NewFile(path, draw, f"plotting {path.name}"),)
+
+
+def csv_file(
+    path: Path | None, head: str, tables: Iterable[tuple[Sequence[str], Sequence[ArrayLike]]]
+) -> tuple[NewFile, ...]:
+    """Return the file of the option --csv. Each table has texts, which begin its rows, and columns of equal length."""
+    if path is None:
+        return ()
+    import numpy as np
+
+    rows = [
+        ",".join([*texts, *map(str, row)])
+        for texts, columns in tables
+        for row in zip(*(np.asarray(column).tolist() for column in columns), strict=True)
+    ]
+    return (text_file(path, "\n".join([head, *rows]) + "\n"),)
 
 
 def file_names(files: Sequence[NewFile]) -> list[str]:
@@ -176,22 +195,10 @@ def json_text(command: str, content: Mapping[str, Any], *, escaped: bool = False
     }
     """
     from gmwm import __version__
+    from gmwm.base.plain import plain
 
-    document = _plain({"gmwm": __version__, "command": command, **content})
+    document = plain({"gmwm": __version__, "command": command, **content})
     return json.dumps(document, allow_nan=False, ensure_ascii=escaped, indent=None if in_one_line else 1)
-
-
-def _plain(value: Any) -> Any:
-    """Convert a value to types that JSON has: arrays to lists, NumPy numbers to numbers, NaN and infinities to None."""
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def table_text(

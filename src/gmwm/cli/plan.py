@@ -16,7 +16,7 @@ from gmwm.base.units import SI_UNIT
 from gmwm.cli.command import command
 from gmwm.cli.noise_source import GivenText, given
 from gmwm.cli.options import Plot
-from gmwm.cli.output import NewFile, Outcome, progress, tell
+from gmwm.cli.output import Outcome, plot_file, progress, tell
 
 if TYPE_CHECKING:
     import numpy as np
@@ -108,12 +108,11 @@ def plan(
             "--axis applies only to --from-fits and --from", argument="axis", got=axis, advice="Leave {--axis} out."
         )
     design, needed = _plan(str(model), seconds, rate=rate, accuracy=share, weighting=weighting, unit=unit, curve=curve)
-    drawn = () if plot is None else (NewFile(plot, lambda path: design.plot(accuracy=share, path=path), "plotting"),)
     return Outcome(
         command="plan",
         document={**origin, **design.to_dict(), "accuracy": share, "needed": needed},
         text=design.summary(share),
-        files=drawn,
+        files=plot_file(plot, lambda path: design.plot(accuracy=share, path=path)),
         in_text=design.remarks,
     )
 

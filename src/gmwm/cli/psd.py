@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, opened, tell_inspection
-from gmwm.cli.options import EstimationOption, Plot, ResultOption
-from gmwm.cli.output import NewFile, Outcome, progress, table_text, text_file
+from gmwm.cli.options import EstimationOption, Plot, ResultOption, unit_system
+from gmwm.cli.output import Outcome, csv_file, plot_file, progress, table_text
 from gmwm.cli.read_options import Axes, File, chosen_axes, chosen_names
 from gmwm.recording.options import ReadOptions
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from gmwm.files.readers.streams import Stream
     from gmwm.measuring.spectrum import PowerSpectra
     from gmwm.recording.signals import Imu
-    from gmwm.showing.plots.view import UnitSystem
 
 EXAMPLES = (
     "gmwm psd static.csv",
@@ -55,12 +54,18 @@ def psd(
     """
     recording = opened(file, reading, chunked)
     spectra = _measure(recording, axis, length=length, detrend=detrend)
-    system: UnitSystem = "datasheet" if datasheet else "si"
-    files = [] if csv is None else [text_file(csv, _csv_text(spectra))]
-    if plot is not None:
-        files.append(NewFile(plot, partial(_draw, spectra, system), "plotting"))
+    system = unit_system(datasheet)
+    heading = "axis,unit,frequency_hz,density,lower,upper,degrees_of_freedom"
+    tables = [
+        ((axis_name, s.unit), (s.frequencies, s.density, s.lower, s.upper, s.degrees_of_freedom))
+        for axis_name, s in spectra.items()
+    ]
+    drawing = spectra if len(spectra) > 1 else next(iter(spectra.values()))
     return Outcome(
-        command="psd", document={"file": str(file), "axes": spectra.to_dict()}, text=_text(spectra), files=tuple(files)
+        command="psd",
+        document={"file": str(file), "axes": spectra.to_dict()},
+        text=_text(spectra),
+        files=csv_file(csv, heading, tables) + plot_file(plot, lambda path: drawing.plot(units=system, path=path)),
     )
 
 
@@ -83,13 +88,6 @@ def _measure(
     spectra = over_axes(measure, chosen_axes(recording, axis), "spectrum")
     tell_inspection(recording)
     return PowerSpectra(spectra=spectra)
-
-
-def _draw(found: PowerSpectra, system: UnitSystem, path: Path) -> None:
-    if len(found) == 1:
-        next(iter(found.values())).plot(units=system, path=path)
-    else:
-        found.plot(units=system, path=path)
 
 
 def _text(found: PowerSpectra) -> str:
@@ -115,15 +113,3 @@ def _text(found: PowerSpectra) -> str:
     heads = ["axis", "frequency (Hz)", "width (Hz)", "Q", "× level"]
     parts.append(table_text(heads, bumps, title="Bumps") if bumps else "No bumps")
     return "\n\n".join(parts)
-
-
-def _csv_text(found: PowerSpectra) -> str:
-    """Format the spectra as CSV, with one line for each frequency of each axis."""
-    lines = ["axis,unit,frequency_hz,density,lower,upper,degrees_of_freedom"]
-    for axis, spectrum in found.items():
-        columns = zip(
-            spectrum.frequencies, spectrum.density, spectrum.lower, spectrum.upper, spectrum.degrees_of_freedom,
-            strict=True,
-        )  # fmt: skip
-        lines += [",".join([axis, spectrum.unit, *(str(value.item()) for value in row)]) for row in columns]
-    return "\n".join(lines) + "\n"

@@ -233,6 +233,14 @@ def chosen_names(known: Sequence[str], wanted: Sequence[str] | None) -> list[str
     return [axis for axis in known if axis in axes]
 
 
+def require_one_axis(names: Sequence[str], plot: Path | None, advice: str = "Select one with {--axis}.") -> None:
+    """Raise an OptionError if --plot is given, which shows one axis, and several axes are selected."""
+    if plot is not None and len(names) > 1:
+        raise OptionError(
+            f"--plot needs one axis, but {', '.join(names)} are selected", argument="plot", got=names, advice=advice
+        )
+
+
 def names_of(files: Sequence[Path]) -> list[str]:
     """Return a unique name for each file: its stem, the name of its folder, or its path."""
     for names in ([file.stem for file in files], [file.resolve().parent.name for file in files]):

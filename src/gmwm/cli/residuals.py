@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from gmwm.base.errors import OptionError
 from gmwm.base.text import p_text
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
 from gmwm.cli.model_source import AxisModel, ByLikelihood, FromFits, ModelText, axes_of, axis_models, model_source
 from gmwm.cli.options import Efficiency, ResultOption, Robust, chosen_efficiency
-from gmwm.cli.output import NewFile, Outcome, file_names, table_text
-from gmwm.cli.read_options import Axes, File, chosen_axes, load
+from gmwm.cli.output import Outcome, file_names, plot_file, table_text
+from gmwm.cli.read_options import Axes, File, chosen_axes, load, require_one_axis
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -60,19 +59,13 @@ def residuals(
     )
     imu = load(file, reading)
     signals = axes_of(source, chosen_axes(imu, axis), bool(axis))
-    if plot is not None and len(signals) > 1:
-        raise OptionError(
-            f"--plot needs one axis, but {', '.join(signals)} are selected",
-            argument="plot",
-            got=list(signals),
-            advice="Select one with {--axis}.",
-        )
+    require_one_axis(list(signals), plot)
     tell_inspection(imu)
     models = axis_models(source, signals, file)
     by_axis = _residuals(models, signals)
     checks = {name: result.to_dict(lags) for name, result in by_axis.items()}
     first = next(iter(by_axis.values()))
-    files = () if plot is None else (NewFile(plot, lambda path: first.plot(lags, path=path), f"plotting {plot.name}"),)
+    files = plot_file(plot, lambda path: first.plot(lags, path=path))
     axes = {name: {**models[name].to_dict(), **check} for name, check in checks.items()}
     return Outcome(
         command="residuals",

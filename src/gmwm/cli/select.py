@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from gmwm.base.errors import OptionError
 from gmwm.choosing.selection.options import SLOW, RankingOptions
 from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, axes_together, measured_together, memory_for, opened_together
@@ -24,7 +23,7 @@ from gmwm.cli.options import (
     parse_within,
 )
 from gmwm.cli.output import NewFile, Outcome, file_names, json_text, made_directory, text_file
-from gmwm.cli.read_options import Axes, Files, document_of
+from gmwm.cli.read_options import Axes, Files, document_of, require_one_axis
 from gmwm.measuring.regression.against import NONE
 from gmwm.recording.options import ReadOptions
 
@@ -81,13 +80,7 @@ def select(
     options = RankingOptions(weighting=weighting, criterion=criterion, confidence=confidence, seed=seed)
     recordings = opened_together(files, reading, chunked, whole=memory_for(against))
     names = axes_together(recordings, axis)
-    if plot is not None and len(names) > 1:
-        raise OptionError(
-            f"--plot needs one axis, but {', '.join(names)} are selected",
-            argument="plot",
-            got=names,
-            advice="Select one with {--axis}, or plot all with {--output}.",
-        )
+    require_one_axis(names, plot, "Select one with {--axis}, or plot all with {--output}.")
     if output is not None:
         made_directory(output)
     measured = measured_together(recordings, axis, robust=robust, efficiency=strength, against=against)

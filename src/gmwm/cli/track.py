@@ -13,9 +13,17 @@ from gmwm.base.remarks import Quantity, Remark
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
 from gmwm.cli.model_source import AxisModel, ByLikelihood, FromFits, ModelText, axes_of, axis_models, model_source
-from gmwm.cli.options import Datasheet, Efficiency, ResultOption, Robust, checked_confidence, chosen_efficiency
-from gmwm.cli.output import NewFile, Outcome, file_names
-from gmwm.cli.read_options import Axes, File, chosen_axes, load
+from gmwm.cli.options import (
+    Datasheet,
+    Efficiency,
+    ResultOption,
+    Robust,
+    checked_confidence,
+    chosen_efficiency,
+    unit_system,
+)
+from gmwm.cli.output import NewFile, Outcome, file_names, plot_file
+from gmwm.cli.read_options import Axes, File, chosen_axes, load, require_one_axis
 from gmwm.cli.track_output import as_dict, tracks_text
 from gmwm.recording.options import ReadOptions
 
@@ -93,31 +101,32 @@ def track(
     processes except white noise and quantization noise. Samples in gaps are missing: the filter predicts across them,
     and the band widens. The band does not include the uncertainty of the parameters.
     """
+    from gmwm.recording.writers import table_path
+
     source = model_source(
         model, from_fits, likelihood=likelihood, robust=robust, efficiency=chosen_efficiency(robust, efficiency)
     )
-    length = None if predict is None else _length(predict, kind)
-    _check_output(output, file)
+    if predict is not None and kind != "smooth":
+        raise OptionError(
+            "--predict uses the whole recording", argument="kind", got=kind, advice="Leave {--kind=filter} out."
+        )
+    length = None if predict is None else parse_length(predict, "predict")
+    if output is not None:
+        table_path(output)
+        if output.exists() and output.resolve() == file.resolve():
+            raise OptionError(argument="output", expected="another file than FILE", got=str(output))
     imu = load(file, reading)
     signals = axes_of(source, chosen_axes(imu, axis), bool(axis))
-    if plot is not None and len(signals) > 1:
-        raise OptionError(
-            f"--plot needs one axis, but {', '.join(signals)} are selected",
-            argument="plot",
-            got=list(signals),
-            advice="Select one with {--axis}.",
-        )
+    require_one_axis(list(signals), plot)
     tell_inspection(imu)
     models = axis_models(source, signals, file)
     tracks = _tracks(models, signals, kind, length)
-    if label:
-        _check_labels(tracks, label)
-    files = []
-    if output is not None:
-        files.append(NewFile(output, partial(_write, tracks, label), f"writing {output.name}"))
-    if plot is not None:
-        first = next(iter(tracks.values()))
-        files.append(NewFile(plot, partial(_draw, first, label, confidence, datasheet), f"plotting {plot.name}"))
+    _check_labels(tracks, label or ())
+    first, system = next(iter(tracks.values())), unit_system(datasheet)
+    files = (
+        *(() if output is None else (NewFile(output, partial(_write, tracks, label), f"writing {output.name}"),)),
+        *plot_file(plot, lambda path: first.plot(label or None, level=confidence, units=system, path=path)),
+    )
     axes = {name: as_dict(models[name], axis_tracks, confidence) for name, axis_tracks in tracks.items()}
     parts = [
         tracks_text(name, models[name], found=axis_tracks, level=confidence, datasheet=datasheet)
@@ -127,28 +136,9 @@ def track(
         command="track",
         document={"file": str(file), "confidence": confidence, "axes": axes, "written": file_names(files)},
         text="\n\n".join(parts),
-        files=tuple(files),
+        files=files,
         remarks=tuple(remark for name, axis_tracks in tracks.items() for remark in _fast_terms(name, axis_tracks)),
     )
-
-
-def _check_output(output: Path | None, file: Path) -> None:
-    """Check that --output is a table and not the recording itself."""
-    from gmwm.recording.writers import table_path
-
-    if output is None:
-        return
-    table_path(output)
-    if output.exists() and output.resolve() == file.resolve():
-        raise OptionError(argument="output", expected="another file than FILE", got=str(output))
-
-
-def _length(text: str, kind: str) -> float:
-    if kind != "smooth":
-        raise OptionError(
-            "--predict uses the whole recording", argument="kind", got=kind, advice="Leave {--kind=filter} out."
-        )
-    return parse_length(text, "predict")
 
 
 def _tracks(
@@ -203,7 +193,3 @@ def _write(tracks: Mapping[str, Tracks], labels: Sequence[str] | None, path: Pat
             columns[f"{name} {label} [{axis_tracks.unit}]"] = axis_tracks.mean[label]
             columns[f"{name} {label} sd [{axis_tracks.unit}]"] = axis_tracks.error[label]
     write_table(columns, path)
-
-
-def _draw(found: Tracks, labels: Sequence[str] | None, level: float, datasheet: bool, path: Path) -> None:
-    found.plot(list(labels) if labels else None, level=level, units="datasheet" if datasheet else "si", path=path)

@@ -19,8 +19,9 @@ from gmwm.cli.options import (
     TransformName,
     View,
     chosen_efficiency,
+    unit_system,
 )
-from gmwm.cli.output import NewFile, Outcome, table_text, text_file
+from gmwm.cli.output import Outcome, csv_file, plot_file, table_text
 from gmwm.cli.read_options import Axes, File, chosen_axes, chosen_names
 from gmwm.recording.options import ReadOptions
 
@@ -68,6 +69,8 @@ def wv(
     quantized sensor, the robust variance may be zero, and the command prints a warning. gmwm compare plots the
     classical and the robust variance.
     """
+    from gmwm.showing.plots.view import view_of
+
     strength = chosen_efficiency(robust, efficiency)
     recording = opened(
         file, reading, chunked, spread=scheduler is not None or workers is not None,
@@ -77,15 +80,19 @@ def wv(
         recording, axis, filter=filter, transform=transform, robust=robust, efficiency=strength, scheduler=scheduler,
         workers=workers,
     )  # fmt: skip
-    system: UnitSystem = "datasheet" if datasheet else "si"
-    files = [] if csv is None else [text_file(csv, _csv_text(results))]
-    if plot is not None:
-        files.append(NewFile(plot, partial(_draw, results, view, system, overlay), "plotting"))
+    system = unit_system(datasheet)
+    heading = "axis,unit,level,scale_samples,tau_s,variance,lower,upper,coefficients,averaging_time_s,allan_deviation"
+    allans = {name: view_of(result.unit, "allan", "si") for name, result in results.items()}
+    tables = [
+        ((name, r.unit), (r.levels, r.scales, r.tau, r.variance, r.lower, r.upper, r.counts, allans[name].time(r.tau),
+                          allans[name].height(r.variance)))
+        for name, r in results.items()
+    ]  # fmt: skip
     return Outcome(
         command="wv",
         document={"file": str(file), "axes": {name: result.to_dict() for name, result in results.items()}},
         text=_curves_text(results, view, system),
-        files=tuple(files),
+        files=csv_file(csv, heading, tables) + plot_file(plot, partial(_draw, results, view, system, overlay)),
         remarks=tuple(remark.about(name) for name, result in results.items() for remark in result.remarks),
     )
 
@@ -157,18 +164,3 @@ def _curves_text(results: Mapping[str, WaveletVariance], view: ViewName, system:
         ]
         parts.append(table_text(["level", "τ (s)", *heads, "coefficients"], rows, title=shown.height_label, texts=0))
     return "\n\n".join(parts)
-
-
-def _csv_text(results: Mapping[str, WaveletVariance]) -> str:
-    """Format the wavelet variances and Allan deviations as CSV, with one line for each level of each axis."""
-    from gmwm.showing.plots.view import view_of
-
-    lines = ["axis,unit,level,scale_samples,tau_s,variance,lower,upper,coefficients,averaging_time_s,allan_deviation"]
-    for name, result in results.items():
-        allan = view_of(result.unit, "allan", "si")
-        columns = zip(
-            result.levels, result.scales, result.tau, result.variance, result.lower, result.upper, result.counts,
-            allan.time(result.tau), allan.height(result.variance), strict=True,
-        )  # fmt: skip
-        lines += [",".join([name, result.unit, *(str(value.item()) for value in row)]) for row in columns]
-    return "\n".join(lines) + "\n"
