@@ -11,7 +11,7 @@ import numpy as np
 import gmwm
 from gmwm.applications.several import CrossCovariance, JointFit, cross, fit_joint, same
 from gmwm.applications.several.plots import cross_figure, joint_figure
-from gmwm.base.template import joined
+from gmwm.base.template import join_names
 from gmwm.showing.plots.matplotlib import draw as render
 
 NAME = "axes"
@@ -101,7 +101,7 @@ def table(result: dict[str, Any]) -> str:
         "is not known whether they come from one unit.",
         "",
         "**What is correlated.** `gmwm.cross` finds shared noise in "
-        + joined([f"{row['shared']} of {row['tests']}" for row in rows])
+        + join_names([f"{row['shared']} of {row['tests']}" for row in rows])
         + " tests (one for each pair of axes and scale, with a joint level of 5 %). At the "
         "finest scales the correlations of gyroscopes "
         "are small and the same in all recordings. At scales above about 10 s, all axes share slow noise.",

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import t
 
 from gmwm.applications.fleets.outlier_units import deviants
-from gmwm.base.random_effects import effects, predicted, spread_limits
+from gmwm.base.random_effects import effects, prediction_limits, spread_limits
 from validation.legend import legend
 
 NAME = "fleet"
@@ -67,7 +67,7 @@ def _healthy(fleets: int, units: int, spread: float, errors: str, seed: int) -> 
     x, s = drawn(fleets, units, spread, errors, rng)
     s2, further = s * s, spread * rng.normal(size=fleets)
     alarm = deviants(x, s2).pvalue[:, 0]
-    at, (low, high), ahead = effects(x, s2), spread_limits(x, s2, CONFIDENCE), predicted(x, s2, CONFIDENCE)
+    at, (low, high), ahead = effects(x, s2), spread_limits(x, s2, CONFIDENCE), prediction_limits(x, s2, CONFIDENCE)
     reach = t.ppf((1 + CONFIDENCE) / 2, units - 1) * at.error
     within = (ahead[0] <= further) & (further <= ahead[1])
     return {

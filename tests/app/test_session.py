@@ -78,8 +78,8 @@ def test_the_shell_reads_its_command_as_the_session(monkeypatch):
         asked.update(file=file, reading=reading)
         raise OptionError("seen")
 
-    monkeypatch.setattr("gmwm.cli.calibrate.opened", opened)
-    monkeypatch.setattr("gmwm.cli.calibrate.made_directory", lambda path: path)
+    monkeypatch.setattr("gmwm.cli.calibrate.open_recording", opened)
+    monkeypatch.setattr("gmwm.cli.calibrate.make_directory", lambda path: path)
     command = typer.main.get_command(app).commands["calibrate"]  # type: ignore[attr-defined]
     with raises(OptionError, "seen"):
         command.main(calibrate[2:], standalone_mode=False)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.applications.app.figures import axis_at, fitted, movable
+from gmwm.applications.app.figures import axis_at, fit_figure, movable
 from gmwm.applications.app.session import Session
 from gmwm.applications.app.terms import adding, held_at, holding, removing, replacing
 from gmwm.base.errors import OptionError
@@ -41,7 +41,7 @@ def test_a_parameter_is_held_at_its_estimate_and_freed_again(fit):
 @pytest.mark.parametrize("units", ["si", "datasheet"])
 def test_a_dragged_term_goes_through_its_new_place(fit, view, units):
     session = Session(view=view, units=units)
-    shapes = fitted(fit, session, 800)["layout"]["shapes"]
+    shapes = fit_figure(fit, session, 800)["layout"]["shapes"]
     places = {t: (shape["xanchor"], shape["yanchor"]) for t, shape in zip(movable(fit), shapes, strict=True)}
     assert set(places) == {"GM", "WN"}
     for term, (x, y) in places.items():

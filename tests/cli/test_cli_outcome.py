@@ -7,14 +7,14 @@ import pytest
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.remarks import Dialect, Remark, Severity, messages
 from gmwm.cli.option_names import named_as_options
-from gmwm.cli.output import NewFile, Outcome, collected_warnings, finish, tell, text_file
+from gmwm.cli.output import NewFile, Outcome, collect_warnings, finish, tell, text_file
 
 SHAKEN = Remark.of("gravity-removed", "a.csv")
 LISTED = Remark.of("no-line-end", "a.csv")
 
 
 def finished(outcome, *, as_json=False, every=False, warnings=()):
-    with collected_warnings(every=every) as warned:
+    with collect_warnings(every=every) as warned:
         for remark in warnings:
             tell(remark)
         finish(outcome, warned, json=as_json, every=every)
@@ -77,7 +77,7 @@ def test_the_five_most_severe_warnings_are_printed(capsys):
 
 def test_warnings_are_printed_if_the_command_fails(capsys):
     def fails():
-        with collected_warnings():
+        with collect_warnings():
             tell(SHAKEN)
             raise DataError("too short")
 

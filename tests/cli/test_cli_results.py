@@ -10,7 +10,7 @@ import gmwm as library
 from gmwm.base.remarks import Dialect
 from gmwm.calibration.summary_text import summary
 from gmwm.choosing.selection.structure import structure_of
-from gmwm.cli.calibrate import calibrated
+from gmwm.cli.calibrate import run_calibration
 from gmwm.files.readers import read
 from gmwm.fitting.estimation.summary import IntervalMethod, inference
 from gmwm.theory.simulation import reference_imu
@@ -298,10 +298,10 @@ def demo(gmwm, tmp_path_factory):
 
     def once(imu, within):
         if not found:
-            found.append(calibrated(imu, within))
+            found.append(run_calibration(imu, within))
         return found[0]
 
-    patch.setattr("gmwm.cli.calibrate.calibrated", once)
+    patch.setattr("gmwm.cli.calibrate.run_calibration", once)
     try:
         return target, gmwm("demo", "--output", target), gmwm("demo", "--output", target, "--json")
     finally:

@@ -9,7 +9,7 @@ import gmwm
 from gmwm import Imu, Signal
 from gmwm.measuring.streaming.passes import feed_chunks
 from gmwm.recording import batches
-from gmwm.recording.batches import Batch, Batches, joined
+from gmwm.recording.batches import Batch, Batches, join_batches
 from gmwm.recording.chunks import Chunk
 from gmwm.recording.gaps import filled, gaps
 from gmwm.recording.gaps.gaps import joined_ranges
@@ -46,7 +46,7 @@ def cut_at(signal, cuts):
 
 
 def as_one(parts, axis):
-    return joined(list(parts)).signals[axis]
+    return join_batches(list(parts)).signals[axis]
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import pytest
 import gmwm
 from gmwm import Imu, Signal
 from gmwm.recording import batches
-from gmwm.recording.batches import Batch, joined
+from gmwm.recording.batches import Batch, join_batches
 from gmwm.recording.gaps import fill_gaps, filled, gaps
 
 RATE, N = 100.0, 60_000
@@ -156,7 +156,7 @@ def test_batches_of_any_size_have_the_cuts_of_each_axis(monkeypatch, block):
     whole = Batch(signals)
     size = len(whole)
     parts = [whole.between(k, min(k + 7000, size)) for k in range(0, size, 7000)]
-    found = joined(list(filled(parts))).signals
+    found = join_batches(list(filled(parts))).signals
     for axis, x in signals.items():
         alone = x.fill_gaps()
         assert found[axis].values.tolist() == alone.values.tolist()

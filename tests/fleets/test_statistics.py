@@ -15,7 +15,7 @@ from gmwm.applications.fleets.outlier_units import deviants, looked_for
 from gmwm.applications.fleets.statistics import fleet_statistics
 from gmwm.applications.fleets.summary_text import summary
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.random_effects import between_units, effects, predicted, spread_limits
+from gmwm.base.random_effects import between_units, effects, prediction_limits, spread_limits
 from gmwm.base.remarks import Remark, Severity
 from tests.helpers import codes, only, raises
 
@@ -80,7 +80,7 @@ def test_where_errors_are_nothing_all_is_as_of_a_normal_sample():
     low, high = spread_limits(x, tiny, 0.9)
     np.testing.assert_allclose(low, 8 * x.var(axis=1, ddof=1) / stats.chi2.ppf(0.95, 8), rtol=1e-6)
     np.testing.assert_allclose(high, 8 * x.var(axis=1, ddof=1) / stats.chi2.ppf(0.05, 8), rtol=1e-6)
-    ends = predicted(x, tiny, 0.95)
+    ends = prediction_limits(x, tiny, 0.95)
     reach = stats.t.ppf(0.975, 8) * x.std(axis=1, ddof=1) * math.sqrt(1 + 1 / 9)
     np.testing.assert_allclose(ends, (x.mean(axis=1) - reach, x.mean(axis=1) + reach), rtol=1e-3)
 

@@ -23,7 +23,7 @@ from gmwm.base.remarks import Remark
 from gmwm.files.formats import arrays, parquet, text
 from gmwm.files.readers import interpretation
 from gmwm.measuring.streaming import cluster, scheduling
-from gmwm.measuring.streaming.scheduling import connected
+from gmwm.measuring.streaming.scheduling import connect
 from tests.helpers import raises, warns
 
 UNITS = {"gyro": "deg/s"}
@@ -41,7 +41,7 @@ def client():
             arrays.ROWS = parquet.ROWS = 20_000
             text.BLOCK_BYTES = 400_000
 
-    with connected(workers=2) as found:
+    with connect(workers=2) as found:
         found.register_plugin(Smaller())
         yield found
 
@@ -259,24 +259,24 @@ def test_options_are_checked_at_the_door(tmp_path, client, monkeypatch):
     with raises(OptionError, argument="count"):
         source.wavelet_variance(scheduler=client, parts=0)
     for workers in (0, True, "two"):
-        with raises(OptionError, argument="workers"), connected(workers=workers):
+        with raises(OptionError, argument="workers"), connect(workers=workers):
             pass
-    with raises(OptionError, advises=["scheduler=", "workers="]), connected(client, workers=2):
+    with raises(OptionError, advises=["scheduler=", "workers="]), connect(client, workers=2):
         pass
     for address in ("127.0.0.1:8786", "", 8786):
-        with raises(OptionError, "tcp://", argument="scheduler"), connected(address):
+        with raises(OptionError, "tcp://", argument="scheduler"), connect(address):
             pass
     monkeypatch.setattr(scheduling, "PATIENCE", 0.3)
     with raises(OptionError, "tcp://127.0.0.1:1"):
         source.wavelet_variance(scheduler="tcp://127.0.0.1:1")
-    with raises(OptionError, "nonsense://x"), connected("nonsense://x"):
+    with raises(OptionError, "nonsense://x"), connect("nonsense://x"):
         pass
 
 
 @pytest.mark.slow
 def test_without_dask_it_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with raises(MissingDependencyError, advises=["pip install 'gmwm[dask]'"]), connected():
+    with raises(MissingDependencyError, advises=["pip install 'gmwm[dask]'"]), connect():
         pass
 
 
@@ -286,7 +286,7 @@ def test_processes_that_do_not_begin(monkeypatch):
         raise RuntimeError("Nanny failed to start.")
 
     monkeypatch.setattr(distributed, "LocalCluster", broken)
-    with raises(GmwmError, "Nanny failed", advises=["if __name__ == "]), connected(workers=1):
+    with raises(GmwmError, "Nanny failed", advises=["if __name__ == "]), connect(workers=1):
         pass
 
 
@@ -296,7 +296,7 @@ def test_a_scheduler_without_workers_is_told():
     with (
         distributed.LocalCluster(**options) as empty,
         pytest.warns(GmwmWarning) as told,
-        connected(empty.scheduler_address),
+        connect(empty.scheduler_address),
     ):
         pass
     assert [warning.filename for warning in told] == [__file__]

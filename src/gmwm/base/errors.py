@@ -11,7 +11,7 @@ from copy import copy
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 from gmwm.base.template import Dialect, Fact, render, shell_option
-from gmwm.base.text import printable, shortened
+from gmwm.base.text import printable, shorten
 
 if TYPE_CHECKING:
     from gmwm.base.remarks import Remark
@@ -163,8 +163,8 @@ class GmwmError(Exception):
             message = f"{self._argument_name(self.prefix, dialect)}: {message}"
         if self.subject:
             message = f"{self.subject}: {message}"
-        message = shortened(printable(message))
-        advice = shortened(printable(render(self.advice, self.facts, dialect, self.options)))
+        message = shorten(printable(message))
+        advice = shorten(printable(render(self.advice, self.facts, dialect, self.options)))
         return f"{message}. {advice}" if advice else message
 
     def with_advice_of(self, cause: GmwmError) -> Self:

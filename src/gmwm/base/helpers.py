@@ -80,7 +80,7 @@ class Helpers:
     def run(self, function: Callable[..., T], *args: Any) -> T:
         """Call a function in a helper if one is idle, otherwise here; both must be able to pickle the function, the
         arguments and the result. Raises the errors of the function."""
-        helper = self._taken()
+        helper = self._take()
         if helper is None:
             return function(*args)
         helper.begin(function, *args)
@@ -89,7 +89,7 @@ class Helpers:
     def begin(self, function: Callable[..., T], *args: Any) -> Callable[[], T]:
         """Begin a call in a helper if one is idle. Return a function that returns the result; without a helper, this
         function makes the call."""
-        helper = self._taken()
+        helper = self._take()
         if helper is None:
             return cache(partial(function, *args))
         helper.begin(function, *args)  # now, because the caller may change the arguments from here on
@@ -110,13 +110,13 @@ class Helpers:
 
         return result
 
-    def taken(self) -> list[Helper]:
+    def take_idle(self) -> list[Helper]:
         """Take all idle helpers away; calls are made in this process from here on."""
         with self._lock:
             idle, self._idle = self._idle, []
         return idle
 
-    def _taken(self) -> Helper | None:
+    def _take(self) -> Helper | None:
         with self._lock:
             return self._idle.pop() if self._idle else None
 

@@ -34,8 +34,8 @@ def one_at_a_time(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenat
     """Decorate a method so that a call waits until the calls of other threads on the same object have ended."""
 
     @wraps(method)
-    def locked(self: S, /, *args: P.args, **options: P.kwargs) -> R:
+    def call(self: S, /, *args: P.args, **options: P.kwargs) -> R:
         with self._lock:
             return method(self, *args, **options)
 
-    return locked
+    return call

@@ -118,7 +118,7 @@ def spread_limits(x: Matrix, s2: Matrix, confidence: float, freedom: Vector | No
     return low, high
 
 
-def predicted(
+def prediction_limits(
     x: Matrix, s2: Matrix, confidence: float, freedom: Vector | None = None, widened: Vector | None = None
 ) -> tuple[Vector, Vector]:
     """Return prediction limits for the true number of a further unit.
@@ -154,7 +154,7 @@ def predicted(
 
 
 def confidence_of_mean(x: Matrix, s2: Matrix, confidence: float) -> tuple[Vector, Vector]:
-    """Return confidence limits of μ that include the uncertainty of τ̂, in the same way as `predicted`.
+    """Return confidence limits of μ that include the uncertainty of τ̂, in the same way as `prediction_limits`.
 
     If the errors s_i are zero, this is the t interval μ̂ ± t_{n−1} τ̂ / √n.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 
-def aligned(rows: Sequence[Sequence[str]], right: Collection[int] = (), indent: str = "  ") -> list[str]:
+def align(rows: Sequence[Sequence[str]], right: Collection[int] = (), indent: str = "  ") -> list[str]:
     """Format the rows of a table with aligned columns, two blanks apart.
 
     Parameters
@@ -19,7 +19,7 @@ def aligned(rows: Sequence[Sequence[str]], right: Collection[int] = (), indent: 
 
     Examples
     --------
-    >>> for line in aligned([["parameter", "value"], ["N", "0.21"]], right={1}):
+    >>> for line in align([["parameter", "value"], ["N", "0.21"]], right={1}):
     ...     print(repr(line))
     '  parameter  value'
     '  N           0.21'
@@ -35,13 +35,13 @@ def aligned(rows: Sequence[Sequence[str]], right: Collection[int] = (), indent: 
     return lines
 
 
-def headed(rows: Sequence[Sequence[str]]) -> list[str]:
+def table_with_rule(rows: Sequence[Sequence[str]]) -> list[str]:
     """Format a table of numbers with a rule below its first row. The first column is aligned to the left.
 
-    >>> print("\\n".join(headed([["axis", "N"], ["gyro_x", "0.21"]])))
+    >>> print("\\n".join(table_with_rule([["axis", "N"], ["gyro_x", "0.21"]])))
       axis       N
       ────────────
       gyro_x  0.21
     """
-    head, *lines = aligned(rows, right=range(1, len(rows[0])))
+    head, *lines = align(rows, right=range(1, len(rows[0])))
     return [head, "  " + "─" * (max(map(len, (head, *lines))) - 2), *lines]

@@ -10,7 +10,7 @@ from enum import Enum
 from html import escape
 from string import Formatter
 
-from gmwm.base.text import counted, duration_text, listed, moment, rounded
+from gmwm.base.text import counted, duration_text, list_text, moment, round_text
 
 
 class Dialect(Enum):
@@ -139,7 +139,7 @@ def fact_text(fact: Fact, spec: str = "") -> str:
         items = fact if isinstance(fact, tuple) else (fact,)
         return f"{spec[1:]}{'s' if len(items) > 1 else ''} {fact_text(items)}"
     if isinstance(fact, tuple):
-        return joined([fact_text(item, spec) for item in fact])
+        return join_names([fact_text(item, spec) for item in fact])
     if isinstance(fact, str):
         return fact
     if fact is None:
@@ -152,23 +152,23 @@ def fact_text(fact: Fact, spec: str = "") -> str:
     if spec == "span":
         return duration_text(value)
     if spec == "percent":
-        return f"{rounded(100 * value)} %"
+        return f"{round_text(100 * value)} %"
     if isinstance(value, bool | int):
         number = str(value)
     else:
-        number = format(value, spec) if spec else rounded(value, 3) if math.isfinite(value) else str(value)
+        number = format(value, spec) if spec else round_text(value, 3) if math.isfinite(value) else str(value)
     return f"{number}{unit}" if unit == "°" else f"{number} {unit}".rstrip()
 
 
-def joined(names: Sequence[str], most: int = 6) -> str:
+def join_names(names: Sequence[str], most: int = 6) -> str:
     """Join names for a sentence, as in "a, b and c". Of many names, only the first ones and the number of the others
     appear.
 
-    >>> joined(["a"]), joined(["a", "b"]), joined(["a", "b", "c"]), joined(list("abcdefgh"))
+    >>> join_names(["a"]), joined(["a", "b"]), joined(["a", "b", "c"]), join_names(list("abcdefgh"))
     ('a', 'a and b', 'a, b and c', 'a, b, c, d, e, f and 2 others')
     """
     if len(names) > most + 1:
-        return listed(names, most)
+        return list_text(names, most)
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}" if names else ""
 
 

@@ -37,10 +37,10 @@ def with_article(noun: str) -> str:
     return f"{'an' if noun[:1].lower() in tuple('aeiou') else 'a'} {noun}"
 
 
-def rounded(value: float, digits: int = 2) -> str:
+def round_text(value: float, digits: int = 2) -> str:
     """Format a number with few significant digits, without an exponent below a million.
 
-    >>> rounded(744.7), rounded(-0.01234), rounded(2.34e6), rounded(2.0)
+    >>> round_text(744.7), rounded(-0.01234), rounded(2.34e6), round_text(2.0)
     ('740', '-0.012', '2.3e+06', '2')
     """
     return f"{float(f'{value:.{digits}g}'):g}"
@@ -58,7 +58,7 @@ def duration_text(seconds: float, digits: int = 2) -> str:
     ('0.05 s', '53 s', '3.2 h', '5.8 d', '32 years')
     """
     unit, size = next((unit, size) for unit, size, least in _DURATIONS if seconds >= least)
-    return f"{rounded(seconds / size, digits)} {unit}"
+    return f"{round_text(seconds / size, digits)} {unit}"
 
 
 def moment(seconds: float) -> str:
@@ -70,10 +70,10 @@ def moment(seconds: float) -> str:
     return f"{seconds:.3f}".rstrip("0").rstrip(".") + " s"
 
 
-def listed(names: Sequence[str], most: int = 6) -> str:
+def list_text(names: Sequence[str], most: int = 6) -> str:
     """Format a list of names. Of a long list, only the first names and the number of the others appear.
 
-    >>> listed("abcdefgh"), listed(["time", "pressure"])
+    >>> list_text("abcdefgh"), list_text(["time", "pressure"])
     ('a, b, c, d, e, f and 2 others', 'time, pressure')
     """
     others = len(names) - most
@@ -84,10 +84,10 @@ LONGEST = 1000
 """Largest number of characters of a message, because names in a file can be longer."""
 
 
-def shortened(text: str, most: int = LONGEST) -> str:
+def shorten(text: str, most: int = LONGEST) -> str:
     """Shorten text that has more than `most` characters, by cutting out its middle.
 
-    >>> shortened("abcdefghij", 5)
+    >>> shorten("abcdefghij", 5)
     'ab … ij'
     """
     return text if len(text) <= most else f"{text[: most // 2]} … {text[-(most // 2) :]}"

@@ -82,7 +82,9 @@ def in_threads(
     """
     pool = ThreadPoolExecutor(max(1, min(len(items), threads or processors())))
     try:
-        futures = {pool.submit(copy_context().run, _named, work, name, item): name for name, item in items.items()}
+        futures = {
+            pool.submit(copy_context().run, _call_by_name, work, name, item): name for name, item in items.items()
+        }
         pending = set(futures)
         while pending:
             # After Polars has installed its handler of Ctrl-C, a wait without a timeout ignores Ctrl-C.
@@ -102,7 +104,7 @@ def processors() -> int:
     return os.cpu_count() or 1
 
 
-def _named(work: Callable[[str, Item], T], name: str, item: Item) -> T:
+def _call_by_name(work: Callable[[str, Item], T], name: str, item: Item) -> T:
     try:
         check_stop()
         return work(name, item)

@@ -8,7 +8,7 @@ from typing import Any
 
 from gmwm.base.documents import Documented, plain
 from gmwm.base.remarks import Remark, sorted_remarks
-from gmwm.base.text import Summarised, rounded
+from gmwm.base.text import Summarised, round_text
 from gmwm.calibration.agreement_text import summary
 from gmwm.calibration.tables import number
 from gmwm.choosing.datasheets import Entry
@@ -213,5 +213,5 @@ def apart_text(share: float) -> str:
     >>> apart_text(0.12), apart_text(2.0)
     ('12 % between the largest and the smallest', 'a factor of 3 between the largest and the smallest')
     """
-    size = f"{rounded(100 * share)} %" if share < 1 else f"a factor of {rounded(1 + share)}"
+    size = f"{round_text(100 * share)} %" if share < 1 else f"a factor of {round_text(1 + share)}"
     return f"{size} between the largest and the smallest"

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Literal
 
 from gmwm.base.remarks import Dialect, texts
-from gmwm.base.tables import headed
+from gmwm.base.tables import table_with_rule
 from gmwm.calibration.tables import WIDTH, bullet, key, number, wrap_text
 from gmwm.measuring.variance.allan_regression import LAWS
 
@@ -56,7 +56,7 @@ def _fitting(heads: Sequence[str], rows: Callable[[Sequence[str], range], list[l
         lines = []
         for start in range(0, len(heads), count):
             part = range(start, min(start + count, len(heads)))
-            lines += [*([""] if lines else []), *headed(rows([heads[k] for k in part], part))]
+            lines += [*([""] if lines else []), *table_with_rule(rows([heads[k] for k in part], part))]
         if max(map(len, lines)) <= WIDTH:
             break
     return lines

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from gmwm.base.axis_names import by_sensor
-from gmwm.base.tables import headed
+from gmwm.base.tables import table_with_rule
 from gmwm.base.text import counted
 from gmwm.calibration.misfit import is_line
 from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability
@@ -69,9 +69,9 @@ def _table(
     spare = WIDTH - sum(max(len(row[k]) for row in rows) + 2 for k in range(len(symbols) + 1)) - 2
     for row in rows[1:]:
         row[-1] = row[-1] if len(row[-1]) <= spare else f"{row[-1][: spare - 1]}…"
-    head, rule, *lines = headed(rows)
+    head, rule, *lines = table_with_rule(rows)
     if max(map(len, lines)) > WIDTH:
-        head, rule, *lines = headed([row[:-1] for row in rows])
+        head, rule, *lines = table_with_rule([row[:-1] for row in rows])
     if long:
         lines = [part for axis, line in zip(axes, lines, strict=True) for part in (f"  {axis}"[:WIDTH], line)]
     return [head, rule, *lines]

@@ -41,7 +41,7 @@ from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.recording.batches import Batch, Streamed, batches, cut, joined
+from gmwm.recording.batches import Batch, Streamed, batches, join_batches, part_of
 from gmwm.recording.signals import Imu, Signal
 
 
@@ -338,7 +338,7 @@ def _beginnings(
     reach = needed_beginning()
     for axis in again:
         if isinstance(signals.get(axis), Signal):
-            beginnings[axis] = clean(cut(signals[axis], 0, reach))
+            beginnings[axis] = clean(part_of(signals[axis], 0, reach))
     return beginnings
 
 
@@ -349,7 +349,7 @@ def _first_samples(recording: Imu | Streamed) -> Mapping[str, Signal]:
         parts.append(batch)
         if batch.stop >= needed_beginning():
             break
-    return joined(parts).signals
+    return join_batches(parts).signals
 
 
 def _together(

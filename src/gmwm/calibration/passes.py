@@ -20,9 +20,9 @@ from gmwm.measuring.inspection.api import FirstPass
 from gmwm.measuring.outliers import Replaced, Screen, Screening, cleaned
 from gmwm.measuring.regression.conditions import NOTHING, Conditions
 from gmwm.measuring.spectrum import PowerSpectrum, SpectrumAccumulator
-from gmwm.measuring.streaming.passes import AxisCurves, Measurement, curves_of, measure, shown, unit_of
+from gmwm.measuring.streaming.passes import AxisCurves, Measurement, curves_of, measure, show_batches, unit_of
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.recording.batches import Batch, Batches, Streamed, cut, end_to_end, feed
+from gmwm.recording.batches import Batch, Batches, Streamed, end_to_end, feed, part_of
 from gmwm.recording.signals import Imu, Signal
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ class AxisAccumulator:
         have = 0 if self.beginning is None else len(self.beginning)
         if have >= self._reach:
             return
-        first = cut(signal, 0, self._reach - have)
+        first = part_of(signal, 0, self._reach - have)
         if self.beginning is not None:
             first = _join(self.beginning, first)
         elif len(first) < len(signal):
@@ -227,7 +227,7 @@ def curves_and_inspection(
         curves = curves_of(stream, axes, robust=robust, efficiency=efficiency)
         batches = _batches_of(stream, run.progress)
         inspector = FirstPass(batches)
-        measure(map(conditions.batch, shown(batches, inspector.update)), curves)
+        measure(map(conditions.batch, show_batches(batches, inspector.update)), curves)
         inspection = _inspect(batches, inspector, curves, conditions=conditions)
 
     def curve(axis: str, item: AxisCurves) -> WaveletVariance:
@@ -252,7 +252,7 @@ def _first_pass(
         for axis, curves in curves_of(recording, axes, efficiency=efficiency, change=clean).items()
     }
     also = None if inspector is None else inspector.update
-    measure(map(conditions.batch, shown(batches, also)), accumulators, threads)
+    measure(map(conditions.batch, show_batches(batches, also)), accumulators, threads)
     return accumulators
 
 
@@ -267,7 +267,7 @@ def _second_pass(
     """Execution the second pass for the wavelet variances that need one, and call `also`, if given, with each batch."""
     again: dict[str, Measurement] = {axis: item for axis, item in curves.items() if item.begin_again()}
     if again or also:
-        measure(map(conditions.batch, shown(batches, also)), again, threads)
+        measure(map(conditions.batch, show_batches(batches, also)), again, threads)
 
 
 def _inspect(
@@ -330,15 +330,15 @@ def _measure_remotely(
 ) -> tuple[dict[str, AxisCurves], Remote]:  # fmt: skip
     """Measure the curves of a stream with workers, one of which inspects the stream and accumulates the other
     statistics of the axes `inspected`."""
-    from gmwm.measuring.streaming.cluster import part_levels, spread
-    from gmwm.measuring.streaming.scheduling import connected
+    from gmwm.measuring.streaming.cluster import measure_in_parts, part_levels
+    from gmwm.measuring.streaming.scheduling import connect
 
     curves = curves_of(
         stream, axes, exact=part_levels(len(axes)), robust=robust, efficiency=efficiency, change=change
     )  # fmt: skip
-    with connected(run.scheduler, run.workers) as client:
+    with connect(run.scheduler, run.workers) as client:
         future = client.submit(_inspect_remotely, stream, inspected, conditions, pure=False, retries=2)
-        spread(
+        measure_in_parts(
             stream, curves, scheduler=client, prepare=conditions.batch,
             done=lambda samples: run.progress(f"both passes: {duration_text(samples / stream.rate)}"),
         )  # fmt: skip
@@ -357,7 +357,7 @@ def _inspect_remotely(stream: Streamed, axes: tuple[str, ...], conditions: Condi
         accumulators = {
             axis: AxisAccumulator(stream.rate, unit_of(stream, axis), axis, beginning=reach) for axis in axes
         }
-        measure(map(conditions.batch, shown(batches, inspector.update)), accumulators)
+        measure(map(conditions.batch, show_batches(batches, inspector.update)), accumulators)
         return _inspect(batches, inspector, {}, conditions=conditions), accumulators
     except GmwmError as error:
         return error

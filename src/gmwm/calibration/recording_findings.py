@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from gmwm.base.remarks import Quantity, Remark
-from gmwm.base.text import rounded
+from gmwm.base.text import round_text
 from gmwm.calibration.averaging import WALK
 from gmwm.measuring.inspection.findings import in_datasheet_units, removal_remark
 
@@ -78,6 +78,6 @@ def _left_in(found: AxisCalibration) -> str:
         return ""
     if entry is not None and entry.value and not entry.upper_only:
         ratio = value / entry.value
-        return f"K would be {rounded(ratio)} times as large" if ratio > 1 else ""
+        return f"K would be {round_text(ratio)} times as large" if ratio > 1 else ""
     shown = in_datasheet_units(value, -0.5, found.fit.wavelet_variance.unit)
-    return f"K would be {rounded(shown.value)} {shown.unit}"
+    return f"K would be {round_text(shown.value)} {shown.unit}"

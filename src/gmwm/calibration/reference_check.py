@@ -13,7 +13,7 @@ from gmwm.base.axis_names import sensor_of
 from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark, texts
-from gmwm.base.tables import headed
+from gmwm.base.tables import table_with_rule
 from gmwm.base.text import Summarised
 from gmwm.base.units import SI_UNIT, datasheet_units, noise_unit
 from gmwm.choosing.datasheets import Entry, effective_noise
@@ -319,7 +319,7 @@ def _summary(found: ReferenceCheck) -> str:
     if in_file:
         about += f" Measured N and K are for a filter with a horizon of {found.horizon:g} s, as in exported files."
     about += " factor: reference / measured, or its upper limit."
-    parts = [texts([verdict])[0], "\n".join(headed(rows)), about, *texts(others)]
+    parts = [texts([verdict])[0], "\n".join(table_with_rule(rows)), about, *texts(others)]
     if found.unmatched:
         parts.append(f"The calibration does not have {', '.join(found.unmatched)}.")
     return "\n\n".join(parts)

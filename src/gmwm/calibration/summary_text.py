@@ -9,7 +9,7 @@ import numpy as np
 
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.remarks import Dialect, Severity, brief, texts
-from gmwm.base.tables import headed
+from gmwm.base.tables import table_with_rule
 from gmwm.base.text import counted, duration_text, p_text
 from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.findings import equality_remarks
@@ -122,7 +122,7 @@ def _blocks(axes: Mapping[str, AxisCalibration], count: int) -> list[str]:
     lines: list[str] = []
     for start in range(0, len(names), count):
         chosen = {axis: axes[axis] for axis in names[start : start + count]}
-        lines += [*([""] if lines else []), *headed(rows_of(chosen))]
+        lines += [*([""] if lines else []), *table_with_rule(rows_of(chosen))]
     return lines
 
 

@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from gmwm.base.text import rounded
+from gmwm.base.text import round_text
 from gmwm.fitting.inference.planning import SEEN
 from gmwm.measuring.variance.allan_regression import LAWS
 
@@ -60,7 +60,7 @@ def number(entry: Entry) -> str:
         return f"{'≤ ' if low >= 0 else '≤ ±'}{high:.3g}"
     half = (high - low) / 2
     if half > SEEN * abs(value):
-        return f"{rounded(low)} … {rounded(high)}"
+        return f"{round_text(low)} … {round_text(high)}"
     return f"{value:.3g} ± {100 * half / abs(value):.2g} %" if value else f"{value:.3g}"
 
 

@@ -23,7 +23,7 @@ from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.calibration.summary_text import summary
 from gmwm.cli.command import command
 from gmwm.cli.export import KalibrFile, kalibr_file
-from gmwm.cli.measuring import Chunked, Scheduler, Workers, memory_for, opened
+from gmwm.cli.measuring import Chunked, Scheduler, Workers, memory_for, open_recording
 from gmwm.cli.option_names import named_as_options
 from gmwm.cli.options import (
     AgainstOption,
@@ -42,7 +42,7 @@ from gmwm.cli.options import (
     parse_searched,
     unit_system,
 )
-from gmwm.cli.output import NewFile, Outcome, file_names, made_directory, progress, text_file
+from gmwm.cli.output import NewFile, Outcome, file_names, make_directory, progress, text_file
 from gmwm.cli.read_options import Axes, Files, chosen_names, document_of, names_of, only_file
 from gmwm.cli.topics import each_topic, separate_topics
 from gmwm.measuring.regression.against import AUTO
@@ -163,10 +163,10 @@ def calibrate(
     processes = calibration_helpers(plots=output is not None)
 
     def one(readings: Sequence[ReadOptions], output: Path | None) -> Outcome:
-        load = partial(opened, chunked=chunked, spread=spread, whole=memory_for(against))
+        load = partial(open_recording, chunked=chunked, spread=spread, whole=memory_for(against))
         groups = [[load(file, topic) for file in files] for topic in readings]
         if output is not None:
-            made_directory(output)
+            make_directory(output)
         names = dict.fromkeys(name for group in groups for recording in group for name in recording.axes)
         axes = chosen_names(list(names), axis)
         models = stated if isinstance(stated, dict) else dict.fromkeys(axes, stated)
@@ -219,7 +219,7 @@ def _unite(
             }
             group_options = replace(options, axes=axes, models=models)
             calibrations.append(
-                calibrated(data, group_options, helpers, scheduler=scheduler, workers=workers).of_file(*files)
+                run_calibration(data, group_options, helpers, scheduler=scheduler, workers=workers).of_file(*files)
             )
     return calibrations[0].combined(*calibrations[1:])
 
@@ -254,7 +254,7 @@ def _outcome(
     )
 
 
-def calibrated(
+def run_calibration(
     recording: Imu | Stream | Mapping[str, Imu | Stream],
     options: CalibrationOptions,
     helpers: Helpers,

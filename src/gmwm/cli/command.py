@@ -9,7 +9,7 @@ from inspect import Parameter, Signature, signature
 from typing import Any, get_type_hints
 
 from gmwm.cli.options import AllRemarks, Json
-from gmwm.cli.output import Outcome, collected_warnings, finish
+from gmwm.cli.output import Outcome, collect_warnings, finish
 from gmwm.cli.read_options import ReadOptionTexts
 from gmwm.recording.options import ReadOptions
 
@@ -42,10 +42,10 @@ def command(function: Callable[..., Outcome]) -> Callable[..., None]:
     def run(**declared: Any) -> None:
         json = declared["json"] if own_json else declared.pop("json")
         every = declared.pop("all_remarks")
-        with collected_warnings(every=every) as warned:
+        with collect_warnings(every=every) as warned:
             if reads is not None:
                 read = ReadOptionTexts(**{field.name: declared.pop(field.name) for field in fields(ReadOptionTexts)})
-                declared[reads] = read.parsed()
+                declared[reads] = read.parse()
             finish(function(**declared), warned, json=json, every=every)
 
     run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]

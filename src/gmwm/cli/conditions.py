@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from gmwm.base.errors import OptionError, ReadError
-from gmwm.cli.output import Outcome, json_text, made_directory, plot_file, text_file
+from gmwm.cli.output import Outcome, json_text, make_directory, plot_file, text_file
 from gmwm.cli.read_options import chosen_names, load
 from gmwm.recording.options import ReadOptions
 
@@ -24,7 +24,7 @@ _EXPECTED = "a table with the columns start, stop and the condition, for example
 
 
 @dataclass(frozen=True)
-class Table:
+class ConditionTable:
     """The parts of a recording during which a condition, such as the temperature or the rate, had a known value.
 
     Attributes
@@ -39,7 +39,7 @@ class Table:
     parts: Mapping[float, list[tuple[float, float]]]
 
     @classmethod
-    def read(cls, path: Path) -> Table:
+    def read(cls, path: Path) -> ConditionTable:
         """Read a CSV file with the columns start, stop and the condition."""
         try:
             rows = [row for row in csv.reader(path.read_text(encoding="utf-8-sig").splitlines()) if row]
@@ -98,7 +98,7 @@ def require_unused(conditions: bool, *, varies: bool, **others: bool) -> None:
         raise OptionError(argument=name, expected="left out with --conditions", advice="Leave it out.")
 
 
-def fitted_conditions(
+def fit_conditions(
     file: Path, reading: ReadOptions, model: Model, table: Path, varies: Sequence[str], axis: Sequence[str] | None,
     *, weighting: Literal["diagonal", "optimal", "identity"] | None, robust: bool, efficiency: float, certify: bool,
     plot: Path | None, output: Path | None,
@@ -108,13 +108,13 @@ def fitted_conditions(
     from gmwm.cli.parallel import over_axes
     from gmwm.fitting.estimation.varies import parse_varies as parsed_functions
 
-    sums, conditions = as_varies(varies), Table.read(table)
+    sums, conditions = as_varies(varies), ConditionTable.read(table)
     _, named = parsed_functions(sums)
     if named not in ("condition", conditions.condition):
         raise OptionError(argument="varies", expected=f"functions of {conditions.condition}, as in {table}", got=named)
     recording = load(file, reading)
     if output is not None:
-        made_directory(output)
+        make_directory(output)
     parts = conditions.of(recording)
     names = chosen_names(recording.axes, axis)
     if plot is not None and len(names) > 1:

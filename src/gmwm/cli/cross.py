@@ -7,7 +7,7 @@ from typing import Annotated
 
 from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Chunked, opened, tell_inspection
+from gmwm.cli.measuring import Chunked, open_recording, tell_inspection
 from gmwm.cli.options import Efficiency, EstimationOption, Plot, ResultOption
 from gmwm.cli.output import Outcome, plot_file, progress, text_file
 from gmwm.cli.read_options import Axes, File, chosen_names
@@ -43,7 +43,7 @@ def cross(
     """
     from gmwm.applications.several import cross
 
-    recording = opened(file, reading, chunked)
+    recording = open_recording(file, reading, chunked)
     axes = chosen_names(recording.axes, axis)
     with progress("measuring"):
         result = cross(

@@ -15,11 +15,11 @@ from gmwm.base.remarks import Dialect, Remark
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.summary_text import summary
 from gmwm.calibration.tables import wrap_text
-from gmwm.cli.calibrate import calibrated, calibration_files, calibration_helpers, pictures
+from gmwm.cli.calibrate import calibration_files, calibration_helpers, pictures, run_calibration
 from gmwm.cli.command import command
 from gmwm.cli.export import kalibr_file
 from gmwm.cli.options import Json
-from gmwm.cli.output import NewFile, Outcome, file_names, made_directory, progress, table_text
+from gmwm.cli.output import NewFile, Outcome, file_names, make_directory, progress, table_text
 from gmwm.measuring.inspection.result import text as inspection_text
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def demo(
 
     helpers = calibration_helpers(plots=True)
     truth = {axis: model.sorted(RATE) for axis, model in reference_imu().items()}
-    file = made_directory(output) / "imu.csv"
+    file = make_directory(output) / "imu.csv"
     imu = _simulate(truth, seed, file)
     # The demo takes a minute, so it prints each result at once.
     say = _silent if json else print
@@ -66,7 +66,7 @@ def demo(
     with progress("inspecting"):
         inspection = inspect(imu)
     say(inspection_text(inspection, Dialect.SHELL) + "\n")
-    calibration = calibrated(imu, CalibrationOptions(), helpers).of_file(file)
+    calibration = run_calibration(imu, CalibrationOptions(), helpers).of_file(file)
     plots = helpers.begin(pictures, calibration, "wavelet", False)
     say(summary(calibration, Dialect.SHELL))
     document, text = calibration.to_dict(), summary(calibration, Dialect.SHELL, details=True, every=True)

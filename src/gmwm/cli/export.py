@@ -15,10 +15,10 @@ from gmwm.base.errors import DataError, MissingTheoryError, OptionError, ReadErr
 from gmwm.base.remarks import Remark
 from gmwm.choosing.datasheets.effective import HORIZON
 from gmwm.cli.command import command
-from gmwm.cli.noise_source import GivenText, given
+from gmwm.cli.noise_source import GivenText, read_given
 from gmwm.cli.option_names import named_as_options
 from gmwm.cli.options import ResultOption
-from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, made_directory, text_file
+from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, make_directory, text_file
 from gmwm.cli.read_options import document_of
 from gmwm.showing.exporters import export_formats
 
@@ -97,7 +97,7 @@ def export(
             "--all writes every format", argument="all", got=str(all), advice="Leave {--format} and {--output} out."
         )
     seconds = parse_length(horizon, "horizon")
-    choice: _Choice = {
+    choice: _ExportArguments = {
         "axes": axes, "inflation": inflation, "horizon": seconds, "rate": rate,
         "duration": None if duration is None else parse_length(duration, "duration"),
     }  # fmt: skip
@@ -108,7 +108,7 @@ def export(
     files, calibration = _source(calibrations, source, rate) if fitted is None else (calibrations or [], fitted)
     with named_as_options({"axes": "--axes"}):
         if all is not None:
-            return _all(calibration, files, made_directory(all, "all"), choice)
+            return _all(calibration, files, make_directory(all, "all"), choice)
         return _one(calibration, files, output=output, name=written, choice=choice)
 
 
@@ -125,7 +125,7 @@ def _source(calibrations: list[Path] | None, source: str | None, rate: float | N
             advice="Pass a calibration.json, or noise without a recording with {--from}.",
         )
     if source is not None:
-        return [Path(source)], given_calibration(given(source, rate))
+        return [Path(source)], given_calibration(read_given(source, rate))
     files = [calibration_file(path) for path in calibrations or ()]
     first, *others = [Calibration.load(file) for file in files]
     return files, first.combined(*others)
@@ -164,7 +164,7 @@ def _is_fits(path: Path) -> bool:
     return isinstance(content, dict) and content.get("command") == "fit"
 
 
-class _Choice(TypedDict):
+class _ExportArguments(TypedDict):
     """Keyword arguments of `gmwm.exporters.export` that the options of the command set."""
 
     axes: Literal["worst", "mean", "each"] | None
@@ -174,7 +174,9 @@ class _Choice(TypedDict):
     duration: float | None
 
 
-def _one(found: Calibration, files: Sequence[Path], output: Path | None, name: str, choice: _Choice) -> Outcome:
+def _one(
+    found: Calibration, files: Sequence[Path], output: Path | None, name: str, choice: _ExportArguments
+) -> Outcome:
     """Return the outcome of an export in one format, which is written to `output` or, if that is None, printed."""
     from gmwm.showing.exporters import export as exported
     from gmwm.showing.exporters.api import require_extension
@@ -191,7 +193,7 @@ def _one(found: Calibration, files: Sequence[Path], output: Path | None, name: s
     )
 
 
-def _all(found: Calibration, files: Sequence[Path], folder: Path, choice: _Choice) -> Outcome:
+def _all(found: Calibration, files: Sequence[Path], folder: Path, choice: _ExportArguments) -> Outcome:
     """Write every format that the calibration allows. For each other format, a remark gives the reason."""
     from gmwm.showing.exporters import export_all
 

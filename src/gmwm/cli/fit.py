@@ -10,10 +10,17 @@ import typer
 
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.cli.command import command
-from gmwm.cli.conditions import fitted_conditions, require_unused
-from gmwm.cli.likelihood_output import LIKELIHOOD, Judged, asked_again, judged, likelihood_fits, likelihoods_text
+from gmwm.cli.conditions import fit_conditions, require_unused
+from gmwm.cli.likelihood_output import (
+    LIKELIHOOD,
+    LikelihoodResult,
+    asked_again,
+    judge_fits,
+    likelihood_fits,
+    likelihoods_text,
+)
 from gmwm.cli.likelihood_output import as_dict as likelihood_as_dict
-from gmwm.cli.measuring import Chunked, measured_together, memory_for, needs_memory, opened_together
+from gmwm.cli.measuring import Chunked, measure_together, memory_for, needs_memory, open_together
 from gmwm.cli.options import (
     AgainstOption,
     Datasheet,
@@ -32,7 +39,7 @@ from gmwm.cli.output import (
     NewFile,
     Outcome,
     json_text,
-    made_directory,
+    make_directory,
     progress,
     table_text,
     tell,
@@ -172,7 +179,7 @@ def fit(
         transform=transform != "modwt", chunked=chunked == "yes",
     )  # fmt: skip
     if conditions is not None:
-        return fitted_conditions(
+        return fit_conditions(
             only_file(files, "--conditions"), reading, model=parsed, table=conditions, varies=varies or [], axis=axis,
             weighting=weighting, robust=robust, efficiency=strength, certify=certify, plot=plot, output=output,
         )  # fmt: skip
@@ -180,10 +187,10 @@ def fit(
         only_file(files, LIKELIHOOD[0])
     how = _interval_method(confidence, bootstrap_draws, seed)
     memory = memory_for(against, needs_memory(filter, transform))
-    recordings = opened_together(files, reading, chunked, whole=LIKELIHOOD[0] if likelihood else memory)
+    recordings = open_together(files, reading, chunked, whole=LIKELIHOOD[0] if likelihood else memory)
     if output is not None:
-        made_directory(output)
-    signals = measured_together(
+        make_directory(output)
+    signals = measure_together(
         recordings, axis, robust=robust, efficiency=strength, against=against, filter=filter, transform=transform
     )
     fits = fit_axes(
@@ -195,7 +202,7 @@ def fit(
     carried = {}
     if likelihood and isinstance(recording := next(iter(recordings.values())), Imu):
         covariates = {name: asked_again(axis_fit.regression, recording.temperature) for name, axis_fit in fits.items()}
-        carried = judged(likelihood_fits(fits, chosen_axes(recording, axis), parsed, covariates), confidence)
+        carried = judge_fits(likelihood_fits(fits, chosen_axes(recording, axis), parsed, covariates), confidence)
     content = {**document_of(files), "model": str(parsed), "axes": _axes_document(fits, carried, how)}
     parts = [*replicates_text(fits), fits_text(fits, how), *([likelihoods_text(carried)] if carried else [])]
     return Outcome(
@@ -211,7 +218,7 @@ def _tell_curves(fits: Mapping[str, Fit]) -> None:
             tell(remark.about(name))
 
 
-def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, Judged]) -> Iterator[Remark]:
+def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, LikelihoodResult]) -> Iterator[Remark]:
     """Yield the remarks about the wavelet fits and the maximum-likelihood fits."""
     for name, axis_fit in fits.items():
         yield from (remark.about(name) for remark in axis_fit.diagnostics.remarks)
@@ -219,7 +226,9 @@ def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, Judged]) -> Iterator
         yield from (remark.about(f"{name}, by maximum likelihood") for remark in likelihood_fit.fit.remarks)
 
 
-def _axes_document(fits: Mapping[str, Fit], carried: Mapping[str, Judged], how: IntervalMethod) -> dict[str, Any]:
+def _axes_document(
+    fits: Mapping[str, Fit], carried: Mapping[str, LikelihoodResult], how: IntervalMethod
+) -> dict[str, Any]:
     """Return the fit of each axis with its intervals and tests, as plain values for JSON."""
     from gmwm.fitting.estimation.summary import inference
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Chunked, memory_for, opened
+from gmwm.cli.measuring import Chunked, memory_for, open_recording
 from gmwm.cli.options import AgainstOption, ResultOption
 from gmwm.cli.output import Outcome, plot_file, progress
 from gmwm.cli.read_options import File
@@ -56,7 +56,7 @@ def info(
     from gmwm.measuring.inspection import inspect
 
     memory = "--plot" if plot is not None else "--noise-against" if noise_against is not None else memory_for(against)
-    recording = opened(file, reading, chunked, whole=memory)
+    recording = open_recording(file, reading, chunked, whole=memory)
     with progress("inspecting"):
         inspection = inspect(recording, against=against)
     changes = _noise_changes(recording, noise_against) if noise_against and isinstance(recording, Imu) else {}

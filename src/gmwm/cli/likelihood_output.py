@@ -24,7 +24,7 @@ LIKELIHOOD = ("--likelihood", "--ml")
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class LikelihoodResult:
     """A maximum-likelihood fit with its residuals and its confidence intervals.
 
     If there are no intervals, `missing` is a remark with the reason.
@@ -74,24 +74,24 @@ def asked_again(regression: Regression | None, temperature: Vector | None) -> As
     return Asked(regression.basis.terms, {} if temperature is None else {TEMPERATURE: temperature})
 
 
-def judged(fits: Mapping[str, LikelihoodFit], level: float) -> dict[str, Judged]:
+def judge_fits(fits: Mapping[str, LikelihoodFit], level: float) -> dict[str, LikelihoodResult]:
     """Compute the confidence intervals and residuals of each fit, in parallel."""
     from gmwm.base.threads import in_threads
     from gmwm.cli.output import progress
     from gmwm.fitting.likelihood.summary import intervals_if_known, own_residuals
 
-    def one(_: str, fit: LikelihoodFit) -> Judged:
+    def one(_: str, fit: LikelihoodFit) -> LikelihoodResult:
         intervals, missing = intervals_if_known(fit, level)
         residuals = own_residuals(fit)
         assert residuals is not None  # the fit was made in this run, so it has the samples
-        return Judged(fit, level, intervals=intervals, missing=missing, residuals=residuals)
+        return LikelihoodResult(fit, level, intervals=intervals, missing=missing, residuals=residuals)
 
     what = "intervals of the likelihood"
     with progress(what, len(fits)) as advance:
         return in_threads(one, fits, done=lambda axis: advance(f"{what}: {axis}"))
 
 
-def as_dict(found: Judged) -> dict[str, Any]:
+def as_dict(found: LikelihoodResult) -> dict[str, Any]:
     """Return a fit with its intervals and tests as plain values for JSON."""
     from gmwm.fitting.likelihood.summary import inference
 
@@ -102,7 +102,7 @@ def as_dict(found: Judged) -> dict[str, Any]:
     }
 
 
-def likelihoods_text(found: Mapping[str, Judged]) -> str:
+def likelihoods_text(found: Mapping[str, LikelihoodResult]) -> str:
     """Format the summary of one fit, or for several axes a table for each sensor with its axes side by side."""
     from gmwm.base.axis_names import by_sensor
     from gmwm.fitting.likelihood.summary import in_words
@@ -132,7 +132,7 @@ def likelihoods_text(found: Mapping[str, Judged]) -> str:
     return "\n\n".join([*parts, *(["\n".join(texts(remarks, Dialect.SHELL))] if remarks else [])])
 
 
-def _sensor_text(group: Mapping[str, Judged]) -> str:
+def _sensor_text(group: Mapping[str, LikelihoodResult]) -> str:
     from gmwm.cli.output import table_text, units_text
     from gmwm.fitting.likelihood.summary import short_values
 

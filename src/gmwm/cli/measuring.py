@@ -44,7 +44,7 @@ Workers = Annotated[
 ]
 
 
-def opened(
+def open_recording(
     path: Path, reading: ReadOptions, chunked: Literal["auto", "yes", "no"], *, spread: bool = False, whole: str = ""
 ) -> Imu | Stream:
     """Open the recording in a file, in memory or in chunks."""
@@ -138,12 +138,13 @@ def signals_or_curves(
     return stream_curves(recording, axes, robust=robust, efficiency=efficiency, against=against)
 
 
-def opened_together(
+def open_together(
     files: Sequence[Path], reading: ReadOptions, chunked: Literal["auto", "yes", "no"], *, whole: str = ""
 ) -> dict[str, Imu | Stream]:
     """Open one or several recordings of one unit, and return them by name."""
     return {
-        name: opened(file, reading, chunked, whole=whole) for name, file in zip(names_of(files), files, strict=True)
+        name: open_recording(file, reading, chunked, whole=whole)
+        for name, file in zip(names_of(files), files, strict=True)
     }
 
 
@@ -156,7 +157,7 @@ def axes_together(recordings: Mapping[str, Imu | Stream], wanted: Sequence[str] 
     )[0]
 
 
-def measured_together(
+def measure_together(
     recordings: Mapping[str, Imu | Stream],
     wanted: Sequence[str] | None,
     *,

@@ -18,7 +18,7 @@ from gmwm.base.remarks import Remark
 from gmwm.base.text import counted
 from gmwm.cli.command import command
 from gmwm.cli.growing_source import Idle, growing_source, interruptible, remarks_on_end
-from gmwm.cli.noise_source import GivenText, given
+from gmwm.cli.noise_source import GivenText, read_given
 from gmwm.cli.options import Json, ResultOption
 from gmwm.cli.output import NewFile, Outcome, file_names, plot_file, tell
 from gmwm.cli.read_options import Axes, chosen_names, names_of
@@ -211,12 +211,12 @@ def _side_by_side(
     both = [axis for axis in models if all(axis in stream.axes for stream in streams.values())]
     events: list[UnitEvent] = []
 
-    def noted() -> Iterator[UnitEvent]:
+    def record() -> Iterator[UnitEvent]:
         for event in redundant(models, streams, every, axes=chosen_names(both, axes)):
             events.append(event)
             yield event
 
-    _print_events(noted(), json)
+    _print_events(record(), json)
     return Outcome(
         command="monitor",
         document={"files": files, "axes": both, "every": every, "events": [event.to_dict() for event in events]},
@@ -252,7 +252,7 @@ def _models(origin: Origin, rate: float) -> tuple[Mapping[str, Any], float]:
     Noise from --from has no rate of its own, so it gets the rate of the recording.
     """
     if origin.source is not None:
-        return given(origin.source, rate).models, rate
+        return read_given(origin.source, rate).models, rate
     assert origin.fits is not None
     models = _fit_models(origin.fits)
     return models, next(iter(models.values())).wavelet_variance.rate

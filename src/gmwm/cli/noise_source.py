@@ -46,7 +46,7 @@ class NoiseSource:
     rate: float | None = None
 
 
-def given(text: str, rate: float | None, option: str = "--from") -> Given:
+def read_given(text: str, rate: float | None, option: str = "--from") -> Given:
     """Read noise from a datasheet or a file of another program. Error messages name the shell option."""
     from gmwm.files.importers import given_noise
 
@@ -81,5 +81,5 @@ def noise_of(text: str, rate: float | None, option: str = "SOURCE") -> NoiseSour
     if path.is_dir() or path.suffix == ".json":
         _, fits = fits_in(path)
         return NoiseSource({axis: Fit.from_dict(content) for axis, content in fits.items()}, rate)
-    noise = given(text, rate, option)
+    noise = read_given(text, rate, option)
     return NoiseSource(noise.models, noise.rate)

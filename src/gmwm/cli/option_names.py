@@ -33,7 +33,7 @@ def named_as_options(options: Mapping[str, str]) -> Iterator[None]:
         raise
 
 
-def checked(check: Callable[[T], object]) -> Callable[[T | None], T | None]:
+def checker(check: Callable[[T], object]) -> Callable[[T | None], T | None]:
     """Return a Typer callback that checks the value of an option with a function of the library."""
 
     def callback(given: T | None) -> T | None:
@@ -45,7 +45,7 @@ def checked(check: Callable[[T], object]) -> Callable[[T | None], T | None]:
 
 
 @contextmanager
-def prefixed(argument: str) -> Iterator[None]:
+def prefix_errors(argument: str) -> Iterator[None]:
     """Put the name of an argument in front of the message of each ModelError that is raised in the block."""
     try:
         yield

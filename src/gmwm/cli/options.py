@@ -13,7 +13,7 @@ import typer
 from gmwm.base.axis_names import AXES
 from gmwm.base.errors import OptionError
 from gmwm.base.units import SI_UNIT
-from gmwm.cli.option_names import checked, prefixed
+from gmwm.cli.option_names import checker, prefix_errors
 from gmwm.measuring.regression.against import Asked
 from gmwm.measuring.variance.biweight import EFFICIENCY, biweight
 from gmwm.recording.options import as_confidence
@@ -55,11 +55,11 @@ Robust = Annotated[
 ]
 
 
-checked_against = checked(Asked.of)
+checked_against = checker(Asked.of)
 Efficiency = Annotated[
     float | None,
     EstimationOption(
-        callback=checked(biweight),
+        callback=checker(biweight),
         help="Efficiency of the robust wavelet variance for Gaussian noise, 0.3 to 0.99. Lower values suppress "
         "outliers close to the noise; higher values tolerate more distant outliers. Default: 0.6.",
     ),
@@ -111,7 +111,7 @@ CriterionName = Annotated[
 ]
 
 
-checked_confidence = checked(as_confidence)
+checked_confidence = checker(as_confidence)
 Confidence = Annotated[
     float,
     EstimationOption(
@@ -136,7 +136,7 @@ def parse_within(text: str) -> Model:
     """
     from gmwm import Model
 
-    with prefixed("within"):
+    with prefix_errors("within"):
         return Model.parse(text)
 
 

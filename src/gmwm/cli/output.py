@@ -273,7 +273,7 @@ class Warned:
 
 
 @contextmanager
-def collected_warnings(*, every: bool = False) -> Iterator[Warned]:
+def collect_warnings(*, every: bool = False) -> Iterator[Warned]:
     """Collect the remarks of all GmwmWarnings in the block, and print them at its end, even if the block fails.
 
     A FitWarning is not collected, because the text of the command already shows its remark.
@@ -303,7 +303,7 @@ def collected_warnings(*, every: bool = False) -> Iterator[Warned]:
 
 
 def tell(remark: Remark) -> None:
-    """Add a remark to the warnings of the command. `collected_warnings` prints it."""
+    """Add a remark to the warnings of the command. `collect_warnings` prints it."""
     warnings.warn(GmwmWarning(remark), stacklevel=2)
 
 
@@ -321,7 +321,7 @@ def calibration_file(path: Path) -> Path:
     return path / "calibration.json" if path.is_dir() else path
 
 
-def made_directory(path: Path, argument: str = "output") -> Path:
+def make_directory(path: Path, argument: str = "output") -> Path:
     """Create a directory and its parents if they do not exist, and return the path."""
     if path.exists() and not path.is_dir():
         raise OptionError(

@@ -14,7 +14,7 @@ from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.units import SI_UNIT
 from gmwm.cli.command import command
-from gmwm.cli.noise_source import GivenText, given
+from gmwm.cli.noise_source import GivenText, read_given
 from gmwm.cli.options import Plot
 from gmwm.cli.output import Outcome, plot_file, progress, tell
 
@@ -122,7 +122,7 @@ def _given_axis(source: str, axis: str | None, rate: float | None) -> tuple[str,
 
     `axis` can be None if all axes have the same model.
     """
-    noise = given(source, rate)
+    noise = read_given(source, rate)
     models = {name: str(model) for name, model in noise.models.items()}
     if axis is None and len(set(models.values())) == 1:
         axis = next(iter(models))

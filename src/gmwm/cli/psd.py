@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Chunked, opened, tell_inspection
+from gmwm.cli.measuring import Chunked, open_recording, tell_inspection
 from gmwm.cli.options import EstimationOption, Plot, ResultOption, unit_system
 from gmwm.cli.output import Outcome, csv_file, plot_file, progress, table_text
 from gmwm.cli.read_options import Axes, File, chosen_axes, chosen_names
@@ -52,7 +52,7 @@ def psd(
     such as a resonance. For each axis, the probability of any false line or bump is at most 1 %. Q is the frequency
     divided by the width.
     """
-    recording = opened(file, reading, chunked)
+    recording = open_recording(file, reading, chunked)
     spectra = _measure(recording, axis, length=length, detrend=detrend)
     system = unit_system(datasheet)
     heading = "axis,unit,frequency_hz,density,lower,upper,degrees_of_freedom"

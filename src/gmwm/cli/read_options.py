@@ -137,7 +137,7 @@ class ReadOptionTexts:
     scale: Scale = None
     increments: Increments = None
 
-    def parsed(self) -> ReadOptions:
+    def parse(self) -> ReadOptions:
         """Parse and check the options, and return them as `ReadOptions`."""
         return ReadOptions(
             rate=self.rate,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from gmwm.choosing.selection.options import SLOW, RankingOptions
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Chunked, axes_together, measured_together, memory_for, opened_together
+from gmwm.cli.measuring import Chunked, axes_together, measure_together, memory_for, open_together
 from gmwm.cli.options import (
     AgainstOption,
     ChoiceWeighting,
@@ -22,7 +22,7 @@ from gmwm.cli.options import (
     chosen_efficiency,
     parse_within,
 )
-from gmwm.cli.output import NewFile, Outcome, file_names, json_text, made_directory, text_file
+from gmwm.cli.output import NewFile, Outcome, file_names, json_text, make_directory, text_file
 from gmwm.cli.read_options import Axes, Files, document_of, require_one_axis
 from gmwm.measuring.regression.against import NONE
 from gmwm.recording.options import ReadOptions
@@ -78,12 +78,12 @@ def select(
     """
     largest, strength = parse_within(within), chosen_efficiency(robust, efficiency)
     options = RankingOptions(weighting=weighting, criterion=criterion, confidence=confidence, seed=seed)
-    recordings = opened_together(files, reading, chunked, whole=memory_for(against))
+    recordings = open_together(files, reading, chunked, whole=memory_for(against))
     names = axes_together(recordings, axis)
     require_one_axis(names, plot, "Select one with {--axis}, or plot all with {--output}.")
     if output is not None:
-        made_directory(output)
-    measured = measured_together(recordings, axis, robust=robust, efficiency=strength, against=against)
+        make_directory(output)
+    measured = measure_together(recordings, axis, robust=robust, efficiency=strength, against=against)
     rankings = _rank(largest, measured, options=options, robust=robust, efficiency=strength)
     axes = {name: ranking.to_dict() for name, ranking in rankings.items()}
     content = {**document_of(files), "within": within, "axes": axes}

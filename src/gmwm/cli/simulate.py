@@ -11,7 +11,7 @@ import typer
 from gmwm.base.durations import parse_length
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
-from gmwm.cli.noise_source import GivenText, given
+from gmwm.cli.noise_source import GivenText, read_given
 from gmwm.cli.options import parse_models
 from gmwm.cli.output import Outcome, progress
 
@@ -139,8 +139,8 @@ def _write(
 def _given_at(source: str, rate: float | None) -> Given:
     """Return the noise of --from, at 100 Hz if neither the file nor the user gives the sampling rate."""
     try:
-        return given(source, rate)
+        return read_given(source, rate)
     except OptionError as error:
         if error.argument != "rate" or rate is not None:
             raise
-    return given(source, 100.0)
+    return read_given(source, 100.0)

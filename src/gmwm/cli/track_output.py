@@ -90,7 +90,7 @@ def _row(label: str, brief: Mapping[str, float | None], ahead: bool, factor: flo
             return "0"
         return f"{factor * value:.{'3g' if factor * value >= 0.01 else '2e'}}"
 
-    def known(key: str, by: str) -> str:
+    def value_text(key: str, by: str) -> str:
         value, error = brief.get(key), brief.get(by)
         if value is None or error is None:
             return "unknown"
@@ -98,10 +98,10 @@ def _row(label: str, brief: Mapping[str, float | None], ahead: bool, factor: flo
         least = 1e-4 * (brief.get("rms_about_mean") or 0.0)
         return _rounded_to_error(factor * value, factor * max(error, least))
 
-    last = [known("last", "last_reach"), number("last_reach")]
+    last = [value_text("last", "last_reach"), number("last_reach")]
     if ahead:
-        return [label, known("first", "first_reach"), number("first_reach"), *last]
-    return [label, known("mean", "rms_error"), number("rms_about_mean"), number("rms_error"), *last]
+        return [label, value_text("first", "first_reach"), number("first_reach"), *last]
+    return [label, value_text("mean", "rms_error"), number("rms_about_mean"), number("rms_error"), *last]
 
 
 def _rounded_to_error(value: float, error: float) -> str:

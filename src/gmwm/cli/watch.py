@@ -18,7 +18,7 @@ from gmwm.cli.growing_source import Idle, growing_source, interruptible, remarks
 from gmwm.cli.options import Datasheet, Json
 from gmwm.cli.output import Outcome
 from gmwm.cli.read_options import Axes, Columns, Increments, Rate, ReadOptionTexts, Scale, Units, chosen_names
-from gmwm.cli.watch_status import as_dicts, fitted, one_line_of, whole_text
+from gmwm.cli.watch_status import as_dicts, fit_curves, one_line_of, whole_text
 from gmwm.recording.signals import MINIMUM_SAMPLES
 
 if TYPE_CHECKING:
@@ -84,15 +84,17 @@ def watch(
     parsed = None if model is None else Model.parse(model)
     if seconds <= 0:
         raise OptionError(argument="every", expected="longer than 0 s", got=every)
-    reading = ReadOptionTexts(rate=rate, units=units, columns=columns, scale=scale, increments=increments).parsed()
+    reading = ReadOptionTexts(rate=rate, units=units, columns=columns, scale=scale, increments=increments).parse()
     with growing_source(file) as (take, name), interruptible() as stopped:
-        view = _View(every=seconds, stopped=stopped, model=parsed, accuracy=share, datasheet=datasheet, json=json)
+        view = _StatusDisplay(
+            every=seconds, stopped=stopped, model=parsed, accuracy=share, datasheet=datasheet, json=json
+        )
         lines = Lines(take, view.breathe, patience)
         source = growing_stream(lines, name, reading, patience=min(seconds, 5.0))
         measured = accumulators(source, chosen_names(source.axes, axis))
         failure = _feed(source, measured, view)
     curves = {axis_name: accumulator.result() for axis_name, accumulator in measured.items()}
-    fits, failed = fitted(parsed, curves)
+    fits, failed = fit_curves(parsed, curves)
     return Outcome(
         command="watch",
         document={"file": file, "accuracy": share, "axes": as_dicts(curves, fits, share)},
@@ -105,7 +107,7 @@ def watch(
     )
 
 
-def _feed(source: Stream, measured: Mapping[str, WaveletAccumulator], view: _View) -> GmwmError | None:
+def _feed(source: Stream, measured: Mapping[str, WaveletAccumulator], view: _StatusDisplay) -> GmwmError | None:
     """Feed the accumulators until the source ends.
 
     Returns the error that ended the source, or None. Raises the error if the samples before it are too few for a
@@ -123,14 +125,14 @@ def _feed(source: Stream, measured: Mapping[str, WaveletAccumulator], view: _Vie
         except GmwmError as error:
             failures.append(error)
 
-    with view.shown(measured), suppress(KeyboardInterrupt):
+    with view.show_during(measured), suppress(KeyboardInterrupt):
         feed_chunks(chunks(), measured)
     if failures and not all(len(accumulator) >= MINIMUM_SAMPLES for accumulator in measured.values()):
         raise failures[0]
     return failures[0] if failures else None
 
 
-class _View:
+class _StatusDisplay:
     """The status display of a running watch. It shows the status at regular times, on a terminal or in lines."""
 
     def __init__(
@@ -159,7 +161,7 @@ class _View:
         return not self._stopped()
 
     @contextmanager
-    def shown(self, measured: Mapping[str, WaveletAccumulator]) -> Iterator[None]:
+    def show_during(self, measured: Mapping[str, WaveletAccumulator]) -> Iterator[None]:
         """Show the status of these accumulators while the block runs: live on a terminal, otherwise in lines."""
         self._measured = measured
         if not self._out.isatty():
@@ -187,7 +189,7 @@ class _View:
             curves = {axis_name: accumulator.result() for axis_name, accumulator in self._measured.items()}
         except GmwmError:
             return  # too few samples yet
-        fits, failed = fitted(self._model, curves)
+        fits, failed = fit_curves(self._model, curves)
         live = self._out.isatty()
         self._update(
             whole_text(curves, fits, failed=failed, accuracy=self._accuracy, datasheet=self._datasheet, live=True)

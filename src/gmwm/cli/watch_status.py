@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from gmwm.theory.processes.model import Model
 
 
-def fitted(model: Model | None, curves: Mapping[str, WaveletVariance]) -> tuple[dict[str, Fit], dict[str, str]]:
+def fit_curves(model: Model | None, curves: Mapping[str, WaveletVariance]) -> tuple[dict[str, Fit], dict[str, str]]:
     """Fit a model to the wavelet variance of each axis.
 
     Returns the fits, and for each axis that could not be fitted the reason. Both are empty without a model.

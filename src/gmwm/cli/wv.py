@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Chunked, Scheduler, Workers, needs_memory, opened, stream_curves, tell_inspection
+from gmwm.cli.measuring import Chunked, Scheduler, Workers, needs_memory, open_recording, stream_curves, tell_inspection
 from gmwm.cli.options import (
     Datasheet,
     Efficiency,
@@ -72,7 +72,7 @@ def wv(
     from gmwm.showing.plots.view import view_of
 
     strength = chosen_efficiency(robust, efficiency)
-    recording = opened(
+    recording = open_recording(
         file, reading, chunked, spread=scheduler is not None or workers is not None,
         whole=needs_memory(filter, transform),
     )  # fmt: skip

@@ -107,7 +107,7 @@ class Batch:
         if first == 0 and last >= len(self):
             return self
         begins = {begin for begin, _ in next(iter(self.signals.values())).segments}
-        signals = {axis: cut(x, first, last) for axis, x in self.signals.items()}
+        signals = {axis: part_of(x, first, last) for axis, x in self.signals.items()}
         heat = None if self.temperature is None else self.temperature[first:last]
         return Batch(signals, self.first + first, first not in begins if first else self.continues, heat)
 
@@ -225,7 +225,7 @@ class Batches:
 def batches(recording: Imu | Streamed, done: Callable[[int], None] | None = None) -> Iterator[Batch]:
     """Iterate over the batches of a recording; see `Batches`."""
     if not isinstance(recording, Imu):
-        yield from gathered(recording.samples(), recording.axes, recording.rate, done)
+        yield from gather(recording.samples(), recording.axes, recording.rate, done)
         return
     heat = recording.temperature
     if len(recording) <= BATCH:
@@ -238,7 +238,7 @@ def batches(recording: Imu | Streamed, done: Callable[[int], None] | None = None
         done(len(recording))
 
 
-def gathered(
+def gather(
     samples: Iterable[Samples], axes: Sequence[str], rate: float, done: Callable[[int], None] | None = None
 ) -> Iterator[Batch]:
     """Gather samples in portions of any size into batches."""
@@ -304,7 +304,7 @@ class _Gathered:
         yield Batch(signals, self._first, self._continues, temperature)
 
 
-def joined(parts: Sequence[Batch]) -> Batch:
+def join_batches(parts: Sequence[Batch]) -> Batch:
     """Join consecutive batches to one batch."""
     if len(parts) == 1:
         return parts[0]
@@ -335,7 +335,7 @@ def end_to_end(signals: Sequence[Signal], continues: Sequence[bool]) -> Signal:
     )
 
 
-def cut(signal: Signal, first: int, last: int) -> Signal:
+def part_of(signal: Signal, first: int, last: int) -> Signal:
     """Return the samples number `first` … `last` − 1 of a signal."""
     last = min(last, len(signal))
     segments, starts = [], []

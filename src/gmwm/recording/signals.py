@@ -462,9 +462,9 @@ class Imu(Plotted):
         >>> part.segments, part["gyro_x"].starts
         (((0, 30), (30, 70)), (2.0, 6.0))
         """
-        from gmwm.recording.time_ranges import cut
+        from gmwm.recording.time_ranges import between_times
 
-        return cut(self, start, stop, skip)
+        return between_times(self, start, stop, skip)
 
     def write(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
         """Write the recording to a file; the suffix of the path chooses the format: .csv, .parquet or .imu.

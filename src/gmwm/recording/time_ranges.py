@@ -13,7 +13,7 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, GmwmWarning, OptionError
 from gmwm.base.remarks import Quantity, Remark
-from gmwm.base.template import joined
+from gmwm.base.template import join_names
 from gmwm.base.text import moment
 from gmwm.base.time_base import TimeBase
 from gmwm.recording.chunks import Samples
@@ -25,7 +25,7 @@ rounding of times in float64 (1e-7 of a sample at 1 kHz after a year), and small
 types. Pinned by tests/test_cuts.py."""
 
 
-def cut(
+def between_times(
     imu: Imu, start: float | None = None, stop: float | None = None, skip: Sequence[tuple[float, float]] = ()
 ) -> Imu:
     """Return the part of a recording between two times; see `Imu.between`."""
@@ -193,7 +193,7 @@ def require_some(longest: int, kept: Sequence[tuple[float, float]], end: float) 
         If the longest segment has fewer than `MINIMUM_SAMPLES` samples.
     """
     if longest < MINIMUM_SAMPLES:
-        requested = joined(range_texts(kept)) or "nothing"
+        requested = join_names(range_texts(kept)) or "nothing"
         raise DataError(
             f"no segment of {MINIMUM_SAMPLES} samples or more is left of the recording, which lasts {moment(end)}; "
             f"wanted is {requested}",

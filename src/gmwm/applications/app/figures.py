@@ -180,7 +180,7 @@ def spectra(axes: Mapping[str, PowerSpectrum], units: UnitSystem) -> Panel:
 # --- a model ----------------------------------------------------------------------------------------
 
 
-def fitted(fit: Fit, session: Session, width: float) -> Drawn:
+def fit_figure(fit: Fit, session: Session, width: float) -> Drawn:
     """Return the figure of a fit. The curve of each term has a handle with which users can drag it."""
     figure = plotly_figure(fit_panel(fit, view=session.view, units=session.units), width, 380)
     shown = view_for(fit.wavelet_variance, session.view, session.units)
@@ -250,7 +250,7 @@ def misfit(fit: Fit, view: ViewName, units: UnitSystem) -> Panel:
     return Panel(time_axis(times, shown.time_label), y, (band, zero, line))
 
 
-def compared(ranking: Ranking, view: ViewName, units: UnitSystem) -> Panel:
+def ranking_panel(ranking: Ranking, view: ViewName, units: UnitSystem) -> Panel:
     """Return a panel with the distances of the best models of a ranking from the data at each scale."""
     panel = ranking_figure(ranking, view=view, units=units).rows[0][1]
     assert panel is not None

@@ -159,7 +159,7 @@ class Jobs:
                 other.cancel()
             while len(of_kind) >= kept:
                 of_kind.popitem(last=False)[1].cancel()
-            job = of_kind[key] = Job(title, work, self._ended)
+            job = of_kind[key] = Job(title, work, self._count_end)
             return job
 
     def running(self) -> list[Job]:
@@ -178,9 +178,9 @@ class Jobs:
             for of_kind in self._jobs.values():
                 for key in [key for key, job in of_kind.items() if job.state in ("failed", "cancelled")]:
                     del of_kind[key]
-        self._ended()
+        self._count_end()
 
-    def _ended(self) -> None:
+    def _count_end(self) -> None:
         with self._lock:
             self.revision += 1
 

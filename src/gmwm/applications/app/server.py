@@ -91,7 +91,7 @@ def running(path: Path, *, port: int = 0) -> Iterator[Served]:
     with tempfile.TemporaryDirectory(prefix="gmwm-app-") as temporary, warnings.catch_warnings():
         # The page shows the same texts as remarks on the recording.
         warnings.simplefilter("ignore", GmwmWarning)
-        folders, first = opened(path, Path(temporary).resolve())
+        folders, first = open_path(path, Path(temporary).resolve())
         desk, token = Desk(folders, first), secrets.token_urlsafe(24)
         server = make_server(HOST, port, _unready, threaded=True)
         host = f"{HOST}:{server.server_port}"
@@ -107,7 +107,7 @@ def running(path: Path, *, port: int = 0) -> Iterator[Served]:
             server.server_close()
 
 
-def opened(path: Path, dropped: Path) -> tuple[Folders, Session]:
+def open_path(path: Path, dropped: Path) -> tuple[Folders, Session]:
     """Return the folder that the page may access, and the first session, for a recording, session.json or folder."""
     if not path.exists():
         raise OptionError(argument="path", expected="a recording, a session.json or a folder", got=str(path))
@@ -130,12 +130,12 @@ def application(desk: Desk, *, host: str, token: str) -> Any:
 
     prefix = f"/{token}/"
     flask = Flask("gmwm")
-    flask.before_request(lambda: None if _allowed(request, host, token) else ("Refused.", 403))
+    flask.before_request(lambda: None if _is_allowed(request, host, token) else ("Refused.", 403))
 
-    def dropped() -> Any:
+    def receive() -> Any:
         return {"path": str(desk.folders.store(request.args.get("name", ""), request.stream))}
 
-    flask.add_url_rule(f"{prefix}dropped", view_func=dropped, methods=["POST"])
+    flask.add_url_rule(f"{prefix}dropped", view_func=receive, methods=["POST"])
 
     app = Dash(
         "gmwm", server=flask, url_base_pathname=prefix, title="gmwm", update_title="", serve_locally=True,
@@ -167,7 +167,7 @@ def application(desk: Desk, *, host: str, token: str) -> Any:
     return flask
 
 
-def _allowed(request: Any, host: str, token: str) -> bool:
+def _is_allowed(request: Any, host: str, token: str) -> bool:
     """Return whether a request comes from the page itself.
 
     The token, the host and the origin must be correct. The host is checked because a foreign page could have a host

@@ -80,7 +80,7 @@ class Workspace:
                 recording = self.recording(session).result_for(job)
             return overview(recording, lambda n: job.step(_length(n, recording)))
 
-        return self.jobs.ask("overview", self._recorded(session, cut=False), "Drawing", work)
+        return self.jobs.ask("overview", self._recording_key(session, cut=False), "Drawing", work)
 
     def inspection(self, session: Session) -> Job:
         """Inspect the recording."""
@@ -126,7 +126,7 @@ class Workspace:
             choice: ModelChoice = self.search(session, axis).result_for(job)
             return final_fit(choice.ranking.recommended.model, choice.with_error, options.weighting)
 
-        key = self._of_axis(session, axis, session.models.get(axis))
+        key = self._axis_key(session, axis, session.models.get(axis))
         return self.jobs.ask("fit", key, f"Fitting {axis}", work, kept=FITS)
 
     def search(self, session: Session, axis: str) -> Job:
@@ -137,7 +137,7 @@ class Workspace:
             measured = self._axis(session, axis, job)
             return choose_model(measured.curve(options), measured.spectrum, options, check=job.check)
 
-        return self.jobs.ask("search", self._of_axis(session, axis), f"Comparing models of {axis}", work, kept=12)
+        return self.jobs.ask("search", self._axis_key(session, axis), f"Comparing models of {axis}", work, kept=12)
 
     def calibration(self, session: Session) -> Job:
         """Calibrate all axes like `gmwm calibrate`."""
@@ -157,7 +157,7 @@ class Workspace:
         def begin(job: Job) -> Any:
             return work(self.recording(session).result_for(job), job)
 
-        return self.jobs.ask(kind, (*self._recorded(session), *more), title, begin)
+        return self.jobs.ask(kind, (*self._recording_key(session), *more), title, begin)
 
     def _axis(self, session: Session, axis: str, job: Job) -> MeasuredAxis:
         measured: MeasuredAxis | GmwmError = self.data(session).result_for(job)[axis]
@@ -165,12 +165,12 @@ class Workspace:
             raise measured
         return measured
 
-    def _recorded(self, session: Session, *, cut: bool = True) -> tuple[Hashable, ...]:
+    def _recording_key(self, session: Session, *, cut: bool = True) -> tuple[Hashable, ...]:
         reading = dict(session.reading) if cut else _uncut(session.reading)
         return (*_stamp(self.path(session)), _key(reading))
 
-    def _of_axis(self, session: Session, axis: str, *more: Hashable) -> tuple[Hashable, ...]:
-        return (*self._recorded(session), session.robust, session.confidence, axis, *more)
+    def _axis_key(self, session: Session, axis: str, *more: Hashable) -> tuple[Hashable, ...]:
+        return (*self._recording_key(session), session.robust, session.confidence, axis, *more)
 
 
 def _uncut(reading: Mapping[str, Any]) -> dict[str, Any]:

@@ -266,15 +266,15 @@ def _outcomes(
     # A worker runs one job per thread, so each job calibrates the axes of its unit one after the other.
     jobs = [replace(job, threads=1) for job in jobs]
     if scheduler is None:
-        with Processes(count, () if helpers is None else helpers.taken()) as processes:
+        with Processes(count, () if helpers is None else helpers.take_idle()) as processes:
             yield processes.outcomes(jobs, retries)
         return
-    from gmwm.measuring.streaming.scheduling import connected, library
+    from gmwm.measuring.streaming.scheduling import connect, library
 
     library()
     with ExitStack() as stack:
         stack.enter_context(allowing_lost_workers(retries))
-        client = stack.enter_context(connected(scheduler))
+        client = stack.enter_context(connect(scheduler))
         outcomes = on_cluster(jobs, client, retries)
         # The iterator is closed before the client, so that jobs that have not started are cancelled.
         stack.callback(outcomes.close)

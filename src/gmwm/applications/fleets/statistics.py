@@ -16,7 +16,7 @@ from gmwm.applications.fleets.samples import FleetSamples, ParameterSample
 from gmwm.applications.fleets.statistics_result import SIGNED, FleetNumber, FleetStatistics, OutlierUnit
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.axis_names import sensor_of
-from gmwm.base.random_effects import effects, predicted, spread_limits
+from gmwm.base.random_effects import effects, prediction_limits, spread_limits
 from gmwm.calibration.tables import in_order
 from gmwm.recording.options import as_confidence, as_size
 
@@ -206,7 +206,7 @@ def _describe(
     with np.errstate(invalid="ignore", divide="ignore"):
         widened = np.where(at.count > 0, (error / at.error) ** 2, 1.0)
     limits = spread_limits(kept, s2, read.confidence, freedom)
-    ahead = predicted(kept, s2, confidence=read.confidence, freedom=freedom, widened=widened)
+    ahead = prediction_limits(kept, s2, confidence=read.confidence, freedom=freedom, widened=widened)
     reach = stdtrit(np.maximum(freedom, 1.0), (1 + read.confidence) / 2) * error
     numbers = []
     for k, sample in enumerate(samples):

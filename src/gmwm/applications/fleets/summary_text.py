@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from gmwm.base.axis_names import letter_of, sensor_of
 from gmwm.base.remarks import Dialect, Remark, texts
-from gmwm.base.tables import headed
+from gmwm.base.tables import table_with_rule
 from gmwm.base.text import counted, p_relation
 from gmwm.base.units import datasheet_units
 from gmwm.calibration.tables import SENSORS, WIDTH, bullet, wrap_text
@@ -84,9 +84,9 @@ def _table(rows: Sequence[FleetNumber]) -> list[str]:
             f"  {letter}", _units(row), _value(row.typical, factor), _spread_text(row, factor),
             _span(row.quantile_05, row.quantile_95, factor), _span(row.predicted_low, row.predicted_high, factor),
         ])  # fmt: skip
-    lines = headed(cells)
+    lines = table_with_rule(cells)
     if max(map(len, lines)) > WIDTH:
-        lines = headed([[*row[:4], row[5]] for row in cells])
+        lines = table_with_rule([[*row[:4], row[5]] for row in cells])
     return lines
 
 

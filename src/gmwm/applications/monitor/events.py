@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal, get_args
 
 from gmwm.base.errors import ReadError
-from gmwm.base.text import rounded
+from gmwm.base.text import round_text
 
 Kind = Literal[
     "noise-up", "noise-down", "jump", "ramp", "hum", "spike", "frozen", "saturated", "lost", "clock", "moved", "still"
@@ -86,14 +86,14 @@ class Event:
         'level jumped by 0.11 deg/s'
         """
         unit, factor = _SHOWN.get(self.unit, (self.unit, 1.0))
-        amount = "" if self.size is None else rounded(self.size * factor)
-        scale = "" if self.scale is None else f" at a scale of {rounded(self.scale)} s"
+        amount = "" if self.size is None else round_text(self.size * factor)
+        scale = "" if self.scale is None else f" at a scale of {round_text(self.scale)} s"
         texts: dict[Kind, str] = {
-            "noise-up": f"noise rose by a factor of {rounded(self.ratio or 1.0)}{scale}",
-            "noise-down": f"noise fell to {rounded(100.0 * (self.ratio or 0.0))} %{scale}",
+            "noise-up": f"noise rose by a factor of {round_text(self.ratio or 1.0)}{scale}",
+            "noise-down": f"noise fell to {round_text(100.0 * (self.ratio or 0.0))} %{scale}",
             "jump": f"level jumped by {amount} {unit}",
             "ramp": f"level drifts by {amount} {unit}",
-            "hum": f"periodic disturbance of {amount} {unit} at {rounded(self.frequency or 0.0, 3)} Hz",
+            "hum": f"periodic disturbance of {amount} {unit} at {round_text(self.frequency or 0.0, 3)} Hz",
             "spike": f"spike of {amount} {unit}",
             "frozen": "value does not change any more",
             "saturated": "value stays at a limit outside the usual range",

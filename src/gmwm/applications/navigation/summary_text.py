@@ -9,7 +9,7 @@ import numpy as np
 from gmwm.applications.navigation.result import Budget, Growth
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import texts
-from gmwm.base.tables import aligned
+from gmwm.base.tables import align
 from gmwm.base.text import duration_text
 from gmwm.choosing.datasheets.entry import significant
 
@@ -141,5 +141,5 @@ def comparison_rows(one: Budget, other: Budget) -> list[tuple[str, str, str, flo
 
 
 def _table(rows: Sequence[Sequence[str]], right: Iterable[int] = ()) -> list[str]:
-    head, *lines = aligned(rows, right=set(right))
+    head, *lines = align(rows, right=set(right))
     return [head, "  " + "─" * (max(map(len, (head, *lines))) - 2), *lines]

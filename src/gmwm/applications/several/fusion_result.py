@@ -16,7 +16,7 @@ from gmwm.base.errors import DataError
 from gmwm.base.plain import plain_fields
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
-from gmwm.base.tables import headed
+from gmwm.base.tables import table_with_rule
 from gmwm.base.text import Summarised, duration_text
 from gmwm.recording.signals import Imu, Signal
 
@@ -237,7 +237,7 @@ class VirtualSensor(Summarised, Plotted):
             gains.append(["gain over the best one", *(f"{fusion.gain_over_best[k]:.2f}" for k in shown)])
             lines += [f"{axis}: virtual sensor of {len(fusion.members)}, {self._method}"]
             lines += [f"Model {fusion.model}, p = {fusion.pvalue:.2g}"] if fusion.pvalue is not None else []
-            lines += ["", *headed(weights), "", *headed(gains), ""]
+            lines += ["", *table_with_rule(weights), "", *table_with_rule(gains), ""]
         return "\n".join([*lines, *texts(self.remarks, dialect)]).rstrip()
 
     @property

@@ -31,7 +31,7 @@ from gmwm.base.errors import MissingTheoryError, OptionError
 from gmwm.base.plain import plain, plain_fields
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Remark, texts
-from gmwm.base.tables import headed
+from gmwm.base.tables import table_with_rule
 from gmwm.base.text import Named, Summarised, p_relation
 from gmwm.fitting.estimation.goodness import GoodnessOfFit
 from gmwm.recording.options import as_confidence
@@ -392,7 +392,7 @@ class JointFit(Summarised, Plotted):
         for term in self.terms:
             rows.append([term, *(f"{value:.4g}" for value in np.diag(self.covariances[term]))])
         lines = [head, f"{self.samples} samples at {self.rate:g} Hz, levels {self.levels[0]} to {self.levels[-1]}", ""]
-        lines += headed(rows)
+        lines += table_with_rule(rows)
         if self.parameters:
             lines.append("")
         for name, value in self.parameters.items():
@@ -404,7 +404,7 @@ class JointFit(Summarised, Plotted):
                 if a != b:
                     limits = f"{low[a, b]:+.2f} … {high[a, b]:+.2f}"
                     pairs.append([f"{self.axes[a]}, {self.axes[b]}", f"{self.correlation[term][a, b]:+.2f}", limits])
-            lines += ["", *headed(pairs)]
+            lines += ["", *table_with_rule(pairs)]
         if self.remarks:
             lines += ["", *texts(self.remarks)]
         tests = [f"Test of the model: {self.goodness_of_fit().summary()}"]

@@ -15,7 +15,7 @@ from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.plain import plain, plain_fields
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
-from gmwm.base.tables import headed
+from gmwm.base.tables import table_with_rule
 from gmwm.base.text import Summarised, counted, duration_text
 
 if TYPE_CHECKING:
@@ -218,7 +218,7 @@ class CrossCovariance(Summarised, Plotted):
                 ])  # fmt: skip
         if rows:
             head = ["axes", "correlation", f"{100 * self.confidence:g} %", "at τ", "p", "shared at τ"]
-            lines += ["", *headed([head, *rows])]
+            lines += ["", *table_with_rule([head, *rows])]
         return "\n".join([*lines, "", *texts(self.remarks, dialect)])
 
     def __repr__(self) -> str:

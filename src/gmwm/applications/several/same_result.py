@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from gmwm.base.multiple_tests import holm
 from gmwm.base.plain import plain_fields
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
-from gmwm.base.tables import headed
+from gmwm.base.tables import table_with_rule
 from gmwm.base.text import duration_text
 from gmwm.choosing.replicates.comparison import LevelRatio, RecordingComparison, smallest
 
@@ -212,7 +212,7 @@ class SameNoise(RecordingComparison):
                     rows.append([axis, recording, *size, duration_text(row.tau), _p_cell(row.pvalue)])
         if two:
             rows = [[axis, *cells] for axis, _, *cells in rows]
-        table = [head, "", *headed(rows), ""] if len(rows) > 1 else []
+        table = [head, "", *table_with_rule(rows), ""] if len(rows) > 1 else []
         return "\n".join([*table, *texts(self.remarks, dialect)])
 
 

@@ -107,7 +107,7 @@ class Message:
             return named
         return named | set(_fields(self.sentence_for(facts), self.advice_for(facts), self.detail)) - {"subjects"}
 
-    def shared(self, facts: Mapping[str, Fact]) -> set[str]:
+    def constant_facts(self, facts: Mapping[str, Fact]) -> set[str]:
         """Return the names of the facts that must be equal for all subjects in one sentence."""
         chosen = {text.by for text in (self.sentence, self.advice) if isinstance(text, Choice)}
         return chosen | set(_fields(self.sentence_for(facts), self.advice_for(facts))) - {"subjects"}

@@ -7,8 +7,8 @@ from html import escape
 
 from gmwm.base.remarks.remark import Remark, sorted_remarks
 from gmwm.base.remarks.severity import Severity
-from gmwm.base.template import Dialect, joined, render
-from gmwm.base.text import printable, shortened
+from gmwm.base.template import Dialect, join_names, render
+from gmwm.base.text import printable, shorten
 
 LONGEST_TEXT = 4000
 """Longer texts are shortened to this number of characters, because names from a file can be very long."""
@@ -29,7 +29,7 @@ def merged(remarks: Iterable[Remark]) -> list[list[Remark]]:
     """
     groups: dict[tuple[object, ...], list[Remark]] = {}
     for remark in sorted_remarks(remarks):
-        shared = remark.message.shared(remark.facts)
+        shared = remark.message.constant_facts(remark.facts)
         key = (remark.code, remark.severity, remark.advice, *(repr(remark.facts.get(name)) for name in sorted(shared)))
         groups.setdefault(key, []).append(remark)
     return list(groups.values())
@@ -103,11 +103,11 @@ def _group_text(group: Sequence[Remark], dialect: Dialect) -> str:
         f"{remark.subject} ({render(message.detail, remark.facts)})" if message.detail else remark.subject
         for remark in group
     ]
-    subjects = joined(list(filter(None, dict.fromkeys(details))), most=8)
+    subjects = join_names(list(filter(None, dict.fromkeys(details))), most=8)
     sentence = message.sentence_for(facts)
     text = render(sentence, {**facts, "subjects": subjects}, dialect)
     if "{subjects}" not in sentence and subjects:
         head = escape(subjects, quote=False) if dialect is Dialect.HTML else subjects
         text = f"{head}: {text}"
     advice = render(first.advice, {**facts, "subjects": subjects}, dialect)
-    return printable(shortened(f"{text} {advice}".rstrip(), LONGEST_TEXT))
+    return printable(shorten(f"{text} {advice}".rstrip(), LONGEST_TEXT))

@@ -11,7 +11,7 @@ import numpy as np
 
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.remarks import Dialect, Remark, texts
-from gmwm.base.tables import aligned
+from gmwm.base.tables import align
 from gmwm.choosing.datasheets.entry import Entry, significant
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ class Datasheet(Mapping[str, Entry]):
         """
         rows = [(entry.symbol, _title(entry), entry.text(units), _also(entry, units)) for entry in self.entries]
         about = (remark.about("") for remark in self.remarks)
-        return "\n".join([self._head(), *aligned(rows), *texts(about)])
+        return "\n".join([self._head(), *align(rows), *texts(about)])
 
     def _head(self) -> str:
         axis = f"{self.axis}: " if self.axis else ""

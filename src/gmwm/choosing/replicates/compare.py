@@ -10,7 +10,7 @@ from statistics import NormalDist
 import numpy as np
 
 from gmwm.base.errors import GmwmError
-from gmwm.base.random_effects import effects, predicted, spread_limits
+from gmwm.base.random_effects import effects, prediction_limits, spread_limits
 from gmwm.choosing.datasheets import Datasheet, Entry, datasheet
 from gmwm.choosing.replicates.comparison import level_ratios
 from gmwm.choosing.replicates.result import RecordingNumber, Replicates
@@ -91,7 +91,7 @@ def _number(symbol: str, pooled: Entry, entries: Mapping[str, Entry | None]) -> 
     if np.count_nonzero(np.isfinite(x)) < 2:
         return number
     spread, low, high = (math.sqrt(v.item()) for v in (effects(x, s2).spread2, *spread_limits(x, s2, CONFIDENCE)))
-    first, last = (math.exp(min(value.item(), 700.0)) for value in predicted(x, s2, CONFIDENCE))
+    first, last = (math.exp(min(value.item(), 700.0)) for value in prediction_limits(x, s2, CONFIDENCE))
     return replace(number, spread=spread, spread_low=low, spread_high=high, predicted_low=first, predicted_high=last)
 
 

@@ -13,10 +13,10 @@ import numpy as np
 
 from gmwm.base.plain import plain, plain_fields
 from gmwm.base.plotting import Plotted
-from gmwm.base.random_effects import predicted
+from gmwm.base.random_effects import prediction_limits
 from gmwm.base.remarks import Remark, texts
-from gmwm.base.tables import headed
-from gmwm.base.text import listed, p_relation, rounded
+from gmwm.base.tables import table_with_rule
+from gmwm.base.text import list_text, p_relation, round_text
 from gmwm.choosing.datasheets import Entry
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.choosing.replicates.comparison import LevelRatio, RecordingComparison, decide, smallest
@@ -172,7 +172,7 @@ class Replicates(RecordingComparison, Plotted):
         one_of(use, "use", get_args(Use))
         as_confidence(confidence)
         deviations = self.deviations
-        _, high = predicted(deviations.values.T, deviations.variances.T, confidence)
+        _, high = prediction_limits(deviations.values.T, deviations.variances.T, confidence)
         parameters = parameters_by_name(self.fit.model)
         values: dict[str, float] = {}
         for name, mean, end in zip(deviations.names, deviations.effects.mean, high, strict=True):
@@ -197,8 +197,8 @@ class Replicates(RecordingComparison, Plotted):
             code, nothing = "recordings-differ", "only the curves"
             parts = [f"{n.symbol} by {_percent(n.spread)}" for n in main if n.spread]
         return Remark.of(
-            code, self.axis, count=len(self.recordings), numbers=listed(parts) or nothing, p=f"p {p_relation(pvalue)}",
-            few="yes" if len(self.recordings) < FEW else "no", size=SIZE,
+            code, self.axis, count=len(self.recordings), numbers=list_text(parts) or nothing,
+            p=f"p {p_relation(pvalue)}", few="yes" if len(self.recordings) < FEW else "no", size=SIZE,
         )  # fmt: skip
 
     def table(self) -> list[list[str]]:
@@ -215,7 +215,7 @@ class Replicates(RecordingComparison, Plotted):
         """Format the remarks, the parameters of each recording with their spread, and the tests."""
         lines = [line for text in texts(self.remarks) for line in wrap(text, WIDTH)]
         if self.numbers:
-            lines += ["", *headed(self.table())]
+            lines += ["", *table_with_rule(self.table())]
         lines += ["", *wrap(
             "spread: standard deviation between recordings without estimation errors, with 95 % limits. Test of equal "
             f"parameters: p {p_relation(self.parameter_pvalue)}; of equal curves, without a model: "
@@ -237,12 +237,12 @@ class Replicates(RecordingComparison, Plotted):
 
 def _percent(share: float) -> str:
     """Format a relative amount in per cent, or as a factor if it is 1 or larger."""
-    return f"{rounded(100 * share)} %" if share < 1 else f"a factor of {rounded(1 + share)}"
+    return f"{round_text(100 * share)} %" if share < 1 else f"a factor of {round_text(1 + share)}"
 
 
 def short_spread(number: RecordingNumber) -> str:
     """Format the spread of a parameter without its limits."""
-    return "" if number.spread is None else f"{rounded(100 * number.spread)} %"
+    return "" if number.spread is None else f"{round_text(100 * number.spread)} %"
 
 
 def spread_text(number: RecordingNumber) -> str:
@@ -250,7 +250,7 @@ def spread_text(number: RecordingNumber) -> str:
     if number.spread is None or number.spread_low is None or number.spread_high is None:
         return ""
     low, spread, high = (100 * s for s in (number.spread_low, number.spread, number.spread_high))
-    return f"{rounded(spread)} % ({rounded(low)}–{rounded(high)})"
+    return f"{round_text(spread)} % ({round_text(low)}–{round_text(high)})"
 
 
 def _short(entry: Entry) -> str:

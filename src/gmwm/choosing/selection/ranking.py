@@ -16,7 +16,7 @@ from gmwm.base.arrays import Matrix
 from gmwm.base.errors import GmwmError, ModelError, OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Dialect, Remark, texts
-from gmwm.base.tables import aligned
+from gmwm.base.tables import align
 from gmwm.base.text import Summarised, counted
 from gmwm.choosing.selection.structure import structure_of
 from gmwm.fitting.estimation.criterion import Criterion
@@ -286,7 +286,7 @@ class Ranking(Plotted):
             "",
         ]
         head, rows = self.table(limit)
-        lines += aligned([head, *rows], right=range(2, len(head) - 1), indent="")
+        lines += align([head, *rows], right=range(2, len(head) - 1), indent="")
         if more := len(self.distinct) - len(rows):
             lines.append(f"… and {more} more")
         lines += ["* recommended, = as good as the best model", ""]

@@ -10,7 +10,7 @@ from pathlib import Path
 from gmwm.base.axis_names import AXES
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.remarks import Remark
-from gmwm.base.template import Fact, joined
+from gmwm.base.template import Fact, join_names
 from gmwm.base.text import counted
 from gmwm.base.units import STANDARD_GRAVITY
 from gmwm.files.columns.column_names import clean, role_of
@@ -115,7 +115,7 @@ def _index(layout: Layout, column: str | int, role: str, path: Path) -> int:
         return matches[0]
     if matches:
         raise OptionError(
-            f"{path} has several columns {column!r}: numbers {joined(list(map(str, matches)))}",
+            f"{path} has several columns {column!r}: numbers {join_names(list(map(str, matches)))}",
             argument="columns",
             advice="Pass a number instead of the name, for example {--columns=@example}.",
             example=f"{role}:{matches[0]}",
@@ -143,7 +143,7 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
             continue
         names = [layout.channels[k].name for k in several]
         if role in AXES:
-            which = joined([f"{layout.channels[k].name!r} (number {k})" for k in several])
+            which = join_names([f"{layout.channels[k].name!r} (number {k})" for k in several])
             raise ReadError(
                 f"{path}: {which} could each be {role}",
                 code="columns-ambiguous",

@@ -13,7 +13,7 @@ import numpy as np
 from gmwm.base.documents import plain
 from gmwm.base.errors import OptionError
 from gmwm.base.plotting import Plotted
-from gmwm.base.tables import aligned
+from gmwm.base.tables import align
 from gmwm.base.text import Summarised, p_relation
 from gmwm.fitting.estimation.intervals import UNDETERMINED
 from gmwm.fitting.estimation.varies import parse_varies
@@ -149,7 +149,7 @@ class ConditionsFit(Summarised, Plotted):
             rows.append(
                 (name, f"{estimate.value:.4g}", f"acts as {estimate.acts_as}" if estimate.acts_as else interval)
             )
-        lines = [f"{self.structure} at {self.condition} {conditions}", *aligned(rows)]
+        lines = [f"{self.structure} at {self.condition} {conditions}", *align(rows)]
         if self.lower_bound is not None:
             gap = (self.objective - self.lower_bound) / self.objective if self.objective > 0 else 0.0
             lines.append(

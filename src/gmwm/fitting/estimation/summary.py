@@ -12,7 +12,7 @@ import numpy as np
 
 from gmwm.base.errors import GmwmError, MissingTheoryError, ModelError
 from gmwm.base.remarks import Dialect, Remark, texts
-from gmwm.base.tables import aligned
+from gmwm.base.tables import align
 from gmwm.fitting.estimation.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap, least_draws
 from gmwm.fitting.estimation.goodness import GoodnessOfFit, goodness_of_fit
 from gmwm.fitting.estimation.intervals import Interval, Method, confidence_intervals
@@ -220,7 +220,7 @@ def summary(
 def table_text(table: list[ParameterRow], level: float) -> list[str]:
     """Format the rows of parameters as aligned columns with a header."""
     heads = ParameterRow("parameter", "estimate", interval=f"{100 * level:g} % interval", error="error", unit="unit")
-    return aligned([astuple(row) for row in (heads, *table)], right={1, 2, 3})
+    return align([astuple(row) for row in (heads, *table)], right={1, 2, 3})
 
 
 def head(fit: Fit, how: IntervalMethod) -> list[str]:

@@ -17,7 +17,7 @@ from gmwm.base.documents import plain
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark, texts
-from gmwm.base.tables import aligned
+from gmwm.base.tables import align
 from gmwm.base.text import Named, Summarised, counted, duration_text
 from gmwm.fitting.estimation.asymptotic import sandwich_of
 from gmwm.fitting.estimation.problem import pose
@@ -242,7 +242,7 @@ class Plan(Summarised, Plotted):
             f"{self.rate:g} Hz, weighting {self.weighting}; last column: length needed for {100 * accuracy:g} %",
             "",
         ]
-        lines += aligned(rows, right=range(2, len(rows[0])))
+        lines += align(rows, right=range(2, len(rows[0])))
         remarks = texts(self.remarks)
         return "\n".join([*lines, "", *remarks] if remarks else lines)
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from gmwm.base.remarks import Fact, Quantity, Remark
-from gmwm.base.text import counted, duration_text, rounded
+from gmwm.base.text import counted, duration_text, round_text
 from gmwm.base.time_base import TimeBase, lost_samples
 from gmwm.base.units import STANDARD_GRAVITY, datasheet_units, noise_unit
 from gmwm.measuring.regression.result import per
@@ -158,7 +158,7 @@ def removal_remark(axis: str, regression: Regression, left_in: str = "") -> Rema
     return Remark.of(
         "conditions-removed", axis, against=covariates_text(regression), effect=effect_text(regression),
         pvalue=regression.pvalue,
-        left_in=left_in or f"the Allan deviation at {time} would be {rounded(times)} times as large",
+        left_in=left_in or f"the Allan deviation at {time} would be {round_text(times)} times as large",
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm.base.arrays import Vector, as_vector, freeze
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.remarks import Quantity, Remark, texts
-from gmwm.base.text import Summarised, rounded
+from gmwm.base.text import Summarised, round_text
 from gmwm.measuring.covariance import Design
 from gmwm.measuring.covariance.ratio import ratio_errors, ratio_law
 from gmwm.measuring.outliers.bursts import Bursts
@@ -408,7 +408,7 @@ def excess_text(excess: float) -> str:
         if excess < 1
         else f"by {100 * excess:.0f} %"
         if excess < 10
-        else (f"by a factor of {rounded(1 + excess)}")
+        else (f"by a factor of {round_text(1 + excess)}")
     )
 
 

@@ -17,7 +17,7 @@ from gmwm.measuring.regression.api import effect_of, regress_axis, without
 from gmwm.measuring.regression.blocks import BlockClock, usual_length
 from gmwm.measuring.regression.covariates import Covariates
 from gmwm.measuring.regression.result import Regression
-from gmwm.measuring.streaming.passes import curves_of, measure, shown
+from gmwm.measuring.streaming.passes import curves_of, measure, show_batches
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY
 from gmwm.measuring.variance.result import WaveletVariance
@@ -57,7 +57,7 @@ class Seen:
                 added[: sums[axis].size] += sums[axis]
                 sums[axis] = added
 
-        measure(shown(batches(recording), see), measured, threads)
+        measure(show_batches(batches(recording), see), measured, threads)
         temperature = np.concatenate(parts) if parts else None
         count = segments.ranges[-1][1]
         values = np.zeros(count) if temperature is None else temperature

@@ -24,11 +24,11 @@ from gmwm.files.readers.builder import RowSummary
 from gmwm.files.readers.parts import Part, PartReader
 from gmwm.files.readers.streams import FileRows, Stream
 from gmwm.measuring.streaming.passes import AxisCurves, Change, measure
-from gmwm.measuring.streaming.scheduling import connected, library
+from gmwm.measuring.streaming.scheduling import connect, library
 from gmwm.measuring.variance.accumulate import WaveletAccumulator
 from gmwm.measuring.variance.open_segments import SegmentedAccumulator, exact_levels
 from gmwm.measuring.variance.second_pass import SecondPass
-from gmwm.recording.batches import Batch, gathered
+from gmwm.recording.batches import Batch, gather
 from gmwm.recording.gaps import is_short
 from gmwm.recording.signals import Signal
 
@@ -58,7 +58,7 @@ def part_levels(axes: int) -> int:
     return exact_levels(axes, PART_MEMORY, END_BYTES)
 
 
-def spread(
+def measure_in_parts(
     stream: Stream,
     curves: Mapping[str, AxisCurves],
     *,
@@ -102,7 +102,7 @@ def spread(
     GmwmError
         If workers die repeatedly on the same part, or the connection to the scheduler is lost.
     """
-    with connected(scheduler, workers) as client:
+    with connect(scheduler, workers) as client:
         crew = _Crew(
             client,
             stream,
@@ -194,7 +194,7 @@ def _measure(part: Part, begin: _Begin[G]) -> _Measured[G] | GmwmError:
     axes = {axis: create(part.first) for axis, create in begin.axes.items()}
     try:
         measured = {axis: _PartMeasurement(accumulator, begin.changes[axis]) for axis, accumulator in axes.items()}
-        batches = gathered(reader.samples(), tuple(axes), part.found.rate)
+        batches = gather(reader.samples(), tuple(axes), part.found.rate)
         measure(batches if begin.prepare is None else map(begin.prepare, batches), measured, threads=1)
     except GmwmError as error:
         return error
@@ -227,15 +227,15 @@ class _Crew:
         """
         if not axes:
             return {}
-        result = self._measured(axes)
+        result = self._measure_parts(axes)
         if result is None:
             self._parts, self._samples = self._whole, 0
-            result = self._measured(axes)
+            result = self._measure_parts(axes)
         assert result is not None
         self.summary = result.summary
         return result.axes
 
-    def _measured(self, axes: Mapping[str, Callable[[int], G]]) -> _Measured[G] | None:
+    def _measure_parts(self, axes: Mapping[str, Callable[[int], G]]) -> _Measured[G] | None:
         """Measure all parts and merge them in order; None if they cannot be measured one by one."""
         arrived: queue.SimpleQueue[int] = queue.SimpleQueue()
         running: dict[int, Any] = {}

@@ -58,7 +58,7 @@ def measure(batches: Iterable[Batch], measured: Mapping[str, Measurement], threa
             pass
         return
 
-    def cleaned(batch: Batch) -> Batch:
+    def clean(batch: Batch) -> Batch:
         signals = in_threads(lambda axis, one: one.clean(batch.signals[axis]), measured, threads=threads)
         return replace(batch, signals=signals)
 
@@ -67,12 +67,12 @@ def measure(batches: Iterable[Batch], measured: Mapping[str, Measurement], threa
             lambda axis, one: one.update(batch.signals[axis], batch.continues_on(axis)), measured, threads=threads
         )
 
-    for batch in filled(map(cleaned, batches), threads):
+    for batch in filled(map(clean, batches), threads):
         add(batch)
         del batch  # before the next one is gathered
 
 
-def shown(batches: Iterable[Batch], to: Callable[[Batch], None] | None) -> Iterator[Batch]:
+def show_batches(batches: Iterable[Batch], to: Callable[[Batch], None] | None) -> Iterator[Batch]:
     """Yield each batch after passing it to a function."""
     for batch in batches:
         if to is not None:
@@ -193,12 +193,12 @@ def measured_curves(
         raise OptionError(argument="passes", expected="2 or 1", got=passes)
     remote = scheduler is not None or workers is not None
     if remote:
-        from gmwm.measuring.streaming.cluster import part_levels, spread
+        from gmwm.measuring.streaming.cluster import measure_in_parts, part_levels
 
         exact = part_levels(len(axes)) if exact is None else exact
     curves = curves_of(stream, axes, levels=levels, exact=exact, robust=robust, efficiency=efficiency, passes=passes)
     if remote:
-        spread(stream, curves, scheduler=scheduler, workers=workers, parts=parts, done=done)
+        measure_in_parts(stream, curves, scheduler=scheduler, workers=workers, parts=parts, done=done)
         return curves
     before = 0
     batches = Batches(stream, None if done is None else lambda samples: done(before + samples))

@@ -24,7 +24,7 @@ workers."""
 
 
 @contextmanager
-def connected(scheduler: str | Client | None = None, workers: int | None = None) -> Iterator[Client]:
+def connect(scheduler: str | Client | None = None, workers: int | None = None) -> Iterator[Client]:
     """Connect to a Dask scheduler, or to worker processes that are started on this machine.
 
     Processes that are started here end with the block. A client that is passed is not closed.
@@ -53,7 +53,7 @@ def connected(scheduler: str | Client | None = None, workers: int | None = None)
 
     Examples
     --------
-    >>> with connected("127.0.0.1") as client:
+    >>> with connect("127.0.0.1") as client:
     ...     client.submit(sum, [1, 2]).result()
     Traceback (most recent call last):
     gmwm.base.errors.OptionError: scheduler must be an address such as tcp://10.0.0.5:8786; got '127.0.0.1'

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.threads import in_threads
 from gmwm.base.time_base import lost_before
-from gmwm.recording.batches import Batch, joined
+from gmwm.recording.batches import Batch, join_batches
 from gmwm.recording.gaps import gaps
 from gmwm.recording.gaps.drawing import drawn
 from gmwm.recording.gaps.restarts import restarts
@@ -27,7 +27,7 @@ from gmwm.recording.signals import Signal
 def fill_gaps(signals: Mapping[str, Signal]) -> dict[str, Signal]:
     """Fill the short gaps of synchronous signals; see `Signal.fill_gaps`. At a gap at which the sensor of one signal
     restarted, all signals are split, so that they stay synchronous."""
-    return dict(joined(list(filled([Batch(signals)], together=True))).signals)
+    return dict(join_batches(list(filled([Batch(signals)], together=True))).signals)
 
 
 def filled(
@@ -49,13 +49,13 @@ def filled(
             yield batch
             passed = window.stop
         while (last := (passed // block + 1) * block) + context <= window.stop:
-            yield window.filled(passed, last, threads)
+            yield window.fill(passed, last, threads)
             passed = last
         del batch
         window.forget(passed // block * block - context)
     while passed < window.stop:
         last = min((passed // block + 1) * block, window.stop)
-        yield window.filled(passed, last, threads)
+        yield window.fill(passed, last, threads)
         passed = last
 
 
@@ -84,25 +84,25 @@ class _Window:
             segments, starts = [(first - last, 0), *segments], [start, *starts]
         return gaps.has_short_gaps(signal.rate, segments, starts)
 
-    def filled(self, first: int, last: int, threads: int | None) -> Batch:
+    def fill(self, first: int, last: int, threads: int | None) -> Batch:
         """Return samples number `first` … `last` − 1 of a block with their gaps, and the gap before them, filled."""
         number = first // self._block
         begin = max(number * self._block - self._context, self._first)
         end = (number + 1) * self._block + self._context
-        self._parts = [joined(self._parts)]
+        self._parts = [join_batches(self._parts)]
         part = self._parts[0].between(begin - self._first, end - self._first)
-        lost = self._lost(part.signals, threads)
+        lost = self._lost_counts(part.signals, threads)
 
-        def fill(axis: str, signal: Signal) -> Filling:
+        def plan_of(axis: str, signal: Signal) -> Filling:
             return Filling(signal, lost[axis], first=first - begin, last=last - begin, seed=number)
 
-        plans = in_threads(fill, part.signals, threads=threads)
+        plans = in_threads(plan_of, part.signals, threads=threads)
         signals = in_threads(lambda _, plan: plan.signal(), plans, threads=threads)
         continues = any(plan.continues for plan in plans.values())
         parted = frozenset(axis for axis, plan in plans.items() if continues and not plan.continues)
         return Batch(signals, first, continues, parted=parted)
 
-    def _lost(self, signals: Mapping[str, Signal], threads: int | None) -> Mapping[str, NDArray[np.int64]]:
+    def _lost_counts(self, signals: Mapping[str, Signal], threads: int | None) -> Mapping[str, NDArray[np.int64]]:
         """Return for each axis the number of samples to fill in before each segment but the first."""
         first = next(iter(signals.values()))
         ranges = np.array(first.segments, dtype=np.int64)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from gmwm.base.remarks import Remark, Severity
 from gmwm.base.template import fact_text
-from gmwm.base.text import listed
+from gmwm.base.text import list_text
 from gmwm.base.units import SI_UNIT
 from gmwm.showing.exporters.reduction import NAMES, RULES, AxisNoise, Rule, SensorNoise, lines_of
 from gmwm.showing.exporters.text import is_given
@@ -28,7 +28,7 @@ def verdict(calibration: Calibration) -> str:
         return f"Verdict: {calibration.verdict.text()}"
     names = {*calibration.axes, *calibration.failed}
     axes = list(dict.fromkeys(remark.subject for remark in severe if remark.subject in names))
-    subject = listed(axes) if axes and all(remark.subject in names for remark in severe) else "this file"
+    subject = list_text(axes) if axes and all(remark.subject in names for remark in severe) else "this file"
     return f"Verdict: DO NOT USE {subject} until the cause is found. {severe[0].text()}"
 
 

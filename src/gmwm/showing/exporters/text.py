@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from gmwm.base.remarks import Remark, Severity, with_groups
-from gmwm.base.text import listed
+from gmwm.base.text import list_text
 from gmwm.calibration.recording_findings import pairs_facts
 from gmwm.fitting.estimation.result import GIVEN
 from gmwm.measuring.inspection.findings import covariates_text, effect_text
@@ -45,7 +45,9 @@ def recording(calibration: Calibration) -> str:
     for fit in calibration.values():
         extents.setdefault(fit.wavelet_variance.rate, fit.wavelet_variance.extent)
     extent = " and ".join(extents.values())
-    return f"Recording: {source}{extent}{f', SHA-256 {listed(digests)}' if digests else ''}.{_conditions(calibration)}"
+    return (
+        f"Recording: {source}{extent}{f', SHA-256 {list_text(digests)}' if digests else ''}.{_conditions(calibration)}"
+    )
 
 
 def is_given(calibration: Calibration) -> bool:

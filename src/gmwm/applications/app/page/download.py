@@ -83,7 +83,7 @@ def register(app: Dash, desk: Desk) -> None:
     )(fetch)  # fmt: skip
 
 
-def exported(found: Calibration, session: Session) -> str:
+def export_text(found: Calibration, session: Session) -> str:
     """Return the text of the file in the chosen export format.
 
     Raises an error if the calibration lacks a number that the format needs.
@@ -105,13 +105,13 @@ def _file(wanted: str, session: Session, workspace: Workspace) -> tuple[str, str
         raise OptionError("the calibration was cancelled", advice="Start it again above.")
     calibration: Calibration = job.value
     if wanted == "get-report":
-        return "report.html", _written(calibration.report, "report.html")
+        return "report.html", _file_text(calibration.report, "report.html")
     if wanted == "get-json":
-        return "calibration.json", _written(calibration.save, "calibration.json")
-    return file_name(session), exported(calibration, session)
+        return "calibration.json", _file_text(calibration.save, "calibration.json")
+    return file_name(session), export_text(calibration, session)
 
 
-def _written(write: Callable[[Path], Any], name: str) -> str:
+def _file_text(write: Callable[[Path], Any], name: str) -> str:
     with tempfile.TemporaryDirectory(prefix="gmwm-app-") as folder:
         path = Path(folder, name)
         write(path)
@@ -120,7 +120,7 @@ def _written(write: Callable[[Path], Any], name: str) -> str:
 
 def _preview(session: Session, workspace: Workspace, width: float) -> Any:
     return of_job(
-        workspace.calibration(session), lambda found: _block(exported(found, session), file_name(session))
+        workspace.calibration(session), lambda found: _block(export_text(found, session), file_name(session))
     )  # fmt: skip
 
 

@@ -134,10 +134,10 @@ def register(app: Dash, desk: Desk) -> None:
         prevent_initial_call=True,
     )(stop)  # fmt: skip
 
-    def opened(data: dict[str, Any]) -> str:
+    def file_shown(data: dict[str, Any]) -> str:
         return desk.session(data).file or "No recording is open"
 
-    app.callback(Output("opened", "children"), Input("session", "data"))(opened)
+    app.callback(Output("opened", "children"), Input("session", "data"))(file_shown)
     changes(app, desk, [Input("units", "value")], lambda session, units: session.with_(units=units), errors=("file",))
     restores(app, desk, ("units",), lambda session: [session.units])
     for _, module in TABS.values():

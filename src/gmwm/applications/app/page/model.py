@@ -8,7 +8,7 @@ from typing import Any
 from dash import ALL, Dash, Input, Output, State, html, no_update
 
 from gmwm.applications.app.desk import Desk
-from gmwm.applications.app.figures import axis_at, compared, fitted, misfit, movable, plotly_figure
+from gmwm.applications.app.figures import axis_at, fit_figure, misfit, movable, plotly_figure, ranking_panel
 from gmwm.applications.app.jobs import QUICK
 from gmwm.applications.app.page.render import changes, draws, triggers
 from gmwm.applications.app.page.widgets import button, graph, menu, of_job, remarks, table, text_input
@@ -208,7 +208,7 @@ def _fit(session: Session, workspace: Workspace, width: float) -> Any:
     chosen = "your model" if axis in session.models else "the model that gmwm recommends"
 
     def show(fit: Fit) -> list[Any]:
-        figure = fitted(fit, session, min(width, 1360) - 40)
+        figure = fit_figure(fit, session, min(width, 1360) - 40)
         residual = plotly_figure(misfit(fit, session.view, session.units), width - 40, 210)
         return [
             html.H2(f"{axis_title(axis)}: {chosen}"),
@@ -295,7 +295,8 @@ def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
         return [
             table(["Model", "", "WIC − best", "p of the fit", ""], listed, "numbers ranking"),
             graph(
-                plotly_figure(compared(ranking, session.view, session.units), min(width, 1360) - 40, 260), "compared",
+                plotly_figure(ranking_panel(ranking, session.view, session.units), min(width, 1360) - 40, 260),
+                "compared",
                 f"Distances of the best models of {axis_title(axis)} from the data",
             ),
         ]  # fmt: skip

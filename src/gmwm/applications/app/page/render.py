@@ -28,7 +28,7 @@ def draws(app: Dash, desk: Desk, *, tab: str, place: str, draw: Draw) -> None:
     """
     desk.places.append(place)
 
-    def drawn(data: Any, _: int, shown: str, width: float, page: str, digest: str | None) -> tuple[Any, Any]:
+    def draw_place(data: Any, _: int, shown: str, width: float, page: str, digest: str | None) -> tuple[Any, Any]:
         if shown != tab:
             raise PreventUpdate
         try:
@@ -43,7 +43,7 @@ def draws(app: Dash, desk: Desk, *, tab: str, place: str, draw: Draw) -> None:
         Output(place, "children"), Output(digest_of(place), "data"), Input("session", "data"),
         Input("revision", "data"), Input("tab", "data"), Input("width", "data"), State("page", "data"),
         State(digest_of(place), "data"),
-    )(drawn)  # fmt: skip
+    )(draw_place)  # fmt: skip
 
 
 def digest_of(place: str) -> str:
@@ -82,7 +82,7 @@ def changes(
     beside the first of the fields `errors`.
     """
 
-    def changed(*given: Any) -> list[Any]:
+    def apply_change(*given: Any) -> list[Any]:
         *values, data, page = given
         workspace, shown = desk.workspace(page), dict.fromkeys(errors, "")
         with workspace.lock:
@@ -103,4 +103,4 @@ def changes(
         Output("session", "data", allow_duplicate=True),
         *(Output(f"error-{name}", "children", allow_duplicate=True) for name in errors),
         *inputs, *states, State("session", "data"), State("page", "data"), prevent_initial_call=True,
-    )(changed)  # fmt: skip
+    )(apply_change)  # fmt: skip
