@@ -30,11 +30,6 @@ def parse_length(text: str, argument: str = "duration") -> float:
     float
         Duration (s).
 
-    Raises
-    ------
-    OptionError
-        If the value has another form.
-
     Examples
     --------
     >>> parse_length("90"), parse_length("30min"), parse_length("2 hours"), parse_length("1h30m"), parse_length("1.5d")

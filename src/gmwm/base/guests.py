@@ -25,11 +25,6 @@ def admit_guests(group: str, admit: Callable[[str, Any], object]) -> None:
         Group of the entry points, such as "gmwm.readers".
     admit : function of (name, object)
         Adds the object to the registry. It may raise any error, for example if the name is taken.
-
-    Warns
-    -----
-    GmwmWarning
-        If an entry point cannot be loaded or registered. The others are registered nevertheless.
     """
     for point in entry_points(group=group):
         try:

@@ -67,14 +67,6 @@ def in_threads(
     dict of name to result
         The results, in the order of the items.
 
-    Raises
-    ------
-    GmwmError
-        The error of the first item that failed, in the order of the items, with the item's name as its subject. An
-        OptionError is raised as it is, because options are the same for all items.
-    KeyboardInterrupt
-        After Ctrl-C. No further item is started.
-
     Examples
     --------
     >>> in_threads(lambda name, number: number**2, {"two": 2, "three": 3})

@@ -123,13 +123,7 @@ class ReadOptions:
 
 
 def one_of(value: object, name: str, allowed: Sequence[str]) -> None:
-    """Check that a value is one of the allowed strings.
-
-    Raises
-    ------
-    OptionError
-        If it is not.
-    """
+    """Check that a value is one of the allowed strings."""
     if not isinstance(value, str) or value not in allowed:
         *others, last = map(repr, allowed)
         raise OptionError(argument=name, expected=f"{', '.join(others)} or {last}", got=value)
@@ -137,11 +131,6 @@ def one_of(value: object, name: str, allowed: Sequence[str]) -> None:
 
 def as_size(value: object) -> float:
     """Check the significance level of a test: a number between 0 and 1.
-
-    Raises
-    ------
-    OptionError
-        If the value is not such a number.
 
     >>> as_size(0.05)
     0.05
@@ -155,11 +144,6 @@ def as_confidence(value: object, name: str = "confidence") -> float:
     """Check a confidence level: a number of at least 0.5 and less than 1.
 
     Below 0.5 an interval more often misses the true value than it contains it (tests/test_options.py).
-
-    Raises
-    ------
-    OptionError
-        If the value is not such a number.
 
     Examples
     --------
@@ -183,13 +167,7 @@ def as_confidence(value: object, name: str = "confidence") -> float:
 
 
 def as_whole_number(value: int, name: str, least: int) -> int:
-    """Check a whole number of at least `least`.
-
-    Raises
-    ------
-    OptionError
-        If the value is not such a number.
-    """
+    """Check a whole number of at least `least`."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise OptionError(argument=name, expected=f"a whole number of at least {least}", got=value)
     return int(value)

@@ -126,11 +126,6 @@ class Trimmer:
     def time_base(self, base: TimeBase) -> TimeBase:
         """Return the time base of the kept samples. Call it after the last batch. `base` is the time base of the whole
         recording.
-
-        Raises
-        ------
-        DataError
-            If no segment of at least 8 samples is left, or a range to skip is after the end of the recording.
         """
         require_some(max(self._sizes, default=0), self._kept, self._clock.end)
         require_inside(self._kept, self._clock.end, self._rate)
@@ -161,13 +156,7 @@ class _Elapsed:
 def kept_ranges(
     start: float | None, stop: float | None, skip: Sequence[tuple[float, float]]
 ) -> list[tuple[float, float]]:
-    """Return the ranges of time that are kept (s), in order.
-
-    Raises
-    ------
-    OptionError
-        If a time is negative or not a number, or a range ends before it begins.
-    """
+    """Return the ranges of time that are kept (s), in order."""
     begin, end = _seconds(0.0 if start is None else start, "start"), math.inf
     if stop is not None:
         end = _seconds(stop, "stop")
@@ -186,11 +175,6 @@ def kept_ranges(
 def require_some(longest: int, kept: Sequence[tuple[float, float]], end: float) -> None:
     """Require that the longest segment that is kept has at least `MINIMUM_SAMPLES` samples. The recording lasts until
     `end` (s).
-
-    Raises
-    ------
-    DataError
-        If the longest segment has fewer than `MINIMUM_SAMPLES` samples.
     """
     if longest < MINIMUM_SAMPLES:
         requested = join_names(range_texts(kept)) or "nothing"
@@ -202,13 +186,7 @@ def require_some(longest: int, kept: Sequence[tuple[float, float]], end: float) 
 
 
 def require_inside(kept: Sequence[tuple[float, float]], end: float, rate: float) -> None:
-    """Require that skipped ranges begin before the end of the recording (s), and warn if only `stop` is after it.
-
-    Raises
-    ------
-    DataError
-        If a range to skip begins after the end.
-    """
+    """Require that skipped ranges begin before the end of the recording (s), and warn if only `stop` is after it."""
     for (_, begin), (last, _) in pairwise(kept):
         if begin >= end:
             raise DataError(

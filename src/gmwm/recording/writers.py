@@ -63,13 +63,7 @@ def _recording(given: object) -> Imu:
 
 
 def table_path(path: str | os.PathLike[str]) -> Path:
-    """Return the path of a table, which ends in .csv or .parquet.
-
-    Raises
-    ------
-    OptionError
-        If the path has another extension.
-    """
+    """Return the path of a table, which ends in .csv or .parquet."""
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:
         raise OptionError(argument="path", expected=f"a path that ends in {' or '.join(SUFFIXES)}", got=target.name)

@@ -29,28 +29,13 @@ class Folders:
     dropped: Path
 
     def file(self, text: str) -> Path:
-        """Return the path that a text names. A relative path starts in `root`.
-
-        Raises
-        ------
-        OptionError
-            If the path is outside both folders, for example through a symbolic link.
-        ReadError
-            If the path does not exist.
-        """
+        """Return the path that a text names. A relative path starts in `root`."""
         return self._inside(text)
 
     def entries(self, text: str) -> tuple[str, list[str], list[str]]:
         """Return the path of a folder relative to `root`, the names of its folders, and the names of its files.
 
         Hidden files and links to files outside `root` are left out.
-
-        Raises
-        ------
-        OptionError
-            If the folder is outside both folders.
-        ReadError
-            If the path is not a folder.
         """
         folder = self._inside(text)
         if not folder.is_dir():

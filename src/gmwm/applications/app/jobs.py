@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 import threading
-import traceback
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from typing import Any, Literal
@@ -53,13 +51,7 @@ class Job:
         self._thread.start()
 
     def step(self, text: str, done: float = 0, total: float = 0) -> None:
-        """Report progress: a description of the step, and the finished and total amounts of work if known.
-
-        Raises
-        ------
-        Cancelled
-            If the job was cancelled.
-        """
+        """Report progress: a description of the step, and the finished and total amounts of work if known."""
         self.check()
         self.text, self.share = text, min(done / total, 1.0) if total > 0 else None
 
@@ -78,15 +70,7 @@ class Job:
         return self._ended.wait(seconds)
 
     def result_for(self, other: Job) -> Any:
-        """Wait for the result of this job in another job, and return it. The other job shows the progress of this one.
-
-        Raises
-        ------
-        Cancelled
-            If either job is cancelled.
-        Exception
-            The error of this job, if it failed.
-        """
+        """Wait for the result of this job in another job, and return it. The other job shows its progress."""
         while not self.join(CHECK):
             other.step(f"{self.title}: {self.text}" if self.text else self.title)
         if self.state == "cancelled":
@@ -183,8 +167,3 @@ class Jobs:
     def _count_end(self) -> None:
         with self._lock:
             self.revision += 1
-
-
-def report_bug(error: Exception) -> None:
-    """Print the traceback of an error that is a bug, not an error message of gmwm."""
-    traceback.print_exception(error, file=sys.stderr)

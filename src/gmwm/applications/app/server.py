@@ -73,13 +73,7 @@ def serve(path: Path, *, port: int = 0, browser: bool = True, tell: Callable[[st
 
 @contextmanager
 def running(path: Path, *, port: int = 0) -> Iterator[Served]:
-    """Run the server in a thread while the block runs. Then cancel all jobs and remove the temporary folder.
-
-    Raises
-    ------
-    OptionError
-        If Dash is not installed, or `path` does not exist.
-    """
+    """Run the server in a thread while the block runs. Then cancel all jobs and remove the temporary folder."""
     try:
         import dash  # noqa: F401
         from werkzeug.serving import make_server

@@ -67,11 +67,6 @@ class Session:
     duration : float
         Time of unaided navigation in the error budget (s).
 
-    Raises
-    ------
-    GmwmError
-        If a value is not allowed; the error names the argument.
-
     Examples
     --------
     >>> Session(file="static.csv", reading={"skip": [[10, 20]]}).to_dict()
@@ -138,15 +133,7 @@ class Session:
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """Restore a session from the result of `to_dict`.
-
-        Raises
-        ------
-        ReadError
-            If a key is unknown.
-        GmwmError
-            If a value is not allowed.
-        """
+        """Restore a session from the result of `to_dict`."""
         names = [field.name for field in fields(cls)]
         unknown = next((name for name in content if name not in names), None)
         if unknown is not None:
@@ -155,15 +142,7 @@ class Session:
 
     @classmethod
     def from_text(cls, text: str) -> Self:
-        """Restore a session from the text of a session.json.
-
-        Raises
-        ------
-        ReadError
-            If the text is not a session of this version.
-        GmwmError
-            If a value is not allowed.
-        """
+        """Restore a session from the text of a session.json."""
         try:
             content = json.loads(text)
         except (ValueError, RecursionError) as error:

@@ -20,13 +20,7 @@ def adding(model: str, term: str) -> str:
 
 
 def removing(fit: Fit, term: str) -> str:
-    """Return the model of a fit without a term.
-
-    Raises
-    ------
-    OptionError
-        If the model has only this term.
-    """
+    """Return the model of a fit without a term."""
     remaining = tuple(process for name, process in _terms(fit).items() if name != term)
     if not remaining:
         raise OptionError(
@@ -38,35 +32,24 @@ def removing(fit: Fit, term: str) -> str:
 def holding(fit: Fit, parameter: str) -> str:
     """Return the model of a fit with a parameter held fixed at its estimate. If it was held before, it becomes free."""
     term, _, name = parameter.rpartition(".")
-    terms = _terms(fit)
-    value = None if terms[term].is_fixed(name) else Fixed(fit.parameters[parameter])
-    terms[term] = terms[term].with_values(**{name: None}) if value is None else terms[term].with_values(**{name: value})
-    return str(Model(tuple(terms.values())))
+    process = _terms(fit)[term]
+    value = None if process.is_fixed(name) else Fixed(fit.parameters[parameter])
+    return replacing(fit, term, process.with_values(**{name: value}))
 
 
 def held_at(fit: Fit, parameter: str, text: str) -> str:
-    """Return the model of a fit with a parameter held fixed at a given value.
-
-    Raises
-    ------
-    OptionError
-        If `text` is not a number.
-    """
+    """Return the model of a fit with a parameter held fixed at a given value."""
     term, _, name = parameter.rpartition(".")
     try:
         value = float(text)
     except ValueError:
         raise OptionError(argument="model", expected=f"a number for {parameter}", got=text) from None
-    terms = _terms(fit)
-    terms[term] = terms[term].with_values(**{name: Fixed(value)})
-    return str(Model(tuple(terms.values())))
+    return replacing(fit, term, _terms(fit)[term].with_values(**{name: Fixed(value)}))
 
 
 def replacing(fit: Fit, term: str, process: Process) -> str:
     """Return the model of a fit with the process of a term replaced."""
-    terms = _terms(fit)
-    terms[term] = process
-    return str(Model(tuple(terms.values())))
+    return str(Model(tuple((_terms(fit) | {term: process}).values())))
 
 
 def _terms(fit: Fit) -> dict[str, Process]:

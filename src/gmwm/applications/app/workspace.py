@@ -65,7 +65,7 @@ class Workspace:
             job.step(path.name)
             return gmwm.stream(path, **reading) if is_large(path) else gmwm.read(path, **reading)
 
-        return self.jobs.ask("recording", (*_stamp(path), _key(reading)), "Reading", work, alone=False)
+        return self.jobs.ask("recording", (*_stamp(path), repr(reading)), "Reading", work, alone=False)
 
     def overview(self, session: Session) -> Job:
         """Reduce the recording for a plot over time, including the samples that the session leaves out."""
@@ -150,7 +150,7 @@ class Workspace:
             )  # fmt: skip
             return calibration.of_file(path)
 
-        more = (session.robust, session.confidence, _key(session.models))
+        more = (session.robust, session.confidence, repr(session.models))
         return self._of_recording("calibration", session, "Calibrating", work, *more)
 
     def _of_recording(self, kind: str, session: Session, title: str, work: Any, *more: Hashable) -> Job:
@@ -167,7 +167,7 @@ class Workspace:
 
     def _recording_key(self, session: Session, *, cut: bool = True) -> tuple[Hashable, ...]:
         reading = dict(session.reading) if cut else _uncut(session.reading)
-        return (*_stamp(self.path(session)), _key(reading))
+        return (*_stamp(self.path(session)), repr(reading))
 
     def _axis_key(self, session: Session, axis: str, *more: Hashable) -> tuple[Hashable, ...]:
         return (*self._recording_key(session), session.robust, session.confidence, axis, *more)
@@ -185,7 +185,3 @@ def _stamp(path: Path) -> tuple[str, int, int]:
     """Return path, time of change and size of a file, which identify its content."""
     state = path.stat()
     return str(path), state.st_mtime_ns, state.st_size
-
-
-def _key(values: Any) -> str:
-    return repr(values)

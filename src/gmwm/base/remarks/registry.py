@@ -126,13 +126,7 @@ def _fields(*templates: str) -> Iterator[str]:
 
 @cache
 def message(code: str) -> Message:
-    """Return the entry of a code in the registry. Only this entry is parsed: the whole file takes 50 ms.
-
-    Raises
-    ------
-    KeyError
-        If the code is not registered.
-    """
+    """Return the entry of a code in the registry. Only this entry is parsed: the whole file takes 50 ms."""
     return _parse(_tables()[code])[code]
 
 

@@ -90,17 +90,6 @@ def measure_in_parts(
         pass the count continues, up to twice the number of samples.
     prepare : callable, optional
         Function that is applied to each batch before it is measured. It can be pickled.
-
-    Raises
-    ------
-    ReadError, DataError
-        In the same cases as `gmwm.read`. The error describes the first problem in the file.
-    OptionError
-        If an option has an invalid value, or the scheduler does not answer.
-    MissingDependencyError
-        If Dask is not installed.
-    GmwmError
-        If workers die repeatedly on the same part, or the connection to the scheduler is lost.
     """
     with connect(scheduler, workers) as client:
         crew = _Crew(

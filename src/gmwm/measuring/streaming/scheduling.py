@@ -37,20 +37,6 @@ def connect(scheduler: str | Client | None = None, workers: int | None = None) -
     workers : int, optional
         Number of worker processes with one thread each; by default the number of processors.
 
-    Raises
-    ------
-    MissingDependencyError
-        If distributed is not installed.
-    OptionError
-        If no scheduler answers, or both `scheduler` and `workers` are given.
-    GmwmError
-        If worker processes do not start.
-
-    Warns
-    -----
-    GmwmWarning
-        If a scheduler has no workers yet.
-
     Examples
     --------
     >>> with connect("127.0.0.1") as client:
@@ -92,13 +78,7 @@ def _quiet() -> Iterator[None]:
 
 
 def library() -> Any:
-    """Import the package distributed.
-
-    Raises
-    ------
-    MissingDependencyError
-        If the package is not installed.
-    """
+    """Import the package distributed."""
     try:
         import distributed
     except ImportError as error:

@@ -63,8 +63,12 @@ def register(app: Dash, desk: Desk) -> None:
     changes(app, desk, [Input("format", "value"), Input("rule", "value")], choose, errors=("export", "axes"))
     restores(app, desk, ("format", "rule"), lambda session: [session.export, session.rule or ""])
     draws(app, desk, tab="download", place="preview", draw=_preview)
-    draws(app, desk, tab="download", place="shell", draw=lambda session, _, __: _shell(session, desk))
-    draws(app, desk, tab="download", place="python", draw=lambda session, _, __: _python(session, desk))
+    for name, lines in (("shell", shell_lines), ("python", python_lines)):
+
+        def draw(session: Session, _: Any, __: Any, name: str = name, lines: Any = lines) -> Any:
+            return _block("\n".join(lines(_own(session, desk))), name)
+
+        draws(app, desk, tab="download", place=name, draw=draw)
 
     def fetch(*given: Any) -> tuple[Any, str]:
         *clicks, data, page = given
@@ -124,22 +128,10 @@ def _preview(session: Session, workspace: Workspace, width: float) -> Any:
     )  # fmt: skip
 
 
-def _shell(session: Session, desk: Desk) -> Any:
-    return _lines(shell_lines(_own(session, desk)), "shell")
-
-
-def _python(session: Session, desk: Desk) -> Any:
-    return _lines(python_lines(_own(session, desk)), "python")
-
-
 def _own(session: Session, desk: Desk) -> Session:
     """Return the session with the name of a dropped file instead of the path of its temporary copy."""
     path = Path(session.file)
     return session.with_(file=path.name) if path.is_relative_to(desk.folders.dropped) else session
-
-
-def _lines(lines: list[str], name: str) -> Any:
-    return _block("\n".join(lines), name)
 
 
 def _block(text: str, name: str) -> Any:

@@ -188,11 +188,6 @@ def _axes(session: Session, workspace: Workspace, width: float) -> Any:
     return of_job(workspace.recording(session), show)
 
 
-def _with_fit(session: Session, workspace: Workspace, show: Any) -> Any:
-    """Return the component that `show` makes from the fit of the shown axis, or the state of the fit."""
-    return of_job(workspace.fit(session, axis_of(session, workspace)), show)
-
-
 def _chips(session: Session, workspace: Workspace, width: float) -> Any:
     def show(fit: Fit) -> list[Any]:
         return [
@@ -200,7 +195,7 @@ def _chips(session: Session, workspace: Workspace, width: float) -> Any:
             for term in fit.model.terms
         ]
 
-    return _with_fit(session, workspace, show)
+    return of_job(workspace.fit(session, axis_of(session, workspace)), show)
 
 
 def _fit(session: Session, workspace: Workspace, width: float) -> Any:
@@ -222,7 +217,7 @@ def _fit(session: Session, workspace: Workspace, width: float) -> Any:
             remarks(fit.remarks),
         ]
 
-    return _with_fit(session, workspace, show)
+    return of_job(workspace.fit(session, axis_of(session, workspace)), show)
 
 
 def _regression_note(fit: Fit, session: Session, workspace: Workspace) -> str:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import sys
+import traceback
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from dash import dcc, html
 
 from gmwm.applications.app.figures import Drawn
-from gmwm.applications.app.jobs import QUICK, Job, report_bug
+from gmwm.applications.app.jobs import QUICK, Job
 from gmwm.base.errors import GmwmError
 from gmwm.base.remarks import Dialect, Remark, with_groups
 from gmwm.showing.reports.verdict import state_of
@@ -115,5 +117,5 @@ def message(error: Exception | None) -> str:
     if isinstance(error, MemoryError):
         return "There is not enough memory for a recording of this length."
     if error is not None:
-        report_bug(error)
+        traceback.print_exception(error, file=sys.stderr)
     return f"gmwm has a bug: {type(error).__name__}: {error}. The terminal shows where."
