@@ -35,11 +35,9 @@ def as_vector(values: ArrayLike, name: str, *, at_least: int = 1, finite: bool =
     if isinstance(values, Mapping):
         raise DataError(
             f"{name} must be one axis; got {with_article(type(values).__name__)} of {', '.join(values)}",
-            argument=name,
-            got=values,
-            advice="Pass one of its axes, for example `data[{axis}]`.",
+            argument=name, got=values, advice="Pass one of its axes, for example `data[{axis}]`.",
             axis=repr(next(iter(values), "gyro_x")),
-        )
+        )  # fmt: skip
     _require_samples(values, name)
     try:
         array: NDArray[Any] = np.asarray(values)
@@ -87,35 +85,26 @@ def require_finite(vector: Vector, name: str) -> None:
     if count:
         raise DataError(
             f"{name} must be finite; {count} of {vector.size} values are NaN or infinite, the first at index "
-            f"{int(np.argmax(bad))}",
-            argument=name,
-            got=vector,
-            advice=MISSING_SAMPLES,
-            count=count,
+            f"{int(np.argmax(bad))}", argument=name, got=vector, advice=MISSING_SAMPLES, count=count,
             index=int(np.argmax(bad)),
-        )
+        )  # fmt: skip
 
 
 def _require_samples(values: object, name: str) -> None:
     """Raise a DataError if `values` is not an array, but the path of a file, a recording or a simulation."""
     if isinstance(values, str | bytes | os.PathLike):
         raise DataError(
-            f"{name} must be a signal or its samples; got {values!r}",
-            argument=name,
-            got=values,
+            f"{name} must be a signal or its samples; got {values!r}", argument=name, got=values,
             advice="Read the file with `gmwm.read(path)`, and pass one of its axes.",
-        )
+        )  # fmt: skip
     # An Imu, a SimulatedImu and a SimulatedSignal. This module cannot import them, because their layers are higher.
     for attribute, access in (("signals", "[{!r}]"), ("axes", ".imu[{!r}]"), ("components", ".signal")):
         held = getattr(values, attribute, None)
         if isinstance(held, Mapping) and (attribute != "axes" or hasattr(values, "imu")):
             raise DataError(
                 f"{name} must be one signal; got {with_article(type(values).__name__)} of {', '.join(held)}",
-                argument=name,
-                got=values,
-                advice="Pass `{one}`.",
-                one=name + access.format(next(iter(held))),
-            )
+                argument=name, got=values, advice="Pass `{one}`.", one=name + access.format(next(iter(held))),
+            )  # fmt: skip
 
 
 def as_rate(rate: float | None, name: str = "rate") -> float:
@@ -132,11 +121,9 @@ def as_rate(rate: float | None, name: str = "rate") -> float:
         raise OptionError(argument=name, expected="a positive number (Hz)", got=rate) from error
     if not (np.isfinite(value) and value > 0):
         raise OptionError(
-            argument=name,
-            expected="a positive, finite number (Hz)",
-            got=rate,
+            argument=name, expected="a positive, finite number (Hz)", got=rate,
             advice="Pass the sampling rate, not the sampling interval.",
-        )
+        )  # fmt: skip
     return value
 
 

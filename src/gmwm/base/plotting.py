@@ -89,11 +89,9 @@ def plot(result: object, *arguments: Any, **options: Any) -> MatplotlibFigure:
     function = _function(type(result))
     if function is None:
         raise OptionError(
-            argument="result",
-            expected="of a type that has a plot",
-            got=result,
+            argument="result", expected="of a type that has a plot", got=result,
             advice="Register a function for this type with gmwm.plots.register.",
-        )
+        )  # fmt: skip
     return function(result, *arguments, **options)
 
 

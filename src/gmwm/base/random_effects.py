@@ -98,13 +98,9 @@ def effects(x: Matrix, s2: Matrix, spread2: Vector | None = None, start: Vector 
         share = np.sum(w * w, axis=-1) / total**2
         variance = np.where(count > 1, 2 * (count - 1) / (total * (1 - share)) ** 2, np.inf)
         return Effects(
-            mean=mean,
-            error=1 / np.sqrt(total),
-            spread2=between2,
-            spread2_variance=variance,
-            error2_slope=share,
+            mean=mean, error=1 / np.sqrt(total), spread2=between2, spread2_variance=variance, error2_slope=share,
             count=count,
-        )
+        )  # fmt: skip
 
 
 def spread_limits(x: Matrix, s2: Matrix, confidence: float, freedom: Vector | None = None) -> tuple[Vector, Vector]:

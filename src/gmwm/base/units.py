@@ -92,10 +92,8 @@ def require_measurable(values: Vector, unit: str, axis: str) -> None:
         index, name = int(np.argmax(beyond)), axis or "the signal"
         raise DataError(
             f"{name} has values that no sensor measures, the first at index {index}: {values[index]:.3g} {unit}",
-            argument=name,
-            got=float(values[index]),
-            advice=MISSING_SAMPLES,
-        )
+            argument=name, got=float(values[index]), advice=MISSING_SAMPLES,
+        )  # fmt: skip
 
 
 def _key(text: str) -> str:

@@ -77,11 +77,9 @@ def agree(
         calibrations = [Calibration.load(calibration_file(file)) for file in files]
     if len(calibrations) == 1 and not references:
         raise OptionError(
-            "one calibration needs a reference to agree with",
-            argument="reference",
-            got=None,
+            "one calibration needs a reference to agree with", argument="reference", got=None,
             advice="Pass another calibration of the unit, or numbers or a file with {--reference}.",
-        )
+        )  # fmt: skip
     if len(calibrations) == 1:
         checked = calibrations[0].agree(references, horizon=parse_length(horizon, "horizon"))
         return Outcome(

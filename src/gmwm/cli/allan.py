@@ -71,11 +71,9 @@ def allan(
 
     if slopes and kind not in ("overlapping", "nonoverlapping", "total"):
         raise OptionError(
-            f"--slopes needs an Allan deviation, not --kind {kind}",
-            argument="kind",
-            got=kind,
+            f"--slopes needs an Allan deviation, not --kind {kind}", argument="kind", got=kind,
             advice="Use {--kind=overlapping}.",
-        )
+        )  # fmt: skip
     imu = load(file, reading)
 
     results = _measure(chosen_axes(imu, axis), kind, clusters)

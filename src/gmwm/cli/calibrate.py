@@ -243,15 +243,10 @@ def _outcome(
     kalibr = KalibrFile() if output is None else kalibr_file(found, output)
     written = file_names((*files_of_calibration, *kalibr.files))
     return Outcome(
-        command="calibrate",
-        document={**document, **document_of(files), "written": written},
-        text=summary(found, Dialect.SHELL, details=details),
-        all_text=text,
-        files=(*files_of_calibration, *kalibr.files),
-        together=True,
-        obsolete=kalibr.obsolete,
-        remarks=kalibr.remarks,
-    )
+        command="calibrate", document={**document, **document_of(files), "written": written},
+        text=summary(found, Dialect.SHELL, details=details), all_text=text,
+        files=(*files_of_calibration, *kalibr.files), together=True, obsolete=kalibr.obsolete, remarks=kalibr.remarks,
+    )  # fmt: skip
 
 
 def run_calibration(

@@ -59,11 +59,9 @@ def compare(
         )
     if efficiency is not None and classical and not robust:
         raise OptionError(
-            "--efficiency applies only to the robust curve",
-            argument="efficiency",
-            got=efficiency,
+            "--efficiency applies only to the robust curve", argument="efficiency", got=efficiency,
             advice="Leave {--efficiency} or {--classical} out.",
-        )
+        )  # fmt: skip
     kinds = [kind for kind, chosen in (("classical", classical), ("robust", robust)) if chosen or classical == robust]
     system = unit_system(datasheet)
     curves: dict[str, dict[str, WaveletVariance]] = {}
@@ -77,11 +75,9 @@ def compare(
                     tell(remark.about(f"{axis_name}, {label}"))
     axes = {a: {label: wv.to_dict() for label, wv in group.items()} for a, group in curves.items()}
     return Outcome(
-        command="compare",
-        document={"files": list(map(str, files)), "axes": axes},
-        text=_curves_text(curves, view, system),
-        files=plot_file(plot, partial(_draw, curves, view, system)),
-    )
+        command="compare", document={"files": list(map(str, files)), "axes": axes},
+        text=_curves_text(curves, view, system), files=plot_file(plot, partial(_draw, curves, view, system)),
+    )  # fmt: skip
 
 
 def _names(files: Sequence[Path]) -> list[str]:

@@ -52,8 +52,6 @@ def cross(
     tell_inspection(recording)
     files = () if csv is None else (text_file(csv, result.to_frame().write_csv()),)
     return Outcome(
-        command="cross",
-        document={"file": str(file), **result.to_dict()},
-        text=result.summary(Dialect.SHELL),
+        command="cross", document={"file": str(file), **result.to_dict()}, text=result.summary(Dialect.SHELL),
         files=files + plot_file(plot, lambda path: result.plot(path=path)),
-    )
+    )  # fmt: skip

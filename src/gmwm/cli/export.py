@@ -119,11 +119,9 @@ def _source(calibrations: list[Path] | None, source: str | None, rate: float | N
 
     if (source is None) == (not calibrations):
         raise OptionError(
-            "exactly one of CALIBRATION and --from is needed",
-            argument="calibrations",
-            got=source,
+            "exactly one of CALIBRATION and --from is needed", argument="calibrations", got=source,
             advice="Pass a calibration.json, or noise without a recording with {--from}.",
-        )
+        )  # fmt: skip
     if source is not None:
         return [Path(source)], given_calibration(read_given(source, rate))
     files = [calibration_file(path) for path in calibrations or ()]
@@ -143,12 +141,10 @@ def _fits_source(files: Sequence[Path], format: str | None) -> Calibration | Non
     if len(files) > 1 or format not in allowed:
         raise OptionError(
             "a fits.json of gmwm fit can only be written by itself and as state space, because it has one model and no "
-            "comparison with others",
-            argument="format",
-            got=format or "--all",
+            "comparison with others", argument="format", got=format or "--all",
             advice=f"Use one file with {{--format}} {', '.join(allowed)}, or pass the calibration.json of "
             "`gmwm calibrate`.",
-        )
+        )  # fmt: skip
     recording, fits = fits_in(files[0])
     return fitted_calibration({axis: Fit.from_dict(content) for axis, content in fits.items()}, recording or "")
 
@@ -186,11 +182,9 @@ def _one(
     text = exported(found, None, name, **choice)
     new = () if output is None else (text_file(output, text),)
     return Outcome(
-        command="export",
-        document={**document_of(files), "format": name, "text": text, "written": file_names(new)},
-        text="" if new else text,
-        files=new,
-    )
+        command="export", document={**document_of(files), "format": name, "text": text, "written": file_names(new)},
+        text="" if new else text, files=new,
+    )  # fmt: skip
 
 
 def _all(found: Calibration, files: Sequence[Path], folder: Path, choice: _ExportArguments) -> Outcome:
@@ -200,12 +194,10 @@ def _all(found: Calibration, files: Sequence[Path], folder: Path, choice: _Expor
     written, refused = export_all(found, folder, **choice)
     paths = tuple(written.values())
     return Outcome(
-        command="export",
-        document={**document_of(files), "written": list(map(str, paths)), "left_out": refused},
-        written=paths,
-        closing=f"\nWrote {len(paths)} of {len(paths) + len(refused)} formats.",
+        command="export", document={**document_of(files), "written": list(map(str, paths)), "left_out": refused},
+        written=paths, closing=f"\nWrote {len(paths)} of {len(paths) + len(refused)} formats.",
         remarks=tuple(_reasons(refused)),
-    )
+    )  # fmt: skip
 
 
 def _reasons(left: Mapping[str, str]) -> Iterator[Remark]:

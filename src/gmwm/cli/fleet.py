@@ -143,31 +143,23 @@ def fleet(
         NewFile(output / "fleet.png", lambda path: result.plot(path=path), "plotting"),
     )
     return Outcome(
-        command="fleet",
-        document={**_document(result), "written": [*map(str, done), *file_names(files)]},
-        text=summary,
-        files=files,
-        written=done,
-        remarks=tuple(_trouble(result)),
-    )
+        command="fleet", document={**_document(result), "written": [*map(str, done), *file_names(files)]},
+        text=summary, files=files, written=done, remarks=tuple(_trouble(result)),
+    )  # fmt: skip
 
 
 def _check(folder: Path, *, scheduler: str | None, workers: int | None) -> None:
     """Raise an OptionError if options exclude each other, or if `folder` is a file."""
     if workers is not None and scheduler is not None:
         raise OptionError(
-            "--workers starts processes on this machine, but a scheduler has its own workers",
-            argument="workers",
-            got=workers,
-            advice="Leave {--workers} or {--scheduler} out.",
-        )
+            "--workers starts processes on this machine, but a scheduler has its own workers", argument="workers",
+            got=workers, advice="Leave {--workers} or {--scheduler} out.",
+        )  # fmt: skip
     if folder.is_file():
         raise OptionError(
-            f"{folder} is a file, not a folder of recordings",
-            argument="folder",
-            got=str(folder),
+            f"{folder} is a file, not a folder of recordings", argument="folder", got=str(folder),
             advice="Use {gmwm calibrate} for one recording.",
-        )
+        )  # fmt: skip
 
 
 def _document(found: Fleet) -> dict[str, object]:

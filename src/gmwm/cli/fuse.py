@@ -96,11 +96,9 @@ def fuse(
         fused = virtual.apply(dict(zip(units, moving.values(), strict=False)) if apply and len(apply) > 1 else moving)
         new.append(NewFile(output, fused.write, "writing"))
     return Outcome(
-        command="fuse",
-        document={"files": list(map(str, files)), **virtual.to_dict()},
-        text=virtual.summary(Dialect.SHELL),
-        files=(*new, *plot_file(plot, lambda path: virtual.plot(path=path))),
-    )
+        command="fuse", document={"files": list(map(str, files)), **virtual.to_dict()},
+        text=virtual.summary(Dialect.SHELL), files=(*new, *plot_file(plot, lambda path: virtual.plot(path=path))),
+    )  # fmt: skip
 
 
 def _load(files: list[Path], reading: ReadOptions, axis: list[str] | None) -> dict[str, Imu]:

@@ -34,11 +34,9 @@ def growing_source(file: str) -> Iterator[tuple[GrowingFile | GrowingPipe, Path]
     if file != "-" and not Path(file).is_file():
         problem = "is not a file" if Path(file).exists() else "does not exist"
         raise OptionError(
-            f"{file} {problem}",
-            argument="file",
-            got=file,
+            f"{file} {problem}", argument="file", got=file,
             advice="Pass a text file that is being written, or - for standard input.",
-        )
+        )  # fmt: skip
     take = GrowingPipe(sys.stdin.buffer) if file == "-" else GrowingFile(Path(file))
     try:
         yield take, Path("standard input" if file == "-" else file)

@@ -65,12 +65,10 @@ def info(
         document["noise_against"] = {axis: change.to_dict() for axis, change in changes.items()}
     below = "".join(f"\n\n{change.summary()}" for change in changes.values())
     return Outcome(
-        command="info",
-        document=document,
-        text=text(inspection, Dialect.SHELL) + below,
+        command="info", document=document, text=text(inspection, Dialect.SHELL) + below,
         all_text=text(inspection, Dialect.SHELL, every=True) + below,
         files=plot_file(plot, lambda path: recording.plot(path=path)) if isinstance(recording, Imu) else (),
-    )
+    )  # fmt: skip
 
 
 def _noise_changes(recording: Imu, condition: str) -> dict[str, NoiseAgainst]:
@@ -81,11 +79,9 @@ def _noise_changes(recording: Imu, condition: str) -> dict[str, NoiseAgainst]:
         covariates: Against = TIME
     elif recording.temperature is None:
         raise OptionError(
-            "the recording has no temperature",
-            argument="noise_against",
-            got=condition,
+            "the recording has no temperature", argument="noise_against", got=condition,
             advice="Name its column with {--columns=temperature:…}, or use {--noise-against=time}.",
-        )
+        )  # fmt: skip
     else:
         covariates = {TEMPERATURE: recording.temperature}
     with progress("noise against conditions"):

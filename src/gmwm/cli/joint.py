@@ -78,11 +78,9 @@ def joint(
         joint_fit = fit_joint(model, signals, levels=parse_levels(levels), certify=time)
     tell_inspection(recording)
     return Outcome(
-        command="joint",
-        document={"file": str(file), **joint_fit.to_dict()},
-        text=joint_fit.summary(),
+        command="joint", document={"file": str(file), **joint_fit.to_dict()}, text=joint_fit.summary(),
         files=plot_file(plot, lambda path: joint_fit.plot(path=path)),
-    )
+    )  # fmt: skip
 
 
 def parse_levels(text: str | None) -> int | list[int] | None:

@@ -57,11 +57,9 @@ def open_recording(
         )
     if spread and chunked == "no":
         raise OptionError(
-            "--scheduler and --workers read the recording in chunks",
-            argument="chunked",
-            got=chunked,
+            "--scheduler and --workers read the recording in chunks", argument="chunked", got=chunked,
             advice="Leave {--chunked=no} out.",
-        )
+        )  # fmt: skip
     from gmwm.cli.output import progress
     from gmwm.files.readers.api import stream_file
     from gmwm.files.readers.streams import is_large

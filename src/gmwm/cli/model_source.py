@@ -102,19 +102,15 @@ def model_source(
 
     if (model is None) == (from_fits is None):
         raise OptionError(
-            "exactly one of --model and --from-fits is needed",
-            argument="model",
-            got=model,
+            "exactly one of --model and --from-fits is needed", argument="model", got=model,
             advice="Write a model with {--model}, or pass a fits.json or calibration.json with {--from-fits}.",
-        )
+        )  # fmt: skip
     if from_fits is not None:
         if robust:
             raise OptionError(
                 "--robust applies to fitting a model, but the models of --from-fits are fitted already",
-                argument="robust",
-                got=robust,
-                advice="Leave {--robust} or {--from-fits} out.",
-            )
+                argument="robust", got=robust, advice="Leave {--robust} or {--from-fits} out.",
+            )  # fmt: skip
         fitted, fits = fits_in(from_fits)
         origin: dict[str, Any] = {"fits": fits, "fits_file": str(from_fits), "fitted_file": fitted}
     else:
@@ -158,10 +154,8 @@ def axes_of(source: ModelSource, signals: Mapping[str, Signal], chosen: bool) ->
     if not fitted:
         raise OptionError(
             f"the fits and the recording have no axis in common: {source.fits_file} has {', '.join(source.fits)}, the "
-            f"recording has {', '.join(signals)}",
-            argument="from_fits",
-            got=source.fits_file,
-        )
+            f"recording has {', '.join(signals)}", argument="from_fits", got=source.fits_file,
+        )  # fmt: skip
     return fitted
 
 

@@ -122,14 +122,9 @@ def monitor(
         new += (NewFile(output, trace.report, f"writing {output.name}"),)
     summary = trace.to_dict()
     return Outcome(
-        command="monitor",
-        document={"file": file, **summary, "written": file_names(new)},
-        text=trace.summary(),
-        files=new,
-        remarks=remarks,
-        status=int(bool(trace.events)),
-        in_one_line=True,
-    )
+        command="monitor", document={"file": file, **summary, "written": file_names(new)}, text=trace.summary(),
+        files=new, remarks=remarks, status=int(bool(trace.events)), in_one_line=True,
+    )  # fmt: skip
 
 
 @contextmanager
@@ -144,11 +139,9 @@ def _open(
     if file != "-" and not follow:
         if idle is not None:
             raise OptionError(
-                "--idle needs a file that is being written",
-                argument="idle",
-                got=idle,
+                "--idle needs a file that is being written", argument="idle", got=idle,
                 advice="Add {--follow}, or leave {--idle} out.",
-            )
+            )  # fmt: skip
         yield stream_file(file, reading), tuple
         return
     with growing_source(file) as (take, name), interruptible() as stopped:
@@ -170,10 +163,8 @@ def _trace(
     if not both:
         raise OptionError(
             f"the models and the recording have no axis in common: {origin} has {', '.join(models)}, the recording "
-            f"has {', '.join(stream.axes)}",
-            argument="from_fits",
-            got=str(origin),
-        )
+            f"has {', '.join(stream.axes)}", argument="from_fits", got=str(origin),
+        )  # fmt: skip
     names = chosen_names(both, axes)
     check_rate(stream.rate, rate)
     reference_baselines: Mapping[str, Baseline] | None = None
@@ -236,11 +227,9 @@ class Origin:
     def __post_init__(self) -> None:
         if (self.fits is None) == (self.source is None):
             raise OptionError(
-                "exactly one of --from-fits and --from is needed",
-                argument="from_fits",
-                got=self.source,
+                "exactly one of --from-fits and --from is needed", argument="from_fits", got=self.source,
                 advice="Pass a calibration with {--from-fits}, or the numbers of a datasheet with {--from}.",
-            )
+            )  # fmt: skip
 
     def __str__(self) -> str:
         return str(self.fits or self.source)

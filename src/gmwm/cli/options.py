@@ -155,11 +155,9 @@ def chosen_efficiency(robust: bool, efficiency: float | None) -> float:
     """Return the efficiency of the robust wavelet variance, 0.6 by default."""
     if efficiency is not None and not robust:
         raise OptionError(
-            "--efficiency applies only to the robust wavelet variance",
-            argument="efficiency",
-            got=efficiency,
+            "--efficiency applies only to the robust wavelet variance", argument="efficiency", got=efficiency,
             advice="Add {--robust}, or leave {--efficiency} out.",
-        )
+        )  # fmt: skip
     return EFFICIENCY if efficiency is None else efficiency
 
 

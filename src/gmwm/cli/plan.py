@@ -82,12 +82,10 @@ def plan(
     """
     if sum(source_given is not None for source_given in (model, from_fits, source)) != 1:
         raise OptionError(
-            "exactly one of MODEL, --from-fits and --from is needed",
-            argument="model",
-            got=model,
+            "exactly one of MODEL, --from-fits and --from is needed", argument="model", got=model,
             advice="Write a model with its values, or pass a fits.json or calibration.json with {--from_fits}, or the "
             "numbers of a datasheet with {--from}.",
-        )
+        )  # fmt: skip
     seconds, share = parse_length(duration), parse_share(accuracy)
     origin: dict[str, Any] = {}
     unit, curve = "", None
@@ -109,12 +107,10 @@ def plan(
         )
     design, needed = _plan(str(model), seconds, rate=rate, accuracy=share, weighting=weighting, unit=unit, curve=curve)
     return Outcome(
-        command="plan",
-        document={**origin, **design.to_dict(), "accuracy": share, "needed": needed},
-        text=design.summary(share),
-        files=plot_file(plot, lambda path: design.plot(accuracy=share, path=path)),
+        command="plan", document={**origin, **design.to_dict(), "accuracy": share, "needed": needed},
+        text=design.summary(share), files=plot_file(plot, lambda path: design.plot(accuracy=share, path=path)),
         in_text=design.remarks,
-    )
+    )  # fmt: skip
 
 
 def _given_axis(source: str, axis: str | None, rate: float | None) -> tuple[str, str, float]:
@@ -137,10 +133,8 @@ def _pilot_rate(found: Mapping[str, Any], rate: float | None, file: Path) -> flo
     if rate is not None and abs(rate / pilot_rate - 1) > 1e-3:
         raise OptionError(
             f"--rate {rate:g} differs from the rate in {file}, {pilot_rate:g} Hz, for which its values are",
-            argument="rate",
-            got=rate,
-            advice="Leave {--rate} out.",
-        )
+            argument="rate", got=rate, advice="Leave {--rate} out.",
+        )  # fmt: skip
     return pilot_rate
 
 

@@ -62,11 +62,9 @@ def psd(
     ]
     drawing = spectra if len(spectra) > 1 else next(iter(spectra.values()))
     return Outcome(
-        command="psd",
-        document={"file": str(file), "axes": spectra.to_dict()},
-        text=_text(spectra),
+        command="psd", document={"file": str(file), "axes": spectra.to_dict()}, text=_text(spectra),
         files=csv_file(csv, heading, tables) + plot_file(plot, lambda path: drawing.plot(units=system, path=path)),
-    )
+    )  # fmt: skip
 
 
 def _measure(

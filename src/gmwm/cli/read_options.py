@@ -140,19 +140,12 @@ class ReadOptionTexts:
     def parse(self) -> ReadOptions:
         """Parse and check the options, and return them as `ReadOptions`."""
         return ReadOptions(
-            rate=self.rate,
-            columns=parse_columns(self.columns),
-            units=parse_units(self.units) or {},
-            gaps=self.gaps,
-            bad_lines=self.bad_lines,
-            start=None if self.start is None else parse_length(self.start, "start"),
-            stop=None if self.stop is None else parse_length(self.stop, "stop"),
-            skip=parse_skips(self.skip),
-            format=self.format,
-            topic=self.topic,
-            scale=parse_scale(self.scale) or {},
+            rate=self.rate, columns=parse_columns(self.columns), units=parse_units(self.units) or {}, gaps=self.gaps,
+            bad_lines=self.bad_lines, start=None if self.start is None else parse_length(self.start, "start"),
+            stop=None if self.stop is None else parse_length(self.stop, "stop"), skip=parse_skips(self.skip),
+            format=self.format, topic=self.topic, scale=parse_scale(self.scale) or {},
             increments=[part.strip() for part in (self.increments or "").split(",") if part.strip()],
-        )
+        )  # fmt: skip
 
 
 Axes = Annotated[

@@ -68,11 +68,9 @@ def residuals(
     files = plot_file(plot, lambda path: first.plot(lags, path=path))
     axes = {name: {**models[name].to_dict(), **check} for name, check in checks.items()}
     return Outcome(
-        command="residuals",
-        document={"file": str(file), "axes": axes, "written": file_names(files)},
-        text=_text(models, checks),
-        files=files,
-    )
+        command="residuals", document={"file": str(file), "axes": axes, "written": file_names(files)},
+        text=_text(models, checks), files=files,
+    )  # fmt: skip
 
 
 def _residuals(models: Mapping[str, AxisModel], signals: Mapping[str, Signal]) -> dict[str, Residuals]:

@@ -80,12 +80,10 @@ def simulate(
 
     if sum((reference, bool(model), source is not None)) != 1:
         raise OptionError(
-            "exactly one of --model, --reference and --from is needed",
-            argument="model",
-            got=model,
+            "exactly one of --model, --reference and --from is needed", argument="model", got=model,
             advice="Write a model with {--model}, the numbers of a datasheet with {--from}, or simulate the unit of "
             "the demo with {--reference}.",
-        )
+        )  # fmt: skip
     seconds = parse_length(duration)
     # Check the output files before the simulation, which can take minutes.
     if components is not None and table_path(components).resolve() == output.resolve():

@@ -96,15 +96,13 @@ def watch(
     curves = {axis_name: accumulator.result() for axis_name, accumulator in measured.items()}
     fits, failed = fit_curves(parsed, curves)
     return Outcome(
-        command="watch",
-        document={"file": file, "accuracy": share, "axes": as_dicts(curves, fits, share)},
+        command="watch", document={"file": file, "accuracy": share, "axes": as_dicts(curves, fits, share)},
         text=whole_text(curves, fits, failed=failed, accuracy=share, datasheet=datasheet),
         remarks=(
             *remarks_on_end(take, name, lines),
             *(Remark.of("not-fitted", axis_name, reason=reason) for axis_name, reason in failed.items()),
-        ),
-        failure=failure,
-    )
+        ), failure=failure,
+    )  # fmt: skip
 
 
 def _feed(source: Stream, measured: Mapping[str, WaveletAccumulator], view: _StatusDisplay) -> GmwmError | None:

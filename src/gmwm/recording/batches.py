@@ -327,12 +327,9 @@ def end_to_end(signals: Sequence[Signal], continues: Sequence[bool]) -> Signal:
         starts += signal.starts[follows:]
         size += len(signal)
     return replace(
-        signals[0],
-        values=freeze(np.concatenate([signal.values for signal in signals])),
-        segments=tuple(segments),
-        starts=tuple(starts),
-        filled=sum(signal.filled for signal in signals),
-    )
+        signals[0], values=freeze(np.concatenate([signal.values for signal in signals])), segments=tuple(segments),
+        starts=tuple(starts), filled=sum(signal.filled for signal in signals),
+    )  # fmt: skip
 
 
 def part_of(signal: Signal, first: int, last: int) -> Signal:

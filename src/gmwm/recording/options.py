@@ -156,13 +156,9 @@ def as_confidence(value: object, name: str = "confidence") -> float:
     if not 0.5 <= number < 1:
         percent = number if 50 <= number < 100 else 95.0
         raise OptionError(
-            argument=name,
-            expected="at least 0.5 and less than 1",
-            got=number if is_number else value,
-            advice="Write {percent:g} % as {share:g}.",
-            percent=percent,
-            share=percent / 100,
-        )
+            argument=name, expected="at least 0.5 and less than 1", got=number if is_number else value,
+            advice="Write {percent:g} % as {share:g}.", percent=percent, share=percent / 100,
+        )  # fmt: skip
     return number
 
 

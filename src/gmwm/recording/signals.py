@@ -143,11 +143,9 @@ class Signal(Plotted):
             )
         if not present.any():
             raise DataError(
-                f"all {vector.size} samples of {axis or 'the signal'} are missing",
-                argument="values",
-                got=vector,
+                f"all {vector.size} samples of {axis or 'the signal'} are missing", argument="values", got=vector,
                 advice="Check the column that the signal was read from.",
-            )
+            )  # fmt: skip
         edges = runs_of(present)
         ends = np.cumsum([0, *(edges[:, 1] - edges[:, 0])]).tolist()
         starts = (start + edges[:, 0] / rate).tolist()

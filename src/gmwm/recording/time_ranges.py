@@ -115,13 +115,10 @@ class Trimmer:
             return values[parts[0]] if len(parts) == 1 else np.concatenate([values[part] for part in parts])
 
         return Samples(
-            {axis: of(values) for axis, values in samples.values.items()},
-            samples.rate,
-            first=first,
-            segment=max(segment + (runs[0][0] == first), 0),
-            runs=tuple(runs),
+            {axis: of(values) for axis, values in samples.values.items()}, samples.rate, first=first,
+            segment=max(segment + (runs[0][0] == first), 0), runs=tuple(runs),
             temperature=None if samples.temperature is None else of(samples.temperature),
-        )
+        )  # fmt: skip
 
     def time_base(self, base: TimeBase) -> TimeBase:
         """Return the time base of the kept samples. Call it after the last batch. `base` is the time base of the whole

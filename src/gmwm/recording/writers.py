@@ -47,19 +47,14 @@ def _recording(given: object) -> Imu:
         return Imu({given.axis: given})
     if isinstance(given, Signal):
         raise OptionError(
-            argument="imu",
-            expected=f"an Imu or a Signal whose axis is one of {', '.join(AXES)}",
-            got=given,
+            argument="imu", expected=f"an Imu or a Signal whose axis is one of {', '.join(AXES)}", got=given,
             advice="Name the axis: `gmwm.Imu.from_arrays({example}, signal.rate)`.",
             example="{'gyro_x': signal.values}",
-        )
+        )  # fmt: skip
     raise OptionError(
-        argument="imu",
-        expected="an Imu",
-        got=given,
-        advice="Make one from arrays: `gmwm.Imu.from_arrays({example}, rate)`.",
-        example="{'gyro_x': x}",
-    )
+        argument="imu", expected="an Imu", got=given,
+        advice="Make one from arrays: `gmwm.Imu.from_arrays({example}, rate)`.", example="{'gyro_x': x}",
+    )  # fmt: skip
 
 
 def table_path(path: str | os.PathLike[str]) -> Path:

@@ -154,17 +154,12 @@ def _parse(text: str) -> dict[str, Message]:
 
 def _message(code: str, entry: Mapping[str, Any]) -> Message:
     return Message(
-        code=code,
-        section=entry["section"],
-        severity=Severity[entry["severity"].upper()],
-        sentence=_text(entry["sentence"]),
-        advice=_text(entry.get("advice", "")),
-        detail=entry.get("detail", ""),
+        code=code, section=entry["section"], severity=Severity[entry["severity"].upper()],
+        sentence=_text(entry["sentence"]), advice=_text(entry.get("advice", "")), detail=entry.get("detail", ""),
         meaning=entry.get("meaning", "").strip(),
         example={name: as_fact(value) for name, value in entry.get("example", {}).items()},
-        raises=tuple(entry.get("raises", ())),
-        spoils=tuple(entry.get("spoils", ())),
-    )
+        raises=tuple(entry.get("raises", ())), spoils=tuple(entry.get("spoils", ())),
+    )  # fmt: skip
 
 
 def _text(value: str | Mapping[str, str]) -> Text:

@@ -178,12 +178,9 @@ class Filling:
     def signal(self) -> Signal:
         """Return the block with its gaps filled, from its samples and its context."""
         return replace(
-            self._signal,
-            values=freeze(self._values()),
-            segments=self._segments,
-            starts=tuple(self._starts.tolist()),
+            self._signal, values=freeze(self._values()), segments=self._segments, starts=tuple(self._starts.tolist()),
             filled=self._filled,
-        )
+        )  # fmt: skip
 
     def _values(self) -> Vector:
         values = self._signal.values
