@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-MOST = 5
+MOST_HELPERS = 5
 """Largest number of helpers: with this process, one for each of six axes."""
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "POLARS_MAX_THREADS": "1"}
 """Variables of the environment with which the libraries use one thread in each process."""
@@ -139,7 +139,7 @@ def helpers(*modules: str, count: int | None = None) -> Helpers:
     """Fork helpers, if the system can fork and this process has one thread. By default, there is one for each further
     processor."""
     alone = sys.platform == "linux" and len(os.listdir("/proc/self/task")) == 1
-    number = min(processors() - 1, MOST) if count is None else count
+    number = min(processors() - 1, MOST_HELPERS) if count is None else count
     return Helpers(number if alone else 0, modules)
 
 

@@ -13,8 +13,6 @@ import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector
 
-_STEPS = 100
-"""Largest number of Newton steps; the slowest sequence of tests/fleets/test_statistics.py takes 12."""
 _NODES = 48
 """Number of nodes of the integral over τ. A t distribution with 7 degrees of freedom is then accurate to four
 digits."""
@@ -74,7 +72,7 @@ def between_units(x: Matrix, s2: Matrix, target: Vector | None = None, start: Ve
     safe = np.where(open_, statistic, 1.0)
     spread2 = np.zeros(x.shape[:-1]) if start is None else np.array(start, dtype=np.float64)
     least = np.min(np.where(finite, s2, np.inf), axis=-1)
-    for _ in range(_STEPS):
+    for _ in range(100):  # the slowest sequence of tests/fleets/test_statistics.py takes 12 Newton steps
         w = finite / (spread2[..., None] + s2)
         off = x - (np.sum(w * x, axis=-1) / np.maximum(np.sum(w, axis=-1), np.finfo(float).tiny))[..., None]
         pull = w * off * off

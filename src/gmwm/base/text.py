@@ -80,11 +80,7 @@ def list_text(names: Sequence[str], most: int = 6) -> str:
     return ", ".join(names) if others < 2 else f"{', '.join(names[:most])} and {others} others"
 
 
-LONGEST = 1000
-"""Largest number of characters of a message, because names in a file can be longer."""
-
-
-def shorten(text: str, most: int = LONGEST) -> str:
+def shorten(text: str, most: int = 1000) -> str:
     """Shorten text that has more than `most` characters, by cutting out its middle.
 
     >>> shorten("abcdefghij", 5)

@@ -32,8 +32,6 @@ EXAMPLES = (
 )
 
 Kind = Literal["overlapping", "nonoverlapping", "modified", "hadamard", "nonoverlapping-hadamard", "total"]
-LONGEST_TABLE = 100
-"""Largest number of cluster sizes that the table shows. If there are more (--clusters all), it shows octaves only."""
 
 
 @command
@@ -193,7 +191,7 @@ def _curves_text(results: Mapping[str, ClusterVariance], system: UnitSystem) -> 
     head = f"{first.samples} samples at {first.rate:g} Hz{limits}"
     style = "#.5g" if system == "datasheet" else ".4e"
     shown = list(range(len(first)))
-    if len(first) > LONGEST_TABLE:
+    if len(first) > 100:  # a long table (--clusters all) shows octaves only
         shown = [n - 1 for n in (2**k for k in range(len(first).bit_length())) if n <= len(first)]
         head += f"\n{len(first)} cluster sizes. The table shows octaves; --csv writes all."
     parts = [head]

@@ -17,7 +17,7 @@ import typer
 from gmwm.base.atomic_files import write_text, written_together
 from gmwm.base.errors import FitWarning, GmwmError, GmwmWarning, OptionError
 from gmwm.base.remarks import Dialect, Remark, Severity, brief
-from gmwm.base.remarks.rendering import MOST
+from gmwm.base.remarks.rendering import MOST_REMARKS
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -263,7 +263,7 @@ class Warned:
             return
         self._shown = True
         remarks = [remark for remark in self.remarks if remark.severity is not Severity.INFO or self._every]
-        most = len(remarks) if self._every else MOST
+        most = len(remarks) if self._every else MOST_REMARKS
         for text in brief(remarks, Dialect.SHELL, rest="--all-remarks", most=most):
             print(f"warning: {one_line(text)}", file=sys.stderr)
 

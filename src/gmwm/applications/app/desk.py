@@ -10,9 +10,6 @@ from gmwm.applications.app.folders import Folders
 from gmwm.applications.app.session import Session
 from gmwm.applications.app.workspace import Workspace
 
-PAGES = 8
-"""Number of pages whose results are kept. The results of an older page are computed again when it is used again."""
-
 
 class Desk:
     """The open pages of a server.
@@ -38,7 +35,7 @@ class Desk:
         with self._lock:
             workspace = self._pages.setdefault(page, Workspace(self.folders))
             self._pages.move_to_end(page)
-            while len(self._pages) > PAGES:
+            while len(self._pages) > 8:  # the results of an older page are computed again
                 _, oldest = self._pages.popitem(last=False)
                 oldest.jobs.cancel()
             return workspace

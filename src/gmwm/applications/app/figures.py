@@ -44,8 +44,6 @@ HANDLE = 8
 """Half of the width (CSS pixels) of a handle, with which users drag the curve of a term."""
 RATE = "beta"
 """Name of the parameter that is the inverse correlation time of a process."""
-EVEN = 50.0
-"""Largest misfit (%) for which the axis of the misfit is linear."""
 IMPLIED_DOTS = replace(IMPLIED, symbol="circle")
 Drawn = dict[str, Any]
 """A Plotly figure as a dictionary, which `dcc.Graph` can draw."""
@@ -246,7 +244,8 @@ def misfit(fit: Fit, view: ViewName, units: UnitSystem) -> Panel:
     line = Line(times, judged, stroke=IMPLIED_DOTS, label="Model / data − 1", layer=FRONT)
     ends = np.array([times[0], times[-1]])
     zero = Line(ends, np.zeros(2), stroke=Stroke(OBSERVED.colour, 0.9), label="")
-    y = signed_axis(judged, "Model / data − 1 (%)", linear=1.0, even=EVEN, least=2.0)
+    # The axis of the misfit is linear up to 50 %.
+    y = signed_axis(judged, "Model / data − 1 (%)", linear=1.0, even=50.0, least=2.0)
     return Panel(time_axis(times, shown.time_label), y, (band, zero, line))
 
 

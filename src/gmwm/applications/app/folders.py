@@ -9,9 +9,6 @@ from typing import IO
 
 from gmwm.base.errors import OptionError, ReadError
 
-CHUNK = 1 << 20
-"""Number of bytes of a dropped file that are copied at once."""
-
 
 @dataclass(frozen=True)
 class Folders:
@@ -76,5 +73,5 @@ class Folders:
 
 
 def _blocks(content: IO[bytes]) -> Iterator[bytes]:
-    while block := content.read(CHUNK):
+    while block := content.read(1 << 20):
         yield block

@@ -12,8 +12,6 @@ from gmwm.base.threads import stoppable
 State = Literal["running", "done", "failed", "cancelled"]
 QUICK = 0.3
 """Time (s) to wait for a result before the progress of a job is shown, so that short jobs show none."""
-CHECK = 0.05
-"""Time (s) between two checks for a cancellation while a job waits for another job."""
 
 
 class Cancelled(BaseException):
@@ -71,7 +69,7 @@ class Job:
 
     def result_for(self, other: Job) -> Any:
         """Wait for the result of this job in another job, and return it. The other job shows its progress."""
-        while not self.join(CHECK):
+        while not self.join(0.05):  # check for a cancellation every 0.05 s
             other.step(f"{self.title}: {self.text}" if self.text else self.title)
         if self.state == "cancelled":
             raise Cancelled

@@ -26,8 +26,6 @@ from gmwm.measuring.inspection import inspect
 from gmwm.measuring.variance.axes_result import WaveletVariances
 from gmwm.recording.signals import Imu
 
-FITS = 64
-"""Number of fits that are kept, so that removing a term and adding it again takes no time."""
 CUTS = ("start", "stop", "skip", "gaps")
 """Options for reading that leave samples out."""
 
@@ -127,7 +125,8 @@ class Workspace:
             return final_fit(choice.ranking.recommended.model, choice.with_error, options.weighting)
 
         key = self._axis_key(session, axis, session.models.get(axis))
-        return self.jobs.ask("fit", key, f"Fitting {axis}", work, kept=FITS)
+        # Removing a term and adding it again takes no time.
+        return self.jobs.ask("fit", key, f"Fitting {axis}", work, kept=64)
 
     def search(self, session: Session, axis: str) -> Job:
         """Search for the model of an axis like `gmwm calibrate`."""

@@ -10,9 +10,7 @@ from gmwm.base.remarks.severity import Severity
 from gmwm.base.template import Dialect, join_names, render
 from gmwm.base.text import printable, shorten
 
-LONGEST_TEXT = 4000
-"""Longer texts are shortened to this number of characters, because names from a file can be very long."""
-MOST = 5
+MOST_REMARKS = 5
 """Largest number of remarks that a terminal shows, because users do not read more (CONTRIBUTING.md, "Few words")."""
 
 
@@ -61,7 +59,12 @@ def with_groups(
 
 
 def brief(
-    remarks: Iterable[Remark], dialect: Dialect = Dialect.SHELL, *, rest: str = "", codes: bool = True, most: int = MOST
+    remarks: Iterable[Remark],
+    dialect: Dialect = Dialect.SHELL,
+    *,
+    rest: str = "",
+    codes: bool = True,
+    most: int = MOST_REMARKS,
 ) -> list[str]:
     """Return the most severe remarks as text, and a line with the number of other remarks.
 
@@ -110,4 +113,4 @@ def _group_text(group: Sequence[Remark], dialect: Dialect) -> str:
         head = escape(subjects, quote=False) if dialect is Dialect.HTML else subjects
         text = f"{head}: {text}"
     advice = render(first.advice, {**facts, "subjects": subjects}, dialect)
-    return printable(shorten(f"{text} {advice}".rstrip(), LONGEST_TEXT))
+    return printable(shorten(f"{text} {advice}".rstrip(), 4000))  # names from a file can be very long

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from gmwm.base.remarks import Dialect, Remark, Severity, with_groups
-from gmwm.base.remarks.rendering import MOST
+from gmwm.base.remarks.rendering import MOST_REMARKS
 from gmwm.base.template import render
 from gmwm.base.text import Summarised, counted, duration_text, moment
 from gmwm.base.time_base import TimeBase
@@ -154,7 +154,7 @@ def text(inspection: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bo
         lines.append(render("times are measured from the first sample of the file, as in {--skip}", {}, dialect))
     lines += [_trend_line(trend, inspection.axes[trend.axis].unit) for trend in inspection.trends]
     groups = with_groups(inspection.remarks, dialect, codes=True)
-    shown = groups if every or len(groups) <= MOST + 1 else groups[:MOST]
+    shown = groups if every or len(groups) <= MOST_REMARKS + 1 else groups[:MOST_REMARKS]
     lines += [f"{group[0].severity.label}: {sentence}" for group, sentence in shown]
     if len(shown) < len(groups):
         lines.append(f"and {len(groups) - len(shown)} more remarks ({REST[dialect]})")

@@ -35,19 +35,12 @@ from gmwm.recording.signals import Signal
 if TYPE_CHECKING:
     from distributed import Client
 
-A_THREAD = 4
-"""Default number of parts for each thread of the cluster. With several parts, a slow worker does not delay the others
-much."""
 PART_MEMORY = 64 << 20
 """Default limit of the size of a worker's result for a part (bytes). It is a choice; six axes have 19 exact levels."""
-END_BYTES = 16
-"""Bytes of a result for each of 2^exact samples. The result contains the samples at both ends of the part."""
 PART_BYTES = 4 << 30
 """Default for the largest size of a part (bytes). If a worker is lost, this much must be read again."""
 RETRIES = 2
 """Number of retries of a part after an error that is not caused by the content of the file."""
-AHEAD = 2
-"""Number of parts for each thread that are submitted at once."""
 
 G = TypeVar("G", WaveletAccumulator, SecondPass)
 
@@ -55,7 +48,8 @@ G = TypeVar("G", WaveletAccumulator, SecondPass)
 def part_levels(axes: int) -> int:
     """Return the default number of exact levels, for which the result of a worker for a part has at most `PART_MEMORY`
     bytes."""
-    return exact_levels(axes, PART_MEMORY, END_BYTES)
+    # The result has the samples at both ends: 16 bytes for each of 2^exact samples.
+    return exact_levels(axes, PART_MEMORY, 16)
 
 
 def measure_in_parts(
@@ -203,7 +197,8 @@ class _Crew:
         self._source, self._dask, self._distributed = stream.source, import_module("dask"), library()
         if parts is None:
             path = None if not isinstance(stream._rows, FileRows) else stream._rows.path
-            parts = max(A_THREAD * self._threads(), (path.stat().st_size if path else 0) // PART_BYTES)
+            # With several parts for each thread, a slow worker does not delay the others much.
+            parts = max(4 * self._threads(), (path.stat().st_size if path else 0) // PART_BYTES)
         self._parts: tuple[Part, ...] = stream.parts(parts)
         self._whole: tuple[Part, ...] = stream.parts(1)
 
@@ -235,7 +230,8 @@ class _Crew:
         begin = self._hold(_Begin(axes, self._changes, self._prepare))
         try:
             while joined is None or merged < len(self._parts):
-                while submitted < min(len(self._parts), merged + AHEAD * self._threads()):
+                # Two parts for each thread are submitted at once.
+                while submitted < min(len(self._parts), merged + 2 * self._threads()):
                     running[submitted] = self._ask(submitted, begin, arrived)
                     submitted += 1
                 k = _next(arrived)

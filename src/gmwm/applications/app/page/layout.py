@@ -20,8 +20,6 @@ TABS = {
     "download": ("Download", download),
 }
 UNITS = {"datasheet": "deg/h, mg", "si": "rad/s, m/s²"}
-POLL = 400
-"""Time (ms) between two requests of the page for the state of its jobs."""
 
 SHOW_TAB = """
 function(...args) {
@@ -49,7 +47,7 @@ def layout(desk: Desk) -> Any:
             dcc.Store(id="time-unit", data=1.0),
             dcc.Store(id="model-shown"),
             *(dcc.Store(id=digest_of(place)) for place in desk.places),
-            dcc.Interval(id="poll", interval=POLL),
+            dcc.Interval(id="poll", interval=400),  # milliseconds
             dcc.Download(id="file"),
             html.Header(
                 [

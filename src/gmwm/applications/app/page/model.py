@@ -17,6 +17,7 @@ from gmwm.applications.app.terms import adding, held_at, holding, removing, repl
 from gmwm.applications.app.workspace import Workspace
 from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import GmwmError
+from gmwm.base.text import p_text
 from gmwm.choosing.selection.search import ModelChoice
 from gmwm.fitting.estimation.model_error import relative_misfit
 from gmwm.fitting.estimation.result import Fit
@@ -25,11 +26,6 @@ from gmwm.measuring.inspection.findings import covariates_text, effect_text
 from gmwm.recording.signals import Imu
 from gmwm.showing.plots.labels import axis_title
 from gmwm.theory.processes import registry
-
-LISTED = 12
-"""Largest number of models in the table of compared models."""
-SMALL = 0.001
-"""Smallest p-value that is shown as a number. Smaller p-values are shown as an upper limit."""
 
 
 def panel() -> list[Any]:
@@ -278,11 +274,9 @@ def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
 
     def show(choice: ModelChoice) -> list[Any]:
         ranking, listed = choice.ranking, []
-        for candidate in ranking.distinct[:LISTED]:
+        for candidate in ranking.distinct[:12]:
             mark = "recommended" if candidate.recommended else "as good" if candidate.equivalent else ""
-            pvalue = (
-                "" if candidate.pvalue is None else "< 0.001" if candidate.pvalue < SMALL else f"{candidate.pvalue:.3f}"
-            )
+            pvalue = "" if candidate.pvalue is None else p_text(candidate.pvalue)
             use = button(
                 "Use", {"type": "use", "model": candidate.structure}, "small", title=f"Use {candidate.structure}"
             )

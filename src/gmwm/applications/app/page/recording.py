@@ -45,8 +45,6 @@ FIELD_OF = {
     "several-recordings": "topic",
 }  # fmt: skip
 """The field to which an error of reading belongs, by the code of the error or its first word."""
-FAR = 1e12
-"""A time (s) that is after the end of any recording."""
 
 
 def panel() -> list[Any]:
@@ -369,5 +367,5 @@ def _left_out(session: Session) -> list[tuple[float, float]]:
     if "start" in reading:
         spans.append((0.0, reading["start"]))
     if "stop" in reading:
-        spans.append((reading["stop"], FAR))
+        spans.append((reading["stop"], 1e12))  # a time (s) after the end of any recording
     return spans
