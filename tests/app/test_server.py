@@ -15,7 +15,7 @@ import pytest
 
 import gmwm
 from gmwm.applications.app.folders import Folders
-from gmwm.applications.app.server import LOADED, opened, running
+from gmwm.applications.app.server import LOADED, open_path, running
 from gmwm.applications.app.session import Session
 from gmwm.base.errors import OptionError, ReadError
 from tests.helpers import raises
@@ -139,21 +139,21 @@ def test_a_dropped_file_is_stored_and_removed_at_the_end(folder):
 
 
 def test_what_a_path_opens(folder, tmp_path):
-    folders, session = opened(folder / "a.csv", tmp_path)
+    folders, session = open_path(folder / "a.csv", tmp_path)
     assert (folders.root, session.file) == (folder.resolve(), str((folder / "a.csv").resolve()))
-    assert opened(folder, tmp_path) == (Folders(folder.resolve(), tmp_path), Session())
+    assert open_path(folder, tmp_path) == (Folders(folder.resolve(), tmp_path), Session())
     with raises(OptionError, argument="path"):
-        opened(folder / "none.csv", tmp_path)
+        open_path(folder / "none.csv", tmp_path)
     saved = folder / "session.json"
     try:
         saved.write_text(session.with_(units="si").to_text(), encoding="utf-8")
-        assert opened(saved, tmp_path) == (folders, session.with_(units="si"))
+        assert open_path(saved, tmp_path) == (folders, session.with_(units="si"))
         saved.write_text(Session(file="/etc/passwd").to_text(), encoding="utf-8")
         with raises(OptionError, argument="file"):
-            opened(saved, tmp_path)
+            open_path(saved, tmp_path)
         saved.write_text("{}", encoding="utf-8")
         with pytest.raises(ReadError):
-            opened(saved, tmp_path)
+            open_path(saved, tmp_path)
     finally:
         saved.unlink()
 

@@ -261,13 +261,7 @@ def _files(
 
 
 def _interval_method(confidence: float, draws: int | None, seed: int) -> IntervalMethod:
-    """Return the method for intervals and tests: theory, or a bootstrap if `draws` is given.
-
-    Raises
-    ------
-    OptionError
-        If there are too few simulated records for the confidence level.
-    """
+    """Return the method for intervals and tests: theory, or a bootstrap if `draws` is given."""
     from gmwm.fitting.estimation.bootstrap import as_draws
     from gmwm.fitting.estimation.summary import IntervalMethod
 
