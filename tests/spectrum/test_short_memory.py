@@ -205,7 +205,7 @@ def test_the_jacobian_is_that_of_finite_differences():
         moved[k] += step
         there = point(moved)
         # `left` is data minus model.
-        np.testing.assert_allclose((here.left - there.left) / step, here.jacobian[:, k], atol=1e-4)
+        np.testing.assert_allclose((here.residuals - there.residuals) / step, here.jacobian[:, k], atol=1e-4)
 
 
 def test_every_descent_ends_no_higher_and_with_stable_roots():
@@ -227,7 +227,7 @@ def test_the_descent_ends_at_the_optimum_of_another_program(free):
 
     def residuals(at):
         point = _ArmaPoint(data=data, a=at[1:3], b=at[3:4], scale=at[0], slow=at[4] if free else 0.0)
-        return np.append(np.sqrt(data.weights) * point.left, point.slow / KNOWN)
+        return np.append(np.sqrt(data.weights) * point.residuals, point.slow / KNOWN)
 
     best = optimize.least_squares(residuals, start, method="lm", xtol=1e-12, ftol=1e-12)
     at = start.copy()
