@@ -163,7 +163,7 @@ def test_there_and_back_through_json() -> None:
         assert again.to_dict() == verdict.to_dict()
         assert again.remarks == verdict.remarks
         assert again.levels.dtype == np.int64
-    with raises(gmwm.errors.DataError, argument="left_out", got="bad weather"):
+    with raises(gmwm.errors.OptionError, argument="left_out", got="bad weather"):
         Verdict.from_dict(verdict.to_dict() | {"left_out": {"1": "bad weather"}})
 
 

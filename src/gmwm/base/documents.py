@@ -169,7 +169,7 @@ def _value(kind: Any, value: Any, entry: Entry) -> Any:
     if kind in _TEXTS:
         return _TEXTS[kind][1](value)
     reader = getattr(kind, "from_dict", None)
-    if reader is not None and not issubclass(kind, Documented):
+    if reader is not None and getattr(reader, "__func__", None) is not Documented.from_dict.__func__:  # type: ignore[attr-defined]
         return reader(value)
     return _read(kind, value) if hasattr(kind, "__dataclass_fields__") else value
 

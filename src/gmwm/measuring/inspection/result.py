@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
+from gmwm.base.documents import Documented
 from gmwm.base.remarks import Dialect, Remark, Severity, with_groups
 from gmwm.base.remarks.rendering import MOST
 from gmwm.base.template import render
@@ -45,7 +45,7 @@ class AxisInspection:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Inspection(Summarised):
+class Inspection(Documented, Summarised):
     """Statistics of a recording, and remarks on what affects a calibration.
 
     Parameters
@@ -90,12 +90,6 @@ class Inspection(Summarised):
     temperature: tuple[float, float] | None
     regressions: dict[str, Regression]
     remarks: tuple[Remark, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as dicts, lists, numbers and strings, ready for JSON."""
-        content = {name: _plain(value) for name, value in asdict(replace(self, remarks=(), regressions={})).items()}
-        content["regressions"] = {axis: regression.to_dict() for axis, regression in self.regressions.items()}
-        return content | {"remarks": [remark.to_dict() for remark in self.remarks]}
 
     def summary(self, *, every: bool = False) -> str:
         """Describe the result as text, with all remarks (`every`) or the five most severe ones."""
@@ -169,12 +163,3 @@ def _trend_line(trend: Trend, unit: str) -> str:
     if trend.until is None:
         return f"exponential trend of {trend.axis} ({size})"
     return f"warm-up of {trend.axis} over the first {duration_text(trend.until)} ({size})"
-
-
-def _plain(value: Any) -> Any:
-    """Convert tuples to lists, also inside dicts and lists."""
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    return value

@@ -7,15 +7,16 @@ changes two of them, a jump one or two, two wrong samples at most four, and a si
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base import _core
 from gmwm.base.arrays import Vector, as_rate, as_vector, freeze
+from gmwm.base.documents import Documented
 from gmwm.measuring.variance.biweight import NORMAL_QUARTILE
 from gmwm.measuring.variance.panels import Panels, panel_length
 from gmwm.recording.resolution import Sample, step_of
@@ -50,7 +51,7 @@ Ranges = NDArray[np.int64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Bursts:
+class Bursts(Documented):
     """Bursts of large wavelet coefficients at each of L levels.
 
     Attributes
@@ -83,17 +84,6 @@ class Bursts:
     def found(self) -> bool:
         """Whether rare bursts increase the variance of at least one level."""
         return bool(np.any(self.material))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain numbers and lists, ready for JSON."""
-        arrays = {name: getattr(self, name).tolist() for name in ("tau", "energy", "time")}
-        return {**arrays, "count": self.count}
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> Bursts:
-        """Restore a result from `values`, the output of `to_dict`."""
-        arrays = {name: np.array(values[name], dtype=np.float64) for name in ("tau", "energy", "time")}
-        return cls(**arrays, count=int(values["count"]))
 
 
 class BurstFinder:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gmwm.base.documents import Documented
 from gmwm.measuring.outliers.bursts import MATERIAL
 from gmwm.measuring.variance.result import WaveletVariance
 
@@ -19,7 +19,7 @@ LOW, HIGH = 0.6, 0.9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Dependence:
+class Dependence(Documented):
     """Two robust variances of the same scale `tau` (s) that differ by more than chance explains. `efficiency` and
     `value` are those of the fitted curve, the others those of the curve that it is compared with."""
 
@@ -28,15 +28,6 @@ class Dependence:
     value: float
     other_efficiency: float
     other_value: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain numbers, ready for JSON."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> Dependence:
-        """Restore a result from `values`, the output of `to_dict`."""
-        return cls(**{name: float(value) for name, value in values.items()})
 
 
 def other_efficiency(efficiency: float) -> float:

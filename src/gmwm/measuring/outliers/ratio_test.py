@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, get_args
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+<<<<<<< HEAD
 from gmwm.base.arrays import Vector, as_vector, freeze
+=======
+from gmwm.base.arrays import Vector, freeze
+from gmwm.base.documents import Documented
+>>>>>>> 1045f3d2 (Write the documents of the measuring room by the common codec)
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.remarks import Quantity, Remark, texts
 from gmwm.base.text import Summarised, rounded
@@ -41,7 +46,7 @@ Reason = Literal["few", "rounded", "nothing"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Verdict(Summarised):
+class Verdict(Documented, Summarised):
     """The result of the test for outliers, level by level.
 
     Attributes
@@ -73,6 +78,11 @@ class Verdict(Summarised):
         The level at which the robust curve depends on its efficiency; None if it does not, or if this was not tested.
     """
 
+    document_keys = (
+        "contaminated", "pvalue", "size", "comparisons", "tolerance", "efficiency", "axis", "spikes", "largest",
+        "levels", "tau", "excess~nan", "critical~nan", "standard_errors~nan", "pvalues~nan", "left_out", "bursts",
+        "dependence", "remarks", "replaced",
+    )  # fmt: skip
     marks_with_nan: ClassVar[bool] = True
     """True, because the arrays contain NaN for levels without a test."""
 
@@ -97,8 +107,8 @@ class Verdict(Summarised):
     dependence: Dependence | None = None
 
     def __post_init__(self) -> None:
-        for name in _ARRAYS:
-            freeze(getattr(self, name))
+        for array in (self.levels, self.tau, self.excess, self.critical, self.standard_errors, self.pvalues):
+            freeze(array)
 
     @property
     def tested(self) -> NDArray[np.bool_]:
@@ -177,45 +187,8 @@ class Verdict(Summarised):
         """Return the remarks as text, one on each line."""
         return "\n".join(texts(self.remarks))
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as numbers, lists and strings, ready for JSON, with None for NaN."""
-        plain = {name: [_plain(value) for value in getattr(self, name).tolist()] for name in _ARRAYS}
-        left_out = {str(level): reason for level, reason in self.left_out.items()}
-        bursts = None if self.bursts is None else self.bursts.to_dict()
-        remarks = [remark.to_dict() for remark in self.remarks]
-        depends = None if self.dependence is None else self.dependence.to_dict()
-        more = {"left_out": left_out, "bursts": bursts, "dependence": depends, "remarks": remarks}
-        more["replaced"] = self.replaced.to_dict()
-        return {name: getattr(self, name) for name in _SCALARS} | plain | more
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> Verdict:
-        """Restore a verdict from `values`, the output of `to_dict`."""
-        arrays: dict[str, Any] = {
-            name: np.array(values[name], dtype=np.float64) for name in _ARRAYS if name != "levels"
-        }
-        left_out = {int(level): reason for level, reason in values["left_out"].items()}
-        reasons = get_args(Reason)
-        if wrong := [reason for reason in left_out.values() if reason not in reasons]:
-            raise DataError(argument="left_out", expected=f"a mapping of levels to {', '.join(reasons)}", got=wrong[0])
-        levels, bursts = np.array(values["levels"], dtype=np.int64), values["bursts"]
-        depends = values["dependence"]
-        scalars = {name: values[name] for name in _SCALARS}
-        return cls(
-            **scalars, **arrays, levels=levels, left_out=left_out,
-            bursts=None if bursts is None else Bursts.from_dict(bursts),
-            dependence=None if depends is None else Dependence.from_dict(depends),
-            replaced=Replaced.from_dict(values["replaced"]),
-        )  # fmt: skip
-
     def __str__(self) -> str:
         return self.summary()
-
-
-_SCALARS = (
-    "contaminated", "pvalue", "size", "comparisons", "tolerance", "efficiency", "axis", "spikes", "largest",
-)  # fmt: skip
-_ARRAYS = ("levels", "tau", "excess", "critical", "standard_errors", "pvalues")
 
 
 def contamination(
@@ -414,7 +387,3 @@ def excess_text(excess: float) -> str:
 
 def _scales(tau: Vector) -> tuple[Quantity, ...]:
     return tuple(Quantity(float(seconds), "s") for seconds in tau)
-
-
-def _plain(value: float) -> float | None:
-    return value if value == value else None

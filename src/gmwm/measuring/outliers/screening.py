@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from gmwm.base.arrays import Vector
+from gmwm.base.documents import Documented
 from gmwm.measuring.covariance.tails import TailSums
 from gmwm.measuring.outliers.bursts import BurstFinder, Bursts
 from gmwm.measuring.outliers.spikes import find_spikes
@@ -15,7 +14,7 @@ from gmwm.recording.signals import Signal
 
 
 @dataclass(frozen=True, kw_only=True)
-class Replaced:
+class Replaced(Documented):
     """Samples of one axis that were replaced before the measurement. `spikes` and `in_knocks` are the numbers of
     isolated wrong samples and of samples in knocks, `largest` the largest deviation of the former in local standard
     deviations. `knocks` has the begin and end (s) of each knock, counted like the option `skip` of `read`."""
@@ -30,23 +29,6 @@ class Replaced:
             spikes=self.spikes + other.spikes, largest=max(self.largest, other.largest),
             knocks=self.knocks + other.knocks, in_knocks=self.in_knocks + other.in_knocks,
         )  # fmt: skip
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain numbers and lists, ready for JSON."""
-        return {
-            "spikes": self.spikes,
-            "largest": self.largest,
-            "knocks": [list(times) for times in self.knocks],
-            "in_knocks": self.in_knocks,
-        }
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> Replaced:
-        """Restore the result from `values`, the output of `to_dict`."""
-        knocks = tuple((float(start), float(stop)) for start, stop in values["knocks"])
-        return cls(
-            spikes=int(values["spikes"]), largest=values["largest"], knocks=knocks, in_knocks=int(values["in_knocks"])
-        )
 
 
 NOTHING_REPLACED = Replaced()

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm.base.arrays import Vector
+from gmwm.base.documents import Documented
 
 if TYPE_CHECKING:
     from gmwm.measuring.spectrum.result import PowerSpectrum
@@ -64,7 +65,7 @@ class Line:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bump:
+class Bump(Documented):
     """Bump in a spectrum, which is a broad peak such as a mechanical resonance of the sensor or its mounting.
 
     Attributes
@@ -86,6 +87,8 @@ class Bump:
     height: float
     density: float
     p_value: float
+
+    document_keys = ("frequency", "width", "height", "density", "p_value", "quality")
 
     @property
     def quality(self) -> float:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Vector, freeze
+from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError
 from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised, counted
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class PowerSpectrum(Summarised, Plotted):
+class PowerSpectrum(Documented, Summarised, Plotted):
     """Power spectral density of a signal by Welch's method, with confidence limits, lines and bumps.
 
     Attributes
@@ -78,6 +79,11 @@ class PowerSpectrum(Summarised, Plotted):
     confidence: float = 0.95
     lines: tuple[Line, ...] = ()
     bumps: tuple[Bump, ...] = ()
+
+    document_keys = (
+        "frequencies", "density", "degrees_of_freedom", "rate", "samples", "length", "blocks", "resolution", "unit",
+        "axis", "confidence", "lines", "bumps",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         as_confidence(self.confidence)
@@ -176,36 +182,6 @@ class PowerSpectrum(Summarised, Plotted):
         from gmwm.measuring.spectrum.peaks import detectable_amplitude
 
         return detectable_amplitude(self, frequency, power)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain numbers, lists and strings for JSON."""
-        return {
-            "frequencies": self.frequencies.tolist(),
-            "density": self.density.tolist(),
-            "degrees_of_freedom": self.degrees_of_freedom.tolist(),
-            "rate": self.rate,
-            "samples": self.samples,
-            "length": self.length,
-            "blocks": self.blocks,
-            "resolution": self.resolution,
-            "unit": self.unit,
-            "axis": self.axis,
-            "confidence": self.confidence,
-            "lines": [asdict(line) for line in self.lines],
-            "bumps": [{**asdict(bump), "quality": bump.quality} for bump in self.bumps],
-        }
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> PowerSpectrum:
-        """Restore a spectrum from `values`, the output of `to_dict`."""
-        fields = {name: value for name, value in values.items() if name != "resolution"}
-        for name in ("frequencies", "density", "degrees_of_freedom"):
-            fields[name] = np.asarray(fields[name], dtype=np.float64)
-        fields["lines"] = tuple(Line(**line) for line in fields["lines"])
-        fields["bumps"] = tuple(
-            Bump(**{name: value for name, value in bump.items() if name != "quality"}) for bump in fields["bumps"]
-        )
-        return cls(**fields)
 
     def to_frame(self) -> DataFrame:
         """Return a Polars data frame with the columns frequency, density, lower, upper and degrees_of_freedom."""

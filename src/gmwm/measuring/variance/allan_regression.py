@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Vector
+from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Remark, texts
@@ -116,7 +117,7 @@ _Reason = Literal["slope", "chance", "few", "rising"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class AllanRegression(Summarised, Plotted):
+class AllanRegression(Documented, Summarised, Plotted):
     """Noise coefficients from the slopes of an Allan deviation, with the fitted lines.
 
     Attributes
@@ -159,14 +160,6 @@ class AllanRegression(Summarised, Plotted):
             for line in self.lines
         ]  # fmt: skip
         return {"allan": self.allan.to_dict(), "lines": lines, "remarks": [remark.to_dict() for remark in self.remarks]}
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> AllanRegression:
-        """Restore a result from `values`, the output of `to_dict`."""
-        names = ("term", "coefficient", "first", "last", "points", "bound")
-        lines = tuple(SlopeLine(**{name: line[name] for name in names}) for line in values["lines"])
-        remarks = tuple(map(Remark.from_dict, values["remarks"]))
-        return cls(allan=ClusterVariance.from_dict(values["allan"]), lines=lines, remarks=remarks)
 
     def summary(self, units: Literal["si", "datasheet"] = "si") -> str:
         """Format a table of the coefficients, their units ("si" or "datasheet") and the averaging times of the fits."""

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector, freeze
+from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised
@@ -31,7 +32,7 @@ _TITLES = {
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class ClusterVariance(Summarised, Plotted):
+class ClusterVariance(Documented, Summarised, Plotted):
     """Allan, Hadamard or total variance of a signal at averaging times τ = n Δt, with chi-square limits.
 
     Attributes
@@ -74,6 +75,12 @@ class ClusterVariance(Summarised, Plotted):
     confidence: float = 0.95
     data: Data = "rate"
 
+    document_keys = (
+        "family", "kind", "clusters", "variance", "lower", "upper", "counts", "degrees_of_freedom", "noise", "rate",
+        "samples", "unit", "axis", "confidence", "data", "tau", "deviation", "lower_deviation", "upper_deviation",
+        "noise_terms",
+    )  # fmt: skip
+
     def __post_init__(self) -> None:
         if (self.family, self.kind) not in _TITLES:
             raise OptionError(f"the family {self.family!r} has no kind {self.kind!r}", argument="kind", got=self.kind)
@@ -109,23 +116,6 @@ class ClusterVariance(Summarised, Plotted):
     def title(self) -> str:
         """Name of the quantity, such as "Overlapping Allan deviation"."""
         return f"{_TITLES[self.family, self.kind]} deviation"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields, τ and the deviations as plain numbers, lists and strings for JSON."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        for name in ("tau", "deviation", "lower_deviation", "upper_deviation", "noise_terms"):
-            values[name] = getattr(self, name)
-        return {name: _plain(value) for name, value in values.items()}
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> ClusterVariance:
-        """Restore a result from `values`, the output of `to_dict`."""
-        content = {field.name: values[field.name] for field in fields(cls)}
-        for name in ("clusters", "counts"):
-            content[name] = np.asarray(content[name], dtype=np.int64)
-        for name in ("variance", "lower", "upper", "degrees_of_freedom"):
-            content[name] = np.asarray(content[name], dtype=np.float64)
-        return cls(**(content | {"noise": tuple(content["noise"])}))
 
     def summary(self) -> str:
         """Format a table of the averaging time, deviation, limits, degrees of freedom and noise type of each cluster
@@ -165,9 +155,3 @@ def cluster_variance(
         lower=lower, upper=upper, noise=tuple(kind.name for kind in noise), rate=phase.rate, samples=phase.samples,
         unit=phase.unit, axis=phase.axis, data=phase.data, confidence=confidence, **values,
     )  # fmt: skip
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    return list(value) if isinstance(value, tuple) else value

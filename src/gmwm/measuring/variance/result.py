@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector, freeze
+from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark, texts
@@ -34,7 +35,7 @@ _OUTCOMES = {"mad": "robust-mad", "mean": "robust-mean", "zero": "robust-zero"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class WaveletVariance(Summarised, Plotted):
+class WaveletVariance(Documented, Summarised, Plotted):
     """Wavelet variance ν̂² of a signal at the dyadic scales τ_j = 2^j samples, with confidence limits.
 
     Attributes
@@ -117,6 +118,12 @@ class WaveletVariance(Summarised, Plotted):
     model_error: float = 0.0
     regression: Any = None
     recordings: Mapping[str, WaveletVariance] = field(default_factory=dict)
+
+    document_keys = (
+        "levels", "scales", "tau", "variance", "lower", "upper", "counts", "rate", "samples", "segments?", "filled?",
+        "rise?", "strides?", "unit?", "axis?", "confidence?", "filter?", "transform?", "robust", "efficiency", "slope?",
+        "excess?", "model_error?", "regression?", "diagnostics?", "recordings?",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         for name in ("levels", "variance", "lower", "upper", "counts"):
@@ -254,70 +261,30 @@ class WaveletVariance(Summarised, Plotted):
             robust=robust, efficiency=efficiency,
         )  # fmt: skip
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain numbers, lists and strings for JSON."""
-        return {
-            "levels": self.levels.tolist(),
-            "scales": self.scales.tolist(),
-            "tau": self.tau.tolist(),
-            "variance": self.variance.tolist(),
-            "lower": self.lower.tolist(),
-            "upper": self.upper.tolist(),
-            "counts": self.counts.tolist(),
-            "rate": self.rate,
-            "samples": self.samples,
-            "segments": list(self.segments),
-            "filled": self.filled,
-            "rise": self.rise,
-            "strides": list(self.strides),
-            "unit": self.unit,
-            "axis": self.axis,
-            "confidence": self.confidence,
-            "filter": self.filter,
-            "transform": self.transform,
-            "robust": self.robust,
-            "efficiency": self.efficiency,
-            "slope": self.slope,
-            "excess": None if self.excess is None else self.excess.tolist(),
-            "model_error": self.model_error,
-            "regression": None if self.regression is None else self.regression.to_dict(),
-            "diagnostics": dict(self.diagnostics),
-            "recordings": {name: curve.to_dict() for name, curve in self.recordings.items()},
-        }
-
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> WaveletVariance:
         """Restore a result from `values`, the output of `to_dict`."""
         from gmwm.measuring.regression.result import Regression
 
-        derived = ("scales", "tau")
-        fields = {name: value for name, value in values.items() if name not in derived}
-        for name, kind in (("levels", np.int64), ("counts", np.int64)):
-            fields[name] = np.asarray(fields[name], dtype=kind)
-        levels, samples = fields["levels"], fields["samples"]
-        ascend = levels.ndim == 1 and levels.size > 0 and levels[0] >= 1 and bool(np.all(np.diff(levels) > 0))
-        if not ascend or levels[-1] > 62 or 1 << int(levels[-1]) > samples:
-            raise DataError(
-                f"levels must ascend from 1, and 2^level must not exceed the {samples} samples; got {levels.tolist()}"
-            )
-        if fields["robust"] and fields["efficiency"] is None:
-            raise DataError("a robust variance must have an efficiency")
-        _checked_efficiency(fields["robust"], fields["efficiency"])
-        for name in ("variance", "lower", "upper"):
-            fields[name] = np.asarray(fields[name], dtype=np.float64)
-        if fields.get("excess") is not None:
-            fields["excess"] = np.asarray(fields["excess"], dtype=np.float64)
-        if fields.get("regression") is not None:
-            fields["regression"] = Regression.from_dict(fields["regression"])
-        for name in ("segments", "strides"):
-            fields[name] = tuple(int(number) for number in fields.get(name, ()))
-        fields["recordings"] = {name: cls.from_dict(curve) for name, curve in fields.get("recordings", {}).items()}
-        result = cls(**fields)
-        result._require_possible()
-        return result
+        regression = values.get("regression")
+        result = super().from_dict({**values, "regression": None})
+        return result if regression is None else replace(result, regression=Regression.from_dict(regression))
 
-    def _require_possible(self) -> None:
-        """Raise a DataError if no recording of this length has these numbers of coefficients and degrees of freedom."""
+    def require_consistent(self) -> None:
+        """Raise a DataError if no recording of this length has these levels, coefficients and degrees of freedom."""
+        if self.robust and self.efficiency is None:
+            raise DataError("a robust variance must have an efficiency")
+        _checked_efficiency(self.robust, self.efficiency)
+        levels = self.levels.tolist()
+        if (
+            not levels
+            or levels[0] < 1
+            or levels != sorted(set(levels))
+            or levels[-1] > 62
+            or 1 << levels[-1] > self.samples
+        ):
+            expected = f"levels must ascend from 1, and 2^level must not exceed the {self.samples} samples"
+            raise DataError(f"{expected}; got {levels}")
         if not 0 <= self.filled <= self.samples:
             raise DataError(argument="filled", expected=f"from 0 to the {self.samples} samples", got=self.filled)
         if self.segments and (min(self.segments) < 1 or sum(self.segments) != self.samples):
