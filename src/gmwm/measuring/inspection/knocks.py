@@ -117,12 +117,9 @@ def level_length(samples: int) -> int:
 
 
 def steps_of(
-    axis: str,
-    levels: Sequence[tuple[int, Vector]],
-    extent: Extent,
-    resolution: float,
+    axis: str, levels: Sequence[tuple[int, Vector]], extent: Extent, resolution: float,
     values: Callable[[int, int], Vector],
-) -> list[Step]:
+) -> list[Step]:  # fmt: skip
     """Find lasting jumps of the mean within segments, ordered by time.
 
     The medians m_i of 256 blocks, with at least 100 samples each, follow the mean and are not affected by knocks. The

@@ -192,16 +192,10 @@ class Verdict(Documented, Summarised):
 
 
 def contamination(
-    x: Signal | ArrayLike | tuple[WaveletVariance, WaveletVariance],
-    rate: float | None = None,
-    *,
-    model: ModelLike | None = None,
-    efficiency: float = 0.6,
-    size: float = 0.05,
-    comparisons: int = 1,
-    tolerance: float = TOLERANCE,
-    screen: Screen | None = None,
-) -> Verdict:
+    x: Signal | ArrayLike | tuple[WaveletVariance, WaveletVariance], rate: float | None = None, *,
+    model: ModelLike | None = None, efficiency: float = 0.6, size: float = 0.05, comparisons: int = 1,
+    tolerance: float = TOLERANCE, screen: Screen | None = None,
+) -> Verdict:  # fmt: skip
     """Test a recording for outliers, by the ratio of the classical to the robust wavelet variance at every level.
 
     Noise with heavy tails, or with a varying variance, raises this ratio too, because the robust curve then estimates

@@ -212,13 +212,9 @@ def _time_constant(means: Vector, covariates: Covariates, design: RegressionDesi
 
 
 def regressed_variance(
-    data: WaveletVariance | Signal | ArrayLike,
-    rate: float | None,
-    asked: Asked,
-    *,
-    robust: bool = False,
+    data: WaveletVariance | Signal | ArrayLike, rate: float | None, asked: Asked, *, robust: bool = False,
     efficiency: float = EFFICIENCY,
-) -> WaveletVariance:
+) -> WaveletVariance:  # fmt: skip
     """Estimate the wavelet variance of a signal after the effect of covariates is subtracted. The attribute
     `regression` of the result contains the regression. Raises OptionError or DataError if a covariate cannot be used,
     or if `data` is a wavelet variance, which has no samples."""
@@ -239,15 +235,9 @@ def regressed_variance(
 
 
 def restate(
-    regression: Regression,
-    signal: Signal,
-    covariates: Covariates,
-    estimates: Vector,
-    *,
-    covariance: Matrix,
-    freedoms: tuple[float, ...],
-    freedom: float,
-) -> Regression:
+    regression: Regression, signal: Signal, covariates: Covariates, estimates: Vector, *, covariance: Matrix,
+    freedoms: tuple[float, ...], freedom: float,
+) -> Regression:  # fmt: skip
     """Return a copy of a regression with other estimates (p,), their covariance (p, p) and degrees of freedom. The
     joint test and the residuals are computed again."""
     clock = covariates.clock

@@ -88,15 +88,9 @@ class Covariates:
 
     @classmethod
     def on(
-        cls,
-        clock: BlockClock,
-        terms: Sequence[CovariateTerm],
-        means: Mapping[str, Vector],
-        arrays: Mapping[str, Vector],
-        *,
-        lowest: int,
-        block: int,
-    ) -> Covariates:
+        cls, clock: BlockClock, terms: Sequence[CovariateTerm], means: Mapping[str, Vector],
+        arrays: Mapping[str, Vector], *, lowest: int, block: int,
+    ) -> Covariates:  # fmt: skip
         """Prepare covariates from their block means. The attributes of the class describe `lowest` and `block`."""
         present = clock.present()
         if np.count_nonzero(present) < FEWEST_BLOCKS:

@@ -90,15 +90,9 @@ class SpectrumAccumulator(OneAtATime):
     """
 
     def __init__(
-        self,
-        rate: float,
-        *,
-        length: int | None = None,
-        detrend: Detrend = "constant",
-        start: int = 0,
-        unit: str = "",
+        self, rate: float, *, length: int | None = None, detrend: Detrend = "constant", start: int = 0, unit: str = "",
         axis: str = "",
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.rate, self.unit, self.axis = as_rate(rate), unit, axis
         self.length, self.start = checked_length(length), start
         one_of(detrend, "detrend", ("constant", "linear"))

@@ -18,33 +18,18 @@ from gmwm.recording.signals import Imu, Signal
 
 @overload
 def psd(
-    x: Signal | ArrayLike,
-    rate: float | None = None,
-    *,
-    length: int | None = None,
-    detrend: Detrend = "constant",
-    confidence: float = 0.95,
-    fill_gaps: bool = True,
-) -> PowerSpectrum: ...
+    x: Signal | ArrayLike, rate: float | None = None, *, length: int | None = None, detrend: Detrend = "constant",
+    confidence: float = 0.95, fill_gaps: bool = True,
+) -> PowerSpectrum: ...  # fmt: skip
 @overload
 def psd(
-    x: Imu,
-    rate: float | None = None,
-    *,
-    length: int | None = None,
-    detrend: Detrend = "constant",
-    confidence: float = 0.95,
-    fill_gaps: bool = True,
-) -> PowerSpectra: ...
+    x: Imu, rate: float | None = None, *, length: int | None = None, detrend: Detrend = "constant",
+    confidence: float = 0.95, fill_gaps: bool = True,
+) -> PowerSpectra: ...  # fmt: skip
 def psd(
-    x: Imu | Signal | ArrayLike,
-    rate: float | None = None,
-    *,
-    length: int | None = None,
-    detrend: Detrend = "constant",
-    confidence: float = 0.95,
-    fill_gaps: bool = True,
-) -> PowerSpectrum | PowerSpectra:
+    x: Imu | Signal | ArrayLike, rate: float | None = None, *, length: int | None = None, detrend: Detrend = "constant",
+    confidence: float = 0.95, fill_gaps: bool = True,
+) -> PowerSpectrum | PowerSpectra:  # fmt: skip
     """Estimate the power spectral density of a signal, or of each axis of a recording, and find lines and bumps in it.
 
     The method is Welch's. The recording is divided into K blocks of L samples that overlap by one half. The mean is

@@ -79,13 +79,9 @@ def grid_of(spectrum: PowerSpectrum, freedom: Vector, free: NDArray[np.bool_], p
 
 
 def wide_peaks(
-    spectrum: PowerSpectrum,
-    freedom: Vector,
-    free: NDArray[np.bool_],
-    *,
-    narrow: tuple[Sequence[Line], Sequence[Bump]],
+    spectrum: PowerSpectrum, freedom: Vector, free: NDArray[np.bool_], *, narrow: tuple[Sequence[Line], Sequence[Bump]],
     level: float,
-) -> tuple[list[Line], list[Bump]]:
+) -> tuple[list[Line], list[Bump]]:  # fmt: skip
     """Return the significant wide lines and bumps. `level` is the significance level for all bins of all grids
     together, by Bonferroni's inequality, and `free` marks the bins without a narrow peak. A broad base of the lines and
     bumps in `narrow` is not reported as another peak."""

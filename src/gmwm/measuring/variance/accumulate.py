@@ -82,17 +82,9 @@ class WaveletAccumulator(SegmentedAccumulator):
     """
 
     def __init__(
-        self,
-        rate: float,
-        *,
-        levels: int | None = None,
-        exact: int = EXACT,
-        start: int = 0,
-        unit: str = "",
-        axis: str = "",
-        robust: bool = False,
-        held: int | None = None,
-    ) -> None:
+        self, rate: float, *, levels: int | None = None, exact: int = EXACT, start: int = 0, unit: str = "",
+        axis: str = "", robust: bool = False, held: int | None = None,
+    ) -> None:  # fmt: skip
         collector = SKETCH_COLLECTOR if robust else None
         super().__init__(DEEPEST if levels is None else levels, exact, start, collector, held=held)
         self.rate, self.unit, self.axis, self.robust = as_rate(rate), unit, axis, bool(robust)
@@ -194,12 +186,9 @@ class WaveletAccumulator(SegmentedAccumulator):
         return SketchCoefficients.of(sketches, reach)
 
     def _curve(
-        self,
-        confidence: float = 0.95,
-        robust: RobustVariances | None = None,
-        efficiency: float | None = None,
+        self, confidence: float = 0.95, robust: RobustVariances | None = None, efficiency: float | None = None,
         slope: float | None = None,
-    ) -> WaveletVariance:
+    ) -> WaveletVariance:  # fmt: skip
         """Return the result for the samples so far, with classical variances or with the robust variances `found`."""
         self._fold()
         variance, counts = self._variances()

@@ -17,15 +17,11 @@ from gmwm.recording.signals import Signal
 
 
 def allan_variance(
-    x: Signal | ArrayLike,
-    rate: float | None = None,
-    *,
+    x: Signal | ArrayLike, rate: float | None = None, *,
     kind: Literal["overlapping", "nonoverlapping", "modified"] = "overlapping",
-    clusters: Clusters | ArrayLike = "octave",
-    data: Data = "rate",
-    confidence: float = 0.95,
+    clusters: Clusters | ArrayLike = "octave", data: Data = "rate", confidence: float = 0.95,
     progress: Progress | None = None,
-) -> ClusterVariance:
+) -> ClusterVariance:  # fmt: skip
     """Estimate the Allan variance of a signal, half the mean squared difference of adjacent cluster means.
 
     With the phase p (running sum of the rate, times Δt) and clusters of n samples, τ = n Δt, it is the mean of

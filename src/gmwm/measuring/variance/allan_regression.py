@@ -185,14 +185,10 @@ class AllanRegression(Documented, Summarised, Plotted):
 
 
 def avlr(
-    x: ClusterVariance | Signal | ArrayLike,
-    rate: float | None = None,
-    *,
-    terms: Iterable[Term] = ("Q", "N", "B", "K", "R"),
-    ranges: Mapping[Term, tuple[float, float]] | None = None,
-    tolerance: float = 0.2,
-    least_freedom: float = 5.0,
-) -> AllanRegression:
+    x: ClusterVariance | Signal | ArrayLike, rate: float | None = None, *,
+    terms: Iterable[Term] = ("Q", "N", "B", "K", "R"), ranges: Mapping[Term, tuple[float, float]] | None = None,
+    tolerance: float = 0.2, least_freedom: float = 5.0,
+) -> AllanRegression:  # fmt: skip
     """Estimate noise coefficients by regression on the slopes of the Allan deviation.
 
     This is the classical method, which gmwm includes for comparison. In the logarithmic plot of the Allan deviation σ

@@ -42,42 +42,21 @@ from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
 
 @overload
 def wavelet_variance(
-    x: Signal | ArrayLike,
-    rate: float | None = None,
-    *,
-    filter: str | WaveletFilter = "haar",
-    transform: Transform = "modwt",
-    levels: int | None = None,
-    robust: bool = False,
-    efficiency: float = 0.6,
-    confidence: float = 0.95,
-    fill_gaps: bool = True,
-) -> WaveletVariance: ...
+    x: Signal | ArrayLike, rate: float | None = None, *, filter: str | WaveletFilter = "haar",
+    transform: Transform = "modwt", levels: int | None = None, robust: bool = False, efficiency: float = 0.6,
+    confidence: float = 0.95, fill_gaps: bool = True,
+) -> WaveletVariance: ...  # fmt: skip
 @overload
 def wavelet_variance(
-    x: Imu,
-    rate: float | None = None,
-    *,
-    filter: str | WaveletFilter = "haar",
-    transform: Transform = "modwt",
-    levels: int | None = None,
-    robust: bool = False,
-    efficiency: float = 0.6,
-    confidence: float = 0.95,
+    x: Imu, rate: float | None = None, *, filter: str | WaveletFilter = "haar", transform: Transform = "modwt",
+    levels: int | None = None, robust: bool = False, efficiency: float = 0.6, confidence: float = 0.95,
     fill_gaps: bool = True,
-) -> WaveletVariances: ...
+) -> WaveletVariances: ...  # fmt: skip
 def wavelet_variance(
-    x: Imu | Signal | ArrayLike,
-    rate: float | None = None,
-    *,
-    filter: str | WaveletFilter = "haar",
-    transform: Transform = "modwt",
-    levels: int | None = None,
-    robust: bool = False,
-    efficiency: float = 0.6,
-    confidence: float = 0.95,
-    fill_gaps: bool = True,
-) -> WaveletVariance | WaveletVariances:
+    x: Imu | Signal | ArrayLike, rate: float | None = None, *, filter: str | WaveletFilter = "haar",
+    transform: Transform = "modwt", levels: int | None = None, robust: bool = False, efficiency: float = 0.6,
+    confidence: float = 0.95, fill_gaps: bool = True,
+) -> WaveletVariance | WaveletVariances:  # fmt: skip
     """Estimate the wavelet variance of a signal, or of each axis of a recording, with chi-square confidence limits.
 
     The classical estimate ν̂_j² is the mean square of the coefficients W_{j,t} = Σ_l h_{j,l} X_{t−l} of level j, over

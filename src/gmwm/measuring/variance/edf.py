@@ -17,14 +17,9 @@ products, that of the process in continuous time."""
 
 
 def degrees_of_freedom(
-    exponents: NDArray[np.int64],
-    clusters: NDArray[np.int64],
-    points: int,
-    *,
-    order: int,
-    overlapping: bool,
+    exponents: NDArray[np.int64], clusters: NDArray[np.int64], points: int, *, order: int, overlapping: bool,
     modified: bool = False,
-) -> Vector:
+) -> Vector:  # fmt: skip
     """Compute the equivalent degrees of freedom (edf) of variances that average squared phase differences of order d.
 
     The edf of a variance V are 2 E(V)²/Var(V), and at least 1. Let s_z(t) be the covariance of two differences that are

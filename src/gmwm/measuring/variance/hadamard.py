@@ -17,15 +17,10 @@ from gmwm.recording.signals import Signal
 
 
 def hadamard_variance(
-    x: Signal | ArrayLike,
-    rate: float | None = None,
-    *,
-    kind: Literal["overlapping", "nonoverlapping"] = "overlapping",
-    clusters: Clusters | ArrayLike = "octave",
-    data: Data = "rate",
-    confidence: float = 0.95,
+    x: Signal | ArrayLike, rate: float | None = None, *, kind: Literal["overlapping", "nonoverlapping"] = "overlapping",
+    clusters: Clusters | ArrayLike = "octave", data: Data = "rate", confidence: float = 0.95,
     progress: Progress | None = None,
-) -> ClusterVariance:
+) -> ClusterVariance:  # fmt: skip
     """Estimate the Hadamard variance of a signal, a sixth of the mean squared second difference of cluster means.
 
     With the phase p and clusters of n samples, τ = n Δt, it is the mean of (p_{i+3n} − 3 p_{i+2n} + 3 p_{i+n} − p_i)² /

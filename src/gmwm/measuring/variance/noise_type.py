@@ -62,12 +62,8 @@ def exponents(noise: Sequence[NoiseType]) -> NDArray[np.int64]:
 
 
 def noise_types(
-    phase: Vector,
-    clusters: NDArray[np.int64],
-    variance: Vector,
-    *,
-    reddest: int,
-) -> tuple[NoiseType, ...]:
+    phase: Vector, clusters: NDArray[np.int64], variance: Vector, *, reddest: int,
+) -> tuple[NoiseType, ...]:  # fmt: skip
     """Identify the dominant noise at each cluster size, from the phase without a straight line and its `variance`.
 
     The phase is decimated to every n-th sample. If more than 1024 values remain, the 1024 values in the middle are

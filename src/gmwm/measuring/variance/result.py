@@ -188,21 +188,10 @@ class WaveletVariance(Documented, Summarised, Plotted):
 
     @classmethod
     def from_values(
-        cls,
-        variance: ArrayLike,
-        samples: int,
-        rate: float,
-        lower: ArrayLike | None = None,
-        upper: ArrayLike | None = None,
-        *,
-        robust: bool = False,
-        efficiency: float | None = None,
-        filter: str = "haar",
-        transform: Transform = "modwt",
-        confidence: float = 0.95,
-        unit: str = "",
-        axis: str = "",
-    ) -> WaveletVariance:
+        cls, variance: ArrayLike, samples: int, rate: float, lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None, *, robust: bool = False, efficiency: float | None = None, filter: str = "haar",
+        transform: Transform = "modwt", confidence: float = 0.95, unit: str = "", axis: str = "",
+    ) -> WaveletVariance:  # fmt: skip
         """Create a wavelet variance from published values at the levels 1, 2, ….
 
         Parameters

@@ -30,14 +30,9 @@ FINE = 1024
 
 
 def total_variance(
-    x: Signal | ArrayLike,
-    rate: float | None = None,
-    *,
-    clusters: Clusters | ArrayLike = "octave",
-    data: Data = "rate",
-    confidence: float = 0.95,
-    progress: Progress | None = None,
-) -> ClusterVariance:
+    x: Signal | ArrayLike, rate: float | None = None, *, clusters: Clusters | ArrayLike = "octave", data: Data = "rate",
+    confidence: float = 0.95, progress: Progress | None = None,
+) -> ClusterVariance:  # fmt: skip
     """Estimate the total variance, an Allan variance with more degrees of freedom at long averaging times.
 
     The phase is extended beyond both ends by point reflection at the end values, and (p_{i+n} − 2 p_i + p_{i−n})² /
