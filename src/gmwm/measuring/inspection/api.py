@@ -15,20 +15,8 @@ from gmwm.base.remarks import Remark
 from gmwm.base.threads import in_threads
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import SI_UNIT
+from gmwm.measuring.inspection import findings
 from gmwm.measuring.inspection.axis_statistics import AxisStatistics
-from gmwm.measuring.inspection.findings import (
-    MOVED,
-    OF_STAMPS,
-    of_conditions,
-    of_gravity,
-    of_motion,
-    of_rounding,
-    of_steps,
-    of_stuck,
-    of_time,
-    of_trends,
-    of_units,
-)
 from gmwm.measuring.inspection.knocks import knocks_of, steps_of
 from gmwm.measuring.inspection.result import AxisInspection, Inspection
 from gmwm.measuring.inspection.time_grid import Extent
@@ -201,18 +189,18 @@ class RecordingStatistics:
         }
         stuck = {axis: self._stuck(axis, sums) for axis, sums in statistics.items()}
         turned = tilt is not None and tilt > max(_TURN, _UNEXPLAINED * tilt_noise)
-        moved = tilt is not None and turned and tilt > MOVED
+        moved = tilt is not None and turned and tilt > findings.MOVED
         remarks = (
-            *of_time(extent, self._base, self._same),
-            *of_stuck(stuck),
-            *of_motion(restless, tilt if turned else None, knocks),
-            *of_steps(tuple(steps)),
-            *of_trends(trends, self._units, extent, self._base.left > 0),
-            *of_gravity(gravity),
-            *of_rounding(axes, extent.rate),
-            *of_units(self._densities()),
-            *of_conditions(conditions.found, conditions.unknown),
-            *(remark for remark in self._remarks if remark.code not in OF_STAMPS),
+            *findings.of_time(extent, self._base, self._same),
+            *findings.of_stuck(stuck),
+            *findings.of_motion(restless, tilt if turned else None, knocks),
+            *findings.of_steps(tuple(steps)),
+            *findings.of_trends(trends, self._units, extent, self._base.left > 0),
+            *findings.of_gravity(gravity),
+            *findings.of_rounding(axes, extent.rate),
+            *findings.of_units(self._densities()),
+            *findings.of_conditions(conditions.found, conditions.unknown),
+            *(remark for remark in self._remarks if remark.code not in findings.OF_STAMPS),
         )
         segments = len(extent.segments)
         return Inspection(

@@ -139,10 +139,6 @@ def find_bursts(x: Signal | ArrayLike, rate: float | None = None) -> Bursts:
     rate : float, optional
         Sampling rate (Hz); needed only if `x` is an array.
 
-    Returns
-    -------
-    Bursts
-
     Raises
     ------
     DataError, OptionError

@@ -88,10 +88,6 @@ def find_spikes(x: Signal) -> Spikes:
     ----------
     x : Signal
 
-    Returns
-    -------
-    Spikes
-
     Raises
     ------
     OptionError
@@ -147,16 +143,13 @@ def find_spikes(x: Signal) -> Spikes:
 def repaired(x: Signal, spikes: Spikes) -> Signal:
     """Replace spikes by samples drawn from their conditional distribution given all other samples, with a fixed seed.
 
+    Without spikes, `x` itself is returned.
+
     Parameters
     ----------
     x : Signal
     spikes : Spikes
         Result of `find_spikes`.
-
-    Returns
-    -------
-    Signal
-        The signal with its spikes replaced; `x` itself if there are none.
 
     Raises
     ------

@@ -63,16 +63,10 @@ class SpectrumAccumulator(OneAtATime):
 
     Parameters
     ----------
-    rate : float
-        Sampling rate (Hz).
-    length : int, optional
-        Length of the blocks (samples), an even number from 8.
-    detrend : "constant" or "linear"
-        Trend that is subtracted from each block: its mean, or a straight line.
-    start : int
-        Index of the first sample in the recording, if the accumulator processes a part of a recording.
-    unit, axis : str
-        Unit and name of the signal, for the result.
+    rate, start, unit, axis
+        The same as for `gmwm.variance.WaveletAccumulator`.
+    length, detrend
+        The same as for `gmwm.psd`.
 
     Raises
     ------

@@ -40,16 +40,12 @@ class PowerSpectrum(Documented, Summarised, Plotted):
         of a model is two-sided and therefore half as large.
     degrees_of_freedom : (n,) array
         Equivalent degrees of freedom of each density.
-    rate : float
-        Sampling rate (Hz).
-    samples : int
-        Length of the signal, without the missing samples in gaps.
+    rate, samples : float, int
+        Sampling rate (Hz), and length of the signal, without the missing samples in gaps.
     length, blocks : int
         Length of the blocks (samples), and number of blocks.
-    unit, axis : str
-        Unit and name of the signal; "" if they are unknown.
-    confidence : float
-        Confidence level of the limits.
+    unit, axis, confidence : str, str, float
+        Unit and name of the signal ("" if they are unknown), and confidence level of the limits.
     lines : tuple of Line
         Lines, sorted by frequency. The probability of any false line or bump in a recording of noise is at most 1 %.
     bumps : tuple of Bump
@@ -155,25 +151,9 @@ class PowerSpectrum(Documented, Summarised, Plotted):
     def detectable_amplitude(self, frequency: ArrayLike, power: float = 0.9) -> Vector:
         """Return the smallest amplitude (u) of a sinusoid that is found as a line with a given probability.
 
-        Parameters
-        ----------
-        frequency : float or array
-            Frequencies of sinusoids (Hz).
-        power : float
-            Probability of detection, from 0.5 to below 1.
+        `frequency` (Hz) may be an array. `power` is the probability of detection, from 0.5 to below 1. The amplitude is
+        NaN if a frequency is too close to 0 or above half the rate. Raises DataError if the spectrum is smoothed.
 
-        Returns
-        -------
-        array
-            Amplitude for each frequency; NaN if a frequency is too close to 0 or above half the rate.
-
-        Raises
-        ------
-        DataError
-            If the spectrum is smoothed.
-
-        Examples
-        --------
         >>> from gmwm import psd
         >>> x = np.random.default_rng(1).normal(size=2**17)
         >>> psd(x, rate=100.0).detectable_amplitude([1.0, 30.0]).round(3)

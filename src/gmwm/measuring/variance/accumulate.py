@@ -41,17 +41,13 @@ class WaveletAccumulator(SegmentedAccumulator):
 
     Parameters
     ----------
-    rate : float
-        Sampling rate (Hz).
-    levels : int, optional
-        Number of levels J; by default all levels that have a coefficient.
+    rate, levels : float, int
+        Sampling rate (Hz), and number of levels J, by default all that have a coefficient.
     exact : int
         Number of levels that use every coefficient, from 6 to 24. The accumulator takes 16 · 2^exact bytes, and some MB
         for samples that are not processed yet.
-    start : int
-        Index of the first sample in the recording, if the accumulator processes a part of a recording.
-    unit, axis : str
-        Unit and name of the signal, for the result.
+    start, unit, axis : int, str, str
+        Index of the first sample in the recording, and unit and name of the signal.
     robust : bool
         Whether to support robust results. Fine histograms of the coefficients then take some 64 kB per level, and the
         run time is four times as long. Robust results have a relative error of 1e-4, or 5e-3 at a level with so many

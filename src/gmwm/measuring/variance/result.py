@@ -46,14 +46,10 @@ class WaveletVariance(Documented, Summarised, Plotted):
         Estimates and confidence limits.
     counts : (J,) int array
         Number of wavelet coefficients M_j of each estimate.
-    rate : float
-        Sampling rate (Hz).
-    samples : int
-        Length N of the signal, without the missing samples in gaps.
-    unit, axis : str
-        Unit and name of the signal; "" if they are unknown.
-    confidence : float
-        Confidence level of the limits.
+    rate, samples : float, int
+        Sampling rate (Hz), and length N of the signal, without the missing samples in gaps.
+    unit, axis, confidence : str, str, float
+        Unit and name of the signal ("" if they are unknown), and confidence level of the limits.
     filter, transform : str
         Name of the wavelet filter, and "modwt" or "dwt".
     segments : tuple of int
