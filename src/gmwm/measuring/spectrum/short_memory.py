@@ -29,8 +29,7 @@ data. A resonance at four times the lowest frequency changes it by 0.13; the dat
 ACCURACY = 0.005
 """Relative error that is added to every density, so that a few precise frequencies do not determine the shape."""
 FLOOR = 1e-4
-"""Density, relative to low frequencies, below which a stop band is ignored, far below the noise of rounded outputs
-(tests/spectrum/test_short_memory.py, an FIR filter)."""
+"""Density, relative to low frequencies, below which a stop band is ignored, far below the noise of rounded outputs."""
 KNOWN = 2.0
 """Prior standard deviation of the logarithm of the factor on the known part. Its slow terms come from a fit without
 this shape, and may be wrong by a factor of several (docs/validation/sensors.md)."""
