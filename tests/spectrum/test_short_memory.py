@@ -14,13 +14,13 @@ from gmwm.measuring.spectrum.short_memory import (
     LIKELY,
     POLE,
     SURE,
+    _add_roots,
     _ArmaPoint,
     _bend,
     _Data,
     _descend,
     _inside,
     _starts,
-    _add_roots,
     short_memory,
 )
 

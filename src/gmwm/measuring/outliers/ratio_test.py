@@ -9,12 +9,8 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-<<<<<<< HEAD
 from gmwm.base.arrays import Vector, as_vector, freeze
-=======
-from gmwm.base.arrays import Vector, freeze
 from gmwm.base.documents import Documented
->>>>>>> 1045f3d2 (Write the documents of the measuring room by the common codec)
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.remarks import Quantity, Remark, texts
 from gmwm.base.text import Summarised, rounded
