@@ -29,7 +29,7 @@ FOLD = 1 << 18
 
 
 @dataclass(frozen=True, eq=False)
-class _BlockSums:
+class _PeriodogramSums:
     """Sums over the blocks of one length. `pairs` is the number of blocks that overlap with the previous block. `first`
     and `last` are the first samples of the first and the last block."""
 
@@ -42,13 +42,13 @@ class _BlockSums:
     def blocks(self) -> int:
         return self.sums.blocks
 
-    def followed_by(self, later: _BlockSums, half: int) -> _BlockSums:
+    def followed_by(self, later: _PeriodogramSums, half: int) -> _PeriodogramSums:
         if not later.blocks:
             return self
         if not self.blocks:
             return later
         pairs = self.pairs + later.pairs + (later.first - self.last == half)
-        return _BlockSums(self.sums.plus(later.sums), pairs, self.first, later.last)
+        return _PeriodogramSums(self.sums.plus(later.sums), pairs, self.first, later.last)
 
 
 class SpectrumAccumulator(OneAtATime):
@@ -94,7 +94,7 @@ class SpectrumAccumulator(OneAtATime):
         powers = range(LONGEST.bit_length() - 1, SHORTEST.bit_length() - 2, -1)
         lengths = [1 << power for power in powers] if self.length is None else [self.length]
         # Sums by length of the blocks, the longest first.
-        self._sums = {n: _BlockSums(Periodograms.none(n)) for n in lengths}
+        self._sums = {n: _PeriodogramSums(Periodograms.none(n)) for n in lengths}
         self._segments: list[int] = []
         self._open = False
         # The samples that blocks across either end of this part need.
@@ -236,7 +236,7 @@ class SpectrumAccumulator(OneAtATime):
             stop = after + n - 1 if crossing else values.size
             part = periodograms(values[first - begin : stop], n, self.detrend)
             if part.blocks:
-                fresh = _BlockSums(part, part.blocks - 1, first, first + (part.blocks - 1) * half)
+                fresh = _PeriodogramSums(part, part.blocks - 1, first, first + (part.blocks - 1) * half)
                 self._sums[n] = sums.followed_by(fresh, half)
             if self._sums[n].blocks >= ENOUGH:
                 break
