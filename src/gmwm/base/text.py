@@ -40,7 +40,7 @@ def with_article(noun: str) -> str:
 def round_text(value: float, digits: int = 2) -> str:
     """Format a number with few significant digits, without an exponent below a million.
 
-    >>> round_text(744.7), rounded(-0.01234), rounded(2.34e6), round_text(2.0)
+    >>> round_text(744.7), round_text(-0.01234), round_text(2.34e6), round_text(2.0)
     ('740', '-0.012', '2.3e+06', '2')
     """
     return f"{float(f'{value:.{digits}g}'):g}"
