@@ -164,7 +164,7 @@ def join_names(names: Sequence[str], most: int = 6) -> str:
     """Join names for a sentence, as in "a, b and c". Of many names, only the first ones and the number of the others
     appear.
 
-    >>> join_names(["a"]), joined(["a", "b"]), joined(["a", "b", "c"]), join_names(list("abcdefgh"))
+    >>> join_names(["a"]), join_names(["a", "b"]), join_names(["a", "b", "c"]), join_names(list("abcdefgh"))
     ('a', 'a and b', 'a, b and c', 'a, b, c, d, e, f and 2 others')
     """
     if len(names) > most + 1:
