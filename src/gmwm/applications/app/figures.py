@@ -55,18 +55,7 @@ def half_of(width: float) -> float:
 
 
 def plotly_figure(panel: Panel, width: float, height: float = 330, *, title: bool = False) -> Drawn:
-    """Return a panel as a Plotly figure.
-
-    Parameters
-    ----------
-    panel : Panel
-    width : float
-        Width of the figure (CSS pixels), which determines the number of rows of the legend.
-    height : float
-        Height of the figure without the legend (CSS pixels).
-    title : bool
-        Whether to show the title of the panel.
-    """
+    """Return a panel as a Plotly figure."""
     figure = plotly_panel(panel if title else replace(panel, title=""))
     names = [trace["name"] for trace in figure["data"] if trace["showlegend"]]
     longest = max(map(len, names), default=0)

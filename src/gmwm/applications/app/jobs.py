@@ -114,23 +114,7 @@ class Jobs:
     def ask(
         self, kind: str, key: Hashable, title: str, work: Callable[[Job], Any], *, kept: int = 2, alone: bool = True
     ) -> Job:
-        """Return the job with a key, and start it if there is none.
-
-        Parameters
-        ----------
-        kind : str
-            Kind of the job. A new job replaces older jobs of the same kind.
-        key : hashable
-            All values on which the result depends.
-        title : str
-            Title of the job that the user sees.
-        work : function of the job
-            Function that computes and returns the result.
-        kept : int
-            Number of jobs of this kind that are kept.
-        alone : bool
-            Whether a new job cancels the running jobs of its kind.
-        """
+        """Return the job with a key, and start it if there is none."""
         with self._lock:
             of_kind = self._jobs.setdefault(kind, OrderedDict())
             job = of_kind.get(key)

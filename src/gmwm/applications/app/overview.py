@@ -74,14 +74,7 @@ class Overview:
 
 
 def overview(recording: Imu | Stream, done: Callable[[int], None]) -> Imu:
-    """Return a recording that can be drawn over time. A stream is reduced to its overview; an Imu is unchanged.
-
-    Parameters
-    ----------
-    recording : Imu or Stream
-    done : function of int
-        Function that is called with the number of samples read after each chunk of a stream.
-    """
+    """Return a recording that can be drawn over time. A stream is reduced to its overview; an Imu is unchanged."""
     if isinstance(recording, Imu):
         return recording
     summary, samples = Overview(recording.axes, recording.rate), 0

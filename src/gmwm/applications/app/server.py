@@ -49,19 +49,7 @@ class Served:
 
 
 def serve(path: Path, *, port: int = 0, browser: bool = True, tell: Callable[[str], None] = print) -> NoReturn:
-    """Serve the page, and open it in the browser, until Ctrl-C or another signal raises an exception.
-
-    Parameters
-    ----------
-    path : Path
-        A recording, a session.json, or the folder whose files can be opened.
-    port : int
-        Port of the server; 0 for any free port.
-    browser : bool
-        Whether to open the page in the default browser.
-    tell : function of str
-        Function that is called with the address of the page.
-    """
+    """Serve the page, and open it in the browser, until Ctrl-C or another signal raises an exception."""
     with running(path, port=port) as server:
         tell(server.url)
         if browser:
