@@ -85,7 +85,7 @@ def candidates(seed: int) -> dict[str, Noise]:
         start[axis] = float(np.hypot(read["B"], TURN_ON[axis]))
         # N and K that replace the model over one second, and ten times these values.
         both = gmwm.datasheets.effective_noise(fit, horizon=1.0)
-        n2, k2 = both["N_eff"].value ** 2, both["K_eff"].value ** 2
+        n2, k2 = both["N"].value ** 2, both["K"].value ** 2
         two[axis] = gmwm.Model.parse(f"WN(sigma2={n2 * RATE}) + RW(gamma2={k2 / RATE})")
         inflated[axis] = gmwm.Model.parse(f"WN(sigma2={100 * n2 * RATE}) + RW(gamma2={100 * k2 / RATE})")
     return {

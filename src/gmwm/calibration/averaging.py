@@ -23,6 +23,9 @@ MOST = 5
 """Largest number of models in the average."""
 ALIKE = 5.0
 """Largest ratio of the correlation times of Gauss-Markov terms in two models that are treated as the same process."""
+OF_WHITE = ("N",)
+"""Symbol of white noise. In a model without white noise that fits as well, a fast process takes its place, so such a
+model says nothing about the white noise of another one."""
 UNKNOWN = 1e4
 """Largest ratio of the ends of the interval of q_c for which a Gauss-Markov term counts as determined. A model with an
 undetermined term is no better than a smaller model, and its intervals are not valid (docs/validation/sensors.md)."""
@@ -171,7 +174,7 @@ def _widen(entry: Entry, sheet: Datasheet, others: Sequence[tuple[float, Datashe
         same = entry if other is sheet else _counterpart(entry, sheet, other)
         if same is not None:
             estimates.append(replace(_estimate(same), weight=weight))
-        elif _base(entry.symbol) not in _TIMES:
+        elif _base(entry.symbol) not in (*_TIMES, *OF_WHITE):
             estimates.append(replace(ABSENT, weight=weight))
     low, high = averaged_interval(estimates, level)
     low, high = min(low, entry.low), max(high, entry.high)

@@ -5,12 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import typer
 from gmwm.options import ReadOptions
 
 from gmwm.base.plotting import Plotted
 from gmwm.cli.command import command
-from gmwm.cli.options import RESULT
+from gmwm.cli.options import ResultOption
 from gmwm.cli.output import NewFile, Outcome, table_text
 from gmwm.cli.read_options import Axes, File, chosen_axes, load
 
@@ -29,8 +28,8 @@ def spread(
     file: File,
     reading: ReadOptions,
     axis: Axes = None,
-    digits: Annotated[int, typer.Option(help="Significant digits.", min=1, max=17, rich_help_panel=RESULT)] = 5,
-    plot: Annotated[Path | None, typer.Option(help="Plot to this file.", rich_help_panel=RESULT)] = None,
+    digits: Annotated[int, ResultOption(help="Significant digits.", min=1, max=17)] = 5,
+    plot: Annotated[Path | None, ResultOption(help="Plot to this file.")] = None,
 ) -> Outcome:
     """Print the mean and the standard deviation of each axis."""
     signals = chosen_axes(load(file, reading), axis)
