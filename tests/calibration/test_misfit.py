@@ -35,7 +35,8 @@ def test_the_remark_has_the_worst_level_and_its_ratio(without_random_walk):
     assert (remark.facts["tau"], remark.facts["ratio"]) == (Quantity(at.tau, "s"), at.times)
     assert remark.facts["side"] == "below"
     assert "model-rejected" not in codes(without_random_walk.remarks)
-    assert without_random_walk.verdict.code == "verdict-unusable"
+    assert without_random_walk.number_verdicts["gyro_x"]["B"].reason == remark
+    assert without_random_walk.verdict.code == "verdict-usable"
 
 
 def test_the_remark_has_the_numbers_at_the_scales_of_the_misfit(without_random_walk):

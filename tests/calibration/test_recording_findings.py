@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gmwm
+from gmwm.calibration.number_verdicts import Usability
 from gmwm.recording.signals import Imu, Signal
 from tests.helpers import only
 
@@ -32,7 +33,8 @@ def test_the_numbers_are_those_of_the_datasheet():
     numbers = only(found.remarks, "warm-up").facts["numbers"]
     assert "K" in numbers
     assert set(numbers) <= set(found.datasheets["gyro_x"])
-    assert found.verdict.code == "verdict-wrong"
+    assert found.number_verdicts["gyro_x"]["K"].usability is Usability.BOUND
+    assert (found.verdict.code, found.verdict.facts["reasons"]) == ("verdict-usable", ("warm-up",))
 
 
 @pytest.mark.slow

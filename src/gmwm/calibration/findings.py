@@ -13,7 +13,7 @@ from gmwm.base.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_
 from gmwm.base.text import duration_text
 from gmwm.calibration.averaging import markov_instead_of_walk
 from gmwm.calibration.misfit import line_in, line_process, misfit_of
-from gmwm.calibration.number_verdicts import MAIN, Usability, counts
+from gmwm.calibration.number_verdicts import MAIN, OF_FILTER, Usability, counts
 from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.linearised import usable_in
 from gmwm.fitting.estimation.model_error import implausible_levels
@@ -79,10 +79,12 @@ def verdict_of(calibration: Calibration) -> Remark:
         facts[f"{symbol}_use"], facts[f"{symbol}_bound"] = counts(verdicts, symbol)
     main = [verdict for of_axis in verdicts.values() for symbol, verdict in of_axis.items() if symbol in MAIN]
     reasons = dict.fromkeys(verdict.reason.code for verdict in main if verdict.reason is not None)
-    refused = any(verdict.usability is Usability.DO_NOT_USE for verdict in main)
     facts |= {"why": "yes" if reasons else "no", "reasons": tuple(reasons)}
     if lost:
         return Remark.of("verdict-some-unusable", names=tuple(lost), unusable=len(lost), **facts)
+    refused = {verdict.symbol for verdict in main if verdict.usability is Usability.DO_NOT_USE}
+    if refused.intersection(OF_FILTER):
+        return Remark.of("verdict-wrong", **facts)
     worst = gravest(calibration.remarks)
     clean = not refused and not reasons and (worst is None or worst is Severity.INFO)
     return Remark.of("verdict-clean" if clean else "verdict-usable", **facts)

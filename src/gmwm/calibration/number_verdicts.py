@@ -21,6 +21,8 @@ BEYOND = 30.0
 """Scales longer than this multiple of the time N/K over which a filter averages do not affect its K. They contribute
 less than 1 % of the prediction error from flicker noise, and 13 % of that from a random walk, because the error of the
 filter falls with the square of the frequency. Pinned by tests/calibration/test_number_verdicts.py."""
+OF_FILTER = ("N", "K")
+"""Symbols of the numbers of a filter."""
 _ALL, _FACTS = "all", "facts"
 _SHORT = frozenset({*MAIN, "R", "Q", "T_c", "q_c"})
 """Symbols that a remark can name."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -12,6 +12,7 @@ from gmwm.base.axis_names import by_sensor
 from gmwm.base.remarks import Dialect, Remark, Severity, with_groups
 from gmwm.base.text import duration_text
 from gmwm.calibration.findings import equality_remarks, rejected_axes, unusable
+from gmwm.calibration.number_verdicts import Usability
 from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.choosing.datasheets.entry import Entry, significant
 
@@ -78,7 +79,7 @@ def _results(calibration: Calibration) -> Iterator[Remark]:
         rate = f"{wv.rate:g} Hz"
         yield Remark.of("axes-calibrated", axes=len(calibration.axes), total=total, length=length, rate=rate)
     for sensor, members in by_sensor(calibration.axes).items():
-        if numbers := _numbers({name: axis for name, axis in members.items() if name not in lost}):
+        if numbers := _numbers(_usable_entries(calibration, members)):
             yield Remark.of("numbers-found", SENSORS.get(sensor, sensor or "Axes"), numbers=numbers)
     misfits = rejected_axes(calibration)
     for name, axis in calibration.axes.items():
@@ -100,11 +101,23 @@ def _is_clean(verdict: Verdict) -> bool:
     return bool(np.any(verdict.tested)) and not verdict.contaminated
 
 
-def _numbers(axes: Mapping[str, Any]) -> str:
-    """Format the ranges of N, B and K over the given axes of a sensor."""
+def _usable_entries(calibration: Calibration, axes: Iterable[str]) -> dict[str, dict[str, Entry]]:
+    """Return the datasheet entries of some axes that can be used, also as a bound, by axis and symbol."""
+    return {
+        axis: {
+            symbol: entry
+            for symbol, entry in calibration.datasheets[axis].items()
+            if calibration.number_verdicts[axis][symbol].usability is not Usability.DO_NOT_USE
+        }
+        for axis in axes
+    }
+
+
+def _numbers(sheets: Mapping[str, Mapping[str, Entry]]) -> str:
+    """Format the ranges of N, B and K over the datasheets of some axes of a sensor."""
     parts = []
-    for symbol in in_order([list(axis.datasheet) for axis in axes.values()]):
-        entries = {name: axis.datasheet[symbol] for name, axis in axes.items() if symbol in axis.datasheet}
+    for symbol in in_order([list(sheet) for sheet in sheets.values()]):
+        entries = {axis: sheet[symbol] for axis, sheet in sheets.items() if symbol in sheet}
         if symbol in _FIRST:
             parts.append(f"{next(iter(entries.values())).title} {symbol} {_range(entries)}")
     return "; ".join(parts)
