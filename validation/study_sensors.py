@@ -88,6 +88,12 @@ def _told(one: sensors.Recording, found: gmwm.Calibration) -> Outcome:
         }
         for symbol, e in axis.datasheet.items()
     }  # fmt: skip
+    # The truth states the terms of the model; N and K of the datasheet are those of a filter.
+    for symbol, process in (("N", "WN"), ("K", "RW")):
+        if f"{symbol} of {process}" in numbers:
+            numbers[symbol] = numbers.pop(f"{symbol} of {process}")
+        elif symbol == "K" and process not in axis.fit.model.structure:
+            numbers.pop(symbol, None)
     wv = axis.fit.wavelet_variance
     return {
         "truth": {k: v for k, v in asdict(one.truth).items() if v is not None},

@@ -37,7 +37,9 @@ def test_it_prints_the_summary_and_what_it_wrote(calibrated, found):
 def test_what_it_wrote_is_the_library_s(calibrated, found):
     target, _ = calibrated
     assert Calibration.load(target / "calibration.json").to_dict() == found.to_dict()
-    assert (target / "summary.txt").read_text(encoding="utf-8") == summary(found, Dialect.SHELL, every=True) + "\n"
+    assert (target / "summary.txt").read_text(encoding="utf-8") == summary(
+        found, Dialect.SHELL, details=True, every=True
+    ) + "\n"
     for picture in ("calibration.png", "by_sensor.png"):
         assert (target / picture).read_bytes().startswith(b"\x89PNG")
 

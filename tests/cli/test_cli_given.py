@@ -25,7 +25,8 @@ def test_export_of_a_datasheet_and_of_its_file(gmwm, file, tmp_path):
     assert text == file.read_text(encoding="utf-8")
     again = gmwm("export", "--from", file, "--format", "kfgins")
     assert again.code == 0
-    assert float(re.search(r"arw: \[([^,]+),", again.out)[1]) == pytest.approx(0.15, rel=1e-5)
+    # The Gauss-Markov state of this format takes the place of a random walk, with N fitted beside it.
+    assert float(re.search(r"arw: \[([^,]+),", again.out)[1]) == pytest.approx(0.15, rel=5e-3)
     outcome = gmwm("export", "--from", DATASHEET, "--rate", "200", "--format", "kfgins")
     assert outcome.code == 0
     assert gmwm("export", "--from", file, "--all", tmp_path / "all").code == 0

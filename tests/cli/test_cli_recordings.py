@@ -26,7 +26,7 @@ def test_calibrate_says_first_whether_they_differ(gmwm, files, tmp_path):
     found = gmwm("calibrate", *files, "--within", "WN + RW", "--output", tmp_path / "results")
     assert found.code == 0
     parts = found.out.split("\n\n")
-    assert parts[0].startswith("The calibration can be used")
+    assert parts[0].startswith("N can be used on 2 of 2 axes")
     assert parts[1].startswith("Calibration of 3 recordings: monday, tuesday, wednesday")
     assert "differ in gyro_x (N by" in " ".join(parts[2].split())
     assert "agree in accel_x (N within" in " ".join(parts[3].split())

@@ -351,7 +351,9 @@ def test_demo_estimates_come_from_its_file(demo, gmwm):
     assert again["axes"] == machine.json["calibration"]["axes"]
     found = library.Calibration.load(target / "calibration.json")
     assert summary(found, Dialect.SHELL) in words.out
-    assert (target / "summary.txt").read_text(encoding="utf-8") == summary(found, Dialect.SHELL, every=True) + "\n"
+    assert (target / "summary.txt").read_text(encoding="utf-8") == summary(
+        found, Dialect.SHELL, details=True, every=True
+    ) + "\n"
 
 
 @pytest.mark.slow

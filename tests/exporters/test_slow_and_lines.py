@@ -74,4 +74,4 @@ def test_tables_have_frequency_and_amplitude(lines):
     assert found["f_0[2]"] == (pytest.approx(20.0, rel=1e-3), "Hz")
     assert found["A[2]"] == (pytest.approx(math.sqrt(8e-6), rel=1e-3), "m/s²")
     assert r"f\_0[2] (Hz)" in lines.export(format="latex")
-    assert "f_0 frequency of a line; A amplitude of a line" in words(lines.summary())
+    assert "f_0 frequency of a line; A amplitude of a line" in words(lines.summary(details=True))

@@ -7,6 +7,7 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import OptionError
+from gmwm.base.remarks import Quantity, Remark
 from gmwm.calibration.findings import unusable
 from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.reports import printing, report_data
@@ -101,6 +102,8 @@ def test_many_axes_and_long_cautions_are_still_one_page(calibration, tmp_path, m
 def test_no_verdict_contradicts_another():
     truth = {"gyro_x": "WN(sigma2=4e-7)", "gyro_y": "WN(sigma2=4e-7) + RW(gamma2=2e-9)"}
     found = gmwm.calibrate(gmwm.simulate(truth, rate=100.0, samples=50_000, rng=4), "WN")
+    moved = Remark.of("recording-moved", "gyro_y", time=Quantity(9.0, "s"), window=Quantity(18.0, "s"), ratio=7.0)
+    found = dataclasses.replace(found, recording_remarks=(moved,))
     assert unusable(found) == ["gyro_y"]
     data = report_data(found)
     assert "axes-calibrated" not in {point["code"] for point in data["verdict"]["points"]}
@@ -108,6 +111,6 @@ def test_no_verdict_contradicts_another():
     first = found.summary().split("\n\n")[0].replace("\n", " ")
     assert first == found.verdict.text()
     assert one_page_data(found)["rows"][2][0] == "Gyroscope Y (cannot be used)"
-    assert page(data).index("cannot be used") < page(data).index("The recording")
+    assert page(data).index("Do not use gyro_y") < page(data).index("The recording")
     failed = dataclasses.replace(found, failed={"gyro_z": "the signal is constant"})
     assert one_page_data(failed)["rows"][-1][:2] == ["Gyroscope Z (not calibrated)", "the signal is constant"]

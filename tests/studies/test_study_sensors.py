@@ -18,7 +18,8 @@ def test_the_family_itself_is_found() -> None:
     rows = {row["kind"]: row for row in result["rows"]}
     assert list(rows) == list(study_sensors.REDUCED)
     for kind in ("base", "flicker-weak"):
-        assert rows[kind]["N_ratio"] == pytest.approx(1, abs=0.01)
+        # N of a filter includes some of the slow noise; a datasheet lists N of white noise only if it differs by 5 %.
+        assert rows[kind]["N_ratio"] == pytest.approx(1, abs=0.05)
         assert rows[kind]["robust"] == rows[kind]["rejected"] == 0
     assert rows["agree-20s"]["alarms"] is not None
     assert rows["base"]["alarms"] is None

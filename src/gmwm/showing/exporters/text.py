@@ -75,7 +75,7 @@ def cautions(calibration: Calibration) -> list[Remark]:
     ]
     pairs = [remark.facts["pairs"] for remark in calibration.remarks if remark.code == "noise-shared"]
     shared = tuple(dict.fromkeys(str(pair) for some in pairs if isinstance(some, tuple) for pair in some))
-    return [*found, Remark.of("independent-in-file", **pairs_facts(shared))] if shared else found
+    return [Remark.of("independent-in-file", **pairs_facts(shared)), *found] if shared else found
 
 
 def paragraphs(remarks: Iterable[Remark]) -> list[str]:
