@@ -266,6 +266,7 @@ class TwoNumbers(Exporter):
             *self.meaning,
             *paragraphs([*(remark for remark in warned if remark.severity <= Severity.BIASED), *rates]),
             *(rule_of(sensor, options.axes) for sensor in noise.sensors),
+            *paragraphs(remark for remark in warned if remark.severity > Severity.BIASED),
             *limits(found),
             *not_measured(unknown(calibration, self.biases_of)),
             f"Inflation factor: {options.inflation:g}.{at_rest if measured else ''} Horizon: {options.horizon:g} s.",
@@ -273,7 +274,6 @@ class TwoNumbers(Exporter):
             *self.predictions(noise),
             *stated(calibration, self.biases_of),
             *self.advice(noise),
-            *paragraphs(remark for remark in warned if remark.severity > Severity.BIASED),
         ]
 
     def predictions(self, noise: Noise) -> list[str]:
