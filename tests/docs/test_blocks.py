@@ -22,7 +22,7 @@ ELSEWHERE = {
     ("fleet.md", "Gyroscopes"): "an example of sixty units, to be read",
     ("howto/add-a-process.md", "def state_space"): "to be written",
     ("howto/record.md", "ros2 bag record"): "to be typed",
-    ("index.md", "…"): "of the command in start.md",
+    ("index.md", "The calibration can be used"): "of the command in start.md",
     ("navigation.md", "Fitted to 8 h"): "a hundred drives, which take minutes",
     ("start.md", "--columns time"): "to be typed",
 }
