@@ -68,3 +68,13 @@ def test_the_rate_is_needed():
         given_noise("gyro: N=1deg/√h")
     with pytest.raises(GmwmError):
         given_noise("gyro: N=1deg/√h", rate=-1.0)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["gyro: N=0.1...deg/√h", "gyro: N=..deg/√h", "gyro: N=1e-4rad/s/√Hz, K=1e308rad/s/√s",
+     "gyro: N=1e200rad/s/√Hz", "gyro: N=1e-300rad/s/√Hz", "gyro: N=1e-4rad/s/√Hz, K=1e-300rad/s/√s"],
+)  # fmt: skip
+def test_numbers_that_are_none_or_out_of_range_end_in_one_clear_error(text):
+    with pytest.raises(GmwmError):
+        given_noise(text, 100.0)

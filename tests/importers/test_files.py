@@ -159,3 +159,55 @@ def test_state_space_and_numbers_of_a_datasheet(calibration):
     found = names["matrices"]("gyro_x")
     assert found["R"][0, 0] == pytest.approx(NUMBERS["gyro"][0] ** 2 * RATE)
     assert np.sqrt(found["Q"][0, 0] * RATE) == pytest.approx(NUMBERS["gyro"][1])
+
+
+KALIBR = """imu0:
+  # gyroscope_noise_density: 5.0e-2   # before the upgrade
+  gyroscope_noise_density: [1.0e-4, 2.0e-4, 3.0e-4]
+  gyroscope_random_walk: 1.0e-6  # gyroscope_random_walk: 2
+  accelerometer_noise_density: 1.0e-3
+  accelerometer_random_walk: 1.0e-4
+"""
+
+
+def test_a_comment_is_not_a_value_and_a_list_has_one_value_for_each_axis(tmp_path):
+    (tmp_path / "kalibr.yaml").write_text(KALIBR)
+    found = given_noise(tmp_path / "kalibr.yaml", RATE)
+    assert [found.values[f"gyro_{x}"].N for x in "xyz"] == [1e-4, 2e-4, 3e-4]
+    assert found.values["gyro_z"].K == 1e-6
+    assert found.written["gyro_y"]["N"] == ("gyroscope_noise_density", 2e-4)
+    (tmp_path / "vins.yaml").write_text(
+        "%YAML:1.0\n# acc_n: 0.1 old\nacc_n: 0.02\ngyr_n: 0.001\nacc_w: 1e-4\ngyr_w: 1e-5\n"
+    )
+    assert pytest.approx(0.002) == given_noise(tmp_path / "vins.yaml", 100.0).values["accel_x"].N
+    (tmp_path / "only.yaml").write_text("# gyroscope_noise_density: 5.0e-2\nrate: 3\n")
+    with raises(ReadError, "no noise numbers"):
+        given_noise(tmp_path / "only.yaml", 100.0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "part"),
+    [
+        ("1.0e-3", "1.0e-3x", "line 5"),
+        ("1.0e-3", "1.0e-3.5", "line 5"),
+        ("1.0e-3", "-1.0e-3", "0 or larger"),
+        ("1.0e-3", "1e999", "finite"),
+        ("1.0e-3", "", "accelerometer_noise_density"),
+        (", 3.0e-4", "", "2 numbers"),
+        ("3.0e-4", "soon", "'soon'"),
+        ("1.0e-4, 2.0e-4, 3.0e-4", "", "line 3"),
+        ("1.0e-4\n", "1.0e-4\nimu1:\n  gyroscope_noise_density: 1.0e-3\n", "lines 3 and 8"),
+    ],
+)
+def test_a_value_is_read_whole_or_refused(old, new, part, tmp_path):
+    assert old in KALIBR
+    (tmp_path / "kalibr.yaml").write_text(KALIBR.replace(old, new))
+    with raises(ReadError, part):
+        given_noise(tmp_path / "kalibr.yaml", RATE)
+
+
+@pytest.mark.parametrize("row", ["[]", "[1e-4 2e-4]", "[1e-4 x 2]", "soon"])
+def test_a_row_of_matlab_is_read_whole_or_refused(row, tmp_path):
+    (tmp_path / "f.m").write_text(f"gyro = gyroparams('NoiseDensity', {row});\n")
+    with raises(ReadError, "NoiseDensity"):
+        given_noise(tmp_path / "f.m", RATE)

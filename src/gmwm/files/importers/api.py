@@ -9,7 +9,7 @@ from pathlib import Path
 from gmwm.base.arrays import as_rate
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.files.importers.datasheet import EXAMPLE, read_datasheet
-from gmwm.files.importers.files import FORMATS, Format
+from gmwm.files.importers.files import FORMATS, Format, without_comments
 from gmwm.files.importers.values import Values
 from gmwm.theory.processes.model import Model
 
@@ -112,7 +112,7 @@ def _is_file(path: Path) -> bool:
 def _recognised(path: Path) -> tuple[Format, str]:
     if path.stat().st_size > _LARGEST:
         raise ReadError(f"{path} is too large for a configuration file")
-    content = path.read_text(encoding="utf-8", errors="replace")
+    content = without_comments(path.read_text(encoding="utf-8", errors="replace"))
     for form in FORMATS:
         if form.matches(content):
             return form, content

@@ -20,7 +20,8 @@ _NAMES = {"σ": "sigma", "σ_GM": "sigma", "T": "T_c", "τ": "T_c", **{name: nam
 EXAMPLE = "gyro: N=0.15deg/√h, B=3deg/h over 100s; accel: N=60µg/√Hz, K=1e-4m/s²/√s"
 _IS_NUMBER = re.compile(r"[\wσ]+\s*=")
 _PART = re.compile(
-    r"\s*([\wσ]+)\s*=\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([^\s,;]*(?:\s*/\s*[^\s,;]+)*)(?:\s+over\s+([^,;]+))?\s*"
+    r"\s*([\wσ]+)\s*=\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*"
+    r"([^\s,;]*(?:\s*/\s*[^\s,;]+)*)(?:\s+over\s+([^,;]+))?\s*"
 )
 
 

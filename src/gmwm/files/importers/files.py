@@ -1,6 +1,7 @@
 """Read the noise numbers in the files of other programs, and convert each by the rule of the program that uses it.
 
-A file is recognised by its keys. Only the lines with these keys are read, so that a whole configuration can be passed.
+A file is recognised by its keys. Only the values of these keys are read, so that a whole configuration can be passed.
+Comments do not count, a value is read whole, and a key occurs once.
 """
 
 from __future__ import annotations
@@ -73,10 +74,42 @@ class Format:
         return found[0] if found else None
 
 
+def without_comments(text: str) -> str:
+    """Return text without its comments, which begin with # at the begin of a word. The bounds that gmwm writes for PX4
+    and ArduPilot are comments, so that loading the file changes nothing; they count."""
+    if re.match(r"# Noise of an IMU for [^\n]*, lower bounds\. Written by gmwm", text):
+        text = re.sub(rf"(?m)^# (?=[\d\s]*EK(?:F2|3)_\w+[\s,]+{_NUMBER})", "", text)
+    return re.sub(r"(?<!\S)#[^\n]*", "", text)
+
+
 def _find(text: str, key: str) -> list[float] | None:
     """Return the numbers after a key: one, or a list in brackets; None if the key is not there."""
-    match = re.search(rf"(?<![\w.]){re.escape(key)}['\"]?\s*[:=,\s]\s*(\[[^\]]*\]|{_NUMBER})", text)
-    return [float(number) for number in re.findall(_NUMBER, match[1])] if match else None
+    place = rf"(?<![\w.]){re.escape(key)}(?!\w)['\"]?\s*[:=,\s]\s*(\[[^\]]*\]|[^\s,;}}\]]*)"
+    places = list(re.finditer(place, text))
+    if not places:
+        return None
+    if len(places) > 1:
+        lines = " and ".join(str(1 + text.count("\n", 0, match.start())) for match in places[:2])
+        raise ReadError(
+            f"{key} occurs {len(places)} times in the file, for example in lines {lines}",
+            advice="Pass a file with the numbers of one IMU.",
+        )
+    line, value = 1 + text.count("\n", 0, places[0].start()), places[0][1]
+    return [_number(part, key, line) for part in _parts(value)]
+
+
+def _parts(value: str) -> list[str]:
+    """Return the parts of a list in brackets, or of a single value."""
+    return re.split(r"\s*[,\s]\s*", value[1:-1].strip()) if value.startswith("[") else [value]
+
+
+def _number(part: str, key: str, line: int) -> float:
+    if not re.fullmatch(_NUMBER, part.strip("'\"")):
+        raise ReadError(f"line {line}: the value of {key} is not a number: {part!r}", advice="Write a plain number.")
+    number = float(part.strip("'\""))
+    if not 0 <= number < math.inf:
+        raise ReadError(f"line {line}: the value of {key} must be finite, and 0 or larger: {part}")
+    return number
 
 
 def _required(text: str, key: str) -> float:
@@ -86,22 +119,19 @@ def _required(text: str, key: str) -> float:
     return found[0]
 
 
-def _same(values: Mapping[Quantity, Values]) -> Found:
-    """Return the values of each axis, from the values of its sensor."""
-    return {f"{sensor}_{letter}": values[sensor] for sensor in _QUANTITIES if sensor in values for letter in "xyz"}
-
-
 def _two(keys: Mapping[Quantity, tuple[str, str]], change: Callable[[float, float | None], float]) -> Reader:
-    """Return a function that reads N and K of each sensor. `change` converts a number in the file, given the sampling
-    rate, to a density."""
+    """Return a function that reads N and K of each sensor, or of each axis from lists of three. `change` converts a
+    number in the file, given the sampling rate, to a density."""
 
     def read(text: str, rate: float | None) -> Found:
-        found: dict[Quantity, Values] = {}
-        for sensor, (white, walk) in keys.items():
-            if _find(text, white) is None and _find(text, walk) is None:
+        found: Found = {}
+        for sensor, pair in keys.items():
+            if all(_find(text, key) is None for key in pair):
                 continue
-            found[sensor] = Values(N=change(_required(text, white), rate), K=change(_required(text, walk), rate))
-        return _same(found)
+            white, walk = (_three(text, key) for key in pair)
+            for k, letter in enumerate("xyz"):
+                found[f"{sensor}_{letter}"] = Values(N=change(white[k], rate), K=change(walk[k], rate))
+        return found
 
     return read
 
@@ -156,9 +186,16 @@ def _kf_gins(text: str, rate: float | None) -> Found:
 
 def _three(text: str, key: str) -> list[float]:
     found = _find(text, key)
-    if not found or len(found) not in (1, 3):
-        raise ReadError(f"the file has no list of three numbers for {key}")
-    return found * 3 if len(found) == 1 else found
+    if found is None:
+        raise ReadError(f"the file has no number for {key}", advice="Add it, or write the numbers as text.")
+    return _each_axis(found, key)
+
+
+def _each_axis(row: list[float], key: str) -> list[float]:
+    """Return one number for each axis, from one or three."""
+    if len(row) not in (1, 3):
+        raise ReadError(f"{key} has {len(row)} numbers, but one, or one for each of three axes, are expected")
+    return row * 3 if len(row) == 1 else row
 
 
 def _matlab(text: str, rate: float | None) -> Found:
@@ -184,9 +221,13 @@ def _matlab(text: str, rate: float | None) -> Found:
 
 
 def _named_row(body: str, key: str) -> list[float]:
-    match = re.search(rf"'{key}'\s*,\s*(\[[^\]]*\]|{_NUMBER})", body)
-    row = [float(number) for number in re.findall(_NUMBER, match[1])] if match else [0.0]
-    return row * 3 if len(row) == 1 else row
+    match = re.search(rf"['\"]{key}['\"]\s*,\s*(\[[^\]]*\]|[^\s,)]*)", body)
+    if match is None:  # the default of MATLAB
+        return [0.0] * 3
+    parts = [part for part in _parts(match[1]) if part]
+    if not all(re.fullmatch(_NUMBER, part) for part in parts):
+        raise ReadError(f"{key} is not one number or a row of numbers: {match[1]}")
+    return _each_axis([float(part) for part in parts], key)
 
 
 def _format(

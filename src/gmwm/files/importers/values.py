@@ -19,6 +19,8 @@ FLOOR = math.sqrt(2 * math.log(2) / math.pi)
 PEAK = 0.6173643
 """Largest Allan deviation of a Gauss-Markov process of variance 1. It occurs at an averaging time of 1.89 times the
 correlation time (pinned by tests/importers/test_values.py)."""
+_SQUARED = (1e-150, 1e150)
+"""Range of numbers whose squares are floating-point numbers at any sampling rate."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,13 +63,17 @@ class Values:
         Raises
         ------
         ModelError
-            If no number is positive.
+            If no number is positive, or the square of a number is not a floating-point number.
 
         Examples
         --------
         >>> Values(N=1e-4, K=1e-6).model(rate=100.0)
         Model('WN(sigma2=1e-06) + RW(gamma2=1e-14)')
         """
+        smallest, largest = _SQUARED
+        for name, value in vars(self).items():
+            if value and not smallest < abs(value) < largest:
+                raise ModelError(f"{name} must be between {smallest:g} and {largest:g} in SI units; got {value:g}")
         found: list[Process] = []
         if self.N:
             found.append(WN(sigma2=_product(self.N, self.N, rate)))
