@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 
 from gmwm.base.axis_names import AXES
 from gmwm.base.durations import parse_length
@@ -93,8 +92,3 @@ def _values(body: str, place: str, quantity: Quantity) -> Values:
     if {"B", "sigma"} <= given.keys():
         raise OptionError(argument="source", expected="B or sigma, not both", got=body)
     return Values(**given)
-
-
-def by_quantity(values: Mapping[Quantity, Values]) -> dict[str, Values | Model]:
-    """Return the values of each axis, from the values of its sensor."""
-    return {f"{sensor}_{letter}": one for sensor, one in values.items() for letter in "xyz"}

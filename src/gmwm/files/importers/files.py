@@ -112,11 +112,12 @@ def _number(part: str, key: str, line: int) -> float:
     return number
 
 
-def _required(text: str, key: str) -> float:
+def _required(text: str, key: str) -> list[float]:
+    """Return the numbers after a key that every file has."""
     found = _find(text, key)
-    if not found:
+    if found is None:
         raise ReadError(f"the file has no number for {key}", advice="Add it, or write the numbers as text.")
-    return found[0]
+    return found
 
 
 def _two(keys: Mapping[Quantity, tuple[str, str]], change: Callable[[float, float | None], float]) -> Reader:
@@ -172,7 +173,7 @@ def _imu_utils(text: str, rate: float | None) -> Found:
 
 def _kf_gins(text: str, rate: float | None) -> Found:
     """Read a file of KF-GINS, in deg/√h, m/s/√h, deg/h, mGal and h. The bias is a Gauss-Markov process."""
-    time = 3600.0 * _required(text, "corrtime")
+    time = 3600.0 * _required(text, "corrtime")[0]
     sizes = {"arw": _DEGREE / 60, "vrw": 1 / 60, "gbstd": _DEGREE / 3600, "abstd": 1e-5}
     found: Found = {}
     values = {key: _three(text, key) for key in sizes}
@@ -185,10 +186,7 @@ def _kf_gins(text: str, rate: float | None) -> Found:
 
 
 def _three(text: str, key: str) -> list[float]:
-    found = _find(text, key)
-    if found is None:
-        raise ReadError(f"the file has no number for {key}", advice="Add it, or write the numbers as text.")
-    return _each_axis(found, key)
+    return _each_axis(_required(text, key), key)
 
 
 def _each_axis(row: list[float], key: str) -> list[float]:
