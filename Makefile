@@ -1,4 +1,4 @@
-# Needs Python >= 3.11 (with venv and headers), g++ >= 11 and make. pip installs everything else into .venv.
+# Needs Python >= 3.10 (with venv and headers), g++ >= 11 and make. pip installs everything else into .venv.
 # Another interpreter: make test PYTHON=python3.12
 
 PYTHON ?= python3
@@ -59,10 +59,11 @@ pictures: $(VENV)/.dev ## redraw the pictures of the documentation and update th
 validate: $(VENV)/.dev ## rerun every statistical study into docs/validation
 	$(BIN)/python -m validation
 
-lint: $(VENV)/.dev ## ruff, mypy and the import layers
+lint: $(VENV)/.dev ## ruff, mypy, vermin (the oldest Python) and the import layers
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
+	$(BIN)/vermin --quiet --no-tips --target=3.10- --violations --exclude file --exclude str.decode src
 	$(BIN)/lint-imports --no-logo
 
 # The kernels of the last package build are reused, because compiling them takes longer than everything else.
@@ -109,8 +110,8 @@ clean: ## remove the output of these commands, except docs/validation
 # --- environments: a stamp file each, so that make knows when one is out of date ------------------------
 
 $(VENV)/.created:
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
-	  { echo "gmwm needs Python 3.11 or later; name one, as in: make $(MAKECMDGOALS) PYTHON=python3.12" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
+	  { echo "gmwm needs Python 3.10 or later; name one, as in: make $(MAKECMDGOALS) PYTHON=python3.12" >&2; exit 1; }
 	@$(PYTHON) -m venv $(VENV) || \
 	  { echo "could not make $(VENV); on Debian and Ubuntu: apt install python3-venv" >&2; exit 1; }
 	@touch $@

@@ -1,7 +1,8 @@
-"""Assertions on errors and remarks that do not depend on their wording."""
+"""Assertions on errors and remarks that do not depend on their wording, and a reader of TOML in every Python."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +12,11 @@ import pytest
 
 from gmwm.base.errors import GmwmError, GmwmWarning
 from gmwm.base.remarks import Remark
+
+if sys.version_info >= (3, 11):
+    import tomllib as tomllib
+else:
+    pass
 
 
 def device(name: str) -> Path:

@@ -13,10 +13,14 @@ import os
 import re
 import subprocess
 import sys
-import tomllib
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 ROOT = Path(__file__).resolve().parent.parent
 BANNED = {
@@ -105,6 +109,7 @@ def rooms_of_calibrate(package: Path) -> list[str]:
     program = """
 import sys, os
 import gmwm
+from tests.helpers import tomllib
 imu = gmwm.simulate(gmwm.simulation.reference_imu(), rate=100.0, duration=120.0, rng=1)
 gmwm.calibrate(imu, threads=1)
 steps, prefix = [], os.path.dirname(gmwm.__file__) + "/"

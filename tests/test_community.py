@@ -1,7 +1,6 @@
 """The files for people who take part: issue forms that GitHub accepts, hooks that run, links that lead to a file."""
 
 import re
-import tomllib
 from pathlib import Path
 from pkgutil import iter_modules
 
@@ -9,6 +8,7 @@ import pytest
 from ruamel.yaml import YAML
 
 import gmwm
+from tests.helpers import tomllib
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "src" / "gmwm"

@@ -3,7 +3,6 @@
 import re
 import shlex
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
@@ -11,6 +10,7 @@ from ruamel.yaml import YAML
 
 from release import systems
 from release.systems import System
+from tests.helpers import tomllib
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -43,7 +43,7 @@ def test_each_system_builds_in_a_folder_of_its_own_and_runs_tests(system):
     assert version[-1] == "--version"
     assert str(systems.OUTPUT / system.name) in first
     if system.compiler:
-        assert "--no-tests=error" in last
+        assert ("--no-tests=error" in last) == system.runs
         assert "-DGMWM_TESTS=ON" in first
     else:
         assert "pytest" in last

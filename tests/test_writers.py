@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import errno
 import os
+import platform
+import subprocess
 import sys
 from pathlib import Path
 
@@ -11,6 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from gmwm.base import atomic_files
 from gmwm.base.atomic_files import write_text
 from gmwm.base.axis_names import AXES
 from gmwm.base.errors import OptionError
@@ -129,3 +132,46 @@ def test_a_path_that_is_not_utf8(tmp_path, suffix):
     imu = Imu.from_arrays({"gyro_x": [0.1, 0.2, 0.4] * 10}, 100.0)
     write(imu, path := folder / os.fsdecode(b"unit \xfe" + suffix))
     assert read(path)["gyro_x"].values.tolist() == imu["gyro_x"].values.tolist()
+
+
+def dead_process() -> int:
+    process = subprocess.Popen([sys.executable, "-c", ""])
+    process.wait()
+    return process.pid
+
+
+def test_the_next_run_removes_what_killed_processes_of_this_machine_left(tmp_path):
+    node, dead = platform.node() or "localhost", dead_process()
+    (tmp_path / f".writing-{node}-{dead}-abc").mkdir()
+    (tmp_path / f".writing-{node}-{dead}-abc" / "fit.png").write_text("half", encoding="utf-8")
+    (tmp_path / f".writing-{node}-{dead}-def.csv").write_text("half", encoding="utf-8")
+    others = {f".writing-{node}-{os.getpid()}-abc", f".writing-another-machine-{dead}-abc", f".writing-{node}-mine"}
+    for name in others:
+        (tmp_path / name).mkdir()
+    write_text(tmp_path / "a.txt", "all")
+    assert {path.name for path in tmp_path.iterdir()} == {*others, "a.txt"}
+
+
+@pytest.mark.parametrize("refusals", [2, None])
+def test_a_file_that_is_open_on_windows_is_tried_again_and_then_named(tmp_path, monkeypatch, refusals):
+    calls = []
+    rename = Path.replace
+
+    def replace(source: Path, target: Path) -> Path:
+        calls.append(target)
+        if refusals is None or len(calls) <= refusals:
+            raise PermissionError(errno.EACCES, "Permission denied", str(source))
+        return rename(source, target)
+
+    monkeypatch.setattr(atomic_files, "_WINDOWS", True)
+    monkeypatch.setattr(atomic_files, "_OPEN_ELSEWHERE_S", 60.0 if refusals else 0.0)
+    monkeypatch.setattr(Path, "replace", replace)
+    if refusals:
+        write_text(tmp_path / "a.txt", "all")
+        assert len(calls) == refusals + 1
+        assert (tmp_path / "a.txt").read_text(encoding="utf-8") == "all"
+    else:
+        with pytest.raises(PermissionError, match="open in another program") as caught:
+            write_text(tmp_path / "a.txt", "all")
+        assert caught.value.filename == str(tmp_path / "a.txt")
+        assert list(tmp_path.iterdir()) == []

@@ -101,7 +101,7 @@ def _row(place: int, case: Case, repeats: int) -> dict[str, Any]:
         limits.append((low <= case.correlation + 1e-12)[upper] & (case.correlation <= high + 1e-12)[upper])
     return {
         "case": case.name, "samples": case.samples, "repeats": repeats, "misfit": misfit / repeats,
-        "shared": shared / repeats, "covered": float(np.mean(np.array(matrix)[:, *np.triu_indices(3)])),
+        "shared": shared / repeats, "covered": float(np.mean(np.array(matrix)[(slice(None), *np.triu_indices(3))])),
         "correlation": float(np.mean(limits)),
     }  # fmt: skip
 

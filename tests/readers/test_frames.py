@@ -17,7 +17,7 @@ ROWS = 400
 VALUES = np.random.default_rng(1).normal(size=(ROWS, 6)) * 0.1 + [0, 0, 0, 0, 0, 9.8]
 COLUMNS = {axis: VALUES[:, k] for k, axis in enumerate(AXES)}
 TIME = np.arange(ROWS) / 200
-BEGIN = datetime.datetime(2024, 5, 1, tzinfo=datetime.UTC)
+BEGIN = datetime.datetime(2024, 5, 1, tzinfo=datetime.timezone.utc)
 
 
 def same(imu, rate=200.0):

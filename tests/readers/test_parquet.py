@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import contextlib
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta, timezone
 
 import numpy as np
 import polars as pl
@@ -29,7 +29,7 @@ def test_slices_of_any_size_give_the_same(tmp_path, monkeypatch):
 
 
 def test_dates_are_a_time_base(tmp_path):
-    start = datetime(2026, 11, 21, tzinfo=UTC)
+    start = datetime(2026, 11, 21, tzinfo=timezone.utc)
     dates = [start + timedelta(microseconds=2500 * k) for k in range(50)]
     for unit in ("ms", "us", "ns"):
         stamps = pl.Series(dates).dt.cast_time_unit(unit)

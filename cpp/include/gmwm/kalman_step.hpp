@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <vector>
 
@@ -30,6 +31,19 @@ class FlushToZero {
 
  private:
   unsigned before_;
+#elif defined(__aarch64__) && defined(__GNUC__)
+  FlushToZero() {
+    __asm__ volatile("mrs %0, fpcr" : "=r"(before_));
+    __asm__ volatile("msr fpcr, %0" : : "r"(before_ | (std::uint64_t{1} << 24)));
+  }
+  ~FlushToZero() { __asm__ volatile("msr fpcr, %0" : : "r"(before_)); }
+  FlushToZero(const FlushToZero&) = delete;
+  FlushToZero& operator=(const FlushToZero&) = delete;
+
+ private:
+  std::uint64_t before_;
+#else
+  FlushToZero() {}  // not trivial, so that a guard is not an unused variable
 #endif
 };
 

@@ -11,6 +11,19 @@
 
 namespace gmwm {
 
+// Rounding error of the product s = a * b, exactly. The fma of the MinGW library rounds twice, so there the factors are
+// split in halves (Dekker 1971, "A floating-point technique for extending the available precision").
+GMWM_INLINE double product_error(double a, double b, double s) {
+#if defined(__MINGW32__) && !defined(__FMA__)
+  const double splitter = 134217729.0;  // 2^27 + 1
+  const double p = splitter * a, q = splitter * b;
+  const double a1 = p - (p - a), b1 = q - (q - b), a2 = a - a1, b2 = b - b1;
+  return ((a1 * b1 - s) + a1 * b2 + a2 * b1) + a2 * b2;
+#else
+  return std::fma(a, b, -s);
+#endif
+}
+
 template <std::size_t W>
 struct Twofold {
   static constexpr std::size_t lanes = W;
@@ -40,7 +53,7 @@ struct Twofold {
     Twofold c;
     for (std::size_t l = 0; l < W; ++l) {
       const double s = a.high[l] * b.high[l];
-      const double e = std::fma(a.high[l], b.high[l], -s) + (a.high[l] * b.low[l] + a.low[l] * b.high[l]);
+      const double e = product_error(a.high[l], b.high[l], s) + (a.high[l] * b.low[l] + a.low[l] * b.high[l]);
       c.high[l] = s + e;
       c.low[l] = e - (c.high[l] - s);
     }

@@ -3,14 +3,67 @@
 from __future__ import annotations
 
 import errno
+import glob
 import json
 import os
+import platform
 import shutil
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+_WINDOWS = os.name == "nt"
+_OPEN_ELSEWHERE_S = 2.0
+"""Time for which a file is tried again that another program has open on Windows. A virus scanner needs less."""
+
+
+def _prefix(process: int | str) -> str:
+    """Return the beginning of the names of temporary files and folders of a process of this machine."""
+    return f".writing-{platform.node() or 'localhost'}-{process}-"
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        return True
+    return True
+
+
+def _remove_leftovers(folder: Path) -> None:
+    """Remove what killed processes of this machine left in `folder`. On Windows nobody can ask whether a process lives
+    without a library, so it stays."""
+    if _WINDOWS:
+        return
+    for path in folder.glob(glob.escape(_prefix("")[:-1]) + "*"):
+        process = path.name.removeprefix(_prefix("")[:-1]).partition("-")[0]
+        if process.isdecimal() and not _is_alive(int(process)):
+            if path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                path.unlink(missing_ok=True)
+
+
+def _replace(source: Path, target: Path) -> None:
+    """Rename `source` to `target`, which may exist."""
+    end = time.monotonic() + _OPEN_ELSEWHERE_S
+    while True:
+        try:
+            source.replace(target)
+            return
+        except PermissionError as error:
+            if not _WINDOWS or target.is_dir():
+                raise
+            if time.monotonic() > end:
+                raise PermissionError(
+                    error.errno, "the file is open in another program; close it there", str(target)
+                ) from error
+            time.sleep(0.05)
 
 
 @contextmanager
@@ -22,8 +75,9 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     target = Path(path)
     if target.is_symlink():
         target = target.resolve()  # the link stays, and its file is replaced
+    _remove_leftovers(target.parent)
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent)
+        handle, name = tempfile.mkstemp(prefix=_prefix(os.getpid()), suffix=target.suffix, dir=target.parent)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(target)) from error
     os.close(handle)
@@ -33,7 +87,7 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         umask = os.umask(0)
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)
-        temporary.replace(target)
+        _replace(temporary, target)
     except BaseException as error:
         temporary.unlink(missing_ok=True)
         # For example, the disk is full. The user knows `path`, not the temporary name.
@@ -50,12 +104,13 @@ def written_together(folder: Path) -> Iterator[Path]:
 
     If the run is interrupted, `folder` does not mix files of this run with files of an earlier one.
     """
-    temporary = Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
+    _remove_leftovers(folder)
+    temporary = Path(tempfile.mkdtemp(prefix=_prefix(os.getpid()), dir=folder))
     try:
         yield temporary
         for file in sorted(temporary.iterdir()):
             try:
-                file.replace(folder / file.name)
+                _replace(file, folder / file.name)
             except OSError as error:
                 raise OSError(error.errno, error.strerror, str(folder / file.name)) from error
     except OSError as error:

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import copy
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal
 
 from gmwm.base.template import Dialect, Fact, render, shell_option
 from gmwm.base.text import printable, shorten
 
 if TYPE_CHECKING:
+    from typing_extensions import Self
+
     from gmwm.base.remarks import Remark
 
 ReadCode = Literal[

@@ -6,6 +6,7 @@ import hashlib
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -80,9 +81,11 @@ class Recording(Documented):
         file = Path(path)
         if not file.is_file():
             return replace(self, file=file.name)
+        digest = hashlib.sha256()
         with file.open("rb") as content:
-            digest = hashlib.file_digest(content, "sha256").hexdigest()
-        return replace(self, file=file.name, size=file.stat().st_size, sha256=digest)
+            for block in iter(partial(content.read, 1 << 20), b""):
+                digest.update(block)
+        return replace(self, file=file.name, size=file.stat().st_size, sha256=digest.hexdigest())
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Recording:

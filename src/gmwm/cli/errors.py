@@ -52,10 +52,13 @@ class OneLineErrors(TyperGroup):
         prog_name: str | None = None,
         complete_var: str | None = None,
         standalone_mode: bool = True,
-        windows_expand_args: bool = True,
+        windows_expand_args: bool = False,
         **extra: Any,
     ) -> NoReturn:
-        """Run the command that the arguments name, and exit with its code. Errors that are bugs in gmwm propagate."""
+        """Run the command that the arguments name, and exit with its code. Errors that are bugs in gmwm propagate.
+
+        Windows shells leave patterns as they are, and so does this, because gmwm takes `hour_*.csv` for one recording.
+        """
         try:
             code = super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
             sys.stdout.flush()

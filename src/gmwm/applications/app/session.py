@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Literal, Self, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.calibration.options import CalibrationOptions
@@ -15,6 +15,9 @@ from gmwm.recording.options import ReadOptions, one_of
 from gmwm.showing.exporters import export_formats
 from gmwm.showing.exporters.reduction import Rule
 from gmwm.showing.plots.view import UnitSystem, ViewName
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 FORMAT = "gmwm-session"
 VERSION = 1

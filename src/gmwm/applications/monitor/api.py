@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal
 
 from numpy.typing import ArrayLike
 
@@ -36,6 +36,8 @@ from gmwm.recording.chunks import Chunk
 from gmwm.recording.options import as_whole_number
 
 if TYPE_CHECKING:
+    from typing_extensions import Self
+
     from gmwm.files.readers.streams import Stream
     from gmwm.recording.signals import Imu
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-import tomllib
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -13,6 +13,11 @@ from typing import Any
 
 from gmwm.base.remarks.severity import Severity
 from gmwm.base.template import Fact, Quantity
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 SECTIONS: Mapping[str, str] = {
     "reading": "Reading a file",

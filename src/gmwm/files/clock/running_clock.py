@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,9 @@ from gmwm.files.clock.rate_check import CHANGED, CHANGED_BURSTS, require_one_rat
 from gmwm.files.clock.sampling_interval import find_losses, resolution_of
 from gmwm.files.clock.stamp_order import in_order, without_steps_back
 from gmwm.files.clock.time_stamps import SegmentStarts, Timing, about_stamps
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 # Pinned by tests/readers/test_growing.py.
 

@@ -145,7 +145,7 @@ class MemberSource(FileSource):
 def zstd_library() -> ModuleType:
     """Return the Zstandard module: from the standard library since Python 3.14, from a backport before."""
     if sys.version_info >= (3, 14):
-        from compression import zstd
+        from compression import zstd  # novermin
     else:
         from backports import zstd
     return zstd

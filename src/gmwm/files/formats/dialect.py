@@ -25,7 +25,7 @@ COMMENT_SIGNS = ("#", "%", "//", "!")
 MISSING_WORDS = ("NA", "N/A", "#N/A", "n/a", "na", "null", "NULL", "Null", "none", "None", "<NA>")
 """Words that programs write instead of a missing number, besides NaN and an empty cell."""
 
-_NUMBER = re.compile(r"[+-]?(\d++\.?\d*+|\.\d++)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?")
 """Pattern of a number with points between groups of three digits, as programs with a decimal comma write it."""
 _NAME_IN_BLANKS = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\]()\[]*[\])])?|\([^()]*\)|\[[^\]\[]*\]")
@@ -157,7 +157,7 @@ def detect(lines: list[str], path: object) -> TextDialect:
 
 
 _LABEL = r"[A-Za-z_][\w.]*\s*[:=]\s*"
-_LABELLED = re.compile(rf"\s*(?:({_LABEL})[-+]?[\d.][^\s,;:=]*+[\s,;]*+){{2,}}")
+_LABELLED = re.compile(rf"\s*(?:({_LABEL})[-+]?[\d.][^\s,;:=]*(?![^\s,;:=])[\s,;]*(?![\s,;])){{2,}}")
 _ARROW = re.compile(r"\s*\d\d:\d\d:\d\d[.,]\d+ -> ")
 
 

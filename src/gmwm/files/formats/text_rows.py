@@ -37,9 +37,9 @@ if TYPE_CHECKING:
     import polars as pl
 
 _BIG_INTEGER = 15  # digits that float64 always holds exactly
-# Possessive, because a file may have millions of blank lines.
-_BLANK_RUN = re.compile(rb"\n(?:[ \t\r]*+\n)++")
-_BLANK_BEGIN = re.compile(rb"\A(?:[ \t\r]*+\n)++")
+# Without a group that repeats, because a file may have millions of blank lines.
+_BLANK_RUN = re.compile(rb"\n[ \t\r\n]*\n")
+_BLANK_BEGIN = re.compile(rb"\A[ \t\r\n]*\n")
 _GAP = b"NA"  # text in each cell of a row that replaces a bad line
 _POINT = re.compile(rb"\d\.\d{3}(?!\d)")
 _WORDS = re.compile(rb"(?i)n/?a\b|null|none")

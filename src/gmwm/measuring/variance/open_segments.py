@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,9 @@ from gmwm.measuring.variance.rise import RiseSums
 from gmwm.measuring.variance.segment_state import SegmentState
 from gmwm.recording.batches import feed
 from gmwm.recording.signals import Signal
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 EXACT = 14
 """Default number of levels at which an accumulator uses every coefficient."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from gmwm.base import _core
 from gmwm.base.arrays import Vector
 from gmwm.measuring.variance.blocks import STEPS, Blocks, Statistics, StatisticsCollector, blocks_of
 from gmwm.measuring.variance.sketch import SKETCH_COLLECTOR, Sketch, Sketches
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 LONGEST = 1 << 61
 """Largest number of samples of a stored state: a 64-bit integer can hold its sum with the first index."""

@@ -6,7 +6,9 @@ import contextlib
 import os
 import shutil
 import subprocess
+import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 from gmwm.base.errors import OptionError
@@ -14,10 +16,30 @@ from gmwm.base.errors import OptionError
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge")
 """Names of browsers that can print a page. The first that is installed is used."""
 
+PLACES = {
+    "win32": (
+        "Google/Chrome/Application/chrome.exe",
+        "Microsoft/Edge/Application/msedge.exe",
+        "Chromium/Application/chrome.exe",
+    ),
+    "darwin": ("Google Chrome", "Chromium", "Microsoft Edge"),
+}
+"""Where the installers of Windows and macOS put these browsers, which are not on the path there."""
+_ROOTS = ("PROGRAMFILES", "PROGRAMFILES(X86)", "LOCALAPPDATA")
+
 
 def browser() -> str | None:
     """Return the path of an installed Chromium or a browser based on it; None if there is none."""
-    return next(filter(None, map(shutil.which, NAMES)), None)
+    return next(filter(None, map(shutil.which, (*NAMES, *_installed()))), None)
+
+
+def _installed() -> Iterator[str]:
+    """Return the files where installers put a browser on this system."""
+    for place in PLACES.get(sys.platform, ()):
+        if sys.platform == "darwin":
+            yield f"/Applications/{place}.app/Contents/MacOS/{place}"
+        else:
+            yield from (str(Path(os.environ[root], place)) for root in _ROOTS if root in os.environ)
 
 
 def print_html(html: str, path: Path) -> None:

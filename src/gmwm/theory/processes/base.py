@@ -12,7 +12,7 @@ from abc import ABC
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,6 +33,8 @@ from gmwm.theory.processes.validation import as_clusters, as_frequencies, as_lag
 from gmwm.theory.statespace import StateSpace, haar_variances
 
 if TYPE_CHECKING:
+    from typing_extensions import Self
+
     from gmwm.theory.processes.model import Model
 
 registry: dict[str, type[Process]] = {}

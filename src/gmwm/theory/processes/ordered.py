@@ -13,13 +13,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
 from types import new_class
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from gmwm.base.errors import ModelError
 from gmwm.theory.processes.base import Process, admit_guest_processes, registry
 from gmwm.theory.processes.parameter import Fixed, Parameter, Value
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 ordered_classes: dict[str, type[Ordered]] = {}
 """Every ordered process by name, in display order."""
