@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import PureWindowsPath
 
 import numpy as np
 
@@ -46,7 +47,9 @@ def given_calibration(given: Given) -> Calibration:
     ['gyroscope_noise_density: 4.363323e-05  # rad/s/sqrt(Hz)']
     """
     axes = {axis: _axis(axis, model, given.rate) for axis, model in given.models.items()}
-    return Calibration(axes=axes, failed={}, settings=CalibrationOptions(), source=given.source)
+    # The text of a datasheet is a source as well, and contains slashes: only a file has a name without folders.
+    source = PureWindowsPath(given.source).name if given.written else given.source
+    return Calibration(axes=axes, failed={}, settings=CalibrationOptions(), source=source)
 
 
 def fitted_calibration(fits: Mapping[str, Fit], source: str = "") -> Calibration:

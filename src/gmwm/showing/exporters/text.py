@@ -36,10 +36,8 @@ def recording(calibration: Calibration) -> str:
     """
     if is_given(calibration):
         return f"Source: {calibration.source}. These numbers were given, and not measured by gmwm."
-    source = f"{calibration.source}, " if calibration.source else ""
-    one = calibration.recording
-    found = [one] if one else list(calibration.recordings.values())
-    digests = list(dict.fromkeys(item.sha256 for item in found if item.sha256))
+    source = f"{calibration.source_name}, " if calibration.source else ""
+    digests = checksums(calibration)
     # Sensors with different clocks can have different rates and lengths.
     extents: dict[float, str] = {}
     for fit in calibration.values():
@@ -48,6 +46,13 @@ def recording(calibration: Calibration) -> str:
     return (
         f"Recording: {source}{extent}{f', SHA-256 {list_text(digests)}' if digests else ''}.{_conditions(calibration)}"
     )
+
+
+def checksums(calibration: Calibration) -> list[str]:
+    """Return the SHA-256 of each file of a calibration that has one."""
+    single = calibration.recording
+    recordings = [single] if single else calibration.recordings.values()
+    return list(dict.fromkeys(item.sha256 for item in recordings if item.sha256))
 
 
 def is_given(calibration: Calibration) -> bool:
