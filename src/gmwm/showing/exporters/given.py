@@ -18,10 +18,6 @@ from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.parameter import Fixed
 
-SECONDS = 3600.0
-"""Length (s) of the recording that given noise parameters are assumed to describe. A program with a Gauss-Markov bias
-gets this correlation time for a random walk."""
-
 
 def given_calibration(given: Given) -> Calibration:
     """Return given noise parameters as a calibration without confidence intervals.
@@ -70,7 +66,8 @@ def _axis(axis: str, model: Model, rate: float) -> AxisCalibration:
     held = model.with_values(
         {name: Fixed(float(value)) for name, value in model.parameters.items() if value is not None}
     )
-    samples = round(SECONDS * rate)
+    # Given parameters are assumed to describe an hour: the correlation time of a Gauss-Markov bias for a random walk.
+    samples = round(3600.0 * rate)
     levels = int(np.log2(samples))
     variance = held.wavelet_variance(levels, rate)
     unit = SI_UNIT["gyro" if axis.startswith("gyro") else "accel"]

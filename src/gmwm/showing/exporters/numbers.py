@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from gmwm.calibration import Calibration
 
 FORMAT = "gmwm-numbers"
-VERSION = 1
 
 
 @register
@@ -37,7 +36,7 @@ class JsonNumbers(Exporter):
         """Return the text of the JSON document."""
         content = {
             "format": FORMAT,
-            "version": VERSION,
+            "version": 1,
             "gmwm": version(),
             "source": calibration.source_name,
             "sha256": checksums(calibration),

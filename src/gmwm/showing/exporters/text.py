@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from gmwm.calibration import Calibration
 
 _WIDTH = 116
-NOTES = 15
-"""Largest number of comment lines below the numbers of a file."""
 REST = "All models, intervals and remarks: report.html of the calibration, or `calibration.report()`."
 """Last comment line of a file."""
 _DOUBTFUL_UNITS = ("gravity-off", "unit-overruled")
@@ -105,7 +103,7 @@ def commented_notes(notes: Sequence[str], mark: str) -> list[str]:
     lines: list[str] = []
     for note in notes:
         more = commented([note], mark)
-        if len(lines) + len(more) < NOTES:
+        if len(lines) + len(more) < 15:
             lines += more
     return [*lines, *commented([REST], mark)]
 
