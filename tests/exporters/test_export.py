@@ -11,6 +11,7 @@ import pytest
 import gmwm
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.remarks import Quantity, Remark
+from gmwm.calibration.recording_info import Recording
 from gmwm.showing.exporters import export_all, export_formats
 from gmwm.showing.exporters.text import plain, unended
 from tests.helpers import only, raises, warns
@@ -137,9 +138,27 @@ def test_texts_from_elsewhere_stay_in_the_head(units, format):
     assert not any(line.endswith("\\") for line in text.splitlines())
 
 
+@pytest.mark.parametrize("format", sorted(CONSUMERS))
+def test_files_name_a_recording_without_its_folders(units, format):
+    """A file that is handed on shows the name and the SHA-256 of a recording, and not where it was stored."""
+    unit = units["quantized"]
+    recording = Recording(
+        samples=1000, rate=100.0, duration=10.0, segments=1, missing=0.0, jitter=None, static=True, knocks=0,
+        gravity=None, temperature=None, file="run_7.csv", sha256="5ec0" * 16,
+    )  # fmt: skip
+    for source in ("/home/alice/secret/run_7.csv", r"C:\Users\alice\secret\run_7.csv"):
+        text = replace(unit, source=source, recording=recording).export(format=format)
+        assert "run_7.csv, " in text
+        assert "5ec05ec0" in text
+        assert "alice" not in text
+    pair = replace(unit, source="/home/alice/gyro.csv and /home/alice/accel.csv")
+    assert "gyro.csv and accel.csv" in " ".join(pair.export(format=format).split())
+    assert "alice" not in pair.export(format=format)
+
+
 def test_hostile_texts_do_no_harm_elsewhere(units):
     calibration = replace(units["quantized"], source=HOSTILE)
-    assert json.loads(calibration.export(format="json"))["source"] == HOSTILE
+    assert json.loads(calibration.export(format="json"))["source"] in HOSTILE
     assert list(yaml(calibration.export(format="ros"))) == [
         "angular_velocity_covariance", "linear_acceleration_covariance"
     ]  # fmt: skip

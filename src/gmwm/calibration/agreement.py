@@ -27,8 +27,6 @@ from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.noise import QN, WN
 from gmwm.theory.processes.sinusoid import SIN
 
-_FARTHEST = 40.0
-"""Number of standard errors beyond which a normal p-value is zero in double precision."""
 _SLOW = ("K", "R")
 """Symbols of the datasheet numbers that depend on the slow terms of a model."""
 _SIGNED = "R"
@@ -274,7 +272,7 @@ def _below(limit: Entry, z: float, x: float, s: float, signed: bool) -> float:
         square = (value / high) ** 2
         return math.log(high) + 0.5 * math.log(max(square + share * (1 - square), 1e-300)) < x - width * s
 
-    low, high = 0.0, _FARTHEST
+    low, high = 0.0, 40.0  # beyond 40 standard errors, a normal p-value is zero in double precision
     if not apart(low):
         return 1.0
     while high - low > 1e-6:

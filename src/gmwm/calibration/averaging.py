@@ -29,7 +29,6 @@ model says nothing about the white noise of another one."""
 UNKNOWN = 1e4
 """Largest ratio of the ends of the interval of q_c for which a Gauss-Markov term counts as determined. A model with an
 undetermined term is no better than a smaller model, and its intervals are not valid (docs/validation/sensors.md)."""
-_HALVINGS = 80
 _LARGEST = 700.0
 _TIMES = ("T_c", "q_c")
 WALK = "K"
@@ -105,7 +104,7 @@ def averaged_interval(estimates: Sequence[WeightedEstimate], level: float) -> tu
 
 
 def _crossing(above: Callable[[float], float], wanted: float, first: float, last: float) -> float:
-    for _ in range(_HALVINGS):
+    for _ in range(80):  # halvings, to the last digit
         middle = (first + last) / 2
         first, last = (middle, last) if above(math.exp(middle)) > wanted else (first, middle)
     return math.exp((first + last) / 2)

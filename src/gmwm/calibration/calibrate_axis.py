@@ -32,9 +32,6 @@ from gmwm.theory.processes.walk import RW
 
 STAGES = ("measured", "model chosen", "fitted", "judged")
 """Names of the steps of the calibration of one axis, as the progress callback gets them."""
-LONGER = 10
-"""Number of times that `needed_lengths` doubles the recording length at most, which is a factor of 1024
-(tests/calibration/test_calibrate.py)."""
 
 
 def calibrate_axis(
@@ -175,7 +172,7 @@ def needed_lengths(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[
     model = Model(tuple(process for _, process in terms))
     label = {new: old for new, (old, _) in zip(model.terms, terms, strict=True)}
     lengths: dict[str, float | None] = dict.fromkeys(poor, math.inf)
-    for doubling in range(1, LONGER + 1):
+    for doubling in range(1, 11):  # at most 1024 times the length (tests/calibration/test_calibrate.py)
         samples = fit.wavelet_variance.samples << doubling
         names, errors = relative_errors(model, samples, fit.wavelet_variance.rate, weighting)
         for name, error in zip(names, errors.tolist(), strict=True):

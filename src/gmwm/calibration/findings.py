@@ -47,9 +47,6 @@ LARGE = 1.5
 """Ratio of the wavelet variances of model and data (or its inverse) above which a remark says that the model does not
 describe the data (tests/calibration/test_misfit.py)."""
 
-SHARE = 0.05
-"""Smallest share of the wavelet variance of any level for which a remark says that lines affect the numbers. It changes
-a density such as N, which is the square root of a variance, by 2.5 %."""
 _RAMP = "R"
 """Symbol of the rate ramp in a datasheet."""
 
@@ -299,8 +296,9 @@ def _lines(axis: str, found: AxisCalibration, lines: tuple[Line, ...]) -> Remark
     strongest = sorted(lines, key=lambda line: -line.amplitude)
     share, tau = line_share(wv, lines)
     modelled = line_in(found.fit.model) is not None
+    # 5 % of the wavelet variance at any level change a density such as N, the root of a variance, by 2.5 %.
     return Remark.of(
-        "lines-found" if share >= SHARE and not modelled else "lines-known",
+        "lines-found" if share >= 0.05 and not modelled else "lines-known",
         axis,
         frequencies=tuple(Quantity(line.frequency, "Hz") for line in strongest),
         amplitudes=tuple(Quantity(line.amplitude, wv.unit) for line in strongest),

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 _LINE = "linear-trend"
 _RAMP = "R"
 """Symbol of the rate ramp in a datasheet."""
-NAMED = 3
-"""Pairs of axes that a sentence names. A choice: six axes have 15 pairs."""
 
 
 def recording_remarks(
@@ -56,8 +54,9 @@ def recording_remarks(
 
 def pairs_facts(pairs: tuple[str, ...]) -> dict[str, Any]:
     """Return the facts of pairs of axes in the order of their correlations; a sentence names at most `NAMED`."""
+    # A sentence names three pairs of axes at most, because six axes have 15 pairs.
     return {
-        "pairs": pairs, "count": len(pairs), "strongest": pairs[:NAMED], "many": "yes" if len(pairs) > NAMED else "no",
+        "pairs": pairs, "count": len(pairs), "strongest": pairs[:3], "many": "yes" if len(pairs) > 3 else "no",
     }  # fmt: skip
 
 

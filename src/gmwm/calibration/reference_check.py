@@ -30,9 +30,6 @@ ReferenceLike = Mapping[str, tuple[float, str]] | Given | str | os.PathLike[str]
 CLOSE = 0.1
 """Largest relative difference for which a reference outside the confidence interval counts as close. Datasheets round
 their numbers to two digits."""
-NEAR = 0.15
-"""Largest relative difference between a ratio and a conversion factor for which a remark names the factor. The value is
-a choice that is larger than most confidence intervals."""
 LEAST = 3.0
 """Smallest ratio (or inverse ratio) of reference and measured value for which a wrong unit is suspected."""
 POWERS = {"Q": 1.0, "N": 0.5, "B": 0.0, "K": -0.5, "R": -1.0}
@@ -300,7 +297,8 @@ def _cause(row: ReferenceNumber, rate: float) -> str | None:
         return None
     distance = abs(math.log(row.factor))
     for cause, size in {"rate": math.sqrt(rate), "hour": 60.0, "degree": 180 / math.pi}.items():
-        if abs(distance - math.log(size)) < math.log1p(NEAR) and size > LEAST:
+        # A remark names a conversion factor that is within 15 % of the ratio: more than most confidence intervals.
+        if abs(distance - math.log(size)) < math.log1p(0.15) and size > LEAST:
             return cause
     return None
 

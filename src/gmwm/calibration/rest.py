@@ -40,8 +40,6 @@ STEEPEST = 20.0
 """Largest angle (°) between an axis and the vertical at which the bias of the axis is computed although the attitude is
 not known. At smaller angles, the biases of the level axes change the gravity along the axis by less than 0.07 m/s²
 (tests/calibration/test_rest.py)."""
-LONGEST = 3600.0
-"""Longest duration (s) over which the rms of the bias is computed. For a shorter recording, it is its own duration."""
 
 
 class AxisMean(NamedTuple):
@@ -208,7 +206,8 @@ def bias_at_rest(fit: Fit, ranking: Ranking, means: Sequence[AxisMean], *, level
         spread = (math.sqrt(float(all_of.spread2)), least, most) if removed else None
     mean = centre + float(np.mean(values - x))
     wv = fit.wavelet_variance
-    duration = min(LONGEST, max(mean_of_recording.span for mean_of_recording in means) / wv.rate)
+    # The rms of the bias is computed over an hour, or over the duration of a shorter recording.
+    duration = min(3600.0, max(mean_of_recording.span for mean_of_recording in means) / wv.rate)
     rms = _average(_of_models(terms, lambda mean_of_recording: mean_of_recording.variance_over(duration)))
     rms_ends = _limits(rms, level)
     return BiasAtRest(

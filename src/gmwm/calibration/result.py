@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from gmwm.base.atomic_files import write_text
@@ -221,6 +221,11 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
     def verdicts(self) -> dict[str, Verdict]:
         """Outlier tests, for the axes that were calibrated from samples."""
         return {axis: item.verdict for axis, item in self.axes.items() if item.verdict is not None}
+
+    @property
+    def source_name(self) -> str:
+        """The source without folders, for files that users hand on. Together with the SHA-256 it names a recording."""
+        return " and ".join(PureWindowsPath(part).name for part in self.source.split(" and "))
 
     @cached_property
     def remarks(self) -> list[Remark]:

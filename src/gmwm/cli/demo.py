@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 EXAMPLES = ("gmwm demo", "gmwm demo --output here --seed 3")
 
 RATE = 100.0
-SAMPLES = 720_000
 RESOLUTION = {"gyro": 1e-5, "accel": 1e-4}
 """Quantization step of the simulated sensors (rad/s, m/s²): 1 % of their noise, so it does not affect the results."""
 
@@ -97,7 +96,7 @@ def _simulate(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
     from gmwm.theory.simulation import simulate
 
     with progress("simulating"):
-        imu = simulate(truth, rate=RATE, samples=SAMPLES, rng=seed, resolution=RESOLUTION)
+        imu = simulate(truth, rate=RATE, samples=720_000, rng=seed, resolution=RESOLUTION)
     with progress(f"writing {file}"):
         imu.write(file)
     return imu

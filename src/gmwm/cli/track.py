@@ -38,10 +38,6 @@ EXAMPLES = (
     "gmwm track static.csv --model 'WN + RW' --axis gyro_x --predict 10min",
 )
 
-SHORT_CORRELATION = 10.0
-"""Correlation time (samples) below which a remark says that a term of the bias is rather noise than bias
-(tests/cli/test_cli_track.py)."""
-
 
 @command
 def track(
@@ -176,7 +172,8 @@ def _fast_terms(axis: str, found: Tracks) -> Iterator[Remark]:
 
     for term, process in zip(found.model.terms, found.model.processes, strict=True):
         time = process.correlation_time(found.rate) or 0.0
-        if process.scale > 0 and wanders(process, found.rate) and time * found.rate < SHORT_CORRELATION:
+        # A term with a correlation time below 10 samples is rather noise than bias (tests/cli/test_cli_track.py).
+        if process.scale > 0 and wanders(process, found.rate) and time * found.rate < 10.0:
             duration = Quantity(time, "s")
             yield Remark.of("bias-has-noise", axis, term=term, duration=duration, samples=time * found.rate)
 

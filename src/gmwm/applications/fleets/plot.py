@@ -36,16 +36,10 @@ UNIT_SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "
 HALF = 0.4
 """Half of the width of the strip that shows one axis. The centres of neighbouring strips have the distance 1."""
 COLUMNS = 3
-EVEN = 4.0
-"""Ratio of the values below which the axis is linear and has more ticks. Pinned by tests/plots/test_plot_limits.py."""
 NAMED, LETTERS = 3, 14
 """Largest number of named outliers in a panel, and letters of a name. Pinned by tests/plots/test_plot_fleet.py."""
 CLEAR, LETTER = 0.07, 0.036
 """Height of the name of an outlier, and width of each of its letters, as fractions of the panel."""
-SMALL = 0.005
-"""Largest value for which the axis has a power of ten. Pinned by tests/plots/test_plot_fleet.py."""
-REACH = 3.0
-"""Factor by which an interval may extend the axis. Pinned by tests/plots/test_plot_limits.py."""
 ROW, BELOW = 52.0, 22.0
 """Height (mm) of a row of panels, and of the legend."""
 
@@ -96,7 +90,8 @@ def _panel(sensor: str, samples: Sequence[ParameterSample], statistics: FleetSta
     unit, factor = shown_unit(first.unit)
     power, strips = 0, _strips(samples, statistics, factor, units)
     size = float(np.nanmax(np.abs(np.concatenate([strip.heights for strip in strips])), initial=0.0))
-    if size < SMALL:
+    # Smaller values have a power of ten in the label of the axis (tests/plots/test_plot_fleet.py).
+    if size < 0.005:
         power = power_of(size)
         strips = _strips(samples, statistics, factor / 10.0**power, units)
     x = Axis("", (0.5, len(samples) + 0.5), _ticks(samples), linear=math.inf)
@@ -142,7 +137,8 @@ def _strip(place: int, sample: ParameterSample, found: FleetStatistics, factor: 
         bars = np.repeat(across, 3), np.column_stack([low, high, np.full(order.size, np.nan)]).ravel()
         marks.append(Line(*bars, Stroke(stroke.colour, 0.8), "", BEHIND))
         marks += _dots(across, value, order, alike=alike, colour=stroke.colour, units=units)
-        heights = np.concatenate([value, np.maximum(low, value / REACH), np.minimum(high, value * REACH)])
+        # An interval extends the axis by a factor of 3 at most (tests/plots/test_plot_limits.py).
+        heights = np.concatenate([value, np.maximum(low, value / 3.0), np.minimum(high, value * 3.0)])
         heights = np.concatenate([value, low, high]) if row.signed else heights
     else:
         shown = np.flatnonzero(alike)
@@ -225,7 +221,8 @@ def _height_axis(values: Vector, label: str, *, signed: bool) -> Axis:
     if not shown.size:
         return value_axis(limits_of(shown), label)
     low, high = float(shown.min()), float(shown.max())
-    if high < EVEN * low:
+    # Values within a factor of 4 have a linear axis with more ticks (tests/plots/test_plot_limits.py).
+    if high < 4.0 * low:
         # Leave room above for the names of outliers.
         return even_axis(low, high, label, margin=0.16, at_most=6)
     room = (high / low) ** 0.16

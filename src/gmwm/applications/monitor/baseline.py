@@ -22,8 +22,6 @@ LEAST_BLOCKS = 80
 """Least blocks for the mean square of a level: standard error below 7 %, less than the dead band."""
 LARGEST = 1e15
 """Largest number in a baseline; ratios, shapes and scatter are at least 1 / `LARGEST`. Other numbers are damage."""
-REACH = 5
-"""A chart of block means uses the largest scatter of its level and of this number of coarser levels."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -204,5 +202,6 @@ def _block_means(sums: _BlockSums) -> tuple[float, ...]:
         if z.size < 30:  # the standard error of the scatter is then 13 %
             # A chart adds up to about 2^REACH blocks before it raises an alarm, so the scatter of longer blocks matters
             # too.
-            return tuple(max(scatter[k : k + REACH + 1]) for k in range(len(scatter)))
+            # A chart of block means uses the largest scatter of its level and of the five next coarser levels.
+            return tuple(max(scatter[k : k + 6]) for k in range(len(scatter)))
         scatter.append(max(1.0, math.sqrt(float(np.mean(np.square(z))))))

@@ -12,14 +12,11 @@ from gmwm.showing.reports.sections import Section
 if TYPE_CHECKING:
     from gmwm.calibration.result import Calibration
 
-DURATION = 60.0
-"""Time of navigation without corrections (s) for the report, such as an outage of satellite positions in a tunnel."""
-
 
 def budget_section(calibration: Calibration) -> Section | None:
     """Return the error budget; None if it cannot be computed, for example because an axis is in raw counts."""
     try:
-        budget = calibration.budget(DURATION)
+        budget = calibration.budget(60.0)  # s, such as an outage of satellite positions in a tunnel
     except GmwmError:
         return None
     rows = [[growth.title, error_text(growth), terms_text(growth)] for growth in budget.growths.values()]

@@ -19,8 +19,6 @@ from gmwm.base.arrays import Matrix, Vector
 
 STEPS = 300
 """Largest number of Newton steps; 30 to 60 are usual (tests/joint/test_conic.py)."""
-WARM = 1e-7
-"""Barrier parameter μ of the solution that is kept as the start of a similar problem."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +103,8 @@ def _least_squares(design: Matrix, target: Vector, cone: Cone, *, gap: float, wa
     else:
         s = cone.unknowns(warm) / unit
     rank = cone.full.size * cone.d
-    mu, steps, inside = 0.1 if warm is None else WARM, 0, s
+    # The solution at the barrier parameter μ = 1e-7 is kept as the start of a similar problem.
+    mu, steps, inside = 0.1 if warm is None else 1e-7, 0, s
     for near in (1.0, 0.1):  # squared Newton decrement over μ at the end of a round: of all rounds, and of the last one
         while True:
             while steps < STEPS:
@@ -118,7 +117,7 @@ def _least_squares(design: Matrix, target: Vector, cone: Cone, *, gap: float, wa
                 steps += 1
                 if -float(gradient @ step) < near * mu:
                     break
-            if mu >= WARM:
+            if mu >= 1e-7:
                 inside = s
             value = float(np.sum((rows @ s - y) ** 2)) + beyond
             if 2 * rank * mu <= gap * value or steps >= STEPS or mu < 1e-15:

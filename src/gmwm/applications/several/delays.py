@@ -17,8 +17,6 @@ WINGS = 12
 """Largest lag (samples) of the correlations. A sinusoid is correlated at all lags, delayed broadband noise is not."""
 GAIN_IN_ERRORS = 5.0
 """Smallest gain of correlation by a delay, in standard errors. tests/joint/test_cross.py pins this module."""
-FAR_SHARE = 0.4
-"""Largest correlation far from the delay, and asymmetry around it, as a share of the correlation at the delay."""
 
 
 def delays_of(signals: Mapping[str, Signal]) -> AxisPairs[int]:
@@ -55,7 +53,8 @@ def _delay(correlation: Vector, count: int) -> int:
     offsets = np.arange(1, LARGEST_DELAY + 1)
     uneven = np.abs(correlation[peak + offsets] - correlation[peak - offsets]).max()
     far = np.concatenate([size[: peak - LARGEST_DELAY - 2], size[peak + LARGEST_DELAY + 3 :]]).max()
-    return delay if max(uneven, far) <= FAR_SHARE * size[peak] else 0
+    # Far from the delay, and in its asymmetry around it, the correlation is at most 0.4 of that at the delay.
+    return delay if max(uneven, far) <= 0.4 * size[peak] else 0
 
 
 def _correlation(a: Vector, b: Vector, lag: int) -> float:

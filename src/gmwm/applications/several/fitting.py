@@ -25,8 +25,6 @@ MOST_SIGNALS = 12
 """Largest number of signals. The covariance matrix of all moments takes 10 MB for 12 signals and 0.5 GB for 28."""
 PRIOR = 1000.0
 """Degrees of freedom of the fitted variances in the average that scales V; see `gmwm.estimation.reweighting`."""
-ROUNDS = 12
-"""Largest number of rounds (new weights, then a new estimate); 3 to 5 are usual."""
 MEMORY = (-3.0, 0.9)
 """Limits of the extrapolation. It reduces the change of six signals in round 12 from 0.4 % to 0.004–0.06 %."""
 
@@ -68,7 +66,8 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> JointSolu
     estimate = first(problem)
     weights = _Mixed.of(problem, estimate.u, estimate.sigmas)
     accuracy = ROUGH
-    for k in range(ROUNDS):
+    # Rounds of new weights and a new estimate: 3 to 5 are usual.
+    for k in range(12):
         products = lag_products(problem.processes(weights.u), design)
         wavelet = measured.design.loss_factor * moment_covariance(weights.sigmas, products)
         problem = replace(problem, root=_root(wavelet * _scale(problem, weights.implied)))

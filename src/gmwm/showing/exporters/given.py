@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import PureWindowsPath
 
 import numpy as np
 
@@ -16,10 +17,6 @@ from gmwm.fitting.estimation.result import GIVEN, Diagnostics, Fit
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.parameter import Fixed
-
-SECONDS = 3600.0
-"""Length (s) of the recording that given noise parameters are assumed to describe. A program with a Gauss-Markov bias
-gets this correlation time for a random walk."""
 
 
 def given_calibration(given: Given) -> Calibration:
@@ -46,7 +43,9 @@ def given_calibration(given: Given) -> Calibration:
     ['gyroscope_noise_density: 4.363323e-05  # rad/s/sqrt(Hz)']
     """
     axes = {axis: _axis(axis, model, given.rate) for axis, model in given.models.items()}
-    return Calibration(axes=axes, failed={}, settings=CalibrationOptions(), source=given.source)
+    # The text of a datasheet is a source as well, and contains slashes: only a file has a name without folders.
+    source = PureWindowsPath(given.source).name if given.written else given.source
+    return Calibration(axes=axes, failed={}, settings=CalibrationOptions(), source=source)
 
 
 def fitted_calibration(fits: Mapping[str, Fit], source: str = "") -> Calibration:
@@ -67,7 +66,8 @@ def _axis(axis: str, model: Model, rate: float) -> AxisCalibration:
     held = model.with_values(
         {name: Fixed(float(value)) for name, value in model.parameters.items() if value is not None}
     )
-    samples = round(SECONDS * rate)
+    # Given parameters are assumed to describe an hour: the correlation time of a Gauss-Markov bias for a random walk.
+    samples = round(3600.0 * rate)
     levels = int(np.log2(samples))
     variance = held.wavelet_variance(levels, rate)
     unit = SI_UNIT["gyro" if axis.startswith("gyro") else "accel"]

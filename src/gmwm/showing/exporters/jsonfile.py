@@ -12,7 +12,6 @@ from gmwm.showing.exporters.text import commented, commented_notes, shortened
 
 HEAD, NOTES = "gmwm", "gmwm_notes"
 """Keys of the head and of the notes. Programs ignore keys that they do not know."""
-_DIGITS = 7
 
 
 class JsonFile(TwoNumbers):
@@ -47,4 +46,4 @@ def _rounded(value: Any) -> Any:
         return {key: _rounded(item) for key, item in value.items()}
     if isinstance(value, list):
         return [_rounded(item) for item in value]
-    return float(f"{value:.{_DIGITS}g}") if isinstance(value, float) else value
+    return float(f"{value:.7g}") if isinstance(value, float) else value

@@ -11,7 +11,6 @@ from gmwm.showing.exporters.reduction import Number
 from gmwm.showing.exporters.text import row_mark, written
 
 _DEGREE = math.pi / 180
-_MILLIGAL = 1e-5
 
 
 @register
@@ -47,7 +46,7 @@ class KfGins(GaussMarkov):
             _row("arw", gyro.N, 60 / _DEGREE, "deg/sqrt(h)"),
             _row("vrw", accel.N, 60, "m/s/sqrt(h)"),
             _row("gbstd", sigmas[0], 3600 / _DEGREE, "deg/h"),
-            _row("abstd", sigmas[1], 1 / _MILLIGAL, "mGal"),
+            _row("abstd", sigmas[1], 1e5, "mGal"),
             f"  corrtime: {written(time / 3600)}  # h{'' if measured else '  not measured'}",
         ]
 

@@ -17,11 +17,6 @@ if TYPE_CHECKING:
     from gmwm.calibration import Calibration
 
 
-_AS_WALK = 1e5
-"""Largest correlation time, relative to the longest averaging time, of the bias beside which the white noise is fitted.
-This bias is a random walk within 1e-5 (tests/importers/test_files.py)."""
-
-
 @dataclass(frozen=True)
 class Bias:
     """White noise and Gauss-Markov bias of one axis.
@@ -73,7 +68,8 @@ def biases(axes: Sequence[AxisNoise], low: float, high: float, *, common: bool) 
     for group in groups:
         curves = [Curve.of(axis.fit, low, high) for axis in group]
         # White noise is fitted beside a bias whose correlation time may be far longer, like that of a random walk.
-        white = [fit_states([curve], 1, low, _AS_WALK * high)[0].white for curve in curves]
+        # At 1e5 times the longest averaging time, it is a walk within 1e-5 (tests/importers/test_files.py).
+        white = [fit_states([curve], 1, low, 1e5 * high)[0].white for curve in curves]
         states = fit_states(curves, 1, low, high, white=white)
         fitted |= {
             axis.axis: Bias(

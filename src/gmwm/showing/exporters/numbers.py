@@ -14,12 +14,12 @@ from gmwm.showing.exporters.base import Exporter, ExportOptions, register
 from gmwm.showing.exporters.matrices import has_matrices
 from gmwm.showing.exporters.reduction import axis_noise
 from gmwm.showing.exporters.statespace import axis_matrices
+from gmwm.showing.exporters.text import checksums
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
 
 FORMAT = "gmwm-numbers"
-VERSION = 1
 
 
 @register
@@ -36,9 +36,10 @@ class JsonNumbers(Exporter):
         """Return the text of the JSON document."""
         content = {
             "format": FORMAT,
-            "version": VERSION,
+            "version": 1,
             "gmwm": version(),
-            "source": calibration.source,
+            "source": calibration.source_name,
+            "sha256": checksums(calibration),
             "about": "SI units. Continuous time, except the parameters (per sample, beta in 1/s) and the matrices F, "
             "Q, H, R, P0 (steps of one sample). Each axis by itself, without inflation. filter: N and K for the "
             "horizon; if upper_limit is true, the number is an upper limit. matrices.two_states: white noise and the "

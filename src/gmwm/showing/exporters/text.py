@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from gmwm.calibration import Calibration
 
 _WIDTH = 116
-NOTES = 15
-"""Largest number of comment lines below the numbers of a file."""
 REST = "All models, intervals and remarks: report.html of the calibration, or `calibration.report()`."
 """Last comment line of a file."""
 _DOUBTFUL_UNITS = ("gravity-off", "unit-overruled")
@@ -36,10 +34,8 @@ def recording(calibration: Calibration) -> str:
     """
     if is_given(calibration):
         return f"Source: {calibration.source}. These numbers were given, and not measured by gmwm."
-    source = f"{calibration.source}, " if calibration.source else ""
-    one = calibration.recording
-    found = [one] if one else list(calibration.recordings.values())
-    digests = list(dict.fromkeys(item.sha256 for item in found if item.sha256))
+    source = f"{calibration.source_name}, " if calibration.source else ""
+    digests = checksums(calibration)
     # Sensors with different clocks can have different rates and lengths.
     extents: dict[float, str] = {}
     for fit in calibration.values():
@@ -48,6 +44,13 @@ def recording(calibration: Calibration) -> str:
     return (
         f"Recording: {source}{extent}{f', SHA-256 {list_text(digests)}' if digests else ''}.{_conditions(calibration)}"
     )
+
+
+def checksums(calibration: Calibration) -> list[str]:
+    """Return the SHA-256 of each file of a calibration that has one."""
+    single = calibration.recording
+    recordings = [single] if single else calibration.recordings.values()
+    return list(dict.fromkeys(item.sha256 for item in recordings if item.sha256))
 
 
 def is_given(calibration: Calibration) -> bool:
@@ -100,7 +103,7 @@ def commented_notes(notes: Sequence[str], mark: str) -> list[str]:
     lines: list[str] = []
     for note in notes:
         more = commented([note], mark)
-        if len(lines) + len(more) < NOTES:
+        if len(lines) + len(more) < 15:
             lines += more
     return [*lines, *commented([REST], mark)]
 

@@ -28,14 +28,9 @@ WIDEST = 4.0
 """Smallest ratio of the longest averaging time to the horizon."""
 POINTS = 25
 """Number of averaging times in the fit, with equal distances in the logarithm."""
-BEYOND = 100.0
-"""Largest correlation time, relative to the longest averaging time. The Allan deviation of a Gauss-Markov process with
-this correlation time differs from a random walk by 0.3 % (tests/exporters/test_two_states.py)."""
 _TRIED = {1: 80, 2: 16}
 """Number of correlation times on the grid, by the number of states. All combinations are tried, and the best one is
 refined."""
-_NONE = 1e-12
-"""White noise, relative to the noise at the shortest averaging time, from which the search starts if it is zero."""
 
 Clusters = NDArray[np.int64]
 
@@ -126,7 +121,9 @@ def _two_states(fit: Fit, horizon: float, duration: float | None) -> TwoStates |
     longest = min(LONGEST, fit.wavelet_variance.samples / fit.wavelet_variance.rate) if duration is None else duration
     high = max(longest, WIDEST * horizon)
     curve = Curve.of(fit, horizon, high)
-    two, one = (fit_states([curve], count, horizon, BEYOND * high)[0] for count in (STATES, 1))
+    # At 100 times the longest averaging time, the Allan deviation of a Gauss-Markov process differs from that of a
+    # random walk by 0.3 % (tests/exporters/test_two_states.py).
+    two, one = (fit_states([curve], count, horizon, 100.0 * high)[0] for count in (STATES, 1))
     times = curve.clusters / curve.rate
     white, walk = noise["N"].value, noise["K"].value
     return TwoStates(
@@ -208,7 +205,8 @@ def fit_states(
 
     times, parts = _start(curves, count, low, high)
     held = 0 if white is None else 1
-    floors = [_NONE * curve.whole[0] / curve.white[0] for curve in curves]
+    # If there is no white noise, the search starts from a trace of it, because it takes logarithms.
+    floors = [1e-12 * curve.whole[0] / curve.white[0] for curve in curves]
     start = [math.log(max(x, floor)) for part, floor in zip(parts, floors, strict=True) for x in part[held:]]
     lower = np.array([-np.inf] * len(start) + [math.log(low)] * times.size)
     upper = np.array([np.inf] * len(start) + [math.log(high)] * times.size)

@@ -46,12 +46,6 @@ SYMBOLS: dict[Term, Symbol] = {"Q": "square", "N": "circle", "B": "triangle", "K
 """Symbols that mark where the coefficients are read from the fitted lines: N at 1 s, B at the minimum, K at 3 s."""
 # Width, largest height and distance from the border of the slope guides in a corner, as fractions of the panel.
 FAN_WIDTH, FAN_HEIGHT, FAN_MARGIN = 0.13, 0.16, 0.05
-REACH = 5.0
-"""Factor by which a fitted line extends on each side beyond the averaging times that it was fitted to. Pinned by
-tests/plots/test_plot_limits.py."""
-MOST_ADDED = 20.0
-"""Largest factor by which the vertical axis is extended to show the point where a coefficient is read. Pinned by
-tests/plots/test_plot_limits.py."""
 
 
 @dataclass(frozen=True)
@@ -188,7 +182,8 @@ def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides:
         sign = "≤" if line.bound else "="
         text = f"{line.term} {sign} {number_text(factor * line.coefficient)} {unit}"
         stroke = replace(term_stroke(k), width=1.1)
-        tau = np.array([min(line.first, line.reading_time) / REACH, max(line.last, line.reading_time) * REACH])
+        # The line extends by a factor of 5 beyond the averaging times of its fit (tests/plots/test_plot_limits.py).
+        tau = np.array([min(line.first, line.reading_time) / 5.0, max(line.last, line.reading_time) * 5.0])
         marks.append(Line(tau, view.factor * line.deviation(tau), stroke=stroke, label="", layer=MIDDLE))
         at = np.array([line.reading_time])
         symbol = replace(stroke, width=0.0, symbol=SYMBOLS[line.term])
@@ -204,7 +199,8 @@ def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides:
 def _axis_with(panel: Panel, heights: Sequence[Vector]) -> Axis:
     """Return the vertical axis of a panel, extended to include `heights`, but at most by the factor `MOST_ADDED`."""
     low, high = panel.y.limits
-    points = [float(height) for height in heights if low / MOST_ADDED < height < high * MOST_ADDED]
+    # The point where a coefficient is read extends the axis by 20 at most (tests/plots/test_plot_limits.py).
+    points = [float(height) for height in heights if low / 20.0 < height < high * 20.0]
     if all(low < height < high for height in points):
         return panel.y
     return value_axis((min(low, *(0.8 * h for h in points)), max(high, *(1.25 * h for h in points))), panel.y.label)

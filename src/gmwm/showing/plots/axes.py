@@ -21,9 +21,6 @@ _DURATIONS = (
 MANY_DECADES = 2.5
 """Smallest length of an axis (decades) for which only powers of ten are labelled. On shorter axes, 2 and 5 are labelled
 too. Pinned by tests/plots/test_plot_axes.py."""
-MANY_SIDED = 5.0
-"""Like `MANY_DECADES`, for an axis that is linear about zero. Its linear part counts as one decade on each side. Pinned
-by tests/plots/test_plot_ranking.py."""
 EMPTY = (1.0, 10.0)
 """Limits of an axis without data. Such an axis has no ticks."""
 
@@ -174,7 +171,8 @@ def signed_axis(values: Vector, label: str, *, linear: float, even: float, least
         limits, reach = (_beyond(low, -1, 0.06 * decades, linear), _beyond(high, 1, 0.06 * decades, linear)), linear
         # An axis with many decades in total has labels at powers of ten only, even if one side has few decades.
         reached = max(map(abs, limits))
-        if decades >= MANY_SIDED:
+        # Like `MANY_DECADES`; the linear part counts as one decade on each side (tests/plots/test_plot_ranking.py).
+        if decades >= 5.0:
             reached = max(reached, linear * 10**MANY_DECADES)
         far = [tick.value for tick in power_ticks((linear, reached), at_most=4 if low and high else 7)[0]]
         places = sorted({0.0, linear, -linear, *far, *(-value for value in far)})

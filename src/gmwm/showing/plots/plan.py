@@ -28,8 +28,6 @@ HIGHEST = 2.0
 FURTHER = (2.0, 100.0)
 """Smallest and largest duration at which the curves may end, as multiples of the planned duration. Between these
 limits, they end where all parameters have reached the accuracy. Pinned by tests/plots/test_plot_limits.py."""
-PER_DECADE = 8
-"""Number of points of a curve per decade of duration. Pinned by tests/plots/test_plot_limits.py."""
 SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "star", "plus", "cross", "down")
 OPEN: tuple[Symbol, ...] = ("square", "triangle", "diamond", "star", "down")
 """Symbols that are used unfilled too. The unfilled circle is not among them, because it marks where a parameter reaches
@@ -79,7 +77,8 @@ def _curves(plan: Plan, needed: dict[str, float]) -> tuple[Vector, dict[str, Vec
     furthest = max((t for t in needed.values() if math.isfinite(t)), default=0.0)
     least, most = (plan.duration * factor for factor in FURTHER)
     end = min(max(1.5 * furthest, least), most, plan.horizon)
-    count = max(1, math.ceil(PER_DECADE * math.log10(end / plan.duration)))
+    # Eight points per decade of duration (tests/plots/test_plot_limits.py).
+    count = max(1, math.ceil(8 * math.log10(end / plan.duration)))
     beyond = np.geomspace(plan.duration, end, count + 1)[1:]
     further = [plan.at(t) for t in beyond.tolist()]
     times = np.concatenate([plan.durations, beyond])

@@ -34,9 +34,6 @@ if TYPE_CHECKING:
     from gmwm.choosing.selection.ranking import Candidate, Comparison, Ranking
     from gmwm.measuring.variance.result import WaveletVariance
 
-LISTED = 10
-"""Number of best candidates whose criterion is drawn. Candidates that are equivalent to the best one are always drawn.
-Pinned by tests/plots/test_plot_ranking.py."""
 MOST_CURVES = 8
 """Largest number of candidates whose curve can be drawn. Pinned by tests/plots/test_plot_ranking.py."""
 FIRST = replace(IMPLIED, symbol="circle")
@@ -55,7 +52,8 @@ def ranking_figure(ranking: Ranking, *, limit: int = 4, view: ViewName = "wavele
         raise OptionError(argument="limit", expected=f"a whole number from 1 to {MOST_CURVES}", got=limit)
     drawn = [c for k, c in enumerate(ranking.distinct) if k < limit or c.recommended]
     strokes = _strokes(drawn)
-    listed = [c for k, c in enumerate(ranking.distinct) if k < max(LISTED, limit) or c.equivalent or c.recommended]
+    # Candidates that are equivalent to the best one are always drawn (tests/plots/test_plot_ranking.py).
+    listed = [c for k, c in enumerate(ranking.distinct) if k < max(10, limit) or c.equivalent or c.recommended]
     rows = ((_curves(drawn, strokes, view, units), _distances(drawn, strokes, view, units)),)
     criteria = _criteria(listed, dict(zip(map(id, drawn), strokes, strict=True)))
     lines = max(_row_name(c).count("\n") + 1 for c in listed)

@@ -31,15 +31,10 @@ if TYPE_CHECKING:
 
 LEVEL = 0.95
 """Confidence level of the limits for white noise."""
-FEW = 200
-"""Largest number of lags for which each value has a dot. Pinned by tests/plots/test_plot_residuals.py."""
 DOTTED = Stroke(BLUE, 0.0, symbol="circle")
 EXPECTED = Stroke(BLACK, 0.8)
 
 
-LEAST_P = 1e-6
-"""Smallest p-value that is shown as a number. Smaller p-values are shown as "p < 10⁻⁶". Pinned by
-tests/plots/test_plot_residuals.py."""
 LINE = Stroke(BLUE, 0.5)
 LIMIT = Stroke(VERMILLION, 0.9)
 
@@ -133,7 +128,8 @@ def _whiteness(residuals: Residuals, lags: int | None) -> str:
 
 
 def _p_text(p_value: float) -> str:
-    return f"p < {power_text(LEAST_P)}" if p_value < LEAST_P else f"p = {number_text(p_value, 2)}"
+    # Pinned by tests/plots/test_plot_residuals.py.
+    return f"p < {power_text(1e-6)}" if p_value < 1e-6 else f"p = {number_text(p_value, 2)}"
 
 
 @drawing
@@ -178,12 +174,13 @@ def autocorrelation_panel(r: Vector, error: Vector, title: str = "") -> Panel:
     ends = np.array(x.limits)
     stems = np.column_stack([np.zeros(r.size), r, np.full(r.size, math.nan)]).ravel()
     label = f"{percent(LEVEL)} limits of each point"
+    # Each of at most 200 lags has a dot (tests/plots/test_plot_residuals.py).
     marks: list[Mark] = [
         Band(lag, -limit, limit, GREY, label=label, layer=BAND),
         Line(ends, np.zeros(2), stroke=EXPECTED, label="Expected", layer=BEHIND),
-        Line(np.repeat(lag, 3), stems, stroke=Stroke(BLUE, 0.9 if r.size <= FEW else 0.5), label="", layer=MIDDLE),
+        Line(np.repeat(lag, 3), stems, stroke=Stroke(BLUE, 0.9 if r.size <= 200 else 0.5), label="", layer=MIDDLE),
     ]
-    if r.size <= FEW:
+    if r.size <= 200:
         marks.append(Line(lag, r, stroke=DOTTED, label="Observed", layer=FRONT))
     return Panel(x, y, tuple(marks), title)
 

@@ -30,14 +30,6 @@ DOTS = 15.0
 """Horizontal resolution to which long signals are reduced (columns of dots per millimetre), about 400 per inch."""
 WIDTH = 0.5
 """Width of the line through a long signal (points)."""
-FEW = 60
-"""Largest number of samples for which each sample has a symbol. Pinned by tests/plots/test_plot_limits.py."""
-ALIKE = 8.0
-"""Panels share a vertical scale if the ratio of their largest to their smallest span is at most this number. With a
-larger ratio, the signal with the smallest span would look constant. Pinned by tests/plots/test_plot_series.py."""
-ONE_POWER = 1e3
-"""Panels share a power of ten in their labels if the ratio of their largest values is at most this number. Pinned by
-tests/plots/test_plot_limits.py."""
 CLIPPED = "#1b1f24"
 """Colour of the symbols that mark clipped samples."""
 NAMES: dict[Quantity, str] = {"gyro": "Angular rate", "accel": "Specific force"}
@@ -129,8 +121,10 @@ def _panels(rows: Sequence[_SignalRow], shown: View, name: str = "") -> list[Pan
     x, size = elapsed_axis(first, last, last - first)
     spans = [row.trace.span for row in rows]
     sizes = [max(abs(row.trace.low), abs(row.trace.high)) for row in rows]
-    one_power = max(sizes) <= ONE_POWER * min(sizes)
-    one_scale = max(spans) <= ALIKE * min(spans)
+    # Ratio of the largest values up to which panels share a power of ten (tests/plots/test_plot_limits.py).
+    one_power = max(sizes) <= 1e3 * min(sizes)
+    # On a common scale, a signal with a span below 1/8 would look constant (tests/plots/test_plot_series.py).
+    one_scale = max(spans) <= 8.0 * min(spans)
     low, high = min(row.trace.low for row in rows), max(row.trace.high for row in rows)
     panels = []
     for row, largest in zip(rows, sizes, strict=True):
@@ -143,7 +137,8 @@ def _panels(rows: Sequence[_SignalRow], shown: View, name: str = "") -> list[Pan
 def _marks(row: _SignalRow, size: float, scale: float) -> tuple[Mark, ...]:
     """Return the line of a signal, and symbols for clipped samples and for single samples between two gaps."""
     x, y = row.trace.seconds / size, row.trace.y / scale
-    stroke = row.stroke if x.size > FEW else replace(row.stroke, width=0.8, symbol="circle")
+    # Each of at most 60 samples has a symbol (tests/plots/test_plot_limits.py).
+    stroke = row.stroke if x.size > 60 else replace(row.stroke, width=0.8, symbol="circle")
     symbols: tuple[Symbol, Symbol] = ("triangle", "down")
     beyond = [
         Line(x[mask], y[mask], stroke=Stroke(CLIPPED, 0.0, symbol=symbol), layer=FRONT)

@@ -28,9 +28,6 @@ if TYPE_CHECKING:
     from gmwm.measuring.spectrum import PowerSpectrum
     from gmwm.showing.plots.view import UnitSystem
 
-REACH = 5.0
-"""Largest factor by which limits and models may extend the vertical axis beyond the data. Pinned by
-tests/plots/test_plot_limits.py."""
 FOUND = Stroke(VERMILLION, 0.0, SOLID, "down")
 """Stroke of the symbol that marks a line in the spectrum."""
 BROAD = Stroke(VERMILLION, 0.0, SOLID, "diamond", filled=False)
@@ -80,7 +77,8 @@ def spectrum_panel(
     marks += [*curves, *_peak_marks(shown, y, alone=alone)]
     symbols = [mark.y for mark in marks[2 + len(curves) :] if isinstance(mark, Line)]
     tops = [line.y[:1] for line in curves[:1]]
-    limits = limits_near(y, [lower, upper, *tops, *symbols], reach=REACH)
+    # Limits and models extend the axis by a factor of 5 at most (tests/plots/test_plot_limits.py).
+    limits = limits_near(y, [lower, upper, *tops, *symbols], reach=5.0)
     return Panel(
         _frequency_axis(f), value_axis(limits, f"One-sided root density ({unit})"), marks=tuple(marks),
         title=axis_title(shown.axis),

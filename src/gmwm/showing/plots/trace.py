@@ -19,12 +19,6 @@ from gmwm.base.time_base import begins_of
 from gmwm.recording.signals import Signal
 from gmwm.showing.plots.figure import Line, Stroke
 
-TAIL = 0.005
-"""Fraction of the smallest and of the largest samples that are ignored when the limits of a clipped plot are chosen."""
-FAR = 2.0
-"""Distance of the limits of a clipped plot from the other samples, as a multiple of their span. Gaussian noise is never
-clipped, because a sample would have to be 12 standard deviations from the mean (tests/plots/test_plot_series.py)."""
-
 
 def extremes(values: Vector, columns: int) -> NDArray[np.int64]:
     """Return the sorted indices of the first, smallest, largest and last value of each of `columns` equal parts.
@@ -108,8 +102,10 @@ def trace(signal: Signal, factor: float, columns: int, left: float = 0.0, *, cli
     low, high = float(np.nanmin(shown)), float(np.nanmax(shown))
     if clip:
         few = factor * signal.values[:: max(1, signal.values.size // 100_000)]  # quantiles of all would take longer
-        first, middle, last = (float(x) for x in np.quantile(few, (TAIL, 0.5, 1 - TAIL)))
-        least, most = first - FAR * (last - first), last + FAR * (last - first)
+        # The limits ignore the smallest and the largest 0.5 % of the samples, and are two spans of the others away, so
+        # that Gaussian noise is clipped only beyond 12 standard deviations (tests/plots/test_plot_series.py).
+        first, middle, last = (float(x) for x in np.quantile(few, (0.005, 0.5, 1 - 0.005)))
+        least, most = first - 2.0 * (last - first), last + 2.0 * (last - first)
         if last > first and (low < least or high > most):
             return Outline(
                 np.concatenate(seconds)[:-1], np.clip(shown, least, most), low=max(low, least), high=min(high, most),

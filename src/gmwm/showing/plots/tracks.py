@@ -34,15 +34,6 @@ RECORD = Stroke(PALE, 0.5)
 TRACK = Stroke(BLUE, 1.1)
 TRUTH = Stroke(BLACK, 0.5)
 WORDS: dict[Kind, str] = {"filter": "Filtered", "smooth": "Smoothed", "predict": "Predicted"}
-SETTLED = 2.0
-"""A filter counts as settled when its standard error is below this multiple of its median standard error. Earlier
-values have large errors and do not affect the vertical scale. Pinned by tests/plots/test_plot_tracks.py."""
-DENSE = 0.03
-"""Mean vertical distance of neighbouring points of a line, relative to the panel height, above which the line looks
-like a filled area. Pinned by tests/plots/test_plot_tracks.py."""
-FAR = 50.0
-"""Ratio of the largest value to the span of the values above which a constant is subtracted, because the tick labels
-would be too long. Pinned by tests/plots/test_plot_limits.py."""
 
 
 # --- what is drawn, as data ---------------------------------------------------------------------------
@@ -113,7 +104,8 @@ def _track_panel(drawn: _Drawn, less: float) -> Panel:
     low, high = _ends(tracks, drawn.label, lower=lower, upper=upper, truth=truth)
     # Subtract the same constant as from the record, but only if the process contains the level of the record.
     less = less if abs(low - less) < abs(low) else 0.0
-    if max(abs(low - less), abs(high - less)) > FAR * (high - low) > 0:
+    # Values above 50 times their span have long tick labels (tests/plots/test_plot_limits.py).
+    if max(abs(low - less), abs(high - less)) > 50.0 * (high - low) > 0:
         less = in_digits((low + high) / 2, high - low)
     low, high = low - less, high - less
     x, size = _time_axis(tracks)
@@ -137,7 +129,8 @@ def _ends(tracks: Tracks, label: str, lower: Vector, upper: Vector, truth: Vecto
     error = tracks.error[label]
     shown = np.isfinite(error)
     if tracks.kind == "filter" and np.any(shown):
-        shown &= np.arange(error.size) >= int(np.argmax(error <= SETTLED * np.median(error[shown])))
+        # A filter has settled when its standard error is below twice the median (tests/plots/test_plot_tracks.py).
+        shown &= np.arange(error.size) >= int(np.argmax(error <= 2.0 * np.median(error[shown])))
     values = np.concatenate([lower[shown], upper[shown], [] if truth is None else truth[np.isfinite(truth)]])
     return (float(np.min(values)), float(np.max(values))) if values.size else (0.0, 0.0)
 
@@ -146,7 +139,8 @@ def _dense(values: Vector, height: float) -> bool:
     """Return whether a line varies so fast that it looks like a filled area and would hide the curves behind it."""
     index = extremes_there(values, COLUMNS)
     steps = np.abs(np.diff(values[index]))
-    return index.size > COLUMNS and bool(np.nanmean(steps) > DENSE * height)
+    # A line whose points differ by more than 3 % of the height looks filled (tests/plots/test_plot_tracks.py).
+    return index.size > COLUMNS and bool(np.nanmean(steps) > 0.03 * height)
 
 
 def _estimates(tracks: Tracks, label: str) -> Vector:
