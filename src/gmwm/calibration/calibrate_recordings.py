@@ -85,36 +85,46 @@ def calibrate_recording(
         axis, error = next(iter(failed.items()))
         raise error.at(f"no axis can be calibrated; {axis}") from error
     verdicts = {axis: item.verdicts for axis, item in measured.items() if isinstance(item, MeasuredAxis)}
-    descriptions = {name: Recording.of(inspection) for name, inspection in inspections.items()}
-    single = recordings.by_name.get("")
-    source = single.source if isinstance(single, Imu | Streamed) else ""
+    descriptions = {name: Recording.of(of_parts[0]) for name, of_parts in inspections.items() if of_parts}
     return Calibration(
         axes=axes,
         failed=dict(recordings.missing) | {axis: error.reason for axis, error in failed.items()},
         settings=options,
-        source=source if single is not None else ", ".join(recordings.by_name),
-        recording_remarks=tuple(dict.fromkeys(_recording_remarks(inspections, axes, verdicts, findings))),
+        source=recordings.source,
+        recording_remarks=tuple(
+            dict.fromkeys(
+                (*_recording_remarks(inspections, axes, verdicts, findings), *_not_inspected(recordings, axes))
+            )
+        ),
         recording=descriptions.get(""),
         recordings={name: item for name, item in descriptions.items() if name},
     )
 
 
+def _not_inspected(recordings: Recordings, axes: Mapping[str, AxisCalibration]) -> list[Remark]:
+    """Return remarks on the axes that the user gave as curves, because only samples can be inspected."""
+    given = {axis for curves in recordings.curves.values() for axis in curves}
+    return [Remark.of("not-inspected", axis) for axis in axes if axis in given]
+
+
 def _recording_remarks(
-    inspections: Mapping[str, Inspection],
+    inspections: Mapping[str, Sequence[Inspection]],
     axes: Mapping[str, AxisCalibration],
     verdicts: Mapping[str, Mapping[str, Verdict]],
-    findings: Mapping[str, Sequence[object]],
+    findings: Mapping[str, Sequence[Sequence[object]]],
 ) -> Iterator[Remark]:
     """Yield the remarks on the recordings from inspections, outlier tests and additions. Remarks that do not apply to
     all recordings name theirs."""
-    by_recording = {}
-    for name, inspection in inspections.items():
+    by_recording: dict[str, list[Remark]] = {}
+    for name, of_parts in inspections.items():
+        remarks = by_recording[name] = []
         recording_verdicts = [of[name] for of in verdicts.values() if name in of]
-        by_recording[name] = list(recording_remarks(inspection, axes, recording_verdicts))
         still = [axis for axis in axes if not (name in verdicts[axis] and verdicts[axis][name].contaminated)]
-        for addition, finding in zip(recording_additions(), findings[name], strict=False):
-            if finding is not None:
-                by_recording[name] += addition.remarks(finding, still, SIZE / len(inspections))
+        for inspection, of_part in zip(of_parts, findings[name], strict=True):
+            remarks += recording_remarks(inspection, axes, recording_verdicts)
+            for addition, finding in zip(recording_additions(), of_part, strict=False):
+                if finding is not None:
+                    remarks += addition.remarks(finding, still, SIZE / len(inspections))
     for name, remarks in by_recording.items():
         for remark in remarks:
             if all(remark in others for others in by_recording.values()):

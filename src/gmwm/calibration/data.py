@@ -21,32 +21,36 @@ from gmwm.recording.signals import Imu, Signal
 _MAKE_A_SIGNAL = "Make a signal from an array: `gmwm.Signal(x, rate, 'rad/s')`."
 
 
-AxisInput = Signal | WaveletVariance | tuple[WaveletVariance, WaveletVariance]
-"""What a user can give for an axis: its samples, a curve, or the classical and the robust curve."""
+Curve = WaveletVariance | tuple[WaveletVariance, WaveletVariance]
+"""A curve that a user gives for an axis, or the classical and the robust curve."""
+AxisInput = Signal | Curve
+"""What a user can give for an axis: its samples, or curves."""
+Part = Imu | Streamed
+"""Axes of a recording that were sampled at the same times."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recordings:
-    """The data to calibrate, in one form whatever the user gave.
+    """The data to calibrate, in one form whatever the user gave. The name of a single recording is "".
 
     Attributes
     ----------
-    by_name : mapping of name to Imu, Stream, Signal, or mapping of axis to AxisInput
-        The recordings; the name of a single one is "".
+    parts : mapping of name to tuple of Imu or Stream
+        The samples of each recording. Signals that were not sampled at the same times are in several parts.
+    curves : mapping of name to mapping of axis to curves
+        The axes of each recording that the user gave as curves.
     axes : tuple of str
         The axes to calibrate, which all recordings have.
     missing : mapping of axis to str
         The reason why each other axis is not calibrated.
-    inputs : mapping of name to mapping of axis to AxisInput or None
-        The data of each axis; None for each axis of a stream.
     comparisons : int
         Number of axes and recordings that are tested for outliers together.
     """
 
-    by_name: Mapping[str, Any]
+    parts: Mapping[str, tuple[Part, ...]]
+    curves: Mapping[str, Mapping[str, Curve]]
     axes: tuple[str, ...]
     missing: Mapping[str, str]
-    inputs: Mapping[str, Mapping[str, AxisInput | None]]
     comparisons: int
 
     @classmethod
@@ -63,9 +67,33 @@ class Recordings:
         inputs = {name: chosen_axes(recording, options.wanted) for name, recording in by_name.items()}
         axes, missing = common_axes(inputs)
         require_axes(options.models, axes)
-        inputs = {name: {axis: recording_inputs[axis] for axis in axes} for name, recording_inputs in inputs.items()}
+        curves = {
+            name: {axis: item for axis, item in of_axes.items() if axis in axes and not isinstance(item, Signal | None)}
+            for name, of_axes in inputs.items()
+        }
+        parts = {
+            name: (recording,) if isinstance(recording, Part) else _parts_of(inputs[name], axes)
+            for name, recording in by_name.items()
+        }
         comparisons = len(axes) * len(by_name)
-        return cls(by_name=by_name, axes=tuple(axes), missing=missing, inputs=inputs, comparisons=comparisons)
+        return cls(parts=parts, curves=curves, axes=tuple(axes), missing=missing, comparisons=comparisons)
+
+    @property
+    def source(self) -> str:
+        """File or other origin of a single recording, or the names of several recordings."""
+        single = self.parts.get("")
+        return ", ".join(self.parts) if single is None else single[0].source if single else ""
+
+
+def _parts_of(inputs: Mapping[str, AxisInput | None], axes: Sequence[str]) -> tuple[Imu, ...]:
+    """Return recordings of the signals that were sampled at the same times."""
+    parts: dict[tuple[Any, ...], dict[str, Signal]] = {}
+    for axis in axes:
+        signal = inputs[axis]
+        if isinstance(signal, Signal):
+            clock = signal.rate, signal.segments, signal.starts, signal.gaps_known
+            parts.setdefault(clock, {})[axis] = signal
+    return tuple(Imu(signals) for signals in parts.values())
 
 
 def recordings_by_name(data: Any) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from gmwm.base.errors import DataError, GmwmError, OptionError
 from gmwm.base.threads import in_threads
-from gmwm.calibration.data import AxisInput, Recordings
+from gmwm.calibration.data import Curve, Part, Recordings
 from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.passes import (
@@ -20,7 +20,6 @@ from gmwm.calibration.passes import (
     clean,
     needed_beginning,
     read_recording,
-    read_signal,
 )
 from gmwm.calibration.rest import AxisMean, means_of
 from gmwm.measuring.covariance.tails import with_common_tails
@@ -35,13 +34,13 @@ from gmwm.measuring.outliers import (
     other_efficiency,
 )
 from gmwm.measuring.outliers.screening import NOTHING_REPLACED
-from gmwm.measuring.regression.conditions import NOTHING, Conditions
+from gmwm.measuring.regression.conditions import Conditions
 from gmwm.measuring.regression.result import Regression
 from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.recording.batches import Batch, Streamed, batches, join_batches, part_of
+from gmwm.recording.batches import Batch, batches, join_batches, part_of
 from gmwm.recording.signals import Imu, Signal
 
 
@@ -153,11 +152,12 @@ class MeasuredAxis:
 
 
 class Measurements(NamedTuple):
-    """The measured axes, or the error of each; inspections; findings of `recording_additions` in their order."""
+    """The measured axes, or the error of each; inspections of the parts of each recording; for each part, the findings
+    of `recording_additions` in their order."""
 
     axes: dict[str, MeasuredAxis | GmwmError]
-    inspections: dict[str, Inspection]
-    findings: dict[str, tuple[object, ...]]
+    inspections: dict[str, list[Inspection]]
+    findings: dict[str, list[tuple[object, ...]]]
 
 
 def measure(recordings: Recordings, options: CalibrationOptions, run: Execution = IN_THIS_PROCESS) -> Measurements:
@@ -166,7 +166,7 @@ def measure(recordings: Recordings, options: CalibrationOptions, run: Execution 
     Parameters
     ----------
     recordings : Recordings
-        Recordings in memory or streams, or signals and curves by axis.
+        Recordings in memory or streams, and curves by axis.
     options : CalibrationOptions
         `against`, `efficiency`, `gravity` and `tilt` are used here.
     run : Execution
@@ -182,12 +182,12 @@ def measure(recordings: Recordings, options: CalibrationOptions, run: Execution 
         _require_one_stream(recordings, "workers" if run.scheduler is None else "scheduler")
     parts: dict[str, list[MeasuredAxis | GmwmError]] = {axis: [] for axis in recordings.axes}
     accumulators: dict[str, list[AxisAccumulator]] = {axis: [] for axis in recordings.axes}
-    inspections: dict[str, Inspection] = {}
-    findings: dict[str, tuple[object, ...]] = {}
-    for name in recordings.by_name:
-        measured, items, inspection, findings[name] = _measure_recording(name, recordings, options, run.with_name(name))
-        if inspection is not None:
-            inspections[name] = inspection
+    inspections: dict[str, list[Inspection]] = {}
+    findings: dict[str, list[tuple[object, ...]]] = {}
+    for name in recordings.parts:
+        measured, items, inspections[name], findings[name] = _measure_recording(
+            name, recordings, options, run.with_name(name)
+        )
         for axis in recordings.axes:
             parts[axis].append(measured[axis])
         for axis, item in items.items():
@@ -200,85 +200,75 @@ def measure(recordings: Recordings, options: CalibrationOptions, run: Execution 
 def _measure_recording(
     name: str, recordings: Recordings, options: CalibrationOptions, run: Execution
 ) -> tuple[
-    dict[str, MeasuredAxis | GmwmError], dict[str, AxisAccumulator], Inspection | None, tuple[object, ...]
+    dict[str, MeasuredAxis | GmwmError], dict[str, AxisAccumulator], list[Inspection], list[tuple[object, ...]]
 ]:  # fmt: skip
     """Measure the axes of one recording without their spectrum, and return the accumulators of the spectra too."""
-    items, conditions, inspection, findings = _read(name, recordings, options, run)
-    data, inputs = recordings.by_name[name], recordings.inputs[name]
-    means = means_of(data, inspection, options)
-    beginnings = _beginnings(data, items, conditions)
+    accumulators: dict[str, AxisAccumulator] = {}
+    shares: dict[str, MeasuredAxis] = {}
+    inspections, findings = list[Inspection](), list[tuple[object, ...]]()
+    for part in recordings.parts[name]:
+        conditions = Conditions.of_recording(part, options.conditions, threads=run.threads, curves=True)
+        axes = [axis for axis in recordings.axes if axis in part.axes]
+        passes = read_recording(part, axes, options.efficiency, conditions=conditions, run=run)
+        inspections.append(passes.inspection)
+        findings.append(passes.findings)
+        accumulators |= passes.axes
+        beginnings = _beginnings(part, passes.axes, conditions)
+        for axis in axes:
+            regression, raw = conditions.found.get(axis), _raw(axis, part, conditions)
+            shares[axis] = MeasuredAxis(
+                axis=axis, regressions={} if regression is None else {name: regression},
+                raw={} if raw is None else {name: raw},
+                beginnings={name: beginnings[axis]} if axis in beginnings else {},
+            )  # fmt: skip
+    curves = recordings.curves[name]
+    if curves and options.conditions.terms:
+        raise _no_samples(*next(iter(curves.items())))
+    means = means_of(inspections, options)
 
-    def work(axis: str, item: AxisInput | AxisAccumulator) -> MeasuredAxis | GmwmError:
+    def work(axis: str, item: Curve | AxisAccumulator) -> MeasuredAxis | GmwmError:
         try:
             part = _curves_of(axis, name, item, options, comparisons=recordings.comparisons)
         except GmwmError as error:
             return error
-        regression, raw = conditions[axis].found.get(axis), _raw(axis, inputs, conditions[axis])
+        if axis not in shares:
+            return part
+        share = shares[axis]
         return replace(
-            part,
-            regressions={} if regression is None else {name: regression},
-            raw={} if raw is None else {name: raw},
-            means={name: means[axis]} if axis in means else {},
-            beginnings={name: beginnings[axis]} if axis in beginnings else {},
+            part, regressions=share.regressions, raw=share.raw, means={name: means[axis]}, beginnings=share.beginnings
         )
 
-    measured = in_threads(work, items, threads=run.threads)
-    accumulators = {axis: item for axis, item in items.items() if isinstance(item, AxisAccumulator)}
-    return measured, accumulators, inspection, findings
+    return in_threads(work, {**curves, **accumulators}, threads=run.threads), accumulators, inspections, findings
 
 
 def _require_one_stream(recordings: Recordings, argument: str) -> None:
     """Raise an OptionError if other processes cannot read the data."""
-    if len(recordings.by_name) > 1:
+    if len(recordings.parts) > 1:
         raise OptionError(
             f"{argument} can be given for one recording only, and there are several", argument=argument,
             advice="Leave {--" + argument + "} out.",
         )  # fmt: skip
     from gmwm.files.readers.streams import Stream
 
-    if not isinstance(recordings.by_name[""], Stream):
+    if not all(isinstance(part, Stream) for part in recordings.parts[""]) or not recordings.parts[""]:
         raise OptionError(
             f"{argument} can be given for a stream only", argument=argument,
             advice="Pass a stream: `calibrate(gmwm.stream(path), …)`.",
         )  # fmt: skip
 
 
-def _read(
-    name: str, recordings: Recordings, options: CalibrationOptions, run: Execution
-) -> tuple[
-    dict[str, AxisInput | AxisAccumulator], dict[str, Conditions], Inspection | None, tuple[object, ...]
-]:  # fmt: skip
-    """Read the samples of one recording, and regress its axes on the conditions."""
-    data, inputs = recordings.by_name[name], recordings.inputs[name]
-    if isinstance(data, Imu | Streamed):
-        conditions = Conditions.of_recording(data, options.conditions, threads=run.threads, curves=True)
-        axes, inspection, findings = read_recording(
-            data, recordings.axes, options.efficiency, conditions=conditions, run=run
-        )
-        return dict(axes), dict.fromkeys(recordings.axes, conditions), inspection, findings
-    curves = {axis: item for axis, item in inputs.items() if item is not None}
-    each = {axis: _conditions_of(axis, item, options) for axis, item in curves.items()}
-    signals = {axis: each[axis].without(axis, item) for axis, item in curves.items() if isinstance(item, Signal)}
-    read = in_threads(lambda _, signal: read_signal(signal, options.efficiency), signals, threads=run.threads)
-    return curves | read, each, None, ()
-
-
-def _conditions_of(axis: str, item: AxisInput, options: CalibrationOptions) -> Conditions:
-    """Return the conditions, with the regression, of one axis of data without a recording."""
-    if isinstance(item, Signal):
-        return Conditions.of({axis: item}, options.conditions, None)
-    if options.conditions.terms:
-        kind = "WaveletVariance" if isinstance(item, WaveletVariance) else "pair of curves"
-        raise OptionError(
-            f"against needs the samples; {axis} is a {kind}",
-            argument="against",
-            advice="Pass signals, or leave {--against} out.",
-        )
-    return NOTHING
+def _no_samples(axis: str, item: Curve) -> OptionError:
+    """Return the error for conditions of an axis that was given as curves."""
+    kind = "WaveletVariance" if isinstance(item, WaveletVariance) else "pair of curves"
+    return OptionError(
+        f"against needs the samples; {axis} is a {kind}",
+        argument="against",
+        advice="Pass signals, or leave {--against} out.",
+    )
 
 
 def _curves_of(
-    axis: str, name: str, item: AxisInput | AxisAccumulator, options: CalibrationOptions, *, comparisons: int
+    axis: str, name: str, item: Curve | AxisAccumulator, options: CalibrationOptions, *, comparisons: int
 ) -> MeasuredAxis:
     """Return the wavelet variances of one axis of one recording, with their test for outliers."""
     if isinstance(item, WaveletVariance):
@@ -303,18 +293,15 @@ def _curves_of(
     return MeasuredAxis(axis=axis, classical={name: classical}, robust={name: robust}, verdicts={name: verdict})
 
 
-def _raw(axis: str, inputs: Mapping[str, AxisInput | None], conditions: Conditions) -> WaveletVariance | None:
+def _raw(axis: str, part: Part, conditions: Conditions) -> WaveletVariance | None:
     """Return the wavelet variance from which an effect of the conditions is not removed; None if none is removed, or if
     this curve is not known."""
     if conditions.applied_regression(axis) is None:
         return None
-    signal, raw = inputs.get(axis), conditions.raw.get(axis)
-    return wavelet_variance(signal) if raw is None and isinstance(signal, Signal) else raw
+    return wavelet_variance(part.signals[axis]) if isinstance(part, Imu) else conditions.raw.get(axis)
 
 
-def _beginnings(
-    data: Any, items: Mapping[str, AxisInput | AxisAccumulator], conditions: Mapping[str, Conditions]
-) -> dict[str, Signal]:
+def _beginnings(part: Part, items: Mapping[str, AxisAccumulator], conditions: Conditions) -> dict[str, Signal]:
     """Return the first samples of each axis of a recording for the additions.
 
     Isolated wrong samples and knocks are replaced. They are not part of the normal noise, and a monitor must report
@@ -324,25 +311,14 @@ def _beginnings(
     beginnings = {
         axis: item.beginning
         for axis, item in items.items()
-        if isinstance(item, AxisAccumulator) and item.beginning is not None
+        if item.beginning is not None and conditions.applied_regression(axis) is None
     }
-    if isinstance(data, Imu | Streamed):
-        beginnings = {
-            axis: signal for axis, signal in beginnings.items() if conditions[axis].applied_regression(axis) is None
-        }
-        again = [axis for axis in items if axis not in beginnings]
-        signals = _first_samples(data) if again else {}
-    else:
-        again = list(items)
-        signals = {data.axis or "signal": data} if isinstance(data, Signal) else data
-    reach = needed_beginning()
-    for axis in again:
-        if isinstance(signals.get(axis), Signal):
-            beginnings[axis] = clean(part_of(signals[axis], 0, reach))
-    return beginnings
+    again = [axis for axis in items if axis not in beginnings]
+    signals = _first_samples(part) if again else {}
+    return beginnings | {axis: clean(part_of(signals[axis], 0, needed_beginning())) for axis in again}
 
 
-def _first_samples(recording: Imu | Streamed) -> Mapping[str, Signal]:
+def _first_samples(recording: Part) -> Mapping[str, Signal]:
     """Return the signals of a recording by axis, at least up to the last sample that an addition needs."""
     parts: list[Batch] = []
     for batch in batches(recording):

@@ -199,16 +199,6 @@ def read_recording(
     return Passes(accumulators, inspection, _findings(recording, accumulators, run.threads))
 
 
-def read_signal(signal: Signal, efficiency: float) -> AxisAccumulator:
-    """Accumulate one signal that does not belong to a recording."""
-    axis = signal.axis or "signal"
-    batches = Batches(Imu({axis: signal}))
-    accumulators = _first_pass(batches, (axis,), efficiency)
-    curves = {axis: item.curves for axis, item in accumulators.items() if item.curves is not None}
-    _second_pass(batches, curves)
-    return accumulators[axis]
-
-
 def curves_and_inspection(
     stream: Stream,
     axes: Sequence[str],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from gmwm.calibration.recording_info import Recording
 from gmwm.choosing.datasheets.bias_changes import BiasTerms, Variance
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.measuring.inspection import Inspection
-from gmwm.recording.signals import Signal
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -168,16 +167,12 @@ class BiasAtRest(Documented):
         return tuple(entries)
 
 
-def means_of(data: Any, inspection: Inspection | None, options: CalibrationOptions) -> dict[str, AxisMean]:
-    """Return the mean of each axis of a recording. Axes that are given as a wavelet variance have no mean."""
-    if inspection is not None:
-        samples = inspection.samples
-        span = samples + round(Recording.of(inspection).missing * inspection.rate)
-        means = {axis: AxisMean(item.rest, samples, span) for axis, item in inspection.axes.items()}
-    else:
-        items = {data.axis or "signal": data} if isinstance(data, Signal) else data
-        signals = {axis: item for axis, item in items.items() if isinstance(item, Signal)}
-        means = {a: AxisMean(float(np.mean(s.values)), s.values.size, s.values.size) for a, s in signals.items()}
+def means_of(inspections: Sequence[Inspection], options: CalibrationOptions) -> dict[str, AxisMean]:
+    """Return the mean of each axis of a recording, from the inspections of its parts."""
+    means: dict[str, AxisMean] = {}
+    for inspection in inspections:
+        span = inspection.samples + round(Recording.of(inspection).missing * inspection.rate)
+        means |= {axis: AxisMean(item.rest, inspection.samples, span) for axis, item in inspection.axes.items()}
     gravity = gravity_of({axis: item.mean for axis, item in means.items()}, options)
     return {axis: item._replace(gravity=gravity[axis]) for axis, item in means.items()}
 

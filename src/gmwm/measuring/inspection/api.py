@@ -14,7 +14,7 @@ from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.threads import in_threads
 from gmwm.base.time_base import TimeBase
-from gmwm.base.units import SI_UNIT
+from gmwm.base.units import SI_UNIT, find_unit
 from gmwm.measuring.inspection import findings
 from gmwm.measuring.inspection.axis_statistics import AxisStatistics
 from gmwm.measuring.inspection.knocks import knocks_of, steps_of
@@ -238,9 +238,10 @@ class RecordingStatistics:
         """Return the noise density of each gyroscope (rad/s/√Hz): the median over the windows, which ignores knocks."""
         densities = {}
         for axis, sums in self._axes.items():
-            measured = sums.steps.counts > 0
-            if self._units[axis] == SI_UNIT["gyro"] and np.any(measured):
-                densities[axis] = float(np.sqrt(np.median(sums.steps.means[measured]) / 2 / self._extent.rate))
+            measured, unit = sums.steps.counts > 0, find_unit(self._units[axis])
+            if unit is not None and unit.quantity == "gyro" and np.any(measured):
+                noise = float(np.sqrt(np.median(sums.steps.means[measured]) / 2 / self._extent.rate))
+                densities[axis] = noise * unit.factor
         return densities
 
 
@@ -271,7 +272,7 @@ def _gravity(
     """Return the norm of the mean specific force (m/s²), its largest change of direction (°), and that of noise alone
     (°)."""
     names = ("accel_x", "accel_y", "accel_z")
-    if any(axis not in statistics for axis in names):
+    if any(axis not in statistics or axes[axis].unit != SI_UNIT["accel"] for axis in names):
         return None, None, 0.0
     mean = np.array([axes[axis].mean for axis in names])
     norm = float(np.linalg.norm(mean))
