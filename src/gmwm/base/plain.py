@@ -11,6 +11,7 @@ import numpy as np
 
 TEXTS: dict[type, Callable[[Any], str]] = {}
 """Functions that write the objects of a class as a text; `gmwm.base.documents.write_as_text` registers them."""
+_SAME = frozenset({bool, int, str})
 
 
 def plain(value: Any, *, finite: bool = True) -> Any:
@@ -19,6 +20,10 @@ def plain(value: Any, *, finite: bool = True) -> Any:
     >>> plain({"x": np.array([[1.0, np.nan]]), "names": ("a", "b")})
     {'x': [[1.0, None]], 'names': ['a', 'b']}
     """
+    if type(value) is float:
+        return None if finite and not math.isfinite(value) else value
+    if value is None or type(value) in _SAME:
+        return value
     if hasattr(value, "to_dict"):
         return value.to_dict()
     if type(value) in TEXTS:
@@ -28,12 +33,13 @@ def plain(value: Any, *, finite: bool = True) -> Any:
     if isinstance(value, Mapping):
         return {name: plain(item, finite=finite) for name, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist(), finite=finite)
+        numbers = value.tolist()
+        return numbers if value.dtype.kind in "biuf" and not finite else plain(numbers, finite=finite)
     if isinstance(value, list | tuple):
         return [plain(item, finite=finite) for item in value]
     return None if finite and isinstance(value, float) and not math.isfinite(value) else value
 
 
-def plain_fields(result: object, names: str) -> dict[str, Any]:
+def plain_fields(result: object, names: str, *, finite: bool = True) -> dict[str, Any]:
     """Return the attributes of a result whose names are separated by spaces, as `plain` converts them."""
-    return {name: plain(getattr(result, name)) for name in names.split()}
+    return {name: plain(getattr(result, name), finite=finite) for name in names.split()}

@@ -9,6 +9,7 @@ import numpy as np
 
 from gmwm.base.arrays import Matrix
 from gmwm.base.errors import ReadError
+from gmwm.base.plain import plain_fields
 from gmwm.calibration.options import AGAIN
 from gmwm.choosing.selection import Ranking
 from gmwm.choosing.selection.ranking import Candidate
@@ -16,13 +17,6 @@ from gmwm.fitting.estimation.criterion import Criterion
 from gmwm.fitting.estimation.result import Diagnostics, Fit
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.model import Model
-
-_KEPT = (
-    "model", "objective", "lower_bound", "relaxed_bound", "acts_as", "not_supported", "search_nodes", "start",
-    "remarks",
-)  # fmt: skip
-"""Fields of a fit that are stored. The others can be computed from these, the wavelet variance and the weighting
-matrix."""
 
 
 def ranking_document(ranking: Ranking) -> dict[str, Any]:
@@ -42,8 +36,8 @@ def ranking_document(ranking: Ranking) -> dict[str, Any]:
 
 
 def _short(fit: Fit) -> dict[str, Any]:
-    content = fit.to_dict()
-    return {name: content[name] for name in _KEPT}
+    """Return what cannot be computed from the wavelet variance and the weighting matrix."""
+    return plain_fields(fit, "model objective lower_bound relaxed_bound", finite=False) | fit.diagnostics.to_dict()
 
 
 def ranking_from(content: Mapping[str, Any], wv: WaveletVariance) -> Ranking:

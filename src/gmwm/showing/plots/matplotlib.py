@@ -14,6 +14,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axes._secondary_axes import SecondaryAxis
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as MatplotlibFigure
 from matplotlib.lines import Line2D
 from matplotlib.markers import TICKDOWN, TICKLEFT, MarkerStyle
@@ -104,7 +105,13 @@ def render(picture: MatplotlibFigure, suffix: str) -> bytes:
     settings: Any = {"svg.hashsalt": "gmwm", "pdf.fonttype": 42}
     buffer = io.BytesIO()
     with matplotlib.rc_context(settings):
-        picture.savefig(buffer, format=suffix[1:], dpi=PRINT_DPI, metadata=_METADATA[suffix])
+        if suffix == ".png":
+            # `savefig` draws twice if there is a layout engine.
+            canvas, picture.dpi = picture.canvas, PRINT_DPI
+            FigureCanvasAgg(picture).print_png(buffer)  # type: ignore[no-untyped-call]
+            picture.set_canvas(canvas)
+        else:
+            picture.savefig(buffer, format=suffix[1:], dpi=PRINT_DPI, metadata=_METADATA[suffix])
     return buffer.getvalue()
 
 
