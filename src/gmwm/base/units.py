@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import Literal
+from functools import lru_cache
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,32 +38,30 @@ class Unit:
         Angular rate or specific force.
     factor : float
         Size of the unit in rad/s or m/s².
-    aliases : tuple of str
-        Other names of the unit.
     """
 
     name: str
     quantity: Quantity
     factor: float
-    aliases: tuple[str, ...] = ()
 
 
 _UNITS = (
-    Unit("rad/s", "gyro", 1.0, ("rads^-1", "rad.s^-1", "radians/s", "radian/s", "rad/sec", "rps", "rads-1")),
-    Unit("deg/s", "gyro", math.pi / 180, ("dps", "°/s", "degrees/s", "degree/s", "deg/sec", "degs^-1", "degs-1")),
-    Unit("mdeg/s", "gyro", math.pi / 180e3, ("mdps", "m°/s", "mdeg/sec")),
-    Unit("mrad/s", "gyro", 1e-3, ("mrad/sec", "mrads^-1", "mrads-1")),
-    Unit("deg/min", "gyro", math.pi / 180 / 60, ("°/min", "degrees/min")),
-    Unit("arcsec/s", "gyro", math.pi / 180 / 3600, ("arcsec/sec", "″/s")),
-    Unit("rpm", "gyro", 2 * math.pi / 60, ("rev/min", "r/min")),
-    Unit("deg/h", "gyro", math.pi / 180 / 3600, ("°/h", "deg/hr", "deg/hour", "dph")),
-    Unit("m/s²", "accel", 1.0, ("m/s^2", "m/s2", "ms^-2", "ms-2", "m.s^-2", "m/s/s", "m/sec^2", "mps2")),
-    Unit("mm/s²", "accel", 1e-3, ("mm/s^2", "mm/s2", "mms^-2", "mms-2", "mm.s^-2", "mm/s/s")),
-    Unit("cm/s²", "accel", 1e-2, ("cm/s^2", "cm/s2", "cms^-2", "cms-2", "cm.s^-2", "cm/s/s", "Gal")),
-    Unit("g", "accel", STANDARD_GRAVITY, ("gn", "g0", "gee", "gees")),
-    Unit("mg", "accel", STANDARD_GRAVITY / 1e3, ("millig",)),
-    Unit("mGal", "accel", 1e-5, ("mgal",)),
-    Unit("µg", "accel", STANDARD_GRAVITY / 1e6, ("ug", "μg", "microg")),
+    Unit("rad/s", "gyro", 1.0),
+    Unit("deg/s", "gyro", math.pi / 180),
+    Unit("mdeg/s", "gyro", math.pi / 180e3),
+    Unit("mrad/s", "gyro", 1e-3),
+    Unit("deg/min", "gyro", math.pi / 180 / 60),
+    Unit("arcsec/s", "gyro", math.pi / 180 / 3600),
+    Unit("rpm", "gyro", 2 * math.pi / 60),
+    Unit("deg/h", "gyro", math.pi / 180 / 3600),
+    Unit("m/s²", "accel", 1.0),
+    Unit("mm/s²", "accel", 1e-3),
+    Unit("cm/s²", "accel", 1e-2),
+    Unit("ft/s²", "accel", 0.3048),
+    Unit("g", "accel", STANDARD_GRAVITY),
+    Unit("mg", "accel", STANDARD_GRAVITY / 1e3),
+    Unit("mGal", "accel", 1e-5),
+    Unit("µg", "accel", STANDARD_GRAVITY / 1e6),
 )
 
 SI_UNIT: dict[Quantity, str] = {"gyro": "rad/s", "accel": "m/s²"}
@@ -96,20 +95,69 @@ def require_measurable(values: Vector, unit: str, axis: str) -> None:
         )  # fmt: skip
 
 
-def _key(text: str) -> str:
-    return text.strip().replace(" ", "").replace("·", "").replace("*", "").casefold()
+_BY_NAME = {unit.name: unit for unit in _UNITS}
+
+# Signs that stand for words or other signs: three degree signs, two Greek letters mu, and raised digits.
+_SIGNS = str.maketrans(
+    {
+        "°": "deg", "º": "deg", "˚": "deg", "″": "arcsec", "μ": "µ", "²": "2", "¹": "1",
+        "⁻": "-", "−": "-", "⁄": "/", "÷": "/", **dict.fromkeys(" \t_·*.^{}()[]"),
+    }
+)  # fmt: skip
+_PREFIXES = {"": 1.0, "centi": 1e-2, "milli": 1e-3, "micro": 1e-6, "nano": 1e-9}
+_SYMBOLS = {"centi": "c", "milli": "m", "micro": "µ", "nano": "n"}
+_WORDS = {"c": "centi", "m": "milli", "u": "micro", "µ": "micro", "n": "nano", **{word: word for word in _PREFIXES}}
+_ANGLES = {"rad": 1.0, "deg": math.pi / 180, "arcmin": math.pi / 10800, "arcsec": math.pi / 648000, "rev": 2 * math.pi}
+_LENGTHS = {"m": 1.0, "ft": 0.3048}
+_TIMES = {"s": 1, "min": 60, "h": 3600}
+_SHORT_RATES = {"dps": ("deg", "s"), "dph": ("deg", "h"), "rps": ("rad", "s"), "rpm": ("rev", "min")}
+_PREFIX = r"(?P<prefix>milli|micro|nano|centi|[mcnuµ])??"
+_TIME = r"(?:s|sec|seconds?|secs)"
+_RATE = re.compile(
+    rf"{_PREFIX}(?:(?P<short>dps|dph|rps|rpm)|(?P<angle>deg|rad|arc-?sec|arc-?min|rev)(?:rees?|ians?|olutions?|onds?|utes?|s)?"
+    rf"(?:/|per|p)?(?P<time>{_TIME}|min(?:ute)?s?|h(?:r|our)?s?)(?:-1)?)"
+)
+_ACCELERATION = re.compile(
+    rf"{_PREFIX}(?P<length>m|ft|feet|foot)(?:et(?:er|re)s?)?(?:/|per|p)?{_TIME}"
+    rf"(?:-?2|sq(?:uared?)?|(?:/|per|p)?{_TIME})"
+)
+_GRAVITY = re.compile(r"(?P<prefix>milli|micro|nano|[mnuµ])?-?(?:(?P<gal>gals?)|g(?:n|0|ees?|s|ravity|ravities)?)")
 
 
-_BY_NAME = {_key(name): unit for unit in _UNITS for name in (unit.name, *unit.aliases)}
-
-
+@lru_cache(maxsize=1024)
 def find_unit(text: str) -> Unit | None:
-    """Return the unit with the name `text`, or None. Spaces, dots and case do not matter.
+    """Return the unit that `text` spells, or None.
 
-    >>> find_unit("Deg / s").factor == math.pi / 180
-    True
+    A spelling is a prefix, a unit, and the time in the denominator: "deg/s", "°/s", "dps", "degrees per second",
+    "deg_per_s", "mdps", "m s^-2", "ft/s²", "µg", "milli-g". Blanks, underscores and dots do not matter. Case matters
+    only for mega, which no sensor has: "Mg" is not a unit.
+
+    >>> find_unit("Deg / s").factor == math.pi / 180, find_unit("milli_degrees_per_sec").name, find_unit("ft/s^2").name
+    (True, 'mdeg/s', 'ft/s²')
     """
-    return _BY_NAME.get(_key(text))
+    spelling = text.strip().translate(_SIGNS)
+    if len(spelling) > 40:  # no unit is longer
+        return None
+    key = spelling.casefold().replace("μ", "µ")
+    if match := _RATE.fullmatch(key):
+        base, time = _SHORT_RATES.get(match["short"] or "", ("", ""))
+        base = base or match["angle"].replace("-", "")
+        time = time or ("min" if match["time"].startswith("m") else match["time"][0])
+        name, size, quantity = f"{base}/{time}", _ANGLES[base] / _TIMES[time], "gyro"
+    elif match := _ACCELERATION.fullmatch(key):
+        base = match["length"].replace("foot", "ft").replace("feet", "ft")
+        name, size, quantity = f"{base}/s²", _LENGTHS[base], "accel"
+    elif match := _GRAVITY.fullmatch(key):
+        name, size = ("Gal", 1e-2) if match["gal"] else ("g", STANDARD_GRAVITY)
+        quantity = "accel"
+    else:
+        return None
+    prefix = _WORDS[match["prefix"] or ""]
+    mega = match["prefix"] == "m" and spelling[0] == "M" and (name == "g" or not spelling.isupper())
+    if mega or (prefix == "centi" and name != "m/s²"):
+        return None
+    name = {"rev/min": "rpm", "Gal": "cm/s²"}.get(name, name) if not prefix else f"{_SYMBOLS[prefix]}{name}"
+    return _BY_NAME.get(name) or Unit(name, cast(Quantity, quantity), size * _PREFIXES[prefix])
 
 
 def unit_names(quantity: Quantity) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,9 +84,9 @@ def nominal_interval(ticks: Vector) -> float:
 
 def in_order(ticks: Vector, integer: bool, per_second: int, nominal: float | None = None) -> OrderedStamps:
     """Undo wraps of a counter and changes to and from summer time. A backward step is a wrap if it becomes one sampling
-    interval, or at most 64, when 2¹⁶, 2²⁴ or 2³² ticks are added to it. For time stamps that are not integers, the
-    ticks of the counter can also be ns, µs or ms. A step is a change of summer time if it becomes one sampling interval
-    when an hour is added or subtracted."""
+    interval, or at most 64, when 2¹⁶, 2²⁴ or 2³² ticks, a day or a week are added to it. For time stamps that are not
+    integers, the ticks of the counter can also be ns, µs or ms. A step is a change of summer time if it becomes one
+    sampling interval when an hour is added or subtracted."""
     steps = np.diff(ticks)
     if not np.any(steps < 0) and not np.any(steps > _HOUR_WITHIN * per_second):
         return OrderedStamps(ticks, ClockSteps())
@@ -95,7 +95,7 @@ def in_order(ticks: Vector, integer: bool, per_second: int, nominal: float | Non
     added = np.zeros(ticks.size)
     wraps: list[tuple[int, float]] = []
     units = {1.0} if integer else {1.0, *(per_second / parts for parts in (10**3, 10**6, 10**9))}  # ns, µs, ms, tick
-    for length, places in _wraps(steps, nominal, near, tuple(sorted(units))):
+    for length, places in _wraps(steps, nominal, near, _counters(units, per_second)):
         added[places + 1] += length
         wraps = [(row + 1, length) for row in places.tolist()]
     steps = np.diff(ticks + np.cumsum(added))
@@ -111,13 +111,18 @@ def in_order(ticks: Vector, integer: bool, per_second: int, nominal: float | Non
     return OrderedStamps(ticks + np.cumsum(added), ClockSteps(tuple(wraps), tuple(sorted(hours))))
 
 
+def _counters(units: set[float], per_second: int) -> list[float]:
+    """Return the lengths (ticks) of counters that wrap around: 16, 24 and 32 bits, a day and a week."""
+    bits = (unit * 2.0**count for unit in units for count in (16, 24, 32))
+    return sorted({*bits, 86_400.0 * per_second, 604_800.0 * per_second})
+
+
 def _wraps(
-    steps: Vector, nominal: float, near: float, units: tuple[float, ...]
+    steps: Vector, nominal: float, near: float, lengths: Sequence[float]
 ) -> Iterator[tuple[float, NDArray[np.int64]]]:
     """Yield the length of the counter and the intervals where it wraps, if most backward steps are its wraps."""
     back = np.flatnonzero(steps < 0)
-    # Bits of counters that wrap around
-    for length in sorted(unit * 2.0**bits for unit in units for bits in (16, 24, 32)):
+    for length in lengths:
         remainder = steps[back] + length
         intervals = np.round(remainder / nominal)  # number of sampling intervals that remain
         near_whole = np.abs(remainder / nominal - intervals) <= 0.25

@@ -9,21 +9,13 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from gmwm.base.axis_names import AXES
 from gmwm.base.units import TIME_WORDS, find_time_unit, find_unit
 from gmwm.files.contract import Channel
 
-# Spellings of units that only occur in column names, which have no slash: gyro_x_rad_s.
-_UNIT_WORDS = {
-    "mrads": "mrad/s", "mradps": "mrad/s", "degmin": "deg/min", "mms2": "mm/s²", "mmps2": "mm/s²",
-    "rads": "rad/s", "radps": "rad/s", "radpersec": "rad/s",
-    "degs": "deg/s", "degps": "deg/s", "degpersec": "deg/s",
-    "degh": "deg/h", "°s": "deg/s", "°h": "deg/h", "degperhour": "deg/h",
-    "ms2": "m/s²", "mps2": "m/s²", "mss": "m/s²", "mpss": "m/s²", "mps²": "m/s²", "ms²": "m/s²",
-}  # fmt: skip
-
 _GYRO = {
     "gyro", "gyr", "gyroscope", "gyros", "gyroscopes", "omega", "w", "g", "angvel", "angularvelocity",
-    "angularrate", "angrate", "rate", "turnrate", "rotationrate", "imugyro",
+    "angularrate", "angrate", "rate", "turnrate", "rotationrate", "imugyro", "ω",
 }  # fmt: skip
 _ACCEL = {
     "accel", "acc", "accelerometer", "acceleration", "accelerometers", "a", "alpha", "f", "specificforce",
@@ -32,7 +24,7 @@ _ACCEL = {
 _OTHER = {
     "mag", "magnetometer", "magnetic", "std", "stddev", "sigma", "cov", "covariance", "bias", "var",
     "variance", "quat", "quaternion", "orientation", "inc", "increment", "delta", "jerk", "temp", "valid",
-    "status", "counts", "reference", "ref", "user", "free",
+    "status", "reference", "ref", "user", "free", "desired", "setpoint", "target", "command", "cmd", "error",
 }  # fmt: skip
 _TIME = {
     "time", "t", "timestamp", "timestamps", "stamp", "timestamputc", "sensortime", "gpstime", "tow",
@@ -46,7 +38,19 @@ _REMARKS = {
     "raw", "counts", "count", "lsb", "lsbs", "adc", "digits", "bits", "cal", "calibrated", "uncalibrated", "body",
     "imu", "sensor", "meas", "measured", "x", "y", "z", "-",
 }  # fmt: skip
-_HARMLESS = {"raw", "meas", "measured", "data", "value", "imu", "cal", "calibrated"}
+_HARMLESS = {
+    "raw", "meas", "measured", "data", "value", "imu", "cal", "calibrated", "lsb", "lsbs", "count", "counts", "adc",
+    "digits", "bits",
+}  # fmt: skip
+_FILL_WORDS = {"axis", "in"}  # words in names such as "acceleration in g, x axis"
+_NOT_SAMPLES = {
+    "accuracy", "offset", "scale", "noise", "time", "timestamp", "stamp", "counter", "clip", "clipping", "range",
+    "mean", "min", "max", "rms", "norm", "enabled", "flag", "health", "type", "id", "fft", "psd", "angle", "linear",
+}  # fmt: skip
+_MENTIONS = {
+    "gyro": r"gyr|omega|angular(?:rate|vel)|(?:turn|rotation)rate",
+    "accel": r"acc(?!u|ept|ess)|specificforce",
+}
 _CLOCKS = {"utc", "gps", "gnss", "tai", "unix", "epoch", "posix", "ros", "local", "host", "device", "sensor", "elapsed"}
 
 _ELEMENT = re.compile(r"\[([012])\]")  # pattern of an element of an array of three axes: gyroADC[0] is the x axis
@@ -54,6 +58,11 @@ _ELEMENT = re.compile(r"\[([012])\]")  # pattern of an element of an array of th
 LONGEST_NAME = 200
 """Largest number of characters of a name or unit that are searched. Much longer strings would take minutes."""
 _BRACKETED = re.compile(r"\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*$")
+_BRACKET_WITHIN = re.compile(r"\s*[\[({<]\s*([^\])}>]*[a-zA-Z°º][^\])}>]*?)\s*[\])}>]")
+_INVERSE = re.compile(r"(?<=[sc])\s?\^?[-−⁻]\s?([12¹²])(?!\d)")  # pattern of s^-1 and s⁻², which are one word
+_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[XYZ])(?=[A-Z][a-z])|(?<=[a-z][XYZ])(?=[a-z]{2})(?!aw)")
+_MEGA = ("Mg", "MG")
+"""Spellings that keep their case, because they are not a unit of accelerometers: mega-g is not milli-g."""
 
 
 @dataclass(frozen=True)
@@ -74,9 +83,8 @@ def recognise(name: str) -> ColumnName:
     ('mg', 'us')
     """
     text = _ELEMENT.sub(lambda match: f"_{'xyz'[int(match[1])]}", clean(name), count=1)
-    bracket = _BRACKETED.search(text)
-    unit_text = bracket.group(1) if bracket else ""
-    words = _words(text[: bracket.start()] if bracket else text)
+    text, unit_text = _without_bracket(text)
+    words = _words(text)
     if words[-2:-1] == ["stamp"] and words[-1] in TIME_WORDS:
         return ColumnName()  # half of a ROS stamp in two columns, header.stamp.sec and .nanosec
     tail_unit = ""
@@ -95,7 +103,26 @@ def recognise(name: str) -> ColumnName:
         return ColumnName("temperature", "°C")  # the spelling of Epson units; otherwise ts is a time stamp
     if axis == "time" and joined.startswith("sec"):
         unit = unit or "s"
+    if axis in AXES and words[-1] in ("x", "y", "z"):
+        unit = unit or _last_unit(words[1:-1], axis)  # gyro_dps_x
     return ColumnName(axis, unit, "angularvelocity" in joined or "linearacceleration" in joined)
+
+
+def _without_bracket(text: str) -> tuple[str, str]:
+    """Split a name into the name without its bracket, and the text in the bracket. A bracket within a name counts if it
+    holds a unit."""
+    if bracket := _BRACKETED.search(text):
+        return text[: bracket.start()], bracket.group(1)
+    within = _BRACKET_WITHIN.search(text)
+    if within and find_unit(within[1]) is not None:
+        return f"{text[: within.start()]} {text[within.end() :]}", within[1]
+    return text, ""
+
+
+def _last_unit(words: list[str], axis: str) -> str:
+    """Return the unit of `axis` that the last words spell; "" if they spell none."""
+    units = (unit_of("".join(words[-count:]), axis) for count in range(min(5, len(words)), 0, -1))
+    return next((unit for unit in units if unit), "")
 
 
 def role_of(channel: Channel) -> str:
@@ -121,11 +148,44 @@ def named_unit(name: str, axis: str) -> str:
     column = recognise(name)
     if column.unit and column.axis.split("_")[0] == axis.split("_")[0]:
         return column.unit
-    bracket = _BRACKETED.search(clean(name))
-    if bracket:
-        return unit_of(bracket.group(1), axis)
-    last = _words(clean(name))[-1:]
-    return TIME_WORDS.get(last[0], "") if axis == "time" and last and len(last[0]) > 1 else ""
+    text, unit = _without_bracket(clean(name))
+    if unit:
+        return unit_of(unit, axis)
+    words = _words(text)[1:]
+    if axis == "time":
+        return TIME_WORDS.get(words[-1], "") if words and len(words[-1]) > 1 else ""
+    return _last_unit(words, axis) if axis in AXES else ""
+
+
+def bare_words(name: str) -> list[str]:
+    """Return the words of a column name without its unit.
+
+    >>> bare_words("p_rad_s"), bare_words("sys_time [ms]")
+    (['p'], ['sys', 'time'])
+    """
+    words = _words(_without_bracket(clean(name))[0])
+    for count in range(min(5, len(words) - 1), 0, -1):
+        if any(unit_of("".join(words[-count:]), axis) for axis in ("gyro", "accel", "time")):
+            return words[:-count]
+    return words
+
+
+def mentioned_sensor(name: str) -> tuple[str, str]:
+    """Return the sensor and the direction that a column name mentions, whether or not it is a name of an axis.
+
+    >>> mentioned_sensor("gyro_x_furlong"), mentioned_sensor("gyro_x_std")
+    (('gyro', 'x'), ('', ''))
+    """
+    words = _words(clean(name))
+    letter = next((word[-1] for word in words if re.fullmatch(r"(?:(?:gyr|acc)\w*)?[xyz]", word)), "")
+    if not letter or (_OTHER | _NOT_SAMPLES) & set(words):
+        return "", ""
+    joined = "".join(words)
+    if "angularacc" not in joined:
+        for sensor, pattern in _MENTIONS.items():
+            if re.search(pattern, joined):
+                return sensor, letter
+    return "", ""
 
 
 def unknown_unit(name: str, stated: str, axis: str) -> str:
@@ -153,7 +213,7 @@ def unit_of(text: str, axis: str) -> str:
         return find_time_unit(text)
     if axis == "temperature":
         return "°C" if key in {"c", "°c", "degc", "celsius", "deg_c", "deg.c"} else text.strip()
-    unit = find_unit(_UNIT_WORDS.get(key, key))
+    unit = find_unit(text)
     return unit.name if unit is not None and axis.startswith(unit.quantity) else ""
 
 
@@ -172,8 +232,10 @@ def clean(name: str) -> str:
 
 def _words(text: str) -> list[str]:
     """Split a name into words in lower case, at punctuation, at underscores and inside camelCase."""
-    text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
-    return [word.casefold() for word in re.split(r"[^\w²°µμ]+|_", text) if word]
+    text = _CAMEL.sub(" ", _INVERSE.sub(r"⁻\1", text))
+    parts = (part for part in re.split(r"[^\w²°º˚⁻µμ]+|_", text) if part)
+    words = [part if part in _MEGA else part.casefold() for part in parts]
+    return [word for word in words if word not in _FILL_WORDS] or words
 
 
 def _axis(words: list[str]) -> str:
@@ -194,7 +256,9 @@ def _axis(words: list[str]) -> str:
 
 def _letters(words: list[str]) -> list[tuple[str, list[str]]]:
     """Return all ways to split words into an axis letter and the words for the sensor."""
-    splits = []
+    splits: list[tuple[str, list[str]]] = []
+    if words[-1] == "yaw":
+        return splits  # the third axis; see `short_names`
     if words[-1] in {"x", "y", "z"}:
         splits.append((words[-1], words[:-1]))
     elif words[0] in {"x", "y", "z"} and len(words) > 1:

@@ -7,15 +7,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from gmwm.base.axis_names import AXES
+from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.template import Fact, join_names
 from gmwm.base.text import counted
-from gmwm.base.units import STANDARD_GRAVITY
-from gmwm.files.columns.column_names import clean, role_of
+from gmwm.base.units import SI_UNIT, STANDARD_GRAVITY
+from gmwm.files.columns.column_names import clean, mentioned_sensor, role_of
+from gmwm.files.columns.short_names import by_short_names
 from gmwm.files.contract import Layout
 from gmwm.recording.options import ROLES, Columns
+
+_SENSORS = {"gyro": "gyroscopes", "accel": "accelerometers"}
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,7 @@ def choose(layout: Layout, columns: Columns | None, path: Path) -> ColumnChoice:
     """Choose the columns to read. If `columns` names a column for at least one axis, only the named axes are read. The
     time column is still found by its name unless `columns` has "time". An axis whose column is None is left out."""
     if columns is not None and not isinstance(columns, Mapping):
-        return _check_choice(ColumnChoice(_by_order(layout, columns, path)), layout, path)
+        return _check_choice(ColumnChoice(_by_order(layout, columns, path)), layout, path, exhaustive=True)
     requested = dict(columns or {})
     declared = {role: _index(layout, column, role, path) for role, column in requested.items() if column is not None}
     exhaustive = any(role in AXES for role in declared)
@@ -49,7 +52,8 @@ def choose(layout: Layout, columns: Columns | None, path: Path) -> ColumnChoice:
     if not layout.named and not declared:
         raise _nameless(layout, path)
     named, remarks = _by_name(layout, roles - set(requested), set(declared.values()), path)
-    return _check_choice(ColumnChoice(declared | named, remarks), layout, path)
+    chosen = ColumnChoice(declared | named, remarks)
+    return _check_choice(chosen, layout, path, exhaustive=any(role in AXES for role in requested))
 
 
 def describe_columns(layout: Layout) -> str:
@@ -59,7 +63,7 @@ def describe_columns(layout: Layout) -> str:
     return f"{len(layout.channels)} columns without names"
 
 
-def _check_choice(choice: ColumnChoice, layout: Layout, path: Path) -> ColumnChoice:
+def _check_choice(choice: ColumnChoice, layout: Layout, path: Path, *, exhaustive: bool) -> ColumnChoice:
     """Check the choice, and add a remark on the columns that are not read."""
     indices = list(choice.columns.values())
     repeated = next((k for k in indices if indices.count(k) > 1), None)
@@ -77,13 +81,41 @@ def _check_choice(choice: ColumnChoice, layout: Layout, path: Path) -> ColumnCho
             advice="Name the columns of the axes with {--columns}, for example {--columns=@example}.",
             example=f"gyro_x:{min(1, len(layout.channels) - 1)}",
         )
-    others = [
-        channel.name or str(k)
+    others = {
+        k: channel.name or str(k)
         for k, channel in enumerate(layout.channels)
         if k not in choice.columns.values() and (channel.name or layout.named is False)
-    ]
-    left_out = (Remark.of("left-out", kind="columns", names=tuple(others)),) if others else ()
-    return ColumnChoice(choice.columns, (*choice.remarks, *left_out))
+    }
+    sensors = {} if exhaustive else _unread_sensors(others, choice, path)
+    remarks = [Remark.of("sensor-columns-left-out", sensor, names=names) for sensor, names in sensors.items()]
+    plain = tuple(name for name in others.values() if not any(name in names for names in sensors.values()))
+    if plain:
+        remarks.append(Remark.of("left-out", kind="columns", names=plain))
+    return ColumnChoice(choice.columns, (*choice.remarks, *remarks))
+
+
+def _unread_sensors(others: Mapping[int, str], choice: ColumnChoice, path: Path) -> dict[str, tuple[str, ...]]:
+    """Return the columns that are not read although their names mention a sensor without its three axes. Raise an error
+    if no column of such a sensor is read."""
+    out: dict[str, tuple[str, ...]] = {}
+    for sensor in SI_UNIT:
+        axes = [axis for axis in choice.axes if axis_quantity(axis) == sensor]
+        mentioned = {k: letter for k, name in others.items() for s, letter in (mentioned_sensor(name),) if s == sensor}
+        if not mentioned or len(axes) == 3:
+            continue
+        names = tuple(others[k] for k in mentioned)
+        if not axes and len(set(mentioned.values())) == len(mentioned) > 1:
+            chosen = choice.columns | {f"{sensor}_{letter}": k for k, letter in mentioned.items()}
+            raise ReadError(
+                f"{path}: {join_names(names)} seem to be axes of the {_SENSORS[sensor]}, but their names are not known",
+                code="columns-ambiguous",
+                advice="Name the columns of all axes with {--columns=@example}, or leave these out with "
+                "{--columns=@without}.",
+                example=",".join(f"{role}:{k}" for role, k in sorted(chosen.items())),
+                without=",".join(f"{role}:{k}" for role, k in sorted(choice.columns.items())),
+            )
+        out[sensor] = names
+    return out
 
 
 def _by_order(layout: Layout, roles: Sequence[str | None], path: Path) -> dict[str, int]:
@@ -138,6 +170,13 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
     if (stamp := _header_stamp(layout, candidates.get("time", []))) is not None:
         candidates["time"] = [stamp]
     remarks = []
+    names = ["" if k in used else channel.name for k, channel in enumerate(layout.channels)]
+    short = by_short_names(names, wanted - set(candidates))
+    for group in (AXES[:3], AXES[3:], ("time",)):
+        if roles := tuple(role for role in group if role in short):
+            taken = tuple(layout.channels[short[role]].name for role in roles)
+            remarks.append(Remark.of("short-names", names=taken, roles=roles))
+    candidates |= {role: [k] for role, k in short.items()}
     for role, several in candidates.items():
         if len(several) == 1:
             continue

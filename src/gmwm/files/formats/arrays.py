@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.axis_names import AXES
 from gmwm.base.errors import ReadError
-from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.remarks import Remark
 from gmwm.base.units import find_unit
 from gmwm.files.columns.column_names import recognise, role_of
 from gmwm.files.contract import Channel, Layout, Mark, Reader, Rows
@@ -314,9 +314,6 @@ def _layout(part: Sequence[Array], rate: float | None, topic: str, remarks: tupl
     channels = _channels(part)
     state = tuple((array, k) for array in part for k in range(array.columns))
     first = tuple(str(value) for array in part for value in array.rows(0, 1, 0).reshape(-1))
-    stamped = any(role_of(c) == "time" for c in channels)
-    if rate is not None and not stamped:
-        remarks = (*remarks, Remark.of("rate-stated", rate=Quantity(rate, "Hz"), used="yes"))
     return Layout(channels, first, topic, rate, remarks=remarks, state=state, stray_time=stray, rate_of_samples=True)
 
 

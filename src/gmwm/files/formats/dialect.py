@@ -7,12 +7,14 @@ test_headers.py.
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gmwm.base.errors import ReadError
+from gmwm.base.units import TIME_UNITS, find_time_unit
 from gmwm.files.clock.text_stamps import is_stamp, parted_stamp
 from gmwm.files.columns.column_names import clean, is_unit, recognise, unit_of
 
@@ -149,7 +151,7 @@ def detect(lines: list[str], path: object) -> TextDialect:
     return TextDialect(
         delimiter=delimiter, decimal_comma=decimal_comma, fields=fields, columns=columns, first_line=first_line,
         names=names, column_units=units, units=stated, comment=sign, first_row=first_row, integers=integers,
-        rate=_stated_rate(comments), stamps=stamps,
+        rate=_stated_rate(comments, [line for k, line in body[:start]]), stamps=stamps,
         header=tuple(line for k, line in body[:start] if len(split_line(line, delimiter)) > 1),
         above=tuple(lines[: first_line - 1]), sensors=_sensors(names, complete),
         stamp_parts=_stamp_parts(names, integers), cleaning=cleaning,
@@ -159,6 +161,9 @@ def detect(lines: list[str], path: object) -> TextDialect:
 _LABEL = r"[A-Za-z_][\w.]*\s*[:=]\s*"
 _LABELLED = re.compile(rf"\s*(?:({_LABEL})[-+]?[\d.][^\s,;:=]*(?![^\s,;:=])[\s,;]*(?![\s,;])){{2,}}")
 _ARROW = re.compile(r"\s*\d\d:\d\d:\d\d[.,]\d+ -> ")
+_WEEK_SECONDS = r"(?<![\d:.])\d{3,4}:(?=\d{1,6}(?:\.\d*)?(?![\d:]))"
+WEEK = (_WEEK_SECONDS.encode(), b"")
+"""Replacement that removes the week from time stamps such as 2190:345600.005."""
 
 
 def _cleaning(lines: list[str]) -> tuple[tuple[tuple[bytes, bytes], ...], tuple[str, ...]]:
@@ -170,6 +175,9 @@ def _cleaning(lines: list[str]) -> tuple[tuple[tuple[bytes, bytes], ...], tuple[
         text = sample[-1].partition(" -> ")[2]
         sign = next((mark for mark in ",;\t" if mark in text), " ")
         replacements.append((rb" -> ", sign.encode()))
+    weeks = [re.search(rf"{_WEEK_SECONDS}(\d+)", line) for line in sample]
+    if sample and all(weeks) and any(int(match[1]) >= 60 for match in weeks if match):  # minutes have 60 seconds
+        replacements.append(WEEK)
     labelled = [line for line in sample if _LABELLED.fullmatch(line.partition(" -> ")[2] or line)]
     if 2 * len(labelled) <= len(sample):
         return tuple(replacements), ()
@@ -386,11 +394,22 @@ def _stated_units(comments: list[str]) -> dict[str, str]:
     return units
 
 
-def _stated_rate(comments: list[str]) -> float | None:
-    """Return the sampling rate (Hz) if comments state exactly one, as in "// Update Rate: 100.0Hz"; otherwise None."""
-    stated = (match for line in comments for match in _RATE.findall(_single_blanks(line)))
-    rates = {float(number) * (1e3 if kilo else 1) for number, kilo in stated}
+def _stated_rate(comments: list[str], preamble: list[str]) -> float | None:
+    """Return the sampling rate (Hz) if the lines above the numbers state exactly one; otherwise None. A comment may
+    hold it anywhere, as in "// Update Rate: 100.0Hz"; another line must hold nothing else, as in "Fs,100"."""
+    lines = [_single_blanks(line[:200]) for line in (*comments, *preamble)]
+    rates = {_as_rate(number, unit) for line in lines[: len(comments)] for number, unit in _RATE.findall(line)}
+    for line in lines:
+        if match := _RATE_LINE.fullmatch(line):
+            rates.add(_as_rate(match[2], match[1] or match[3]))
+        elif match := _INTERVAL_LINE.fullmatch(line):
+            unit = find_time_unit(match[1] or match[3] or "s")
+            rates.add(float(f"{TIME_UNITS[unit] / (float(match[2]) or math.inf):.12g}") if unit in TIME_UNITS else 0.0)
     return rates.pop() if len(rates) == 1 and min(rates) > 0 else None
+
+
+def _as_rate(number: str, unit: str | None) -> float:
+    return float(number) * (1e3 if (unit or "").lower().startswith("k") else 1)
 
 
 def _single_blanks(line: str) -> str:
@@ -401,6 +420,18 @@ def _single_blanks(line: str) -> str:
 _RATE = re.compile(
     r"\b(?:update|output|sampl(?:e|ing)|data)[ _]*(?:rate|frequency)\s*[:=,]?\s*(?:\(hz\)\s*[:=,]?)?\s*"
     r"(\d+(?:\.\d+)?)\s*(k)?(?:hz|sps|,|;|\s|$)",
+    re.IGNORECASE,
+)
+_KEY = r"[#%/!\s\"']*"
+_VALUE = r"[\"']?\s*[:=,;\s]\s*[\"']?(\d+(?:\.\d+)?(?:e[+-]?\d+)?)\s*"
+_END = r"[\"',;\s]*"
+_RATE_LINE = re.compile(
+    rf"{_KEY}(?:(?:imu|update|output|sampl\w+|data|logging)?[ _-]*(?:rate|freq\w*)|fs|odr)[ _]*"
+    rf"(?:[\[(]?(k?hz|sps)[\])]?)?{_VALUE}(k?hz|sps)?{_END}",
+    re.IGNORECASE,
+)
+_INTERVAL_LINE = re.compile(
+    rf"{_KEY}(?:dt|sampl\w+[ _-]*(?:interval|period|time))[ _]*(?:[\[(](\w+)[\])])?{_VALUE}([a-zµ]+)?{_END}",
     re.IGNORECASE,
 )
 

@@ -23,7 +23,7 @@ from gmwm.files.columns.column_names import recognise, unit_of
 from gmwm.files.columns.known_tables import known_table
 from gmwm.files.contract import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register, without_guests
 from gmwm.files.formats.byte_sources import FileSource
-from gmwm.files.formats.dialect import TextDialect, detect, is_number, split_line
+from gmwm.files.formats.dialect import WEEK, TextDialect, detect, is_number, split_line
 from gmwm.files.formats.text_rows import OR_SKIP, RowParser
 
 BLOCK_BYTES = 8 << 20
@@ -120,12 +120,16 @@ class TextReader(Reader):
         remarks: tuple[Remark, ...] = (Remark.of("no-line-end"),) if end is not None else ()
         if end:
             dialect = replace(dialect, cut=end)
+        units = dialect.units
+        if WEEK in dialect.cleaning:
+            units = {"time": "s", **units}
+            remarks += (Remark.of("time-read", form="week", clock="GPS"),)
         if program:
             remarks += (Remark.of("layout-known", format=program),)
         if dialect.stamp_parts is not None:
             channels.append(Channel("header.stamp", "ns", "time"))
         return Layout(
-            tuple(channels), dialect.first_row, rate=dialect.rate, units=dialect.units, remarks=remarks, state=dialect
+            tuple(channels), dialect.first_row, rate=dialect.rate, units=units, remarks=remarks, state=dialect
         )
 
     def rows(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector, as_rate
 from gmwm.base.errors import DataError, ReadError
-from gmwm.base.remarks import Remark
+from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import counted
 from gmwm.files.clock.clock import clock_of
 from gmwm.files.clock.lost_samples import Sifted, as_floats, dead_axes, is_missing, sift
@@ -187,7 +187,10 @@ def _timing(
     """Return the time base, and remarks on the unit or form of the time stamps. Without `stamps`, the recording is one
     segment of `samples` rows."""
     if stamps is None:
-        return timing_without_stamps(as_rate(layout.rate if options.rate is None else options.rate), samples), ()
+        if options.rate is not None or layout.rate is None:
+            return timing_without_stamps(as_rate(options.rate), samples), ()
+        stated = Remark.of("rate-stated", rate=Quantity(layout.rate, "Hz"), used="yes")
+        return timing_without_stamps(as_rate(layout.rate), samples), (stated,)
     unit, about_unit = time_unit(layout, choice, options.units)
     timing, about_form = clock_of(stamps, unit, options.rate)
     if options.rate is None and layout.rate is not None and layout.rate_of_samples:

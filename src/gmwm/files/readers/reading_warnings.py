@@ -18,6 +18,7 @@ _CATEGORIES: Mapping[str, type[GmwmWarning]] = {
     "losses-regular": TimeBaseWarning,
     "rate-ambiguous": TimeBaseWarning,
     "axis-dead": GmwmWarning,
+    "sensor-columns-left-out": GmwmWarning,
     **dict.fromkeys(STAMPS, TimeBaseWarning),
     "samples-lost": GmwmWarning,
     "values-impossible": GmwmWarning,
