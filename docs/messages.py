@@ -9,7 +9,7 @@ from html import unescape
 from pathlib import Path
 
 from gmwm.base.remarks import Dialect, Fact, Message, Remark, messages
-from gmwm.base.remarks.registry import SECTIONS, Choice
+from gmwm.base.remarks.registry import CASE, OTHERWISE, SECTIONS, Choice, Text
 from gmwm.base.template import render
 
 PAGE = Path(__file__).parent / "howto" / "warnings.md"
@@ -42,13 +42,25 @@ errors.
 
 def examples(message: Message) -> list[Remark]:
     """The example of a message, once for each of its templates."""
-    facts = dict(message.example)
-    subject = str(facts.pop("subject", ""))
-    variants: list[dict[str, Fact]] = [facts]
-    for text in (message.sentence, message.advice):
-        if isinstance(text, Choice):
-            variants = [{**given, text.by: value} for given in variants for value in text.templates]
-    return list(dict.fromkeys(Remark.of(message.code, subject, **given) for given in variants))
+    remarks: list[Remark] = []
+    for example in message.examples:
+        facts = dict(example)
+        subject = str(facts.pop("subject", ""))
+        variants: list[dict[str, Fact]] = [facts]
+        for text in (message.sentence, message.advice):
+            variants = [values for variant in variants for values in _variants(text, variant)]
+        remarks += [Remark.of(message.code, subject, **facts) for facts in variants]
+    return list(dict.fromkeys(remarks))
+
+
+def _variants(text: Text, facts: dict[str, Fact]) -> Iterator[dict[str, Fact]]:
+    """The facts, once for each template that a text chooses by a fact other than the case."""
+    if not isinstance(text, Choice):
+        yield facts
+    elif text.by == CASE:
+        yield from _variants(text.templates.get(str(facts[CASE]), text.templates.get(OTHERWISE, "")), facts)
+    else:
+        yield from ({**facts, text.by: value} for value in text.templates)
 
 
 def page() -> str:
@@ -68,7 +80,8 @@ def _entry(message: Message) -> Iterator[str]:
     yield f"### `{message.code}`\n"
     sentences = dict.fromkeys(_markdown(replace(remark, advice="").text(Dialect.HTML)) for remark in remarks)
     yield "\n>\n".join(f"> {sentence}" for sentence in sentences) + "\n"
-    yield f"**Severity:** {message.severity.label}. {message.meaning}\n"
+    severities = ", ".join(dict.fromkeys(remark.severity.label for remark in remarks))
+    yield f"**Severity:** {severities}. {message.meaning}\n"
     advice = list(dict.fromkeys(filter(None, map(_advice, remarks))))
     if len(advice) == 1:
         yield f"**What to do.** {advice[0]}\n"

@@ -20,7 +20,7 @@ from gmwm.base.errors import DataError, GmwmWarning, OptionError, ReadError
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.files.readers.api import read_file
 from gmwm.recording.options import ReadOptions
-from tests.helpers import raises
+from tests.helpers import code_of, raises
 
 pytestmark = pytest.mark.slow
 
@@ -237,7 +237,7 @@ def test_another_recording_is_done_anew_a_touched_one_is_not(few, tmp_path):
         found = fleet(few, output, within=WITHIN, workers=0)
     (remark,) = (one.message.remark for one in warned if isinstance(one.message, GmwmWarning))
     facts = {"folder": str(output / "units"), "count": 1, "units": ("4.parquet",)}
-    assert (remark.code, remark.facts) == ("foreign-results", facts)
+    assert (code_of(remark), remark.facts) == ("other-results:units", {"case": "units", **facts})
     assert (found.kept, found.done) == (4, 3)
     samples = dict(found.table.select("unit", "samples").iter_rows())
     units = [*(f"{k}.parquet" for k in (0, 1, 2, 3, 5)), "6.csv", "new/4.parquet"]

@@ -47,11 +47,15 @@ def test_declared_goes_before_named_and_is_noted(tmp_path):
     path = saved(tmp_path, REST, ["gx [rad/s]", "gy [rad/s]", "gz [rad/s]"])
     imu = read(path, rate=100, units={"gyro": "dps"})
     np.testing.assert_allclose(imu["gyro_x"].values, np.radians(REST[:, 0]), rtol=1e-15)
-    assert only(imu.remarks, "unit-overruled", "gyro").facts == {"unit": "deg/s", "stated": "rad/s"}
+    assert only(imu.remarks, "unit-contradicted:declared", "gyro").facts == {
+        "case": "declared",
+        "unit": "deg/s",
+        "stated": "rad/s",
+    }
 
 
 def test_named_goes_before_gravity_and_gravity_objects(tmp_path):
-    with warns("unit-doubtful", likely="g"):
+    with warns("unit-doubtful:stated", likely="g"):
         imu = read(saved(tmp_path, REST, ["ax_mps2", "ay_mps2", "az_mps2"]), rate=100)
     assert imu["accel_z"].values.tolist() == REST[:, 2].tolist()
     with warnings.catch_warnings():
@@ -112,7 +116,11 @@ def test_a_unit_that_is_named_but_not_known_is_called_by_its_name(tmp_path, sens
     si = {"gyro": "rad/s", "accel": "m/s²"}[sensor]
     imu = read(path, rate=100, units={sensor: si}, scale={sensor: 3.0})
     np.testing.assert_allclose(imu[f"{sensor}_y"].values, 3 * REST[:, 1], rtol=1e-15)
-    assert only(imu.remarks, "unit-overruled", sensor).facts == {"unit": si, "stated": "furlong/s"}
+    assert only(imu.remarks, "unit-contradicted:declared", sensor).facts == {
+        "case": "declared",
+        "unit": si,
+        "stated": "furlong/s",
+    }
 
 
 def test_units_of_increments_point_to_them(tmp_path):
@@ -121,9 +129,13 @@ def test_units_of_increments_point_to_them(tmp_path):
         with raises(UnitError, f"'{unit}'", advises=[f"increments=['{sensor}']", f"units={{'{sensor}': '{of_rate}'}}"]):
             read(path, rate=100)
         imu = read(path, rate=100, units={sensor: of_rate}, increments=[sensor])
-        assert only(imu.remarks, "unit-named", sensor).facts == {"unit": of_rate, "source": "declared"}
-        overruled = only(read(path, rate=100, units={sensor: of_rate}).remarks, "unit-overruled", sensor)
-        assert overruled.facts == {"unit": of_rate, "stated": unit}
+        assert only(imu.remarks, "unit-named:unit", sensor).facts == {
+            "case": "unit",
+            "unit": of_rate,
+            "source": "declared",
+        }
+        overruled = only(read(path, rate=100, units={sensor: of_rate}).remarks, "unit-contradicted:declared", sensor)
+        assert overruled.facts == {"case": "declared", "unit": of_rate, "stated": unit}
 
 
 def test_what_stands_in_brackets_and_is_no_unit_leaves_it_to_gravity(tmp_path):

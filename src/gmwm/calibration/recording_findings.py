@@ -29,11 +29,12 @@ def recording_remarks(
     left out, and so are knocks, and motion that was replaced like a knock.
     """
     for remark in inspection.remarks:
-        if remark.code == "knocks" or (remark.code == "recording-moved" and _is_replaced(remark, verdicts)):
+        if remark.code == "knocks" or _is_replaced(remark, verdicts):
             continue
         axis_calibration = axes.get(remark.subject)
         if (
-            remark.code == "conditions-removed"
+            remark.code == "conditions"
+            and remark.facts["case"] == "removed"
             and axis_calibration is not None
             and axis_calibration.regression is not None
         ):
@@ -61,7 +62,9 @@ def pairs_facts(pairs: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _is_replaced(remark: Remark, verdicts: Sequence[Verdict]) -> bool:
-    """Return whether the samples of the motion in a remark were replaced and no axis has outliers that remain."""
+    """Return whether a remark is about motion whose samples were replaced, and no axis has outliers that remain."""
+    if remark.code != "recording-moved" or remark.facts["case"] != "moved":
+        return False
     start, window = remark.facts["time"], remark.facts["window"]
     assert isinstance(start, Quantity)
     assert isinstance(window, Quantity)

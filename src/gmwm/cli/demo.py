@@ -162,7 +162,9 @@ def _comparison_text(rows: Sequence[Mapping[str, Any]], truth: Mapping[str, Mode
             )
     gaps = [fit.gap for fit in found.values() if fit.gap is not None]
     if gaps:
-        lines += wrap_text(Remark.of("optimal", gap=100 * max(gaps), exact="no").text(Dialect.SHELL))
+        lines += wrap_text(
+            Remark.of("check-passed", case="optimum", gap=100 * max(gaps), exact="no").text(Dialect.SHELL)
+        )
     return "\n".join(lines)
 
 

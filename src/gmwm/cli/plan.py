@@ -254,7 +254,7 @@ def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
     model, remarks = Model.parse(found["model"]), []
     processes = dict(zip(model.terms, model.processes, strict=True))
     if zero := [term for term, process in processes.items() if process.scale == 0]:
-        remarks.append(Remark.of("pilot-left-out", terms=tuple(zero)))
+        remarks.append(Remark.of("term-zero", case="pilot", terms=tuple(zero)))
     processes = {term: process for term, process in processes.items() if term not in zero}
     levels, rate, filter, matrix = _measure(found)
     for term, name in found["acts_as"].items():
@@ -264,11 +264,11 @@ def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
             else None
         )
         if like is None:
-            remarks.append(Remark.of("pilot-undetermined", term=term, process=name))
+            remarks.append(Remark.of("correlation-time-unknown", case="undetermined", term=term, process=name))
             continue
         del processes[term]
         value = ", ".join(f"{parameter}={value:.4g}" for parameter, value in like.values.items())
-        remarks.append(Remark.of("pilot-acts-as", term=term, process=f"{name}({value})"))
+        remarks.append(Remark.of("correlation-time-unknown", case="pilot", term=term, process=f"{name}({value})"))
         processes[name] = _add(processes[name], like) if name in processes else like
     return (str(Model(tuple(processes.values()))) if processes else found["model"]), remarks
 

@@ -40,7 +40,10 @@ def each_topic(
         obsolete=tuple(old for outcome in outcomes for old in outcome.obsolete),
         remarks=(
             *(remark for outcome in outcomes for remark in outcome.remarks),
-            *(Remark.of("not-calibrated", topic, reason=reason) for topic, reason in failed.items()),
+            *(
+                Remark.of("not-calibrated", topic, case="calibration", reason=reason)
+                for topic, reason in failed.items()
+            ),
         ),
     )
 

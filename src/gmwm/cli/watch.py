@@ -100,7 +100,7 @@ def watch(
         text=whole_text(curves, fits, failed=failed, accuracy=share, datasheet=datasheet),
         remarks=(
             *remarks_on_end(take, name, lines),
-            *(Remark.of("not-fitted", axis_name, reason=reason) for axis_name, reason in failed.items()),
+            *(Remark.of("not-calibrated", axis, case="fit", reason=reason) for axis, reason in failed.items()),
         ), failure=failure,
     )  # fmt: skip
 

@@ -179,7 +179,7 @@ def calibrate_fleet(
         folder.mkdir(parents=True, exist_ok=True)
         if others := foreign_units(folder, units.paths):
             where = str(folder / UNITS)
-            remark = Remark.of("foreign-results", folder=where, count=len(others), units=tuple(others))
+            remark = Remark.of("other-results", case="units", folder=where, count=len(others), units=tuple(others))
             warnings.warn(GmwmWarning(remark), stacklevel=2)
         write_facts(folder, units, unit_options)
         with run.telling():

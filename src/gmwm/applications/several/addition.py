@@ -39,7 +39,8 @@ class SharedNoiseAddition(RecordingAddition):
             strongest = pairs[0]
             first, second = strongest.axes
             yield Remark.of(
-                "noise-shared", **pairs_facts(tuple(dict.fromkeys("/".join(pair.axes) for pair in pairs))),
+                "noise-shared", case="calibration",
+                **pairs_facts(tuple(dict.fromkeys("/".join(pair.axes) for pair in pairs))),
                 first=first, second=second, correlation=strongest.correlation, tau=Quantity(strongest.tau, "s"),
                 size=SIZE,
             )  # fmt: skip

@@ -202,7 +202,7 @@ class VirtualSensor(Summarised, Plotted):
                 ratio = fusion.measured / fusion.variance
                 at = int(np.argmax(np.abs(np.log(ratio)) * (fusion.seen > 10.0)))
                 size, tau = float(np.sqrt(ratio[at])), Quantity(float(fusion.tau[at]), "s")
-                remarks.append(Remark.of("array-model-rejected", axis, model=fusion.model, ratio=size, tau=tau))
+                remarks.append(Remark.of("model-rejected", axis, case="array", model=fusion.model, ratio=size, tau=tau))
         return tuple(remarks)
 
     def to_dict(self) -> dict[str, Any]:

@@ -69,7 +69,9 @@ def time_unit(layout: Layout, choice: ColumnChoice, declared: Mapping[str, str])
     if "time" in declared:
         unit, other = declared["time"], stated or unknown or layout.units.get("time", "")
         overruled = other and other != unit
-        return unit, Remark.of("unit-overruled", "time", unit=unit, stated=other) if overruled else None
+        return unit, Remark.of(
+            "unit-contradicted", "time", case="declared", unit=unit, stated=other
+        ) if overruled else None
     if unknown:
         raise UnitError(
             f"the unit {unknown!r} of the time column {channel.name!r} is unknown; the units are {TIME_NAMES}",
@@ -121,10 +123,12 @@ def resolve(
         units |= {axis: parse_unit(stated[axis].unit, quantity) for axis in axes}
         first = stated[axes[0]]
         if first.stated:
-            remarks.append(Remark.of("unit-overruled", quantity, unit=first.unit, stated=first.stated))
+            remarks.append(
+                Remark.of("unit-contradicted", quantity, case="declared", unit=first.unit, stated=first.stated)
+            )
         else:
             shown: Fact = names[0] if len(names) == 1 else tuple(names)
-            remarks.append(Remark.of("unit-named", quantity, unit=shown, source=first.source))
+            remarks.append(Remark.of("unit-named", quantity, case="unit", unit=shown, source=first.source))
         if quantity == "accel":
             remarks += _doubts(axes, values, units)
     return Scales(units, tuple(remarks))
@@ -218,7 +222,7 @@ def _doubts(axes: list[str], values: Mapping[str, Vector], units: Mapping[str, U
         n for n in _INFERRED if abs(norm * parse_unit(n, "accel").factor / STANDARD_GRAVITY - 1) <= _NEAR_GRAVITY / 2
     ]
     return [
-        Remark.of("unit-doubtful", unit=unit.name, norm=norm, likely=name, units=f"accel:{name}")
+        Remark.of("unit-doubtful", case="stated", unit=unit.name, norm=norm, likely=name, units=f"accel:{name}")
         for name in better
         if name != unit.name
     ]

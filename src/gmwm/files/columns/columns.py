@@ -90,7 +90,7 @@ def _check_choice(choice: ColumnChoice, layout: Layout, path: Path, *, exhaustiv
     remarks = [Remark.of("sensor-columns-left-out", sensor, names=names) for sensor, names in sensors.items()]
     plain = tuple(name for name in others.values() if not any(name in names for names in sensors.values()))
     if plain:
-        remarks.append(Remark.of("left-out", kind="columns", names=plain))
+        remarks.append(Remark.of("left-out", case="names", kind="columns", names=plain))
     return ColumnChoice(choice.columns, (*choice.remarks, *remarks))
 
 
@@ -175,7 +175,7 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
     for group in (AXES[:3], AXES[3:], ("time",)):
         if roles := tuple(role for role in group if role in short):
             taken = tuple(layout.channels[short[role]].name for role in roles)
-            remarks.append(Remark.of("short-names", names=taken, roles=roles))
+            remarks.append(Remark.of("left-out", case="short", names=taken, roles=roles))
     candidates |= {role: [k] for role, k in short.items()}
     for role, several in candidates.items():
         if len(several) == 1:
@@ -190,7 +190,7 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
                 example=",".join(f"{axis}:{places[0]}" for axis, places in candidates.items()),
             )
         others: Fact = tuple(names[1:])
-        remarks.append(Remark.of("column-chosen", role=role, column=names[0], others=others))
+        remarks.append(Remark.of("left-out", case="column", role=role, column=names[0], others=others))
     return {role: several[0] for role, several in candidates.items()}, tuple(remarks)
 
 

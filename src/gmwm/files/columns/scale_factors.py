@@ -36,8 +36,10 @@ def multiply(
             factor *= rate
         if factor != 1:
             raw[axis][...] *= factor
-    remarks = [Remark.of("scaled", key, factor=factor, source="declared") for key, factor in factors.items()]
-    remarks += [Remark.of("increments", key, source="declared") for key in increments if key in read]
+    remarks = [
+        Remark.of("unit-named", key, case="factor", factor=factor, source="declared") for key, factor in factors.items()
+    ]
+    remarks += [Remark.of("unit-named", key, case="increments", source="declared") for key in increments if key in read]
     return tuple(remarks)
 
 

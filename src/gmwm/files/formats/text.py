@@ -117,15 +117,15 @@ class TextReader(Reader):
                 channels.append(Channel(name, (unit_of(unit, axis) or unit) if axis else unit))
         # Compressed formats detect by themselves whether they are complete.
         end = _open_end(source, dialect.delimiter) if source.seekable else None
-        remarks: tuple[Remark, ...] = (Remark.of("no-line-end"),) if end is not None else ()
+        remarks: tuple[Remark, ...] = (Remark.of("last-line", case="read"),) if end is not None else ()
         if end:
             dialect = replace(dialect, cut=end)
         units = dialect.units
         if WEEK in dialect.cleaning:
             units = {"time": "s", **units}
-            remarks += (Remark.of("time-read", form="week", clock="GPS"),)
+            remarks += (Remark.of("time-read", case="read", form="week", clock="GPS"),)
         if program:
-            remarks += (Remark.of("layout-known", format=program),)
+            remarks += (Remark.of("file-content", case="layout", format=program),)
         if dialect.stamp_parts is not None:
             channels.append(Channel("header.stamp", "ns", "time"))
         return Layout(

@@ -120,7 +120,7 @@ def understand(
         kind = "missing" if np.isnan(value) else "constant"
         remarks.append(Remark.of("axis-dead", axis, kind=kind, value=value, rows=size))
     if column is not None and column.other:
-        remarks.append(Remark.of("rows-of-others", count=column.other, rows=column.rows))
+        remarks.append(Remark.of("file-content", case="other-rows", count=column.other, rows=column.rows))
     remarks += [*about_scale, *scales.remarks, *about_time]
     # The remarks on all time stamps of a live stream follow at the end of an iteration.
     remarks += [remark for remark in time.remarks if pace is None or remark.code not in STAMPS]
@@ -189,7 +189,7 @@ def _timing(
     if stamps is None:
         if options.rate is not None or layout.rate is None:
             return timing_without_stamps(as_rate(options.rate), samples), ()
-        stated = Remark.of("rate-stated", rate=Quantity(layout.rate, "Hz"), used="yes")
+        stated = Remark.of("rate-stated", case="stated", rate=Quantity(layout.rate, "Hz"), used="yes")
         return timing_without_stamps(as_rate(layout.rate), samples), (stated,)
     unit, about_unit = time_unit(layout, choice, options.units)
     timing, about_form = clock_of(stamps, unit, options.rate)

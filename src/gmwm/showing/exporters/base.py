@@ -316,7 +316,11 @@ def sensor_missing(calibration: Calibration, quantity: Quantity, format: str) ->
 
 def topic_of(calibration: Calibration) -> str:
     """Return the ROS topic of the calibrated recording, or an empty string if it has no valid topic name."""
-    topics = {str(remark.facts["topic"]) for remark in calibration.recording_remarks if remark.code == "topic-read"}
+    topics = {
+        str(remark.facts["topic"])
+        for remark in calibration.recording_remarks
+        if remark.code == "topic-chosen" and remark.facts["case"] == "read"
+    }
     name = topics.pop() if len(topics) == 1 else ""
     return name if re.fullmatch(r"/[A-Za-z][A-Za-z0-9_/]*", name) else ""
 

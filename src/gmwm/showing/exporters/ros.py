@@ -74,7 +74,7 @@ class Ros(Exporter):
         found = cautions(calibration)
         for axis, fit in calibration.items():
             if terms := terms_without_variance(fit):
-                found.append(Remark.of("no-variance", axis, terms=terms))
+                found.append(Remark.of("not-in-file", axis, case="variance", terms=terms))
             found += of_lines(axis, fit)
         return tuple(found)
 

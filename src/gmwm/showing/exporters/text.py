@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 _WIDTH = 116
 REST = "All models, intervals and remarks: report.html of the calibration, or `calibration.report()`."
 """Last comment line of a file."""
-_DOUBTFUL_UNITS = ("gravity-off", "unit-overruled")
 _ASCII = {
     "²": "^2", "³": "^3", "·": " ", "≤": "<=", "±": "+-", "β": "beta", "σ": "sigma", "°": "deg",
     "µ": "u", "…": "...", "τ": "tau", "“": '"', "”": '"', "’": "'", "×": "x", "−": "-",
@@ -74,11 +73,13 @@ def cautions(calibration: Calibration) -> list[Remark]:
     has cross-covariances between axes.
     """
     found = [
-        remark for remark in calibration.remarks if remark.severity <= Severity.WRONG or remark.code in _DOUBTFUL_UNITS
+        remark
+        for remark in calibration.remarks
+        if remark.severity <= Severity.WRONG or remark.code == "unit-contradicted"
     ]
     pairs = [remark.facts["pairs"] for remark in calibration.remarks if remark.code == "noise-shared"]
     shared = tuple(dict.fromkeys(str(pair) for some in pairs if isinstance(some, tuple) for pair in some))
-    return [Remark.of("independent-in-file", **pairs_facts(shared)), *found] if shared else found
+    return [Remark.of("noise-shared", case="file", **pairs_facts(shared)), *found] if shared else found
 
 
 def paragraphs(remarks: Iterable[Remark]) -> list[str]:

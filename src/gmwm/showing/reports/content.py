@@ -159,7 +159,7 @@ def _settings(calibration: Calibration) -> Facts:
 def _axis(name: str, axis: AxisCalibration, rejected: bool) -> dict[str, Any]:
     fit, ranking = axis.fit, axis.ranking
     # The table already marks the recommended model and the equivalent models.
-    shown = [remark.about("") for remark in ranking.remarks if remark.code not in ("recommended", "as-good")]
+    shown = [remark.about("") for remark in ranking.remarks if remark.facts.get("case") not in ("model", "equal")]
     return {
         "axis": name,
         "title": axis_title(name),
@@ -226,7 +226,9 @@ def _certificate(gap: float | None) -> str:
     """Describe the certificate of the global optimum in words; "" if there is none."""
     if gap is None:
         return ""
-    return Remark.of("optimal", gap=100 * gap, exact="no" if gap > 0 else "yes").text(Dialect.PYTHON)
+    return Remark.of("check-passed", case="optimum", gap=100 * gap, exact="no" if gap > 0 else "yes").text(
+        Dialect.PYTHON
+    )
 
 
 def _number(entry: Entry) -> dict[str, Any]:
