@@ -155,7 +155,7 @@ def test_remarks_of_fits_are_on_the_axes_and_not_warnings():
     remark = only(found.axes["gyro_x"].remarks, "correlation-time-unknown:fit")
     assert (remark.facts["term"], remark.facts["process"]) == ("GM", "WN")
     assert "correlation-time-unknown:fit" in codes(found.remarks)
-    assert "[acts-as]" in found.summary(every=True)
+    assert "[correlation-time-unknown]" in found.summary(every=True)
 
 
 @pytest.mark.slow

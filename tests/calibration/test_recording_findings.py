@@ -34,7 +34,7 @@ def test_the_numbers_are_those_of_the_datasheet():
     assert "K" in numbers
     assert set(numbers) <= set(found.datasheets["gyro_x"])
     assert found.number_verdicts["gyro_x"]["K"].usability is Usability.BOUND
-    assert (code_of(found.verdict), found.verdict.facts["reasons"]) == ("verdict", ("warm-up",))
+    assert (code_of(found.verdict), found.verdict.facts["reasons"]) == ("verdict:usable", ("warm-up",))
 
 
 @pytest.mark.slow

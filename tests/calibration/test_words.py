@@ -146,7 +146,7 @@ def test_the_same_remark_on_several_axes_is_one_line(calibration):
         for axis, found in calibration.axes.items()
     }
     text = " ".join(replace(calibration, axes=axes).summary(every=True).split())
-    assert text.count("[weights-not-converged]") == 1
+    assert text.count("[weights-from-data]") == 1
     assert "gyro_x, gyro_y and accel_x: " in text
 
 

@@ -153,7 +153,7 @@ def test_no_imu_yaml_of_an_earlier_run_stays(gmwm, recording, calibrated, tmp_pa
     assert outcome.code == 0
     assert not (tmp_path / "imu.yaml").exists()
     assert "imu.yaml" not in outcome.out
-    (line,) = (line for line in outcome.err.splitlines() if line.endswith(" [old-file-removed]"))
+    (line,) = (line for line in outcome.err.splitlines() if line.endswith(" [other-results]"))
     assert line.startswith("warning: imu.yaml ")
 
 

@@ -111,7 +111,7 @@ def test_terms_that_the_pilot_does_not_show_are_remarked(gmwm, fits, tmp_path):
     outcome = gmwm("plan", "--from-fits", path, "--duration", "1h", "--json")
     (remark,) = (one for one in outcome.json["remarks"] if one["code"] == "correlation-time-unknown")
     assert remark["facts"] == {"case": "undetermined", "term": "GM", "process": "UNKNOWN"}
-    assert f"warning: {remark['text']} [pilot-undetermined]" in outcome.err.splitlines()
+    assert f"warning: {remark['text']} [correlation-time-unknown]" in outcome.err.splitlines()
 
 
 @pytest.mark.slow
