@@ -365,7 +365,7 @@ def test_the_summary_has_units_failures_outliers_and_remarks():
     assert "and 3 more" in flat
     assert "2.csv, gyro_x N:" in flat
     assert "deg/√h" in flat
-    assert only(remarks, "not-calibrated:fleet").facts == {"failed": 13, "units": 33}
+    assert only(remarks, "not-calibrated:fleet").facts == {"case": "fleet", "failed": 13, "units": 33}
     assert only(remarks, "model-rejected:fleet").facts == {"case": "fleet", "rejected": 60, "tested": 60}
     assert "outliers-found:fleet" not in codes(remarks)
     outlier = only(remarks, "units-outlying:units")
@@ -374,7 +374,11 @@ def test_the_summary_has_units_failures_outliers_and_remarks():
 
 def test_outliers_in_samples_are_a_remark():
     table = fleet(4).with_columns(contaminated=pl.col("unit") == "2.csv")
-    assert only(of_units(table, 4, 0), "outliers-found:fleet").facts == {"contaminated": 3, "tested": 12}
+    assert only(of_units(table, 4, 0), "outliers-found:fleet").facts == {
+        "case": "fleet",
+        "contaminated": 3,
+        "tested": 12,
+    }
 
 
 def test_a_healthy_fleet_has_no_grave_remark():
