@@ -5,7 +5,6 @@ import re
 
 import pytest
 
-from docs.messages import examples
 from gmwm.base.remarks import (
     Dialect,
     Quantity,
@@ -18,6 +17,7 @@ from gmwm.base.remarks import (
     sorted_remarks,
     texts,
 )
+from gmwm.base.remarks.explanation import examples
 from gmwm.base.remarks.registry import CASE, OTHERWISE, SECTIONS, Choice
 from gmwm.base.remarks.registry import message as message_of
 from tests.remarks.snapshot import file_of, rendered

@@ -54,7 +54,10 @@ def summary(
         remarks_shown = [remark for remark in remarks_shown if remark.severity is not Severity.INFO]
     remarks = texts(remarks_shown, dialect, codes=True) if every else brief(remarks_shown, dialect, rest=REST[dialect])
     if remarks:
-        parts.append(["What to know before using the numbers:", *(line for text in remarks for line in bullet(text))])
+        hint = " (gmwm explain CODE says more)" if dialect is Dialect.SHELL else ""
+        parts.append(
+            [f"What to know before using the numbers{hint}:", *(line for text in remarks for line in bullet(text))]
+        )
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
 

@@ -37,6 +37,7 @@ NAMES = {
     "agree": "Test whether calibrations of one unit agree with each other, or with a reference.",
     "budget": "Compute how attitude, velocity and position errors of unaided inertial navigation grow.",
     "export": "Write the noise of a calibrated unit in the format of another program.",
+    "explain": "Explain a message: what it means for the results, and what to do.",
     "plan": "Plan how long to record: print the standard error of each parameter for several durations.",
     "convert": "Convert a recording to Parquet, CSV or .imu.",
     "simulate": "Simulate a static recording with known noise.",
