@@ -21,8 +21,8 @@ HEAD = f"""\
 
 A message says what you should know about a result. It has a severity, and a code that the terminal shows in brackets.
 `gmwm explain CODE` prints the entry of a code. The terminal shows the five most severe messages; `report.html` and
-`--all-remarks` show all. JSON files have `code`, and in `facts` the `case` if a code has several. In Python, messages are
-in `remarks` of each result.
+`--all-remarks` show all. JSON files have `code`, and in `facts` the `case` if a code has several. In Python, messages
+are in `remarks` of each result.
 
 An error ends a command, and its text says what to do: see [the usual errors](../start.md#errors-on-reading).
 

@@ -45,7 +45,7 @@ def summary(
     calibration: Calibration, dialect: Dialect = Dialect.PYTHON, *, every: bool = False, details: bool = False
 ) -> str:
     """Return a calibration as text of at most 80 columns; `Calibration.summary` describes the parameters."""
-    equality = equality_remarks(calibration)
+    equality, shell = equality_remarks(calibration), dialect is Dialect.SHELL
     parts = [wrap_text(calibration.verdict.text(dialect)), _head(calibration)]
     parts += [wrap_text(text) for text in texts(equality, dialect, codes=True)]
     parts += _details(calibration) if details else [axis_lines(calibration), wrap_text(LEGEND)]
@@ -54,10 +54,8 @@ def summary(
         remarks_shown = [remark for remark in remarks_shown if remark.severity is not Severity.INFO]
     remarks = texts(remarks_shown, dialect, codes=True) if every else brief(remarks_shown, dialect, rest=REST[dialect])
     if remarks:
-        hint = " (gmwm explain CODE says more)" if dialect is Dialect.SHELL else ""
-        parts.append(
-            [f"What to know before using the numbers{hint}:", *(line for text in remarks for line in bullet(text))]
-        )
+        head = f"What to know before using the numbers{' (gmwm explain CODE says more)' if shell else ''}:"
+        parts.append([head, *(line for text in remarks for line in bullet(text))])
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
 

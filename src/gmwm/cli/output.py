@@ -266,6 +266,8 @@ class Warned:
         most = len(remarks) if self._every else MOST_REMARKS
         for text in brief(remarks, Dialect.SHELL, rest="--all-remarks", most=most):
             print(f"warning: {one_line(text)}", file=sys.stderr)
+        if remarks and sys.stderr.isatty():
+            print("gmwm explain CODE says more about a message.", file=sys.stderr)
 
 
 @contextmanager
