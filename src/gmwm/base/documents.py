@@ -78,20 +78,8 @@ class Documented:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Restore an object from the output of `to_dict`, also after a round trip through JSON.
-
-        All numbers are exactly the same.
-
-        Parameters
-        ----------
-        values : mapping of key to value
-            The document. Keys that the class does not know are ignored.
-
-        Raises
-        ------
-        ReadError
-            If a value is missing, or has the wrong type, size or range.
-        """
+        """Restore an object from the output of `to_dict`, exactly, also after a round trip through JSON. Unknown keys
+        are ignored. Raises ReadError if a value is missing, or has the wrong type, size or range."""
         if cls.document is None:
             return _read(cls, values)
         with cls.document.reading():

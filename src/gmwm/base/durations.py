@@ -17,21 +17,8 @@ _PLAIN = re.compile(rf"\s*({_NUMBER})\s*(%?)\s*", re.IGNORECASE)
 
 
 def parse_length(text: str, argument: str = "duration") -> float:
-    """Parse a duration: a number with a unit, a sum of these, or a number of seconds.
+    """Parse a duration (s): a number with a unit, a sum of these, or a number of seconds. `argument` is for errors.
 
-    Parameters
-    ----------
-    text : str
-    argument : str
-        Name of the argument, for errors.
-
-    Returns
-    -------
-    float
-        Duration (s).
-
-    Examples
-    --------
     >>> parse_length("90"), parse_length("30min"), parse_length("2 hours"), parse_length("1h30m"), parse_length("1.5d")
     (90.0, 1800.0, 7200.0, 5400.0, 129600.0)
     >>> parse_length("100ms")

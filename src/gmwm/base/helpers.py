@@ -55,17 +55,8 @@ class Helper:
 
 
 class Helpers:
-    """Helper processes; without any, all calls run in this process.
+    """Helper processes (`count`), which import `modules` while they have no work; without any, calls run here.
 
-    Parameters
-    ----------
-    count : int
-        Number of processes to fork.
-    modules : tuple of str
-        Modules that each helper imports while it has no work.
-
-    Examples
-    --------
     >>> Helpers().run(max, 1, 2)
     2
     """

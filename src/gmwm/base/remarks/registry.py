@@ -38,15 +38,7 @@ SECTIONS: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class Choice:
-    """Several templates, one of which is chosen by the value of a fact.
-
-    Attributes
-    ----------
-    by : str
-        Name of the fact.
-    templates : mapping of value to template
-        Template for each value of the fact, in lower case. "otherwise" has the template for all other values.
-    """
+    """Templates by the value of the fact `by`, in lower case; "otherwise" has the template for all other values."""
 
     by: str
     templates: Mapping[str, Text]

@@ -49,16 +49,8 @@ _TIMES = {1.0: "s", -1.0: "Hz", 0.0: "1"}
 
 @dataclass(frozen=True)
 class _Judged:
-    """A fit with its confidence intervals.
-
-    Attributes
-    ----------
-    fit : Fit
-    intervals : dict of name to Interval, or None
-        Confidence intervals of the parameters; None if they cannot be computed.
-    z : float
-        Half the width of a confidence interval in standard errors.
-    """
+    """A fit with the confidence intervals of its parameters, None if they cannot be computed. `z` is half the width of
+    an interval in standard errors."""
 
     fit: Fit
     intervals: dict[str, Interval] | None

@@ -34,40 +34,21 @@ SYMBOL: Literal["B"] = "B"
 
 
 def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | None]:
-    """Compute the bias instability B from the minimum of the Allan deviation of a model.
+    """Compute the bias instability B, or only a remark that says why it cannot be computed.
 
-    B is the minimum of the Allan deviation σ(τ) over the averaging times τ of the recording, divided by √(2 ln 2/π).
-    Sinusoids are left out, because the zeros of their Allan deviation give no information about the noise.
-
-    At the minimum, a change of τ has only a second-order effect. With A = σ²(τ) and a parameter θ of the model,
+    B is the minimum of the Allan deviation σ(τ) over the averaging times τ of the recording, divided by √(2 ln 2/π)
+    (IEEE Std 952-1997, annex C). Sinusoids are left out, because the zeros of their Allan deviation give no information
+    about the noise. At the minimum, a change of τ has only a second-order effect. With A = σ²(τ) and a parameter θ,
 
         ∂ ln B/∂ ln θ = ½ ∂ ln A/∂ ln θ at the τ of the minimum,
 
-    and the confidence interval is B exp(±z SE(ln B)). The standard error also includes the uncertainty of terms that
-    are estimated as zero.
+    and the confidence interval is B exp(±z SE(ln B)). The standard error also includes terms that are estimated as
+    zero. There is no interval if `z` is None.
 
     B is only an upper limit if the curve still falls at the last τ, rises from the first τ on, or does not rise above
     its minimum by z standard errors of the difference. The limit is then the upper end of the interval. It depends on
     the model, which could lack flicker noise. But B is at most σ(τ)/√(2 ln 2/π) at any τ, so the smallest upper
     confidence limit of the measured σ gives a limit without a model. The larger of the two limits is used.
-
-    Parameters
-    ----------
-    fit : Fit
-        A fit in which terms that act as another process are replaced.
-    z : float or None
-        Half the width of the interval in standard errors; None if there are no standard errors.
-
-    Returns
-    -------
-    entry : Entry or None
-        B; None if it cannot be computed.
-    remark : Remark or None
-        A remark that gives the reason if B is missing or only an upper limit.
-
-    References
-    ----------
-    IEEE Std 952-1997, annex C.
     """
     wv = fit.wavelet_variance
     noises = tuple(process for process in fit.model.processes if process.line(wv.rate) is None)

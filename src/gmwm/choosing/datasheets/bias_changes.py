@@ -29,17 +29,8 @@ class Variance:
 
 @dataclass(frozen=True)
 class BiasTerms:
-    """The terms of a fit, divided into those that are part of the bias and the others.
-
-    Parameters
-    ----------
-    processes : tuple of (Process, bool)
-        Each term that is not estimated as zero, and whether it is part of the bias; see `is_slow`.
-    curve : Curve
-        The free parameters and their covariance.
-    moving : tuple of bool
-        Whether the process of each free parameter is part of the bias.
-    """
+    """The terms of a fit that are not estimated as zero, each with whether it is part of the bias (see `is_slow`).
+    `moving` says this of the process of each free parameter of the curve."""
 
     processes: tuple[tuple[Process, bool], ...]
     curve: Curve
@@ -57,21 +48,11 @@ class BiasTerms:
     def variance_of_mean(self, samples: int, span: int) -> Variance:
         """Compute the error variance of the mean of a recording, regarded as an estimate of the constant bias.
 
-        Let T be the length of the recording. The contribution of a term depends on its kind. For stationary noise, it
-        is the variance of the mean. The level of a random walk is not constant, so its contribution is the variance of
-        the mean minus the level at the end of the recording, K²T/3. For flicker and power-law noise, it is the Allan
-        variance at T, which is half the variance of the difference between the means of two successive recordings of
-        this length. Ramps are not noise and contribute nothing.
-
-        Parameters
-        ----------
-        samples, span : int
-            Number of samples, and number including those that are missing in gaps. For each term, the larger of the
-            variances for these two lengths is used.
-
-        Returns
-        -------
-        Variance
+        For stationary noise, a term contributes the variance of the mean. The level of a random walk is not constant,
+        so it contributes the variance of the mean minus the level at the end of the recording, K²T/3. Flicker and
+        power-law noise contribute the Allan variance at T, half the variance of the difference between the means of two
+        successive recordings. Ramps are not noise. `span` includes the samples that are missing in gaps; for each term,
+        the larger of the variances for both lengths is used.
         """
         rate = self.curve.rate
 
@@ -84,13 +65,9 @@ class BiasTerms:
         """Compute the mean square of the bias about its mean over a duration (s).
 
         The bias is the sum of all terms with a correlation time of at least 1 s, random walks, and flicker and
-        power-law noise. The variance of 2^J samples about their mean is the sum of the Haar wavelet variance ν_j² over
-        the levels 1 to J, which is exact even for a random walk. For other lengths, it is interpolated on a logarithmic
-        scale.
-
-        References
-        ----------
-        Percival and Walden (2000), Wavelet Methods for Time Series Analysis, section 8.1.
+        power-law noise. The variance of 2^J samples about their mean is the sum of the Haar wavelet variances of the
+        levels 1 to J, even for a random walk (Percival and Walden 2000, section 8.1). Between these lengths, it is
+        interpolated on a logarithmic scale.
         """
         rate = self.curve.rate
         position = max(math.log2(max(duration * rate, 1.0)), 1.0)

@@ -27,17 +27,10 @@ ENDLESS = 300.0
 
 @dataclass(frozen=True)
 class Curve:
-    """The free parameters of a fit and their covariance, from which standard errors of its Allan variance follow.
+    """The p free parameters of a fit and their covariance `scatter`, for standard errors of its Allan variance.
 
-    Parameters
-    ----------
-    moving : tuple of (Process, str or None)
-        The p free parameters, each with its process. A name means the logarithm of this parameter. None means the scale
-        of a term that is estimated as zero.
-    scatter : (p, p) array
-        Covariance of the estimates of these parameters.
-    rate : float
-        Sampling rate (Hz).
+    `moving` has each parameter with its process. A name means the logarithm of this parameter. None means the scale of
+    a term that is estimated as zero.
     """
 
     moving: tuple[tuple[Process, str | None], ...]

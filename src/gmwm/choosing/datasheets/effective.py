@@ -40,15 +40,8 @@ _STEP = 1e-3
 
 @dataclass(frozen=True)
 class Use:
-    """Properties of the filter or simulator that uses the two numbers.
-
-    Parameters
-    ----------
-    horizon : float
-        Horizon T (s): the time over which the filter predicts.
-    flicker : str
-        Name of its own parameter for flicker noise, so that the two numbers must not include it; "" if it has none.
-    """
+    """Properties of the filter or simulator that uses the two numbers: the horizon (s) over which it predicts, and the
+    name of its own parameter for flicker noise, so that the two numbers must not include it."""
 
     horizon: float = HORIZON
     flicker: str = ""

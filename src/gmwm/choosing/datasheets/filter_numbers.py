@@ -19,21 +19,8 @@ _HIGHEST, _PER_DECADE = 1e3, 6
 
 @dataclass(frozen=True, kw_only=True)
 class FilterNumbers:
-    """White noise N and random walk K of a filter for one noise.
-
-    Attributes
-    ----------
-    N, K : float
-        White noise (u/√Hz) and random walk (u/√s) in the unit u of the signal; zero if a filter without it is best.
-    gain : Gain
-        Gain of the filter.
-    samples : int
-        Number of samples in the horizon.
-    rate : float
-        Sampling rate (Hz).
-    prediction : Prediction
-        Prediction error of the noise at the horizon.
-    """
+    """White noise N (u/√Hz) and random walk K (u/√s) of a filter for one noise; zero if a filter without it is best.
+    `samples` is the number of samples in the horizon of `prediction`."""
 
     N: float
     K: float
@@ -56,41 +43,18 @@ def filter_numbers(
     ratio: Spectrum | None = None,
     slowest: float = SLOWEST,
 ) -> FilterNumbers:
-    """Compute N and K of the filter that predicts the mean of a noise over the next T seconds best.
+    """Compute N and K of the filter that predicts the mean of a noise over the next T = `horizon` seconds best.
 
     The filter has the bandwidth w = K/N. Two conditions determine N and K, without a division of the noise into terms:
 
         w = argmin J_T(w)    N² (1/T + w + w² T/3) = J_T(w)
 
-    J_T is the mean square of the prediction error (see `Prediction`). The left side of the second condition is the
-    error that the filter states. The formulas are for T far above the sampling interval Δt. The code uses their exact
-    form for samples, so that the numbers of white noise plus a random walk are those of its terms for every T. For
-    white noise N and flicker noise B, w T ≪ 1 gives K = B²/(πN).
+    J_T is the mean square of the prediction error (see `Prediction`, also for `ratio`). The left side of the second
+    condition is the error that the filter states. The formulas are for T far above the sampling interval Δt. The code
+    uses their exact form for samples, so that the numbers of white noise plus a random walk are those of its terms for
+    every T. For white noise N and flicker noise B, w T ≪ 1 gives K = B²/(πN). If the time constant of the best filter
+    is longer than `slowest` samples, K is zero. Raises MissingTheoryError if the spectrum of a process is unknown.
 
-    Parameters
-    ----------
-    processes : iterable of Process
-        Terms of the model with values. Sinusoids are left out.
-    rate : float
-        Sampling rate (Hz).
-    horizon : float
-        Horizon T (s). One sampling interval is the shortest.
-    ratio : callable, optional
-        Factor of the spectral density; see `Prediction.of`.
-    slowest : float
-        Longest time constant of the filter, in samples. If the best filter is slower, K is zero.
-
-    Returns
-    -------
-    FilterNumbers
-
-    Raises
-    ------
-    MissingTheoryError
-        If the spectrum of a process is unknown.
-
-    Examples
-    --------
     >>> import gmwm
     >>> model = gmwm.WN(sigma2=1e-6) + gmwm.RW(gamma2=1e-12)
     >>> numbers = filter_numbers(model.processes, rate=100.0)

@@ -19,17 +19,8 @@ model, a level exceeds it with a probability of 0.3 %. Pinned by tests/test_effe
 
 @dataclass(frozen=True, eq=False)
 class CurveRatio:
-    """Ratio of the measured spectrum to the spectrum of a model, as a function of the angular frequency.
-
-    Attributes
-    ----------
-    levels : (J,) array
-        Levels of the wavelet variance.
-    logs : (J,) array
-        Logarithm of the ratio at each level; 0 where the model fits.
-    errors : (J,) array
-        Standard error of this logarithm; 0 where the model fits.
-    """
+    """Ratio of the measured spectrum to the spectrum of a model, as a function of the angular frequency. `logs` (J,) is
+    its logarithm at each level, and `errors` (J,) the standard error; both are 0 where the model fits."""
 
     levels: Vector
     logs: Vector
@@ -55,12 +46,7 @@ def curve_ratio(fit: Fit) -> CurveRatio | None:
 
     At the levels where the model differs from the measured wavelet variance by more than `SIGMAS` standard errors, the
     factor is the ratio of the measured variance to the variance of the model, both without the sinusoids of the model.
-    At the other levels it is 1.
-
-    Returns
-    -------
-    CurveRatio or None
-        None if the factor is 1 at all levels.
+    At the other levels it is 1. The result is None if it is 1 at all levels.
     """
     wv = fit.wavelet_variance
     lines = np.zeros(len(wv))

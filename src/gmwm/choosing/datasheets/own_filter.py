@@ -18,15 +18,9 @@ The Riccati equation cannot be solved without it."""
 
 
 def smallest_error(processes: Iterable[Process], rate: float, samples: int) -> float | None:
-    """Return the mean square of the error with which the filter of the full model predicts the mean of n samples.
-
-    The noise is without its sinusoids and ramps. The filter is in its steady state.
-
-    Returns
-    -------
-    float or None
-        None if a process has no state space, or the Riccati equation has no solution in double precision.
-    """
+    """Return the mean square of the error with which the steady-state filter of the full model predicts the mean of n
+    samples, without sinusoids and ramps. It is None if a process has no state space, or the Riccati equation has no
+    solution in double precision."""
     from scipy.linalg import LinAlgError, solve_discrete_are
 
     noises = [p for p in processes if p.scale > 0 and p.line(rate) is None]

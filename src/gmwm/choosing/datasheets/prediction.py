@@ -52,18 +52,8 @@ class Prediction:
         J(g) = (1/2π) ∫ |G(θ) − H(θ)|² S(θ) dθ,  G = (1/n) Σ_{m=1}^{n} e^{imθ},  H = g / (1 − (1 − g) e^{−iθ}).
 
     G − H is zero at θ = 0, so that J is finite for a random walk and for flicker noise. A ramp with the slope ω per
-    sample adds ω² ((n + 1)/2 + (1 − g)/g)².
-
-    Attributes
-    ----------
-    theta : (m,) array
-        Angular frequencies (rad per sample).
-    mass : (m,) array
-        Density at these frequencies, times the quadrature weights, over π.
-    samples : int
-        Number of samples n.
-    ramp : float
-        Sum of ω² over the ramps (u² per sample²).
+    sample adds ω² ((n + 1)/2 + (1 − g)/g)². `theta` (m,) are angular frequencies (rad per sample), `mass` (m,) the
+    density times the quadrature weights over π, and `ramp` the sum of ω².
     """
 
     theta: Vector
@@ -73,23 +63,8 @@ class Prediction:
 
     @classmethod
     def of(cls, processes: Iterable[Process], rate: float, samples: int, ratio: Spectrum | None = None) -> Prediction:
-        """Return the prediction of a sum of processes without its sinusoids.
-
-        Parameters
-        ----------
-        processes : iterable of Process
-        rate : float
-            Sampling rate (Hz).
-        samples : int
-            Number of samples n whose mean is predicted.
-        ratio : callable, optional
-            Factor of the density of all processes at angular frequencies (rad per sample); by default 1.
-
-        Raises
-        ------
-        MissingTheoryError
-            If the spectrum of a process is unknown.
-        """
+        """Return the prediction of a sum of processes without its sinusoids. `ratio` is a factor of the density of all
+        processes at angular frequencies (rad per sample). Raises MissingTheoryError for an unknown spectrum."""
         noises = [p for p in processes if p.scale != 0 and p.line(rate) is None]
         ramps = [p for p in noises if not p.has("psd") and is_ramp(p, rate)]
         spectra = [spectrum_of(p, rate) for p in noises if p not in ramps]
@@ -120,13 +95,7 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Gain:
-    """The gain of the steady-state filter for white noise N and a random walk K.
-
-    Attributes
-    ----------
-    bandwidth : float
-        w Δt = K Δt/N, the standard deviation of a step of the walk over the standard deviation of the white noise.
-    """
+    """The gain of the steady-state filter for white noise N and a random walk K, with `bandwidth` w Δt = K Δt/N."""
 
     bandwidth: float
 

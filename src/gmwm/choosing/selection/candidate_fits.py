@@ -38,18 +38,9 @@ Progress = Callable[[int, int], None]
 class Explored:
     """Fits of all candidates to one recording.
 
-    Attributes
-    ----------
-    general : Fit
-        Fit of the largest model that has at most as many parameters as there are levels. Its Ω and V are used for all
-        candidates.
-    weights : Weights
-        Weighting matrix Ω (J, J).
-    wavelet : (J, J) array
-        Covariance V of the measured wavelet variance ν̂².
-    fits : tuple of Fit
-        Fit of each candidate. A candidate with terms that are estimated as zero may share the fit of a smaller
-        candidate.
+    `general` is the fit of the largest model that has at most as many parameters as there are levels. Its Ω (`weights`)
+    and the covariance V of ν̂² (`wavelet`) are used for all candidates. A candidate with terms that are estimated as
+    zero may share the fit of a smaller candidate.
     """
 
     general: Fit

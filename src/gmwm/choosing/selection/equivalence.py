@@ -54,21 +54,8 @@ DEGREE = 72
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Hypothesis:
-    """The hypothesis that the data come from a candidate, with recordings simulated from this candidate.
-
-    Attributes
-    ----------
-    explored : Explored
-        The fits of all candidates.
-    fit : Fit
-        Fit of the candidate; at first with the Ω that all candidates share.
-    weights : Weights
-        Ω of the candidate, which is V⁻¹ or diag(1 / V_jj).
-    wavelet : (J, J) array
-        Covariance V of ν̂² under the fit.
-    draws, seed : int
-        Number of simulated recordings, and seed of the random numbers.
-    """
+    """The hypothesis that the data come from a candidate, with `draws` recordings simulated from this candidate. `fit`
+    first has the Ω that all candidates share; `weights` is V⁻¹ or diag(1 / V_jj), with V = `wavelet` under the fit."""
 
     explored: Explored
     fit: Fit

@@ -21,13 +21,7 @@ FEWEST_DRAWS = 100
 
 @dataclass(frozen=True, kw_only=True)
 class RankingOptions:
-    """Options of a ranking of models, with a check of their values. `gmwm.select` describes each option.
-
-    Raises
-    ------
-    OptionError
-        If a value is not allowed.
-    """
+    """Options of a ranking of models, whose values are checked. `gmwm.select` describes each option."""
 
     weighting: Weights = "optimal"
     criterion: Method = "asymptotic"

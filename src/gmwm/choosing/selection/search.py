@@ -79,21 +79,9 @@ _ROUNDS = 2
 class ModelChoice:
     """The models that were fitted to one axis, and the choice among them.
 
-    Attributes
-    ----------
-    ranking : Ranking
-        Ranking of the models that were compared last.
-    wavelet_variance : WaveletVariance
-        Wavelet variance of the data. Its covariance includes the uncertainty of the shape at high frequencies.
-    error : float
-        Relative model error τ, which is not included in this covariance.
-    tried : tuple of str
-        General models that were tried, in order.
-    steps : tuple of SearchStep
-        The steps that led to the choice.
-    band : mapping of str to float
-        Relative standard errors of the bandwidth f_b, the resonance frequency f_r and the quality factor Q_r of the
-        shape at high frequencies; empty if the shape is not from the spectrum.
+    `ranking` has the models that were compared last. The covariance of `wavelet_variance` includes the uncertainty of
+    the shape at high frequencies, but not the relative model error `error`. `tried` are the general models, and `band`
+    the relative standard errors of f_b, f_r and Q_r of a shape from the spectrum.
     """
 
     ranking: Ranking

@@ -65,18 +65,13 @@ def nested_models(general: Model) -> list[Model]:
     """Return all models that contain some of the terms of a general model, the largest first.
 
     Processes whose values are all fixed are in every model. A process with an order, such as AR(2), also occurs with
-    every lower order.
+    every lower order. Raises ModelError if no parameter is free, or if there are too many models.
 
     >>> from gmwm import Model
     >>> [model.structure for model in nested_models(Model.parse("2*GM + WN"))]
     ['2*GM + WN', '2*GM', 'GM + WN', 'GM', 'WN']
     >>> [model.structure for model in nested_models(Model.parse("AR(2) + RW"))]
     ['AR(2) + RW', 'AR(2)', 'AR(1) + RW', 'AR(1)', 'RW']
-
-    Raises
-    ------
-    ModelError
-        If no parameter is free, or if there are too many models.
     """
     bare = without_values(general)
     held = [p for p in bare.processes if p.is_complete]

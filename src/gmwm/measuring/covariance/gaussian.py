@@ -139,19 +139,8 @@ def _strided(model: Model, design: Design, place: int, stride: int) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class _Split:
-    """The processes of a model: a sum of exponentials, and smooth processes that are approximately such a sum.
-
-    Attributes
-    ----------
-    terms : ExponentialSum
-        All processes of this form together.
-    smooth : list of Process
-        The other processes.
-    mixtures : list of ExponentialSum
-        Approximations of the smooth processes.
-    rate : float
-        Sampling rate (Hz).
-    """
+    """The processes of a model: those that together are the sum of exponentials `terms`, and the others (`smooth`)
+    with sums of exponentials that approximate them (`mixtures`)."""
 
     terms: ExponentialSum
     smooth: list[Process]

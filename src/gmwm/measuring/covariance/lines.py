@@ -66,15 +66,8 @@ class Line:
 
 
 def apart(model: Model, design: Design) -> tuple[Model | None, tuple[Line, ...]]:
-    """Separate the noise of a model from its sinusoids.
-
-    The noise is None if the model has only sinusoids, and it is the model itself if there is no sinusoid.
-
-    Raises
-    ------
-    MissingTheoryError
-        If there are sinusoids, and the estimate is robust.
-    """
+    """Separate the noise of a model from its sinusoids. The noise is None if the model has only sinusoids, and the
+    model itself if it has none. Raises MissingTheoryError for sinusoids in a robust estimate."""
     seen = [process.line(design.rate) for process in model.processes]
     if not any(seen):
         return model, ()

@@ -22,22 +22,10 @@ JASA 88)."""
 
 
 def ratio_errors(robust: WaveletVariance, tested: NDArray[np.bool_], model: ModelLike | None) -> Vector:
-    """Compute the standard errors of log(ν̂²/ν̃²) in Gaussian noise, for the classical ν̂² and the robust ν̃².
+    """Compute the standard errors of log(ν̂²/ν̃²) in Gaussian noise at the levels that the mask `tested` selects.
 
-    Parameters
-    ----------
-    robust : WaveletVariance
-        Robust wavelet variance with J levels.
-    tested : (J,) bool array
-        Mask of the levels for which the standard error is computed.
-    model : Model, Process or str, optional
-        Model whose parameters all have values, for the correlations of the coefficients; by default the mixture of all
-        processes with the largest likelihood.
-
-    Returns
-    -------
-    array
-        Standard error for each level in `tested`.
+    ν̂² is the classical and ν̃² the `robust` wavelet variance. The correlations of the coefficients come from `model`,
+    by default the mixture of all processes with the largest likelihood.
     """
     if not np.any(tested):
         return np.empty(0)

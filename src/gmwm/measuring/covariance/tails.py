@@ -147,27 +147,14 @@ class TailSums:
 
 
 def excess_covariance(x: Signal, wv: WaveletVariance) -> Matrix | None:
-    """Estimate the relative covariance E that heavy tails or a varying variance add to that of a Gaussian signal.
+    """Estimate the relative covariance E (J, J) that heavy tails or a varying variance add to that of Gaussian noise.
 
-    Parameters
-    ----------
-    x : Signal
-        The signal.
-    wv : WaveletVariance
-        Classical Haar wavelet variance of the signal.
+    `wv` is the classical Haar wavelet variance of the signal. E = c l lᵀ, with a size c and a loading l_j of each
+    level; see the module docstring. The result is None if a Gaussian signal explains the covariance.
 
-    Returns
-    -------
-    (J, J) array or None
-        Positive semi-definite matrix E = c l lᵀ, with a size c and a loading l_j of each level; see the module
-        docstring. None if a Gaussian signal explains the covariance.
-
-    Examples
-    --------
     >>> from gmwm import wavelet_variance
     >>> x = Signal(np.random.default_rng(1).standard_t(6, size=200_000), rate=100.0)
-    >>> excess = excess_covariance(x, wavelet_variance(x))
-    >>> bool(2.0 < excess[0, 0] * 200_000 < 5.0)  # the excess kurtosis is 3
+    >>> bool(2.0 < excess_covariance(x, wavelet_variance(x))[0, 0] * 200_000 < 5.0)  # the excess kurtosis is 3
     True
     """
     sums = TailSums()

@@ -64,26 +64,11 @@ def measure_in_parts(
 ) -> None:
     """Measure the curves of a recording in one or two passes, in several processes or on several machines.
 
-    The result is the same as in one process. Each worker reads its parts of the file directly. The size of its result
-    does not grow with the length of the parts. If a worker is lost, another one reads its part again.
-
-    Parameters
-    ----------
-    stream : Stream
-        The recording. The workers must be able to read its file under the same path.
-    curves : mapping of axis to AxisCurves
-        Empty curves, to which all samples are added.
-    scheduler : str, distributed.Client or None
-        Address of a Dask scheduler, or a client of one; None to start worker processes on this machine.
-    workers : int, optional
-        Number of processes to start if no scheduler is given.
-    parts : int, optional
-        Number of parts of the recording; by default four for each thread of the workers.
-    done : callable, optional
-        Function that is called in the calling thread with the number of samples so far, after each part. In a second
-        pass the count continues, up to twice the number of samples.
-    prepare : callable, optional
-        Function that is applied to each batch before it is measured. It can be pickled.
+    The result is the same as in one process. Each worker reads its parts of the file directly, under the same path.
+    The size of its result does not grow with the length of the parts. If a worker is lost, another one reads its part
+    again. `curves` are empty; all samples are added to them. `scheduler` and `workers` are those of `connect`. By
+    default there are four `parts` for each thread of the workers. `done` is called in the calling thread with the
+    number of samples so far; in a second pass the count continues. `prepare` is applied to each batch.
     """
     with connect(scheduler, workers) as client:
         crew = _Crew(

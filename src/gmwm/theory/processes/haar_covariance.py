@@ -30,25 +30,13 @@ Pieces = tuple[Indices, Indices, Indices, Vector]
 
 @dataclass(frozen=True, eq=False)
 class LagGrid:
-    """Pairs of levels j ≤ k and lags u at which covariances of wavelet coefficients are computed.
+    """Pairs of levels j ≤ k and lags u (samples) at which covariances of wavelet coefficients are computed.
 
-    Attributes
-    ----------
-    fine, coarse : (n,) array
-        Half-scales h_j and h_k (samples).
-    lag : (n,) array
-        Lags u (samples), which can be real numbers.
-    odd : (n,) array, optional
-        Marks the nodes that represent odd lags of an alternating covariance; None if no covariance alternates.
-    known : dict
-        Cached covariances of processes with scale coefficient 1 whose shape is fixed, by class and shape.
-    recent : dict
-        Cached covariances for the shapes that were used last; None for a shape that was used once.
-    whole : LagGrid, optional
-        The grid of which this one has the first nodes; it has the cached covariances of both.
-    pieces : tuple of arrays, optional
-        Groups of adjacent nodes of a pair of levels with no kink inside a group: the first node of each group, its
-        pattern of offsets, the index at which each pattern begins, and the offsets of all patterns.
+    `fine` and `coarse` (n,) are the half-scales h_j and h_k. `odd` marks the nodes that represent odd lags of an
+    alternating covariance. `known` and `recent` cache covariances by class and shape: of fixed shapes, and of the
+    shapes that were used last (None after one use). `whole` is the grid of which this one has the first nodes.
+    `pieces` are the groups of adjacent nodes of a pair of levels without a kink: the first node of each group, its
+    pattern of offsets, the index at which each pattern begins, and the offsets of all patterns.
     """
 
     fine: Vector
