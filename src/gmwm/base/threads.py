@@ -39,12 +39,9 @@ def check_stop() -> None:
 
 
 def in_threads(
-    work: Callable[[str, Item], T],
-    items: Mapping[str, Item],
-    *,
-    threads: int | None = None,
+    work: Callable[[str, Item], T], items: Mapping[str, Item], *, threads: int | None = None,
     done: Callable[[str], None] | None = None,
-) -> dict[str, T]:
+) -> dict[str, T]:  # fmt: skip
     """Call a function for the name and the item of each entry, in parallel threads (one per processor by default).
 
     `done` is called in the calling thread with each name when its work has ended. The order is that of the items.

@@ -250,12 +250,9 @@ def _from_pywavelets(name: str) -> WaveletFilter:
         import pywt  # type: ignore[import-untyped]
     except ImportError as error:
         raise MissingDependencyError(
-            f"the filter {name!r} belongs to PyWavelets, which is not installed",
-            argument="filter",
-            got=name,
-            advice="Run `pip install 'gmwm[wavelets]'`, or use one of {filters}.",
-            filters=", ".join(FILTERS),
-        ) from error
+            f"the filter {name!r} belongs to PyWavelets, which is not installed", argument="filter", got=name,
+            advice="Run `pip install 'gmwm[wavelets]'`, or use one of {filters}.", filters=", ".join(FILTERS),
+        ) from error  # fmt: skip
     try:
         wavelet = pywt.Wavelet(name)
     except ValueError as error:

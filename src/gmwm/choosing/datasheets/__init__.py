@@ -236,16 +236,9 @@ def _entry(judged: _Judged, term: str, process: Process, number: Physical, weak:
         low, high = _interval(judged, process, number, slopes)
     low, high = (None if end is None else factor * end for end in (low, high))
     return Entry(
-        symbol=number.symbol + bracket + place,
-        title=number.title,
-        value=factor * value,
-        low=low,
-        high=high,
-        unit=unit,
-        term=term,
-        upper_only=upper_only,
-        held=held,
-    )
+        symbol=number.symbol + bracket + place, title=number.title, value=factor * value, low=low, high=high, unit=unit,
+        term=term, upper_only=upper_only, held=held,
+    )  # fmt: skip
 
 
 def _interval(judged: _Judged, process: Process, number: Physical, slopes: dict[str, float]) -> Interval:
@@ -283,14 +276,6 @@ def _sheet(fit: Fit, entries: tuple[Entry, ...], level: float, remarks: tuple[Re
     # The Allan variance is twice the Haar wavelet variance, whichever filter the fit uses.
     deviation = factor * np.sqrt(2.0 * fit.model.wavelet_variance(wv.levels, wv.rate))
     return Datasheet(
-        entries=entries,
-        axis=wv.axis,
-        unit=unit,
-        model=fit.model.structure,
-        samples=wv.samples,
-        rate=wv.rate,
-        level=level,
-        averaging_time=np.ldexp(1.0, wv.levels - 1) / wv.rate,
-        allan_deviation=deviation,
-        remarks=remarks,
-    )
+        entries=entries, axis=wv.axis, unit=unit, model=fit.model.structure, samples=wv.samples, rate=wv.rate,
+        level=level, averaging_time=np.ldexp(1.0, wv.levels - 1) / wv.rate, allan_deviation=deviation, remarks=remarks,
+    )  # fmt: skip

@@ -70,16 +70,9 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
     remark = None if bounded is None else Remark.of("b-limit", wv.axis, because=bounded, source="model", **reached)
     value = factor * math.sqrt(least)
     entry = Entry(
-        symbol=SYMBOL,
-        title=LAWS[SYMBOL].name,
-        value=value,
-        low=None,
-        high=None,
-        unit=unit,
-        term=None,
-        upper_only=remark is not None,
-        tau=n / wv.rate,
-    )
+        symbol=SYMBOL, title=LAWS[SYMBOL].name, value=value, low=None, high=None, unit=unit, term=None,
+        upper_only=remark is not None, tau=n / wv.rate,
+    )  # fmt: skip
     if set(model.parameters) <= model.fixed_names:
         return replace(entry, low=value, high=value, held=True), remark
     if z is None or curve is None:

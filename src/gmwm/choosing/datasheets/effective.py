@@ -96,11 +96,9 @@ def effective_noise(fit: Fit, horizon: float = HORIZON, level: float = 0.95) -> 
     """
     if not isinstance(fit, Fit):
         raise OptionError(
-            f"fit must be a Fit, because limits need data; got {type(fit).__name__}",
-            argument="fit",
-            got=fit,
+            f"fit must be a Fit, because limits need data; got {type(fit).__name__}", argument="fit", got=fit,
             advice="Pass `gmwm.fit(model, data)`, or an axis of a calibration.",
-        )
+        )  # fmt: skip
     level = as_confidence(level, "level")
     entries = filter_entries(fit, Use(checked_horizon(horizon)), level)
     return {symbol: limited(fit, entry, level) for symbol, entry in entries.items()}
@@ -158,15 +156,9 @@ def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
             if upper_only:
                 low, high = 0.0, max(value, of_model) * math.sqrt(1 + z * reach.all)
         entries[symbol] = Entry(
-            symbol=symbol,
-            title=title,
-            value=value,
-            low=low,
-            high=high,
-            unit=unit,
-            upper_only=upper_only,
+            symbol=symbol, title=title, value=value, low=low, high=high, unit=unit, upper_only=upper_only,
             held=errors is not None and errors[symbol].held,
-        )
+        )  # fmt: skip
     return entries
 
 

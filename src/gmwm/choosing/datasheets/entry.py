@@ -99,11 +99,9 @@ class Entry:
             )
         factor = factors[name]
         return (
-            factor * self.value,
-            None if self.low is None else factor * self.low,
-            None if self.high is None else factor * self.high,
-            name,
-        )
+            factor * self.value, None if self.low is None else factor * self.low,
+            None if self.high is None else factor * self.high, name,
+        )  # fmt: skip
 
     def text(self, units: str = "datasheet") -> str:
         """Format the number in `units` (see `in_units`), for example "0.21 (0.20 … 0.22) deg/√h" or "≤ 0.03 deg/h"."""

@@ -36,13 +36,9 @@ def samples_in(time: float, rate: float) -> int:
 
 
 def filter_numbers(
-    processes: Iterable[Process],
-    rate: float,
-    horizon: float = 1.0,
-    *,
-    ratio: Spectrum | None = None,
+    processes: Iterable[Process], rate: float, horizon: float = 1.0, *, ratio: Spectrum | None = None,
     slowest: float = SLOWEST,
-) -> FilterNumbers:
+) -> FilterNumbers:  # fmt: skip
     """Compute N and K of the filter that predicts the mean of a noise over the next T = `horizon` seconds best.
 
     The filter has the bandwidth w = K/N. Two conditions determine N and K, without a division of the noise into terms:
@@ -70,13 +66,9 @@ def filter_numbers(
     claim = gain.claim(samples)[0] if walks else 1 / samples + gain.g / (2 - gain.g)
     white = math.sqrt(error / claim / rate)
     return FilterNumbers(
-        N=white if gain.bandwidth < _HIGHEST else 0.0,
-        K=white * gain.bandwidth * rate if walks else 0.0,
-        gain=gain,
-        samples=samples,
-        rate=rate,
-        prediction=prediction,
-    )
+        N=white if gain.bandwidth < _HIGHEST else 0.0, K=white * gain.bandwidth * rate if walks else 0.0, gain=gain,
+        samples=samples, rate=rate, prediction=prediction,
+    )  # fmt: skip
 
 
 def best_gain(prediction: Prediction, slowest: float = SLOWEST) -> Gain:

@@ -136,17 +136,11 @@ class Datasheet(Mapping[str, Entry]):
     def to_dict(self) -> dict[str, Any]:
         """Return the datasheet as plain values for JSON."""
         return {
-            "axis": self.axis,
-            "unit": self.unit,
-            "model": self.model,
-            "samples": self.samples,
-            "rate": self.rate,
-            "level": self.level,
-            "entries": [entry.to_dict() for entry in self.entries],
-            "averaging_time": self.averaging_time.tolist(),
-            "allan_deviation": self.allan_deviation.tolist(),
+            "axis": self.axis, "unit": self.unit, "model": self.model, "samples": self.samples, "rate": self.rate,
+            "level": self.level, "entries": [entry.to_dict() for entry in self.entries],
+            "averaging_time": self.averaging_time.tolist(), "allan_deviation": self.allan_deviation.tolist(),
             "remarks": [remark.to_dict() for remark in self.remarks],
-        }
+        }  # fmt: skip
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Datasheet:

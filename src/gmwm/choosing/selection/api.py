@@ -54,20 +54,11 @@ AnyModel = Model | Process | str
 
 
 def select(
-    general: AnyModel,
-    data: Data | Sequence[WaveletVariance] | Sequence[Signal],
-    rate: float | None = None,
-    *,
-    weighting: Weights = "optimal",
-    criterion: Method = "asymptotic",
-    confidence: float = 0.95,
-    draws: int = DRAWS,
-    rng: int | np.random.Generator = 0,
-    robust: bool = False,
-    efficiency: float = 0.6,
-    against: Against = None,
+    general: AnyModel, data: Data | Sequence[WaveletVariance] | Sequence[Signal], rate: float | None = None, *,
+    weighting: Weights = "optimal", criterion: Method = "asymptotic", confidence: float = 0.95, draws: int = DRAWS,
+    rng: int | np.random.Generator = 0, robust: bool = False, efficiency: float = 0.6, against: Against = None,
     progress: Progress | None = None,
-) -> Ranking:
+) -> Ranking:  # fmt: skip
     """Select a model: rank every model within a general one, and recommend the simplest model that is as good as the
     best.
 
@@ -145,17 +136,10 @@ def select(
 
 
 def select_within(
-    general: AnyModel,
-    data: Data | Sequence[WaveletVariance] | Sequence[Signal],
-    options: RankingOptions,
-    *,
-    required: Sequence[Process] = (),
-    rate: float | None = None,
-    robust: bool = False,
-    efficiency: float = 0.6,
-    against: Against = None,
-    progress: Progress | None = None,
-) -> Ranking:
+    general: AnyModel, data: Data | Sequence[WaveletVariance] | Sequence[Signal], options: RankingOptions, *,
+    required: Sequence[Process] = (), rate: float | None = None, robust: bool = False, efficiency: float = 0.6,
+    against: Against = None, progress: Progress | None = None,
+) -> Ranking:  # fmt: skip
     """Rank every model within a general one, with the `required` terms added to each. The options are already
     checked."""
     wv = measure(data, rate, robust, efficiency, against=against)
@@ -175,20 +159,11 @@ def select_within(
 
 
 def rank(
-    models: Sequence[AnyModel],
-    data: Data | Sequence[WaveletVariance] | Sequence[Signal],
-    rate: float | None = None,
-    *,
-    weighting: Weights = "optimal",
-    criterion: Method = "asymptotic",
-    confidence: float = 0.95,
-    draws: int = DRAWS,
-    rng: int | np.random.Generator = 0,
-    robust: bool = False,
-    efficiency: float = 0.6,
-    against: Against = None,
+    models: Sequence[AnyModel], data: Data | Sequence[WaveletVariance] | Sequence[Signal], rate: float | None = None, *,
+    weighting: Weights = "optimal", criterion: Method = "asymptotic", confidence: float = 0.95, draws: int = DRAWS,
+    rng: int | np.random.Generator = 0, robust: bool = False, efficiency: float = 0.6, against: Against = None,
     progress: Progress | None = None,
-) -> Ranking:
+) -> Ranking:  # fmt: skip
     """Rank given models by the criterion of `select`.
 
     The weighting matrix Ω and the covariance V are computed from the smallest model that contains all candidates.
@@ -277,13 +252,9 @@ def _join(one: Process, other: Process) -> type[Process] | None:
 
 
 def _rank(
-    general: Model,
-    candidates: Sequence[Model],
-    wv: WaveletVariance,
-    *,
-    options: RankingOptions,
+    general: Model, candidates: Sequence[Model], wv: WaveletVariance, *, options: RankingOptions,
     progress: Progress | None,
-) -> Ranking:
+) -> Ranking:  # fmt: skip
     weighting, draws, seed = options.weighting, options.draws, options.seed
     explored = explore(general, candidates, wv, weighting, progress=progress)
     criteria = _criteria(explored, method=options.criterion, draws=draws, seed=seed)
@@ -298,14 +269,9 @@ def _rank(
     chosen = _equivalent(ranked, explored, confidence=options.confidence, draws=draws, seed=seed)
     ranked = [replace(c, equivalent=any(c is other for other in chosen), recommended=c is chosen[0]) for c in ranked]
     return Ranking(
-        candidates=tuple(ranked),
-        within=general,
-        general=explored.general,
-        weighting=weighting,
-        weighting_matrix=explored.weights.matrix,
-        wavelet=explored.wavelet,
-        confidence=options.confidence,
-    )
+        candidates=tuple(ranked), within=general, general=explored.general, weighting=weighting,
+        weighting_matrix=explored.weights.matrix, wavelet=explored.wavelet, confidence=options.confidence,
+    )  # fmt: skip
 
 
 def _levels(candidates: Sequence[Candidate]) -> dict[str, float]:
@@ -335,16 +301,10 @@ def _score(candidate: Candidate) -> float:
 
 def _candidate(model: Model, fit: Fit, wic: Criterion, out_of_sample: float | None) -> Candidate:
     return Candidate(
-        model=model,
-        fit=fit,
-        wic=wic,
-        out_of_sample=out_of_sample,
-        difference=0.0,
-        parameters=len(columns_of(fit.model, fit.diagnostics.acts_as)[0]),
-        equivalent=False,
-        recommended=False,
+        model=model, fit=fit, wic=wic, out_of_sample=out_of_sample, difference=0.0,
+        parameters=len(columns_of(fit.model, fit.diagnostics.acts_as)[0]), equivalent=False, recommended=False,
         same_as=None,
-    )
+    )  # fmt: skip
 
 
 def _criteria(explored: Explored, method: Method, draws: int, seed: int) -> list[Criterion]:

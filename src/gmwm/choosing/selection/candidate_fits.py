@@ -58,13 +58,9 @@ class Explored:
 
 
 def explore(
-    general: Model,
-    candidates: Sequence[Model],
-    wv: WaveletVariance,
-    weighting: str,
-    *,
+    general: Model, candidates: Sequence[Model], wv: WaveletVariance, weighting: str, *,
     progress: Progress | None = None,
-) -> Explored:
+) -> Explored:  # fmt: skip
     """Fit every candidate with the weighting matrix Ω of the general model.
 
     An optimum with terms that are zero is also the optimum of the smaller models with the other terms, which saves most

@@ -109,16 +109,10 @@ class Candidate:
     def to_dict(self) -> dict[str, Any]:
         """Return the candidate as numbers, lists and strings for JSON."""
         return {
-            "model": self.structure,
-            "wic": self.wic.to_dict(),
-            "out_of_sample": self.out_of_sample,
-            "difference": self.difference,
-            "parameters": self.parameters,
-            "boundary": list(self.boundary),
-            "equivalent": self.equivalent,
-            "recommended": self.recommended,
-            "same_as": self.same_as,
-        }
+            "model": self.structure, "wic": self.wic.to_dict(), "out_of_sample": self.out_of_sample,
+            "difference": self.difference, "parameters": self.parameters, "boundary": list(self.boundary),
+            "equivalent": self.equivalent, "recommended": self.recommended, "same_as": self.same_as,
+        }  # fmt: skip
 
     def __repr__(self) -> str:
         return f"Candidate({self.structure}, WIC {self.wic.value:.6g}, difference {self.difference:.4g})"
@@ -206,15 +200,12 @@ class Ranking(Plotted):
     def to_dict(self) -> dict[str, Any]:
         """Return the ranking as numbers, lists and strings for JSON."""
         return {
-            "within": str(self.within),
-            "general": self.general.model.structure,
-            "weighting": self.weighting,
-            "confidence": self.confidence,
-            "recordings": max(len(self.best.fit.wavelet_variance.recordings), 1),
+            "within": str(self.within), "general": self.general.model.structure, "weighting": self.weighting,
+            "confidence": self.confidence, "recordings": max(len(self.best.fit.wavelet_variance.recordings), 1),
             "recommended": self.recommended.structure,
             "candidates": [candidate.to_dict() for candidate in self.candidates],
             "remarks": [remark.to_dict() for remark in self.remarks],
-        }
+        }  # fmt: skip
 
     def to_frame(self) -> DataFrame:
         """Return the candidates as a Polars data frame with one row for each model, the best first."""
@@ -222,17 +213,12 @@ class Ranking(Plotted):
 
         rows = [
             {
-                "model": candidate.structure,
-                "wic": candidate.wic.value,
-                "difference": candidate.difference,
-                "parameters": candidate.parameters,
-                "p": candidate.pvalue,
-                "equivalent": candidate.equivalent,
-                "recommended": candidate.recommended,
-                "same_as": candidate.same_as,
+                "model": candidate.structure, "wic": candidate.wic.value, "difference": candidate.difference,
+                "parameters": candidate.parameters, "p": candidate.pvalue, "equivalent": candidate.equivalent,
+                "recommended": candidate.recommended, "same_as": candidate.same_as,
             }
             for candidate in self
-        ]
+        ]  # fmt: skip
         return DataFrame(rows, infer_schema_length=None)
 
     def table(self, limit: int | None = LISTED) -> tuple[list[str], list[list[str]]]:
@@ -240,15 +226,9 @@ class Ranking(Plotted):
         equivalent ones."""
         several = self.best.out_of_sample is not None
         head = [
-            "",
-            "model",
-            "WIC",
-            "loss",
-            "out of sample" if several else "optimism",
-            "difference",
-            "p",
+            "", "model", "WIC", "loss", "out of sample" if several else "optimism", "difference", "p",
             "zero or at an end",
-        ]
+        ]  # fmt: skip
         shown = [c for k, c in enumerate(self.distinct) if limit is None or k < limit or c.equivalent]
         rows = []
         for c in shown:

@@ -102,12 +102,9 @@ class ModelChoice:
 
 
 def search(
-    wv: WaveletVariance,
-    spectrum: PowerSpectrum | None,
-    options: RankingOptions,
-    *,
+    wv: WaveletVariance, spectrum: PowerSpectrum | None, options: RankingOptions, *,
     check: Callable[[], None] = lambda: None,
-) -> ModelChoice:
+) -> ModelChoice:  # fmt: skip
     """Search for the noise model of one axis, as the module describes. `check` is called between steps and may raise to
     stop."""
     general = nearly_fitted(_largest(SLOW, wv), wv, options.weighting)
@@ -199,14 +196,9 @@ def _has_filter(fit: Fit) -> bool:
 
 
 def within_family(
-    family: ModelLike,
-    wv: WaveletVariance,
-    options: RankingOptions,
-    *,
-    required: Sequence[Process] = (),
-    check: Callable[[], None] = lambda: None,
-    entered: Entry = "within",
-) -> ModelChoice:
+    family: ModelLike, wv: WaveletVariance, options: RankingOptions, *, required: Sequence[Process] = (),
+    check: Callable[[], None] = lambda: None, entered: Entry = "within",
+) -> ModelChoice:  # fmt: skip
     """Rank all models within a largest one plus `required` terms, with its model error. Lines whose power is zero are
     dropped."""
     largest = _largest(family, wv, required)
@@ -274,14 +266,9 @@ def _largest(family: ModelLike, wv: WaveletVariance, required: Sequence[Process]
 
 
 def _required_terms(
-    general: Fit,
-    wv: WaveletVariance,
-    spectrum: PowerSpectrum | None,
-    lines: tuple[Process, ...],
-    *,
-    options: RankingOptions,
-    check: Callable[[], None],
-) -> _Shown:
+    general: Fit, wv: WaveletVariance, spectrum: PowerSpectrum | None, lines: tuple[Process, ...], *,
+    options: RankingOptions, check: Callable[[], None],
+) -> _Shown:  # fmt: skip
     """Return the terms that the spectrum shows. Without a spectrum, fit an AR(2) process to the wavelet variance."""
     if spectrum is None:
         shape = _fitted_shape(wv, options)

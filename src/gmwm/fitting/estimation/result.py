@@ -349,14 +349,11 @@ class Fit(Documented, Plotted, KalmanMethods):
         nan = (float("nan"), float("nan"))
         rows = [
             {
-                "parameter": name,
-                "value": value,
-                "low": float(limits.get(name, nan)[0]),
-                "high": float(limits.get(name, nan)[1]),
-                "unit": units.get(name, ""),
+                "parameter": name, "value": value, "low": float(limits.get(name, nan)[0]),
+                "high": float(limits.get(name, nan)[1]), "unit": units.get(name, ""),
             }
             for name, value in self.parameters.items()
-        ]
+        ]  # fmt: skip
         return DataFrame(rows)
 
     def require_consistent(self) -> None:
@@ -401,6 +398,7 @@ def _of_terms(
         else:
             parameter = like.scale_parameter()
             yield Remark.of(
+<<<<<<< HEAD
                 "correlation-time-unknown",
                 wv.axis,
                 case="fit",
@@ -408,8 +406,11 @@ def _of_terms(
                 process=name,
                 known="yes",
                 parameter=f"{like.name}.{parameter.name}",
+=======
+                "acts-as", wv.axis, term=term, process=name, known="yes", parameter=f"{like.name}.{parameter.name}",
+>>>>>>> 3663f33b (Pack argument lists that took one line per argument)
                 amount=Quantity(like.value(parameter.name), parameter.unit(wv.unit)),
-            )
+            )  # fmt: skip
     for term in zero:
         yield Remark.of("term-zero", wv.axis, case="fit", term=term)
     for term, process in processes.items():

@@ -76,18 +76,10 @@ class Design:
     def of(cls, wv: WaveletVariance) -> Design:
         """Return the design of a wavelet variance."""
         return cls(
-            levels=wv.levels,
-            samples=wv.samples,
-            rate=wv.rate,
-            filter=find_filter(wv.filter),
-            transform=wv.transform,
-            efficiency=wv.efficiency,
-            segments=wv.segments,
-            filled=wv.filled,
-            strides=wv.strides,
-            excess=wv.excess,
+            levels=wv.levels, samples=wv.samples, rate=wv.rate, filter=find_filter(wv.filter), transform=wv.transform,
+            efficiency=wv.efficiency, segments=wv.segments, filled=wv.filled, strides=wv.strides, excess=wv.excess,
             model_error=wv.model_error,
-        )
+        )  # fmt: skip
 
     @property
     def lengths(self) -> tuple[int, ...]:

@@ -42,13 +42,9 @@ _FROM_A_MODEL = "Compute the covariance of a model with `wavelet_covariance(mode
 
 
 def empirical_covariance(
-    x: Signal | ArrayLike,
-    rate: float | None = None,
-    *,
-    levels: int | None = None,
-    filter: str | WaveletFilter = "haar",
-    transform: Transform = "modwt",
-) -> Matrix:
+    x: Signal | ArrayLike, rate: float | None = None, *, levels: int | None = None,
+    filter: str | WaveletFilter = "haar", transform: Transform = "modwt",
+) -> Matrix:  # fmt: skip
     """Estimate the covariance V = Cov(ν̂², ν̂²) of the wavelet variance from the signal, which need not be Gaussian.
 
     Variances and correlations are

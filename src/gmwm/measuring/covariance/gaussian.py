@@ -187,14 +187,9 @@ def _split(present: list[Process], design: Design) -> _Split | None:
 
 
 def _over_lags(
-    model: Model,
-    design: Design,
-    pairs: _Pairs,
-    at: LagGrid,
-    weight: Vector,
-    starts: NDArray[np.int64],
+    model: Model, design: Design, pairs: _Pairs, at: LagGrid, weight: Vector, starts: NDArray[np.int64],
     stride: int = 1,
-) -> Vector:
+) -> Vector:  # fmt: skip
     """Compute V_jk for pairs of levels from the covariances of their coefficients at the nodes `at`.
 
     `weight` are the weights of the nodes, and `starts` the first node of each pair. The coefficients are `stride`
@@ -235,13 +230,9 @@ def _of_sums(model: Model, design: Design, pairs: _Pairs, *, first: Vector, seco
 
 
 def _robust_sum(
-    present: list[Process],
-    pairs: _Pairs,
-    design: Design,
-    covariance: Vector,
-    weight: Vector,
+    present: list[Process], pairs: _Pairs, design: Design, covariance: Vector, weight: Vector,
     starts: NDArray[np.int64],
-) -> Vector:
+) -> Vector:  # fmt: skip
     """Compute, for each pair of levels, the sum that replaces Σ n Cov² for a robust estimate.
 
     It is ½ σ_j² σ_k² Σ_q c_q Σ_u n(u) ρ^q, where σ_j² and σ_k² are the variances of the coefficients.

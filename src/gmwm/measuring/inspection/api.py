@@ -131,10 +131,7 @@ class FirstPass:
         return RecordingStatistics(
             source=recording.source, remarks=recording.remarks, base=base,
             extent=Extent.of(
-                recording.rate,
-                self._segments.ranges,
-                self._segments.starts,
-                base.left,
+                recording.rate, self._segments.ranges, self._segments.starts, base.left,
                 gaps_known=self._segments.gaps_known,
             ),
             resolutions={axis: step_of(sample.values()) for axis, sample in self._samples.items()},
@@ -191,17 +188,13 @@ class RecordingStatistics:
         turned = tilt is not None and tilt > max(_TURN, _UNEXPLAINED * tilt_noise)
         moved = tilt is not None and turned and tilt > findings.MOVED
         remarks = (
-            *findings.of_time(extent, self._base, self._same),
-            *findings.of_stuck(stuck),
-            *findings.of_motion(restless, tilt if turned else None, knocks),
-            *findings.of_steps(tuple(steps)),
-            *findings.of_trends(trends, self._units, extent, self._base.left > 0),
-            *findings.of_gravity(gravity),
-            *findings.of_rounding(axes, extent.rate),
-            *findings.of_units(self._densities()),
+            *findings.of_time(extent, self._base, self._same), *findings.of_stuck(stuck),
+            *findings.of_motion(restless, tilt if turned else None, knocks), *findings.of_steps(tuple(steps)),
+            *findings.of_trends(trends, self._units, extent, self._base.left > 0), *findings.of_gravity(gravity),
+            *findings.of_rounding(axes, extent.rate), *findings.of_units(self._densities()),
             *findings.of_conditions(conditions.found, conditions.unknown),
             *(remark for remark in self._remarks if remark.code not in findings.OF_STAMPS),
-        )
+        )  # fmt: skip
         segments = len(extent.segments)
         return Inspection(
             source=self._source, rate=extent.rate, duration=extent.samples / extent.rate, samples=extent.samples,

@@ -83,12 +83,10 @@ def knocks_of(outliers: Mapping[str, Outliers], extent: Extent) -> tuple[Knock, 
         shown = tuple(axes[k] for k in np.unique(axis_number[a:b]))
         knocks.append(
             Knock(
-                time=float(times[a]),
-                duration=float(times[b - 1] - times[a]),
-                axes=shown,
+                time=float(times[a]), duration=float(times[b - 1] - times[a]), axes=shown,
                 peak=float(np.max(deviation[a:b])),
             )
-        )
+        )  # fmt: skip
     return tuple(knocks)
 
 
@@ -157,13 +155,10 @@ def steps_of(
             reach = 1 + _REACH * float(np.median(np.diff(part) ** 2)) / change[i] ** 2
             steps.append(
                 Step(
-                    time=float(extent.times([place])[0]),
-                    axis=axis,
-                    size=float(change[i]),
-                    times=float(size[i] / spread),
-                    at_gap=extent.has_short_gap(place, reach),
+                    time=float(extent.times([place])[0]), axis=axis, size=float(change[i]),
+                    times=float(size[i] / spread), at_gap=extent.has_short_gap(place, reach),
                 )
-            )
+            )  # fmt: skip
     return steps
 
 

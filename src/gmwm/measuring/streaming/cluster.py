@@ -53,15 +53,10 @@ def part_levels(axes: int) -> int:
 
 
 def measure_in_parts(
-    stream: Stream,
-    curves: Mapping[str, AxisCurves],
-    *,
-    scheduler: str | Client | None = None,
-    workers: int | None = None,
-    parts: int | None = None,
-    done: Callable[[int], None] | None = None,
+    stream: Stream, curves: Mapping[str, AxisCurves], *, scheduler: str | Client | None = None,
+    workers: int | None = None, parts: int | None = None, done: Callable[[int], None] | None = None,
     prepare: Callable[[Batch], Batch] | None = None,
-) -> None:
+) -> None:  # fmt: skip
     """Measure the curves of a recording in one or two passes, in several processes or on several machines.
 
     The result is the same as in one process. Each worker reads its parts of the file directly, under the same path.
@@ -72,13 +67,9 @@ def measure_in_parts(
     """
     with connect(scheduler, workers) as client:
         crew = _Crew(
-            client,
-            stream,
-            {axis: axis_curves.change for axis, axis_curves in curves.items()},
-            parts=parts,
-            done=done,
+            client, stream, {axis: axis_curves.change for axis, axis_curves in curves.items()}, parts=parts, done=done,
             prepare=prepare,
-        )
+        )  # fmt: skip
         first = crew.measure({axis: partial(_beginning, axis_curves.first) for axis, axis_curves in curves.items()})
         for axis, axis_curves in curves.items():
             axis_curves.first = first[axis]

@@ -141,20 +141,11 @@ class AxisCurves:
 
 
 def stream_variance(
-    stream: Stream,
-    *,
-    levels: int | None = None,
-    exact: int | None = None,
-    robust: bool = False,
-    efficiency: float = EFFICIENCY,
-    passes: int = 2,
-    confidence: float = 0.95,
-    threads: int | None = None,
-    scheduler: str | Client | None = None,
-    workers: int | None = None,
-    parts: int | None = None,
+    stream: Stream, *, levels: int | None = None, exact: int | None = None, robust: bool = False,
+    efficiency: float = EFFICIENCY, passes: int = 2, confidence: float = 0.95, threads: int | None = None,
+    scheduler: str | Client | None = None, workers: int | None = None, parts: int | None = None,
     done: Callable[[int], None] | None = None,
-) -> WaveletVariances:
+) -> WaveletVariances:  # fmt: skip
     """Compute the wavelet variance of each axis of a recording of any length; see `Stream.wavelet_variance`."""
     as_confidence(confidence)
     require_robust(robust, efficiency)
@@ -170,20 +161,10 @@ def stream_variance(
 
 
 def measured_curves(
-    stream: Stream,
-    axes: Sequence[str],
-    *,
-    levels: int | None = None,
-    exact: int | None = None,
-    robust: bool = True,
-    efficiency: float = EFFICIENCY,
-    passes: int = 2,
-    threads: int | None = None,
-    scheduler: str | Client | None = None,
-    workers: int | None = None,
-    parts: int | None = None,
-    done: Callable[[int], None] | None = None,
-) -> dict[str, AxisCurves]:
+    stream: Stream, axes: Sequence[str], *, levels: int | None = None, exact: int | None = None, robust: bool = True,
+    efficiency: float = EFFICIENCY, passes: int = 2, threads: int | None = None, scheduler: str | Client | None = None,
+    workers: int | None = None, parts: int | None = None, done: Callable[[int], None] | None = None,
+) -> dict[str, AxisCurves]:  # fmt: skip
     """Measure the classical wavelet variance of some axes, and the robust one if `robust`, in one or two passes.
 
     Parameters and errors are the same as for `Stream.wavelet_variance`.
@@ -261,13 +242,9 @@ def feed_chunks(chunks: Iterable[Chunk], measured: Mapping[str, WaveletAccumulat
 
 
 def stream_psd(
-    stream: Streamed,
-    *,
-    length: int | None = None,
-    detrend: Detrend = "constant",
-    confidence: float = 0.95,
+    stream: Streamed, *, length: int | None = None, detrend: Detrend = "constant", confidence: float = 0.95,
     done: Callable[[int], None] | None = None,
-) -> PowerSpectra:
+) -> PowerSpectra:  # fmt: skip
     """Estimate the power spectral density of each axis of a recording of any length; see `Stream.psd`."""
     as_confidence(confidence)
     measured = {

@@ -188,15 +188,11 @@ def blocks_of(
     marks = sums[:-1]
     return [
         _of(
-            step,
-            start,
-            stop=stop,
-            marks=marks[(-first) % (step // base) :: step // base],
-            total=total,
+            step, start, stop=stop, marks=marks[(-first) % (step // base) :: step // base], total=total,
             collector=collector,
         )
         for step in steps
-    ]
+    ]  # fmt: skip
 
 
 def _of(step: int, start: int, stop: int, marks: Vector, total: float, collector: StatisticsCollector | None) -> Blocks:

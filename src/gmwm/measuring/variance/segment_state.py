@@ -136,17 +136,12 @@ class SegmentState:
     def arrays(self, prefix: str) -> dict[str, Any]:
         """Return the state as numbers and arrays by name; the names start with `prefix`."""
         return {
-            f"{prefix}start": self.start,
-            f"{prefix}count": self.count,
-            f"{prefix}reference": self.reference,
-            f"{prefix}head": self.head,
-            f"{prefix}tail": self.tail,
-            f"{prefix}squares": self.squares,
+            f"{prefix}start": self.start, f"{prefix}count": self.count, f"{prefix}reference": self.reference,
+            f"{prefix}head": self.head, f"{prefix}tail": self.tail, f"{prefix}squares": self.squares,
             f"{prefix}blocks": np.array([b.numbers() for b in self.blocks]),
             f"{prefix}heads": np.concatenate([b.heads for b in self.blocks]),
-            f"{prefix}tails": np.concatenate([b.tails for b in self.blocks]),
-            **self._sketch_arrays(prefix),
-        }
+            f"{prefix}tails": np.concatenate([b.tails for b in self.blocks]), **self._sketch_arrays(prefix),
+        }  # fmt: skip
 
     def _sketch_arrays(self, prefix: str) -> dict[str, Any]:
         if self.statistics is None:

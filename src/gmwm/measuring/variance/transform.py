@@ -126,11 +126,9 @@ class Dwt(_Transform):
 
 
 def modwt(
-    x: Signal | ArrayLike,
-    filter: str | WaveletFilter = "haar",
-    levels: int | None = None,
+    x: Signal | ArrayLike, filter: str | WaveletFilter = "haar", levels: int | None = None,
     boundary: Boundary = "periodic",
-) -> Modwt:
+) -> Modwt:  # fmt: skip
     """Compute the maximal-overlap discrete wavelet transform of a signal of any length.
 
     With V_0 = X and the wavelet filter h, W_{j,t} = Σ_l h_l V_{j−1, t−2^(j−1)l} / √2. V_{j,t} is the same sum with the
@@ -182,11 +180,9 @@ def modwt(
 
 
 def dwt(
-    x: Signal | ArrayLike,
-    filter: str | WaveletFilter = "haar",
-    levels: int | None = None,
+    x: Signal | ArrayLike, filter: str | WaveletFilter = "haar", levels: int | None = None,
     boundary: Boundary = "periodic",
-) -> Dwt:
+) -> Dwt:  # fmt: skip
     """Compute the discrete wavelet transform of a signal of any length.
 
     With V_0 = X and the wavelet filter h, W_{j,n} = Σ_l h_l V_{j−1, 2n+1−l}. V_{j,n} is the same sum with the scaling

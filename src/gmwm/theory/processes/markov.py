@@ -352,16 +352,11 @@ class GM(_Markov):
         along = _DecayCoordinate(SEARCH_BEND / samples, least=1e-8)
         return (
             Branch(
-                along.low,
-                along.high,
-                values=lambda u: rate * along.decay(u)[:, None],
-                slope=lambda u: rate * np.exp(u)[:, None],
-                coordinate=lambda beta: along.of(beta / rate),
-                low_acts_as=RW.name,
-                high_acts_as=WN.name,
-                exponential=Exponential(along.bend, along.least),
+                along.low, along.high, values=lambda u: rate * along.decay(u)[:, None],
+                slope=lambda u: rate * np.exp(u)[:, None], coordinate=lambda beta: along.of(beta / rate),
+                low_acts_as=RW.name, high_acts_as=WN.name, exponential=Exponential(along.bend, along.least),
             ),
-        )
+        )  # fmt: skip
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:

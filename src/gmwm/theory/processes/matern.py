@@ -165,11 +165,8 @@ class MAT(Process):
         h = n.ravel().astype(np.float64)
         zeroth, first = smooth_autocovariance.partial_sums(known, np.concatenate([n.ravel(), 2 * n.ravel()]))
         terms = np.stack([
-            np.array([[1.0], [0.0]]) * h,
-            4.0 * h * zeroth[:, : h.size],
-            -4.0 * first[:, : h.size],
-            -2.0 * h * zeroth[:, h.size :],
-            first[:, h.size :],
+            np.array([[1.0], [0.0]]) * h, 4.0 * h * zeroth[:, : h.size], -4.0 * first[:, : h.size],
+            -2.0 * h * zeroth[:, h.size :], first[:, h.size :],
         ])  # fmt: skip
         values, sizes = np.sum(terms, axis=0), np.sum(np.abs(terms), axis=0)
         result = np.where(sizes[0] < sizes[1], values[0], values[1]) / h**2

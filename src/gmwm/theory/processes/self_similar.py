@@ -282,13 +282,11 @@ def mixture(epsilon: float, samples: int) -> ExponentialSum:
     cubic = size * (1.0 + epsilon) * float(rgamma(2.0 - epsilon)) * _continued(1.0 - epsilon, low - 1) / -6.0
     series = np.where(tau < 0.1, tau**3 / 6.0 * (1.0 + tau**2 / 20.0 * (1.0 + tau**2 / 42.0)), np.sinh(tau) - tau)
     return ExponentialSum(
-        white=-2.0 * (linear - float((weights * series)[slow].sum()) + cubic),
-        walk=12.0 * cubic,
+        white=-2.0 * (linear - float((weights * series)[slow].sum()) + cubic), walk=12.0 * cubic,
         spikes=np.array([-common * _geometric(-2.0 - epsilon, high)]),
-        amplitudes=(-4.0 * weights * np.sinh(0.5 * tau) ** 2).astype(np.complex128),
-        decays=tau.astype(np.complex128),
+        amplitudes=(-4.0 * weights * np.sinh(0.5 * tau) ** 2).astype(np.complex128), decays=tau.astype(np.complex128),
         bare=~slow,
-    )
+    )  # fmt: skip
 
 
 def _geometric(power: float, last: int) -> float:

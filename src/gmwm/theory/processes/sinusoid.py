@@ -137,15 +137,11 @@ class SIN(Process):
         as_rate(rate)
         return (
             Physical(
-                symbol="f_0",
-                title="frequency of a line",
-                value=self.value("frequency"),
-                time_power=-1.0,
-                signal_power=0,
-                slopes={"frequency": 1.0},
+                symbol="f_0", title="frequency of a line", value=self.value("frequency"), time_power=-1.0,
+                signal_power=0, slopes={"frequency": 1.0},
             ),
             Physical("A", "amplitude of a line", math.sqrt(2.0 * self.scale), 0.0, slopes={"power": 0.5}),
-        )
+        )  # fmt: skip
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
         """Return a remark if the frequency is a multiple of half the sampling rate.
