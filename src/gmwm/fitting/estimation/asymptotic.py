@@ -99,8 +99,8 @@ def sandwich(fit: Fit) -> Sandwich:
 
 
 def noise_covariance(model: Model, design: Design) -> Matrix:
-    """Return the covariance V (J, J) of the wavelet variance of a model that has noise at every level. Raises
-    ModelError if the model has no noise at some level."""
+    """Return the covariance V (J, J) of the wavelet variance; raises ModelError if the model has no noise at some
+    level."""
     wavelet = covariance(model, design)
     if not np.all(np.diag(wavelet) > 0):
         raise no_noise(model)

@@ -120,16 +120,15 @@ def bootstrap(
 
 
 def as_draws(draws: int, least: int, what: str, name: str = "draws") -> int:
-    """Check that a number of simulated recordings is a whole number of at least `least`, and return it. `what` says in
-    the error for what purpose this number is required."""
+    """Check that a number of simulated recordings is a whole number of at least `least`, which `what` requires."""
     if isinstance(draws, bool) or not isinstance(draws, int | np.integer) or draws < least:
         raise OptionError(argument=name, expected=f"a whole number of at least {least}, for {what}", got=draws)
     return int(draws)
 
 
 def least_draws(level: float) -> int:
-    """Return the smallest number of draws for an interval of this confidence level. The smallest of n estimates is the
-    quantile 1 / (n + 1), and the largest one the quantile n / (n + 1).
+    """Return the smallest number of draws for an interval of this level: of n estimates, the smallest is the quantile 1
+    / (n + 1).
 
     >>> least_draws(0.95), least_draws(0.99)
     (39, 199)

@@ -111,9 +111,8 @@ def wic(
 
 
 def optimism(fit: Fit, wavelet: Matrix, weights: Weights | None = None) -> float:
-    """Compute the optimism 2 tr[ΩDH⁻¹DᵀΩV] by first-order theory; `wavelet` is the covariance V (J, J) of ν̂².
-    `weights` are the weights of the fit, if other fits share them. D = ∂ν²/∂θ, and H = DᵀΩD − Σ_k [Ω(ν̂ − ν)]_k
-    ∂²ν_k/∂θ∂θᵀ."""
+    """Compute the optimism 2 tr[ΩDH⁻¹DᵀΩV] by first-order theory, with V = `wavelet`, D = ∂ν²/∂θ and H = DᵀΩD − Σ_k
+    [Ω(ν̂ − ν)]_k ∂²ν_k/∂θ∂θᵀ. `weights` are the weights of the fit, if other fits share them."""
     wv = fit.wavelet_variance
     root = (Weights(fit.weighting_matrix) if weights is None else weights).root
     design = Design.of(wv)
@@ -170,8 +169,8 @@ def _of_process(
     process: Process, levels: NDArray[np.int64], rate: float, filter: WaveletFilter, pull: Vector,
     free: NDArray[np.intp],
 ) -> tuple[Matrix, Matrix]:  # fmt: skip
-    """Return the derivatives of `_derivatives` for one process. The first parameter is the scale coefficient; the
-    others are the nonlinear parameters with the indices `free`."""
+    """Return the derivatives of `_derivatives` for one process: the scale coefficient, then the parameters with indices
+    `free`."""
     if not process.nonlinear_parameters():
         return unit_shape(type(process).standard(), levels, rate, filter)[:, None], np.zeros((1, 1))
     at = process.nonlinear
@@ -198,8 +197,8 @@ def _of_process(
 
 
 def covariance_trace(variances: Matrix, implied: Matrix, matrix: Matrix) -> float:
-    """Compute the optimism 2 tr[Cov(ν̂*, ν(θ̂*)) Ω] from B simulated recordings. `variances` (B, J) has their wavelet
-    variances ν̂*, and `implied` (B, J) those of the models fitted to them."""
+    """Compute the optimism 2 tr[Cov(ν̂*, ν(θ̂*)) Ω] from B simulated wavelet variances and the curves fitted to them
+    (B, J)."""
     centred = variances - variances.mean(axis=0)
     fitted = implied - implied.mean(axis=0)
     return float(2 * np.einsum("bj,jk,bk->", fitted, matrix, centred) / (len(variances) - 1))
@@ -208,9 +207,8 @@ def covariance_trace(variances: Matrix, implied: Matrix, matrix: Matrix) -> floa
 def implied_by_refits(
     problem: Problem, known: Vector, variances: Matrix, progress: Callable[[int], None] | None = None
 ) -> Matrix:
-    """Return the wavelet variances ν(θ̂*) (B, J) of the models fitted to the wavelet variances `variances` (B, J).
-    `problem` has the model and the weights. `known` (J,) is the wavelet variance of the processes that are entirely
-    fixed."""
+    """Return the wavelet variances ν(θ̂*) (B, J) of the models fitted to `variances` (B, J). `known` (J,) is the
+    wavelet variance of the processes that are entirely fixed."""
     rows = np.empty_like(variances)
     for k, variance in enumerate(variances):
         drawn = problem.observing(variance - known)

@@ -139,9 +139,8 @@ def _intervals(
 
 
 def with_quick_intervals(fit: Fit, level: float) -> Fit:
-    """Return a copy of a fit with quickly computed intervals, for models that have little weight in a comparison. The
-    upper limit of a scale coefficient ĉ is then ĉ + z SE(ĉ), without iteration. The fit itself is not changed, so that
-    its intervals stay exact."""
+    """Return a copy of a fit with quick intervals, for models with little weight in a comparison: upper limits ĉ + z
+    SE(ĉ) are not iterated."""
     key = (level, "asymptotic", DRAWS, 0)
     if key in fit.__dict__.get("_intervals", {}):
         return fit
@@ -205,9 +204,8 @@ def parameters_by_name(model: Model) -> dict[str, Parameter]:
 
 
 def about(parameter: Parameter, value: float, reach: float) -> Interval:
-    """Return the confidence interval of a parameter for an estimate `value` and a half width `reach`. The interval is
-    symmetric after a transformation (logarithm or artanh) that keeps its ends inside the domain of the parameter; for a
-    parameter that can be any real number it is value ± reach."""
+    """Return the interval of a parameter for an estimate and a half width `reach`, symmetric after a transformation
+    (logarithm or artanh) that keeps its ends inside the domain of the parameter."""
     if parameter.domain == "real":
         return value - reach, value + reach
     if parameter.domain == "between":
@@ -222,8 +220,7 @@ def about(parameter: Parameter, value: float, reach: float) -> Interval:
 
 
 def _as_covariance(fit: Fit, covariance: Matrix) -> Matrix:
-    """Check that a covariance (J, J) of the wavelet variance of a fit is finite, symmetric and positive
-    semidefinite."""
+    """Check that a covariance (J, J) of a wavelet variance is finite, symmetric and positive semidefinite."""
     size = len(fit.wavelet_variance)
     try:
         array = np.asarray(covariance, dtype=np.float64)
@@ -257,9 +254,8 @@ def _no_covariance(what: str, got: object) -> OptionError:
 
 def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> float:
     """Return the upper limit of a scale parameter, at which an estimate as small as the actual one has the probability
-    (1 − level)/2. The limit of the scale coefficient c solves c = ĉ + z SE(c), because the standard error increases
-    with c. No process can exceed the data: c times its wavelet variance is at most the upper chi-square limit of each
-    of the J levels, at (1 − level)/(2J)."""
+    (1 − level)/2. It solves c = ĉ + z SE(c), because the standard error increases with c. c times the curve of the
+    process is at most the upper chi-square limit of each of the J levels, at (1 − level)/(2J)."""
     wv = fit.wavelet_variance
     process = fit.model.processes[fit.model.terms.index(term)]
     name = f"{term}.{parameter.name}"
@@ -299,8 +295,8 @@ def _added_error(fit: Fit, name: str) -> float:
 
 
 def _fixed_point(tried: list[tuple[float, float]]) -> float:
-    """Return the fixed point of the line through the last two points (x, f(x)). The last f(x) is returned if there is
-    only one point, or if the line is too steep."""
+    """Return the fixed point of the line through the last two points (x, f(x)), or the last f(x) if this line is too
+    steep."""
     x, value = tried[-1]
     if len(tried) < 2 or tried[0][0] == x:
         return value

@@ -83,13 +83,10 @@ def settle(
     # Largest number of iterations to convergence. A new one is needed if the global search then finds another optimum.
     returns: int = 4,
 ) -> WeightedSolution:
-    """Iterate estimate and weights ("diagonal" or "optimal") until they agree, starting with weights from the data or
-    from the model `start`. A last search with the final weights makes the estimate the proven optimum of the objective
-    with the recorded Ω; `search` omits it, if `start` is an estimate from almost the same data. If estimates alternate,
-    the final weights come from the mixture of all processes with the largest likelihood. `first` replaces the first
-    search, the relative change of the curve `fixed` ends an iteration, and `returns` is the largest number of
-    iterations to convergence. With "optimal", raises MissingTheoryError if a covariance is unknown, and ModelError if a
-    level has no noise."""
+    """Iterate estimate and weights ("diagonal" or "optimal") until they agree, from weights of the data or of the model
+    `start`. A last search with the final weights makes the estimate the proven optimum of the objective with the
+    recorded Ω; `search` omits it, if `start` is from almost the same data. If estimates alternate, the final weights
+    come from the likeliest mixture of all processes. The relative change `fixed` of the curve ends an iteration."""
 
     def finish(problem: Problem, solution: Solution) -> Solution:
         return final(problem, solution, certify=certify) if search else resume(problem, solution)
@@ -122,9 +119,8 @@ def settle(
 
 @dataclass(frozen=True, eq=False)
 class _Iterated:
-    """Problem with iterated weights, and its solution. `change` and `expected` are the relative changes of the curve in
-    the last iteration and, as expected, in the next one. `reason` says why the model gives no weights; None if it
-    does."""
+    """Problem with iterated weights, its solution, the relative change of the curve in the last and, as `expected`, in
+    the next iteration, and the `reason` why the model gives no weights."""
 
     problem: Problem
     solution: Solution
@@ -136,8 +132,7 @@ class _Iterated:
 def _iterate(
     problem: Problem, solution: Solution, wv: WaveletVariance, weighting: str, *, design: Design, fixed: float
 ) -> _Iterated:
-    """Iterate weights and estimate until the relative change of the curve is at most `fixed`, or until they diverge. A
-    compiled kernel is used if it knows the covariance of every process."""
+    """Iterate weights and estimate until the relative change of the curve is at most `fixed`, or until they diverge."""
     search = search_for_weights(problem, design) if weighting == "diagonal" else None
     if search is not None:
         options = np.array([PRIOR, fixed, FAR, CUTOFF, ROUNDS, HOPE, MIXED], dtype=np.float64)
@@ -169,9 +164,8 @@ def _iterate(
 
 
 def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[WeightedSolution, Matrix]:
-    """Fit a model with weights that have nearly converged, to compare models. The second result is the covariance V (J,
-    J) from which the weights are computed. The last fits are cached, because a search for a model and the ranking after
-    it begin with the same fit."""
+    """Fit a model with weights that have nearly converged; also return the covariance V behind the weights. The last
+    fits are cached, because a search for a model and the ranking after it begin with the same fit."""
     return _nearly_settled(model.processes, wv, weighting)
 
 
@@ -243,10 +237,9 @@ def _logarithms(model: Model) -> dict[str, float]:
 
 
 def implied_weights(weighting: str, model: Model, design: Design, observed: Vector | None = None) -> Matrix:
-    """Compute the weights 1 / V_jj ("diagonal") or V⁻¹ ("optimal") that a model with values implies. With the data
-    `observed` (J,), V is scaled from the curve ν² of the model to ν̄² = (ην̂² + 1000ν²)/(η + 1000) with η degrees of
-    freedom, which makes V larger where the model is below the data. Raises ModelError if the model has no noise at some
-    level, and MissingTheoryError if the covariance of a process is unknown."""
+    """Compute the weights 1 / V_jj ("diagonal") or V⁻¹ ("optimal") under a model. With the data `observed`, V is scaled
+    from the curve ν² to ν̄² = (ην̂² + 1000ν²)/(η + 1000), with η degrees of freedom. Raises ModelError if the model has
+    no noise at some level, and MissingTheoryError if the covariance of a process is unknown."""
     if weighting == "optimal":
         return precision(drawn_covariance(model, design, observed))
     scale = _drawn_scale(model, design, observed)
@@ -254,8 +247,7 @@ def implied_weights(weighting: str, model: Model, design: Design, observed: Vect
 
 
 def reciprocal(variance: Vector, model: Model) -> Vector:
-    """Return the weights 1 / V_jj (J,) for the variances V_jj (J,) under a model. Raises ModelError if the model has no
-    noise at some level."""
+    """Return the weights 1 / V_jj (J,); raises ModelError if the model has no noise at some level."""
     with np.errstate(over="ignore", divide="ignore"):
         weights = 1 / variance
     if not np.all(np.isfinite(weights)):

@@ -29,8 +29,7 @@ PROVEN = 1e-3
 
 @dataclass(frozen=True)
 class IntervalMethod:
-    """Method of intervals and tests, which is either theory or a bootstrap of `draws` recordings, and confidence
-    level."""
+    """Confidence level, and method of intervals and tests: theory, or a bootstrap of `draws` recordings."""
 
     level: float = 0.95
     method: Method = "asymptotic"
@@ -44,8 +43,7 @@ class IntervalMethod:
 
     @property
     def least_draws(self) -> int:
-        """Smallest number of simulated recordings for intervals of this confidence level and a test at the 5 %
-        level."""
+        """Smallest number of simulated recordings for intervals of this level and a test at the 5 % level."""
         return max(LEAST_FOR_TEST, least_draws(self.level))
 
 
@@ -78,8 +76,8 @@ def test_in_words(fit: Fit, how: IntervalMethod) -> tuple[GoodnessOfFit | None, 
 
 
 def inference(fit: Fit, how: IntervalMethod) -> dict[str, Any]:
-    """Return the intervals, the standard errors and the test as plain numbers and strings for JSON. None replaces a
-    number that is infinite, and a test that cannot be computed."""
+    """Return the intervals, the standard errors and the test for JSON; None replaces infinite numbers and a missing
+    test."""
     intervals, _ = intervals_if_known(fit, how)
     test, _ = test_in_words(fit, how)
     return {
@@ -146,8 +144,7 @@ def short_values(fit: Fit, how: IntervalMethod) -> dict[str, str]:
 def short_texts(
     fit: Fit | LikelihoodFit, table: list[ParameterRow], intervals: Mapping[str, Interval], unknown: Collection[str]
 ) -> dict[str, str]:
-    """Return a short text for each parameter: the estimate with its relative standard error, an upper limit, or the
-    process as which the term acts."""
+    """Return the estimate of each parameter with its relative standard error, an upper limit, or how its term acts."""
     words = {}
     for row in table:
         low, high = intervals.get(row.name, (0.0, math.inf))
@@ -256,8 +253,7 @@ def as_html(fit: Fit) -> str:
 
 
 def table_html(head: Sequence[str], rows: Iterable[ParameterRow], words: Iterable[str]) -> str:
-    """Return HTML with a title and facts (`head`), a table of parameters with 95 % intervals (`rows`), and remarks. The
-    remarks (`words`) are HTML already."""
+    """Return HTML with a title and facts, a table of parameters with 95 % intervals, and remarks (HTML already)."""
     cells = "".join(
         f"<tr><td>{escape(row.name)}</td><td>{escape(row.estimate)}</td><td>{escape(row.interval)}</td>"
         f"<td>{escape(row.error)}</td><td>{escape(row.unit)}</td></tr>"

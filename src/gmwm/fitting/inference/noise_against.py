@@ -260,8 +260,8 @@ def _shares(model: ModelLike, wv: WaveletVariance, used: NDArray[np.bool_]) -> t
 
 
 def _slow(signal: Signal, values: Vector, design: Design) -> NDArray[np.bool_]:
-    """Return a mask (J,) of the levels that are used. They have enough degrees of freedom, and the condition is nearly
-    constant over the samples of a coefficient."""
+    """Return a mask (J,) of the levels with enough degrees of freedom and a nearly constant condition in a
+    coefficient."""
     mask, total = np.zeros(design.levels.size, dtype=bool), float(np.var(values))
     for k, (level, freedom) in enumerate(zip(design.levels.tolist(), design.degrees_of_freedom, strict=True)):
         if freedom >= LEAST_FREEDOM:
@@ -275,8 +275,7 @@ def _slow(signal: Signal, values: Vector, design: Design) -> NDArray[np.bool_]:
 
 
 def _parts(signal: Signal, values: Vector, level: int) -> tuple[NDArray[np.int64], Vector, Vector]:
-    """Divide the coefficients of a level into parts. Returns, for each part, the number of coefficients, the sum of
-    their squares, and the mean of the condition."""
+    """Divide the coefficients of a level into parts: their number, sum of squares, and mean condition in each part."""
     pieces = [
         (haar(signal.values[a:b] - np.mean(signal.values[a:b]), level) ** 2, _running(values[a:b], 1 << level))
         for a, b in _long(signal, level)
@@ -294,9 +293,8 @@ def _parts(signal: Signal, values: Vector, level: int) -> tuple[NDArray[np.int64
 
 
 def _slope(counts: NDArray[np.int64], sums: Vector, means: Vector) -> tuple[float, float]:
-    """Return the relative change of the standard deviation of the noise per unit of the condition, at one level. The
-    second result is the standard deviation of the condition over the parts of the level. `counts`, `sums`, `means`
-    (n,): number of coefficients, sum of their squares, and mean of the condition for each of n parts."""
+    """Return the relative change of the standard deviation per unit of the condition at one level, and the standard
+    deviation of the condition over the parts."""
     away = means - np.average(means, weights=counts)
     spread = float(np.sqrt(np.average(away**2, weights=counts)))
     c, slope = away / spread, 0.0

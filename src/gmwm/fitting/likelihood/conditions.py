@@ -28,9 +28,8 @@ _STEP = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Regressed:
-    """A recording together with the columns of a regression on conditions. `signal`: the recording. `covariates`: the
-    conditions. `first`: a first regression by wavelet levels. Its estimate of the time constant of a warm-up is used in
-    the columns. `record`: the recording for the Kalman filter, with the columns."""
+    """A recording, its conditions, a first regression by wavelet levels, whose estimate of the time constant of a
+    warm-up is used in the columns, and the recording for the Kalman filter with these columns."""
 
     signal: Signal
     covariates: Covariates
@@ -39,8 +38,8 @@ class Regressed:
 
     @classmethod
     def of(cls, data: Signal | ArrayLike, rate: float | None, record: Record, asked: Asked) -> Regressed:
-        """Compute the regression columns at every sample of a recording. Raises DataError or OptionError if a covariate
-        cannot be used."""
+        """Compute the regression columns at every sample; raises DataError or OptionError if a covariate cannot be
+        used."""
         signal = data if isinstance(data, Signal) else Signal(as_vector(data, "data"), as_rate(rate))
         covariates = Covariates.of(asked.terms, dict(asked.arrays or {}), signal)
         first = regress(signal, covariates)

@@ -247,12 +247,10 @@ _ENOUGH = 65_536
 
 
 def spent(problem: LikelihoodProblem) -> Vector:
-    """Return the degrees of freedom (L,) that the estimation of parameters takes from the autocorrelation at lags 1 …
-    L. Let r be the autocorrelation of the N residuals for the true parameters θ, and r̂ the one for the estimate θ̂.
-    With D = ∂r/∂θ, r̂ ≈ r + D(θ̂ − θ) has the covariance (1 − N D I⁻¹ Dᵀ)/N, where I is the information matrix. At lag
-    k, the parameters therefore take N D_k I⁻¹ D_kᵀ degrees of freedom. The sum over all lags is one for each parameter,
-    except for a common scale of all terms. The formula holds for efficient estimates. D is computed by finite
-    differences. Source: Box and Pierce (1970), JASA 65, 1509-1526, section 3."""
+    """Return the degrees of freedom (L,) that estimated parameters take from the autocorrelation at lags 1 … L. With
+    the autocorrelation r of the N residuals for the true parameters, D = ∂r/∂θ by finite differences, and the
+    information matrix I, r̂ ≈ r + D(θ̂ − θ) has the covariance (1 − N D I⁻¹ Dᵀ)/N. At lag k, they therefore take N D_k
+    I⁻¹ D_kᵀ. This holds for efficient estimates (Box and Pierce 1970, JASA 65, 1509-1526, section 3)."""
     record = problem.record
     if record.values.size > _ENOUGH:
         part = replace(record, values=record.values[:_ENOUGH])

@@ -45,8 +45,7 @@ class RegressionEstimate:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The log-likelihood of a model, with its gradient (q,) and information matrix (q, q) with respect to q
-    coordinates."""
+    """Log-likelihood, its gradient (q,) and information matrix (q, q) with respect to q coordinates."""
 
     value: float
     gradient: Vector
@@ -56,8 +55,7 @@ class Evaluation:
 
 @dataclass(frozen=True, eq=False)
 class LikelihoodProblem:
-    """A likelihood as a function of coordinates, for a model with starting values and a recording. `model`: the model
-    with starting values of all parameters. `record`: the recording. `mean`: mean of the recording if it is known."""
+    """Likelihood as a function of coordinates, for a model with starting values, a recording, and its mean if known."""
 
     model: Model
     record: Record
@@ -140,8 +138,7 @@ class LikelihoodProblem:
         return np.array(out)
 
     def at_point(self, z: Vector) -> Model:
-        """Return the model with the parameter values at coordinates z (q,). The coordinate −inf of a scale stands for
-        0."""
+        """Return the model with the parameter values at coordinates z (q,); −inf of a scale stands for 0."""
         processes = list(self.model.processes)
         by_term: dict[int, dict[int, float]] = {}
         for coordinate, value in zip(self.coordinates, z.tolist(), strict=True):
@@ -174,8 +171,8 @@ class LikelihoodProblem:
         return np.array(out).reshape(-1, 2)
 
     def faint(self, z: Vector, k: int, model: Model, share: float) -> float:
-        """Return a value for scale coordinate k at which its term is negligible. The wavelet variance of the term is
-        then at most the fraction `share` of the wavelet variance of the model, at every level."""
+        """Return a scale coordinate at which the wavelet variance of term k is at most `share` of the model's at every
+        level."""
         levels, at = max(int(math.log2(self.record.observed)), 1), z.copy()
         at[k] = 0.0
         curve = self.at_point(at).processes[self.coordinates[k].term].wavelet_variance(levels, self.rate)
@@ -191,8 +188,7 @@ class LikelihoodProblem:
         return _likelihood(assemble(model, self.rate), self.series, self.regressors)
 
     def evaluate(self, z: Vector, active: Sequence[int]) -> Evaluation | None:
-        """Return the log-likelihood, gradient and information matrix for the `active` coordinates, or None if
-        undefined."""
+        """Evaluate the `active` coordinates; None if the likelihood is undefined."""
         try:
             model = self.at_point(z)
         except OverflowError:  # a scale can diverge along a profile
@@ -248,8 +244,8 @@ def _inverse(gram: Matrix) -> Matrix:
 
 
 def standardise(problem: LikelihoodProblem, model: Model) -> tuple[Vector, int]:
-    """Return the standardised innovations (N,) and the number of fitted regression coefficients. The innovations are
-    NaN where a sample is missing. The coefficients are estimated from the whole recording."""
+    """Return the standardised innovations (N,), NaN for missing samples, and the number of coefficients from the whole
+    recording."""
     system = assemble(model, problem.rate)
     value, level = _likelihood(system, problem.series, problem.regressors)
     if not math.isfinite(value):

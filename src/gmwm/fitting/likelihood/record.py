@@ -16,9 +16,9 @@ from gmwm.recording.signals import MINIMUM_SAMPLES, Imu, Signal
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Equally spaced samples of one axis, NaN where one is missing, with optional columns of a regression. `start` is
-    the time of the first sample (s). `centre` is near the values and is subtracted before squares, to avoid
-    cancellation. `columns` (p, N) have the standard deviation 1, `scales` (p,) before they were scaled."""
+    """Equally spaced samples of one axis, NaN where one is missing, from the time `start` (s). `centre` is near the
+    values and is subtracted before squares. Regression `columns` (p, N) have the standard deviation 1, `scales` (p,)
+    before."""
 
     values: Vector
     rate: float
@@ -49,8 +49,8 @@ class Record:
         return np.asarray(self.start + np.arange(self.values.size) / self.rate)
 
     def signal(self) -> Signal:
-        """Return the recording as a signal with its short gaps filled, for its wavelet variance. If most samples are in
-        segments that are too short, missing samples are interpolated linearly instead."""
+        """Return the signal with short gaps filled, or all missing samples interpolated if most segments are too
+        short."""
         signal = Signal.from_missing(self.values, self.rate, self.unit, self.axis).fill_gaps()
         usable = sum(b - a for a, b in signal.segments if b - a >= MINIMUM_SAMPLES)
         if 2 * usable >= len(signal):

@@ -24,8 +24,7 @@ _GONE = 1e-7
 @dataclass(frozen=True, eq=False)
 class Maximum:
     """Local maximum of the likelihood at the coordinates `z` (q,), −inf for the scale of a term that is zero. `active`
-    are the numbers of the coordinates that are not at a bound and do not belong to such a term; `at_end` has the shape
-    coordinates at a bound, −1 for the lower and 1 for the upper one."""
+    are the free coordinates; `at_end` has shape coordinates at their lower (−1) or upper bound (1)."""
 
     z: Vector
     active: tuple[int, ...]
@@ -39,9 +38,9 @@ Progress = Callable[[int, float], None]
 
 
 class LikelihoodSearch:
-    """Search for a local maximum of a likelihood. The coordinates `held` do not change. `progress` is called after each
-    evaluation with their number and the log-likelihood. The search ends when the expected increase is below
-    `tolerance`. `revive` tries at the end to add terms again that became zero."""
+    """Search for a local maximum in all coordinates but `held`, until the expected increase is below `tolerance`.
+    `progress` is called with the number of evaluations and the log-likelihood. `revive` tries to add terms that became
+    zero."""
 
     def __init__(
         self,
@@ -62,8 +61,7 @@ class LikelihoodSearch:
         self.scales = {c.term: k for k, c in enumerate(problem.coordinates) if c.shape is None}
 
     def run(self, start: Vector) -> Maximum | None:
-        """Return the local maximum that the search reaches from `start`, or None if the likelihood is undefined at
-        `start`."""
+        """Return the local maximum that the search reaches; None if the likelihood is undefined at `start`."""
         z = self._apart(np.clip(start, *self.problem.bounds.T))
         self.gone = {c.term for c, value in zip(self.problem.coordinates, start, strict=True) if value == -math.inf}
         z, evaluation, converged = self._climb(z)
@@ -102,8 +100,8 @@ class LikelihoodSearch:
         return evaluation
 
     def _climb(self, z: Vector) -> tuple[Vector, Evaluation | None, bool]:
-        """Climb to a local maximum with steps d = (I + μ diag I)⁻¹ g (gradient g, information matrix I, damping μ). The
-        steps end when the expected increase of the log-likelihood is below the tolerance or its rounding error."""
+        """Climb by steps d = (I + μ diag I)⁻¹ g (gradient g, information matrix I, damping μ) until the expected
+        increase is negligible."""
         active = self._active(z)
         now = self._evaluate(z, active)
         if now is None:
@@ -149,8 +147,7 @@ class LikelihoodSearch:
         return z, now, converged
 
     def _step(self, now: Evaluation, z: Vector, active: list[int], damping: float) -> tuple[Vector, float]:
-        """Return a step of the active coordinates inside their bounds, and the expected increase of the
-        log-likelihood."""
+        """Return a step of the active coordinates inside their bounds, and the expected increase."""
         bounds, at = self.problem.bounds[active], z[active]
         low = np.maximum(bounds[:, 0] - at, -LONGEST)
         high = np.minimum(bounds[:, 1] - at, LONGEST)
@@ -199,8 +196,7 @@ class LikelihoodSearch:
         return z
 
     def _apart(self, z: Vector) -> Vector:
-        """Separate the starting values of repeated terms with the same shape. Terms with equal values have equal
-        gradients and would remain equal during the search."""
+        """Separate the starting values of repeated terms: with equal gradients they would remain equal."""
         z = z.copy()
         seen: list[tuple[type, Vector]] = []
         for term, process in enumerate(self.problem.model.processes):
@@ -214,10 +210,9 @@ class LikelihoodSearch:
         return z
 
     def _back(self, z: Vector, now: Evaluation, term: int) -> tuple[Vector, Evaluation, bool] | None:
-        """Return the maximum with a term added that was zero, or None if the likelihood does not increase. The term is
-        first added with a negligible scale. With the gradient g and the information I for the logarithm of the scale,
-        the expected increase of the log-likelihood is g²/2I. If the term has one shape parameter, the whole range of
-        this parameter is tried."""
+        """Return the maximum with a term added that was zero, if the likelihood increases. From a negligible scale, the
+        expected increase is g²/2I, with gradient g and information I. The whole range of one shape parameter is
+        tried."""
         k = self.scales.get(term)
         if k is None or k in self.held:
             return None
@@ -244,8 +239,7 @@ class LikelihoodSearch:
         return None
 
     def _places(self, z: Vector, term: int) -> list[Vector]:
-        """Return points (q,) at which to try a term. They cover the range of its shape parameter if it has one;
-        otherwise the present shape is the only point."""
+        """Return points (q,) at which to try a term, over the range of its shape parameter if it has one."""
         mine = [i for i, c in enumerate(self.problem.coordinates) if c.term == term and c.shape is not None]
         if len(mine) != 1:
             return [z.copy()]
@@ -263,9 +257,8 @@ class LikelihoodSearch:
 
 
 def box_step(information: Matrix, gradient: Vector, low: Vector, high: Vector, damping: float) -> Vector:
-    """Return the step d between `low` and `high` that maximises g·d − ½ dᵀ(I + μ diag I)d, by an active-set method. g
-    is the gradient, I the information matrix and μ the damping. A coordinate that would leave the bounds is held at its
-    bound, and released if the gradient there points inwards."""
+    """Return the step d between `low` and `high` that maximises g·d − ½ dᵀ(I + μ diag I)d, by an active-set method: a
+    coordinate that would leave the bounds is held there, and released if the gradient points inwards."""
     size = np.sqrt(np.diag(information))
     size = np.where(size > 0, size, 1.0)
     scaled = information / np.outer(size, size)

@@ -219,8 +219,7 @@ def pose_filter(
 
 
 def _sums(problem: LikelihoodProblem, system: System) -> tuple[list[str], Matrix, Matrix]:
-    """Return the labels of the g tracks, and the weights of the states (g, p) and of the regressors (g, m) in each
-    track."""
+    """Return the labels of the g tracks, and the weights of states (g, p) and regressors (g, m) in each."""
     regressors = problem.regressors
     labels, states, shares = [], [], []
     bias, carried = np.zeros(system.H.size), np.zeros(len(regressors))
@@ -247,15 +246,13 @@ def _sums(problem: LikelihoodProblem, system: System) -> tuple[list[str], Matrix
 
 
 def wanders(process: Process, rate: float) -> bool:
-    """Return whether a process is part of the bias. This holds if its correlation time is longer than one sample and it
-    is not a sinusoid."""
+    """Return whether a process is part of the bias: slower than one sample, and not a sinusoid."""
     time = process.correlation_time(rate)
     return process.line(rate) is None and (time is None or time * rate > 1.0)
 
 
 def _add_known(problem: LikelihoodProblem, system: System, found: dict[str, tuple[Vector, Vector]]) -> None:
-    """Add to the tracks what was subtracted from the recording: its centre or known mean, and drifts with known
-    slopes."""
+    """Add what was subtracted from the recording: its centre or known mean, and drifts with known slopes."""
     bias = found[BIAS][0]
     bias += problem.centre
     levelled = [r.label for r in problem.regressors if r.flat]
