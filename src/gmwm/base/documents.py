@@ -64,10 +64,8 @@ def entries_of(kind: Any) -> tuple[Entry, ...]:
 
 
 class Documented:
-    """Base of dataclasses with a document for JSON.
-
-    A class with `document` checks what it reads: each field against its annotation and the meaning of its name.
-    """
+    """Base of dataclasses with a document for JSON. A class with `document` checks each field against its annotation
+    and name."""
 
     document_keys: ClassVar[tuple[str, ...]] = ()
     document: ClassVar[Document | None] = None

@@ -76,14 +76,10 @@ class Document:
 
 
 def require_kinds(found: Any, where: str, document: Document) -> None:
-    """Raise an error if a field of a result does not have the type of its annotation.
-
-    An integer is allowed for a float. Numbers must not be NaN, unless the class has the attribute `marks_with_nan`.
-    All arrays of an object must have the same length. The confidence, the efficiency and the fields that the attribute
-    `shares` of the class lists must be between 0 and 1. Counts, degrees of freedom, standard errors and other fields
-    must be in the range that their name implies, and covariances must have no negative eigenvalue. No finite number may
-    exceed `LARGEST`, and no count `LARGEST_COUNT`.
-    """
+    """Raise an error if a field of a result does not have the type of its annotation, or the range that its name
+    implies (counts, errors, shares in `shares`, …). An integer is allowed for a float, NaN only with `marks_with_nan`.
+    Arrays have equal lengths, and covariances no negative eigenvalue. Numbers are at most `LARGEST`, counts
+    `LARGEST_COUNT`."""
     lengths = {}
     renamed = (text.split("=") for text in getattr(found, "document_keys", ()) if "=" in text)
     keys = {name.partition("~")[0]: key for key, name in renamed}

@@ -33,8 +33,7 @@ def stoppable(check: Callable[[], None]) -> Iterator[None]:
 
 
 def check_stop() -> None:
-    """Call the function that was passed to `stoppable`, which can end the work. Long loops call it at least every 0.1 s
-    (tests/app/test_workspace.py)."""
+    """Call the function passed to `stoppable`, in long loops at least every 0.1 s (tests/app/test_workspace.py)."""
     _check.get()()
 
 

@@ -275,11 +275,10 @@ def _filter(
 
 
 def project(scaling: Vector, vanishing_moments: int, rounding: float = 8.0) -> Vector:
-    """Return the orthonormal filter closest to `scaling` with p = `vanishing_moments`, by Newton steps of minimum norm.
-    The equations are Σ_l g_l g_{l+2k} = 1{k = 0} and Σ_l (−1)^l l^n g_l = 0, n = 0 … p − 1. They imply Σ g = √2. The
-    equation for n = 0 is needed although it follows from the others: the wavelet of a table that is orthonormal to
-    1e-11 can have the sum 1e-5, as in fk22. A filter whose error is below `rounding` units in the last place of 1 is
-    returned unchanged."""
+    """Return the orthonormal filter closest to `scaling` with p = `vanishing_moments`, by Newton steps of minimum norm
+    on Σ_l g_l g_{l+2k} = 1{k = 0} and Σ_l (−1)^l l^n g_l = 0, n = 0 … p − 1. The equation n = 0 follows from the
+    others, but the wavelet of a table that is orthonormal to 1e-11 can have the sum 1e-5, as in fk22. A filter with an
+    error below `rounding` units in the last place of 1 is returned unchanged."""
     g = scaling.copy()
     length = g.size
     place = (np.arange(length) - (length - 1) / 2) / (length / 2)

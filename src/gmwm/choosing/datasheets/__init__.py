@@ -242,10 +242,8 @@ def _entry(judged: _Judged, term: str, process: Process, number: Physical, weak:
 
 
 def _interval(judged: _Judged, process: Process, number: Physical, slopes: dict[str, float]) -> Interval:
-    """Return the confidence interval of a number, with ±z standard errors on a logarithmic scale.
-
-    For a number with a sign, the scale is linear.
-    """
+    """Return the confidence interval of a number, ±z standard errors on a logarithmic scale, or a linear one if it has
+    a sign."""
     found = judged.fit.sandwich
     place = [found.names.index(name) for name in slopes]
     g = np.array(list(slopes.values()))

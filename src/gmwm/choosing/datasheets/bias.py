@@ -89,12 +89,9 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
 
 
 def _of_data(wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: int) -> float | None:
-    """Return the smallest upper confidence limit of the measured Allan deviation, without the sinusoids `lines`.
-
-    The Allan variance is computed as the Allan variance of the model times the ratio of the wavelet variances of data
-    and model. With the Haar filter, this is twice the measured wavelet variance. The result is None if the levels next
-    to the minimum of the model, at `n` samples, were not measured.
-    """
+    """Return the smallest upper confidence limit of the measured Allan deviation, without the sinusoids `lines`: that
+    of the model times the ratio of both wavelet variances. None if levels next to the minimum, at `n` samples, are
+    missing."""
     implied = model.wavelet_variance(wv.levels, wv.rate, wv.filter)
     added = sum((line.wavelet_variance(wv.levels, wv.rate, wv.filter) for line in lines), np.zeros(len(wv)))
     # A variance of zero is due to the coarse resolution of the output, so it gives no limit for the noise.
@@ -108,9 +105,7 @@ def _of_data(wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: i
 
 
 def lowest(curve: Callable[[NDArray[np.int64]], Vector], last: int) -> int:
-    """Return the number of samples, from 1 to `last`, at which a curve has its minimum.
-
-    The result is exact if the curve has few extrema per octave.
+    """Return the number of samples, from 1 to `last`, at which a curve with few extrema per octave has its minimum.
 
     >>> lowest(lambda n: (n - 1000.3) ** 2, 10**6)
     1000

@@ -46,14 +46,12 @@ class BiasTerms:
         return cls(processes, curve, tuple(moving))
 
     def variance_of_mean(self, samples: int, span: int) -> Variance:
-        """Compute the error variance of the mean of a recording, regarded as an estimate of the constant bias.
-
-        For stationary noise, a term contributes the variance of the mean. The level of a random walk is not constant,
-        so it contributes the variance of the mean minus the level at the end of the recording, K²T/3. Flicker and
-        power-law noise contribute the Allan variance at T, half the variance of the difference between the means of two
+        """Compute the error variance of the mean of a recording, regarded as an estimate of the constant bias. For
+        stationary noise, a term contributes the variance of the mean. The level of a random walk is not constant, so it
+        contributes the variance of the mean minus the level at the end of the recording, K²T/3. Flicker and power-law
+        noise contribute the Allan variance at T, half the variance of the difference between the means of two
         successive recordings. Ramps are not noise. `span` includes the samples that are missing in gaps; for each term,
-        the larger of the variances for both lengths is used.
-        """
+        the larger of the variances for both lengths is used."""
         rate = self.curve.rate
 
         def of(process: Process) -> float:
@@ -62,13 +60,10 @@ class BiasTerms:
         return self._sum(of, fast=True)
 
     def variance_over(self, duration: float) -> Variance:
-        """Compute the mean square of the bias about its mean over a duration (s).
-
-        The bias is the sum of all terms with a correlation time of at least 1 s, random walks, and flicker and
-        power-law noise. The variance of 2^J samples about their mean is the sum of the Haar wavelet variances of the
-        levels 1 to J, even for a random walk (Percival and Walden 2000, section 8.1). Between these lengths, it is
-        interpolated on a logarithmic scale.
-        """
+        """Compute the mean square of the bias about its mean over a duration (s). The bias is the sum of all terms with
+        a correlation time of at least 1 s, random walks, and flicker and power-law noise. The variance of 2^J samples
+        about their mean is the sum of the Haar wavelet variances of the levels 1 to J, even for a random walk (Percival
+        and Walden 2000, section 8.1). Between these lengths, it is interpolated on a logarithmic scale."""
         rate = self.curve.rate
         position = max(math.log2(max(duration * rate, 1.0)), 1.0)
         low = math.floor(position)
@@ -82,12 +77,10 @@ class BiasTerms:
 
     def _sum(self, of: Callable[[Process], float], *, fast: bool) -> Variance:
         """Add up the variances that `of` computes for the slow terms and, if `fast` is True, for the other terms too.
-
         The variance of the slow terms is estimated as v with the standard error s, but its true value cannot be
         negative. Its posterior distribution under a uniform prior for positive values has the mean v + sλ and the
         variance s²(1 − uλ − λ²), with u = v/s, λ = φ(u)/Φ(u), and the normal density φ and distribution function Φ.
-        With this mean, a random walk that is estimated as zero is not treated as absent.
-        """
+        With this mean, a random walk that is estimated as zero is not treated as absent."""
         total, square, known = 0.0, 0.0, dict[int, float]()
 
         def once(process: Process) -> float:
@@ -112,10 +105,8 @@ class BiasTerms:
 
 
 def is_slow(process: Process, rate: float) -> bool:
-    """Return whether a process is part of the bias of a sensor: neither a sinusoid nor a ramp, and not faster than 1 s.
-
-    Flicker and power-law noise, which have no correlation time, are part of the bias.
-    """
+    """Return whether a process is part of the bias: flicker, power-law noise, and noise slower than 1 s except
+    sinusoids and ramps."""
     if process.line(rate) is not None or process.scale == 0:
         return False
     time = process.correlation_time(rate)

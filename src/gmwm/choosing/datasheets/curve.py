@@ -28,10 +28,8 @@ ENDLESS = 300.0
 @dataclass(frozen=True)
 class Curve:
     """The p free parameters of a fit and their covariance `scatter`, for standard errors of its Allan variance.
-
     `moving` has each parameter with its process. A name means the logarithm of this parameter. None means the scale of
-    a term that is estimated as zero.
-    """
+    a term that is estimated as zero."""
 
     moving: tuple[tuple[Process, str | None], ...]
     scatter: Matrix
@@ -39,10 +37,8 @@ class Curve:
 
     @classmethod
     def of(cls, fit: Fit, *, sampling: bool = False) -> Curve:
-        """Return the parameters and covariance of a fit in which terms that act as another process are replaced.
-
-        If `sampling` is True, the covariance does not include the spread between recordings.
-        """
+        """Return the parameters and covariance of a fit, with terms that act as others replaced, and without spread if
+        `sampling`."""
         sandwich = fit.sandwich.sampling if sampling else fit.sandwich
         design, model = Design.of(fit.wavelet_variance), fit.model
         processes = dict(zip(model.terms, model.processes, strict=True))
@@ -79,19 +75,14 @@ class Curve:
 
 
 def slope(process: Process, name: str | None, n: int, rate: float) -> float:
-    """Return the derivative ∂σ²(n)/∂ ln θ of the Allan variance of one process at n samples.
-
-    θ is the parameter `name`. If `name` is None, the derivative is with respect to the scale.
-    """
+    """Return ∂σ²(n)/∂ ln θ of the Allan variance at n samples for the parameter `name`, or by the scale itself for
+    None."""
     return sensitivity(process, name, lambda p: float(p.allan_variance([n], rate)[0]))
 
 
 def sensitivity(process: Process, name: str | None, of: Callable[[Process], T]) -> T:
-    """Return the derivative ∂f/∂ ln θ of a variance f of one process with respect to the parameter `name`.
-
-    It is exact for a scale parameter, and computed by differences of order 6 for a shape parameter. If `name` is None,
-    the derivative is with respect to the scale itself. f may be an array of variances.
-    """
+    """Return ∂f/∂ ln θ of a variance f (or an array) for the parameter `name`, exact for scales, by differences of
+    order 6 for shapes, and with respect to the scale itself for None."""
     if name is None:
         return of(process)
     parameter = next(p for p in process.parameters if p.name == name)

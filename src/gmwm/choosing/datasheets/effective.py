@@ -134,10 +134,8 @@ def limited(fit: Fit, entry: Entry, level: float) -> Entry:
 
 
 def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
-    """Compute N and K like `effective_noise`, but without the fits that give upper limits of noise that is not there.
-
-    The value is zero, and the number an upper limit, if a filter without the number predicts best.
-    """
+    """Compute N and K like `effective_noise`, without the fits for upper limits. A number is zero, and an upper limit,
+    if a filter without it predicts best."""
     numbers, errors = _numbers(fit, use)
     z, entries = NormalDist().inv_cdf((1 + level) / 2), {}
     for symbol, (title, power) in _TITLES.items():
@@ -164,11 +162,8 @@ def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
 
 @dataclass(frozen=True)
 class _Error:
-    """Standard errors of ln N² or ln K²: of all parameters, and of the scale parameters only.
-
-    A number may be zero if both errors are large. The error of a correlation time alone does not make it doubtful.
-    `held` is true if no parameter was estimated.
-    """
+    """Standard errors of ln N² or ln K² by all parameters, and by scales only: a number may be zero if both are large,
+    because the error of a correlation time alone does not make it doubtful. `held` if no parameter was estimated."""
 
     all: float
     scales: float
@@ -208,11 +203,9 @@ def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], d
 
 
 def _errors(curve: Curve, numbers: FilterNumbers, use: Use, ratio: CurveRatio | None) -> dict[str, _Error]:
-    """Return the standard errors of ln N² and ln K².
-
-    With u = ln w, the condition ∂J/∂u = 0 gives du/dθ = −(∂²J/∂u∂θ)/(∂²J/∂u²). The second condition N² C(u) = J gives
-    d ln N²/dθ = (∂J/∂θ)/J − (C'/C) du/dθ, and d ln K²/dθ = d ln N²/dθ + 2 du/dθ.
-    """
+    """Return the standard errors of ln N² and ln K². With u = ln w, the condition ∂J/∂u = 0 gives du/dθ =
+    −(∂²J/∂u∂θ)/(∂²J/∂u²). The second condition N² C(u) = J gives d ln N²/dθ = (∂J/∂θ)/J − (C'/C) du/dθ, and d ln K²/dθ
+    = d ln N²/dθ + 2 du/dθ."""
     gain, samples = numbers.gain, numbers.samples
 
     def of(process: Process) -> Vector:

@@ -138,7 +138,7 @@ class Entry:
 
 
 def significant(x: float, digits: int) -> str:
-    """Format a number with a given number of significant digits. Very small and large numbers have a power of ten.
+    """Format a number with a given number of significant digits, with a power of ten if very small or large.
 
     >>> significant(0.012345, 3), significant(1.5e-7, 2), significant(1234.5, 2)
     ('0.0123', '1.5e-07', '1234')
@@ -151,10 +151,8 @@ def significant(x: float, digits: int) -> str:
 
 
 def _alike(value: float, low: float, high: float) -> tuple[str, str, str]:
-    """Format a value and its limits with the same number of decimals, so that the interval has `_DIGITS` digits.
-
-    If the limits differ much, each number has `_DIGITS` significant digits instead.
-    """
+    """Format a value and limits with equal decimals, so that the interval has `_DIGITS` digits, or each with `_DIGITS`
+    if they differ much."""
     size, half = max(abs(low), abs(high)), (high - low) / 2
     if low <= 0 < high or abs(high - low) > min(abs(low), abs(high)):
         return significant(value, _DIGITS), significant(low, _DIGITS), significant(high, _DIGITS)

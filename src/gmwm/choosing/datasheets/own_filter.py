@@ -18,9 +18,8 @@ The Riccati equation cannot be solved without it."""
 
 
 def smallest_error(processes: Iterable[Process], rate: float, samples: int) -> float | None:
-    """Return the mean square of the error with which the steady-state filter of the full model predicts the mean of n
-    samples, without sinusoids and ramps. It is None if a process has no state space, or the Riccati equation has no
-    solution in double precision."""
+    """Return the mean square error of the steady-state filter of the full model for the mean of n samples, without
+    sinusoids and ramps; None without a state space or a solution of the Riccati equation in double precision."""
     from scipy.linalg import LinAlgError, solve_discrete_are
 
     noises = [p for p in processes if p.scale > 0 and p.line(rate) is None]

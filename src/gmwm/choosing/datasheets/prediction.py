@@ -117,9 +117,8 @@ class Gain:
 
     def claim(self, samples: int) -> tuple[float, float]:
         """Return the variance that the filter states for the mean of n samples, over the variance of the white noise.
-
-        It is 1/n + g + q² (n + 1)(2n + 1)/(6n) with q = w Δt. The second number is its derivative with respect to ln q.
-        """
+        It is 1/n + g + q² (n + 1)(2n + 1)/(6n) with q = w Δt. The second number is its derivative with respect to ln
+        q."""
         walk = self.bandwidth**2 * (samples + 1) * (2 * samples + 1) / (6 * samples)
         return 1 / samples + self.g + walk, self.slope + 2 * walk
 
@@ -135,10 +134,8 @@ def spectrum_of(process: Process, rate: float) -> Spectrum:
 
 
 def _of_octaves(process: Process, rate: float) -> Spectrum:
-    """Return the density that follows from the wavelet variance, ν_j² 2^j at the centre √2 π/2^j of each octave.
-
-    It is exact for white noise, and within about 20 % for noise whose spectrum falls.
-    """
+    """Return the density ν_j² 2^j at the centre √2 π/2^j of each octave: exact for white noise, within 20 % if it
+    falls."""
     levels = np.arange(1, _LEVELS + 1)
     logs = np.log(process.wavelet_variance(levels, rate)) + levels * math.log(2)
 

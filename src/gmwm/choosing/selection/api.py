@@ -140,8 +140,7 @@ def select_within(
     required: Sequence[Process] = (), rate: float | None = None, robust: bool = False, efficiency: float = 0.6,
     against: Against = None, progress: Progress | None = None,
 ) -> Ranking:  # fmt: skip
-    """Rank every model within a general one, with the `required` terms added to each. The options are already
-    checked."""
+    """Rank every model within a general one, with the `required` terms; the options are checked."""
     wv = measure(data, rate, robust, efficiency, against=against)
     optional = without_drift(without_values(as_model(general)), [wv])
     models = nested_models(optional)
@@ -242,8 +241,7 @@ def _union(models: Sequence[Model]) -> Model:
 
 
 def _join(one: Process, other: Process) -> type[Process] | None:
-    """Return the class that includes two processes of different order, such as ARMA processes; None if there is none or
-    values are fixed."""
+    """Return the class that includes two processes of different order, if there is one and no value is fixed."""
     if type(one) is type(other) or any(
         process.is_fixed(p.name) for process in (one, other) for p in process.parameters
     ):
@@ -275,8 +273,8 @@ def _rank(
 
 
 def _levels(candidates: Sequence[Candidate]) -> dict[str, float]:
-    """Return the criterion of each structure, equal if criteria differ only by numerical errors. ARMA(1,1) and GM + WN
-    have the same curve, for example, and their last digits must not decide."""
+    """Return the criterion of each structure, equal if criteria differ by numerical errors, as for ARMA(1,1) and GM +
+    WN."""
     level: dict[str, float] = {}
     least = -np.inf
     for c in sorted(candidates, key=_score):
@@ -350,12 +348,8 @@ def _end(name: str, target: Mapping[str, str | None]) -> str:
 
 
 def _complexity(candidate: Candidate) -> int:
-    """Return the number of parameters, plus 2 for each term like flicker noise: no sinusoid, no correlation time, no
-    shape.
-
-    Flicker noise has one parameter, but a curve like several Gauss-Markov processes. It would often replace a single
-    one in short recordings.
-    """
+    """Return the number of parameters, plus 2 for each term like flicker noise, whose one parameter gives a curve like
+    several Gauss-Markov processes and would often replace a single one in short recordings."""
     return candidate.parameters + 2 * sum(
         p.correlation_time(1.0) is None and p.line(1.0) is None and not p.nonlinear_parameters()
         for p in candidate.fit.model.processes if p.scale > 0
@@ -363,8 +357,8 @@ def _complexity(candidate: Candidate) -> int:
 
 
 def _is_rejected(candidate: Candidate, best: Candidate) -> bool:
-    """Return whether the goodness-of-fit test rejects a candidate, and the best one fits much better. With the weights
-    of a candidate far below the data at long scales, other models can appear equally far from the data."""
+    """Return whether the test rejects a candidate and the best one fits much better. With weights of a candidate far
+    below the data, other models can appear equally far from the data."""
     pvalue = candidate.pvalue
     if pvalue is None or pvalue >= REJECTED:
         return False

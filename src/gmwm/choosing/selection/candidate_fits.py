@@ -36,12 +36,9 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, eq=False)
 class Explored:
-    """Fits of all candidates to one recording.
-
-    `general` is the fit of the largest model that has at most as many parameters as there are levels. Its Ω (`weights`)
-    and the covariance V of ν̂² (`wavelet`) are used for all candidates. A candidate with terms that are estimated as
-    zero may share the fit of a smaller candidate.
-    """
+    """Fits of all candidates to one recording. `general` is the fit of the largest model that has at most as many
+    parameters as there are levels. Its Ω (`weights`) and the covariance V of ν̂² (`wavelet`) are used for all
+    candidates. A candidate with terms that are estimated as zero may share the fit of a smaller candidate."""
 
     general: Fit
     weights: Weights
@@ -61,11 +58,8 @@ def explore(
     general: Model, candidates: Sequence[Model], wv: WaveletVariance, weighting: str, *,
     progress: Progress | None = None,
 ) -> Explored:  # fmt: skip
-    """Fit every candidate with the weighting matrix Ω of the general model.
-
-    An optimum with terms that are zero is also the optimum of the smaller models with the other terms, which saves most
-    of the work. `mend` ensures that no objective is larger than the one of a contained model.
-    """
+    """Fit every candidate with Ω of the general model. An optimum with terms that are zero is the optimum of the
+    smaller models too, and `mend` ensures that no objective is larger than the one of a contained model."""
     largest = general if freedom(general) <= len(wv) else max(candidates, key=freedom)
     settled, wavelet = nearly_settled(largest, wv, weighting)
     weights = Weights(settled.problem.matrix)
@@ -82,11 +76,8 @@ def explore(
 
 
 def losses_left_out(explored: Explored, candidates: Sequence[Model], weighting: str) -> Vector | None:
-    """Return the mean loss of each candidate for recordings that its fit did not use; None for a single recording.
-
-    The candidates are fitted without recording r, with the Ω of the general model. The loss is (ν̂²_r − ν²)ᵀ Ω_r (ν̂²_r
-    − ν²), where Ω_r is the weighting matrix for a recording of this length.
-    """
+    """Return the mean loss (ν̂²_r − ν²)ᵀ Ω_r (ν̂²_r − ν²) of each candidate, fitted without recording r, over the
+    recordings r; None for a single one. Ω_r is the weighting matrix for a recording of this length."""
     wv = explored.general.wavelet_variance
     if len(wv.recordings) < 2:
         return None
@@ -209,12 +200,9 @@ def _key(structure: Counter[str]) -> frozenset[tuple[str, int]]:
 
 
 def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
-    """Return the curves (n, J) of processes that the general model can add, and the number of those without shape,
-    which come first.
-
-    Gauss-Markov processes are on a grid of correlation times. Of processes with several shape parameters, the estimated
-    shape and its derivatives are used, because mixtures of grid points describe more curves than one process.
-    """
+    """Return curves (n, J) that the general model can add, and the number of those without shape, which come first:
+    Gauss-Markov processes on a grid of correlation times, and of other processes the estimated shape and its
+    derivatives, because mixtures of grid points describe more curves than one process."""
     wv = explored.general.wavelet_variance
     problem = pose(without_values(explored.general.model), wv, explored.weights)
     rows = [problem.shapes, *_ways(explored.general, problem)]
@@ -228,8 +216,7 @@ def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
 
 
 def _ways(general: Fit, problem: Problem) -> list[Matrix]:
-    """Return the estimated shape of each other process with free shape parameters, and its derivatives with both
-    signs."""
+    """Return the shape of each other process with free shape parameters, and its derivatives with both signs."""
     rows = []
     for process in general.model.processes:
         moving = to_find(process)

@@ -90,8 +90,7 @@ class Hypothesis:
         return bool(gammaincc(size / 2, max(losses[0] - losses[1], 0.0) / 6) < NEVER)
 
     def excess(self, rival: Fit) -> float:
-        """Return the criterion of the candidate minus the criterion of a rival, after fitting both with the candidate's
-        Ω."""
+        """Return the criterion of the candidate minus that of a rival, both fitted with the candidate's Ω."""
         fit_again, other = self.again, self._fit(rival)
         criteria = [fit.objective + optimism(fit, self.wavelet, self.weights) for fit in (fit_again, other)]
         return criteria[0] - criteria[1]
@@ -127,8 +126,8 @@ class Hypothesis:
 
     @cached_property
     def _columns(self) -> tuple[Matrix, int]:
-        """Unit vectors (n, J) of the weighted curves of all processes that can be added, and the number of those
-        without shape, which come first."""
+        """Unit vectors (n, J) of weighted curves of processes to add; the number of those without shape, which are
+        first."""
         shapes, linear = self.explored.columns
         columns = shapes @ self.root.T
         return columns / np.linalg.norm(columns, axis=1, keepdims=True), linear
@@ -168,8 +167,7 @@ class Hypothesis:
         return single, 2 * float(penalty[new].min(initial=np.inf))
 
     def several(self, records: NDArray[np.int64]) -> Vector:
-        """Return an upper bound for the decrease of the criterion by two or more parameters in the given simulated
-        recordings."""
+        """Return an upper bound for the decrease of the criterion by two or more parameters in simulated recordings."""
         parts = [part @ self.root.T for part in map(np.asarray, self.fit.decomposition.values()) if np.any(part > 0)]
         columns = np.concatenate([self._columns[0], [part / np.linalg.norm(part) for part in parts]])
         centre = self.fit.implied @ self.root.T
@@ -191,10 +189,8 @@ def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, s
 
 
 def by_chance(hypothesis: Hypothesis, rival: Fit, size: float) -> bool:
-    """Return whether more than the share `size` of the simulated recordings has as large a difference as the data.
-
-    The difference is the criterion of the candidate minus the smallest criterion.
-    """
+    """Return whether more than the share `size` of the simulated recordings has as large a difference to the smallest
+    criterion."""
     difference = hypothesis.excess(rival)
     if difference <= 0:
         return True
@@ -220,8 +216,8 @@ def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matri
 
 
 def _mean_squares(scores: Matrix, freedom: Vector) -> Matrix:
-    """Return the chi-square quantiles (B, J) at the probabilities of normal scores, divided by the degrees of freedom
-    (J,). They are analytic in the score, so Chebyshev polynomials of degree `DEGREE` replace most of them."""
+    """Return χ²_η/η quantiles (B, J) at probabilities of normal scores, analytic and so by Chebyshev polynomials of
+    degree `DEGREE`."""
     from scipy.special import chdtri, ndtr
 
     reach = float(np.abs(scores).max(initial=0.0))
@@ -242,8 +238,7 @@ def factor_of(wavelet: Matrix) -> Matrix:
 
 
 def axes_of(fit: Fit, root: Matrix) -> Matrix:
-    """Return orthonormal directions (J, p) in which the weighted wavelet variance of a fit can change with its
-    parameters."""
+    """Return orthonormal directions (J, p) in which the parameters of a fit can change the weighted curve."""
     slopes = root @ slopes_of(fit)
     length = np.linalg.norm(slopes, axis=0)
     if not np.any(length > 0):
@@ -260,10 +255,8 @@ def compare(ranking: Ranking, first: Candidate, second: Candidate) -> Comparison
 
 
 def difference_error(first: Fit, second: Fit, weights: Weights, wavelet: Matrix) -> float:
-    """Compute the standard error of the difference between the losses of two fits.
-
-    `weights` has Ω (J, J) and `wavelet` is V (J, J) of the ranking; see `compare`.
-    """
+    """Compute the standard error of the difference of the losses of two fits, with Ω and V of the ranking; see
+    `compare`."""
     root = weights.root
     scatter = root @ wavelet @ root.T
     axes = [axes_of(fit, root) for fit in (first, second)]

@@ -77,12 +77,10 @@ _ROUNDS = 2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModelChoice:
-    """The models that were fitted to one axis, and the choice among them.
-
-    `ranking` has the models that were compared last. The covariance of `wavelet_variance` includes the uncertainty of
-    the shape at high frequencies, but not the relative model error `error`. `tried` are the general models, and `band`
-    the relative standard errors of f_b, f_r and Q_r of a shape from the spectrum.
-    """
+    """The models that were fitted to one axis, and the choice among them. `ranking` has the models that were compared
+    last. The covariance of `wavelet_variance` includes the uncertainty of the shape at high frequencies, but not the
+    relative model error `error`. `tried` are the general models, and `band` the relative standard errors of f_b, f_r
+    and Q_r of a shape from the spectrum."""
 
     ranking: Ranking
     wavelet_variance: WaveletVariance
@@ -105,8 +103,7 @@ def search(
     wv: WaveletVariance, spectrum: PowerSpectrum | None, options: RankingOptions, *,
     check: Callable[[], None] = lambda: None,
 ) -> ModelChoice:  # fmt: skip
-    """Search for the noise model of one axis, as the module describes. `check` is called between steps and may raise to
-    stop."""
+    """Search for the noise model of one axis, as the module describes; `check` may raise to stop it."""
     general = nearly_fitted(_largest(SLOW, wv), wv, options.weighting)
     bound = Distance.of(general).surely
     slow = SearchStep(family=general.model.structure, entered="slow", bound=bound, left="all-rejected")
@@ -151,8 +148,7 @@ def _with_filter(choice: ModelChoice, shaped: ModelChoice) -> ModelChoice:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Shown:
-    """Terms that the spectrum shows, the data with the uncertainty of the shape, and the errors of its band
-    (`ModelChoice`)."""
+    """Terms that the spectrum shows, the data with the uncertainty of the shape, and the errors of its band."""
 
     wavelet_variance: WaveletVariance
     terms: tuple[Process, ...]
@@ -190,8 +186,7 @@ def _is_accepted(ranking: Ranking) -> bool:
 
 
 def _has_filter(fit: Fit) -> bool:
-    """Return whether a term has such a short correlation time that it may describe the low-pass filter of the
-    sensor."""
+    """Return whether a term is so fast that it may describe the low-pass filter of the sensor."""
     return any(process.scale > 0 and acts_as_filter(process, fit) for process in fit.model.processes)
 
 
@@ -199,8 +194,7 @@ def within_family(
     family: ModelLike, wv: WaveletVariance, options: RankingOptions, *, required: Sequence[Process] = (),
     check: Callable[[], None] = lambda: None, entered: Entry = "within",
 ) -> ModelChoice:  # fmt: skip
-    """Rank all models within a largest one plus `required` terms, with its model error. Lines whose power is zero are
-    dropped."""
+    """Rank all models within a largest one plus `required` terms, with its model error, without lines of zero power."""
     largest = _largest(family, wv, required)
     bound, error = _bound_and_error(largest, wv, options.weighting)
     check()
@@ -241,8 +235,7 @@ def given_curve(model: Model, wv: WaveletVariance, weighting: str) -> WaveletVar
 
 
 def _bound_and_error(model: Model, wv: WaveletVariance, weighting: str) -> tuple[float, float]:
-    """Return the upper bound of the p-value of a model and its relative model error, which is 0 for an accepted
-    model."""
+    """Return the upper bound of the p-value of a model, and its relative model error, 0 if accepted."""
     general = nearly_fitted(model, wv, weighting)
     bound = Distance.of(general).surely
     return bound, model_error(general) if bound < REJECTED else 0.0
@@ -255,8 +248,7 @@ def _supported_terms(required: Sequence[Process], fit: Fit) -> Sequence[Process]
 
 
 def _largest(family: ModelLike, wv: WaveletVariance, required: Sequence[Process] = ()) -> Model:
-    """Return the largest model within `family` plus the required terms that has at most as many parameters as
-    levels."""
+    """Return the largest model within `family` plus the required terms with at most one parameter for each level."""
     optional = without_drift(without_values(as_model(family)), [wv])
     largest = Model((*optional.processes, *required))
     if freedom(largest) <= len(wv):
@@ -291,8 +283,8 @@ def _required_terms(
 
 
 def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | None:
-    """Fit an AR(2) process with slow noise, and return it with fixed coefficients; None if it fails or is not a shape
-    at high frequencies."""
+    """Fit an AR(2) with slow noise, and return it with fixed coefficients; None if it is no shape at high
+    frequencies."""
     try:
         general = Model.parse("AR(2) + 2*GM + QN + RW")
         fit = nearly_fitted(general, wv, options.weighting)

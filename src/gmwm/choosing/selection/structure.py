@@ -46,8 +46,8 @@ def _name(process: Process) -> str:
 
 
 def without_drift(general: Model, recordings: Sequence[WaveletVariance]) -> Model:
-    """Return the model without drifts if the recordings with their gaps show no visible drift. Inside short segments, a
-    slow random process looks like one, but a drift would change the signal far more over all gaps."""
+    """Return the model without drifts unless recordings with their gaps show one: inside short segments, a slow random
+    process looks like a drift, but a drift would change the signal far more over all gaps."""
     if any(wv.rise is None or _is_felt(wv.rise, wv) for wv in recordings):
         return general
     others = tuple(p for p in general.processes if not isinstance(p, DR))
@@ -55,8 +55,7 @@ def without_drift(general: Model, recordings: Sequence[WaveletVariance]) -> Mode
 
 
 def _is_felt(rise: float, wv: WaveletVariance) -> bool:
-    """Return whether a drift with this slope per sample is a visible part of the wavelet variance at the longest
-    scale."""
+    """Return whether this slope is a visible part of the wavelet variance at the longest scale."""
     felt = DR(omega=rise).wavelet_variance(wv.levels[-1:], wv.rate, wv.filter)
     return bool(felt[0] >= FELT * wv.variance[-1])
 
@@ -120,8 +119,7 @@ def names_of(processes: Iterable[Process]) -> Counter[str]:
 
 
 def shown_by(fit: Fit) -> Counter[str]:
-    """Return the structure of a fitted model without terms that are zero; a term that acts as another process counts as
-    it."""
+    """Return the structure of a fit without zero terms; a term that acts as another process counts as it."""
     shown, acted = Counter[str](), set[str]()
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
         if term in fit.diagnostics.acts_as:
@@ -195,8 +193,7 @@ def _is_matched(missing: list[str], spare: list[str], *, limits: bool = True) ->
 
 @lru_cache
 def _cases(name: str, limits: bool) -> frozenset[str]:
-    """Return the names of the special cases of a process. With `limits`, these include its limits at the ends of the
-    domain."""
+    """Return the names of the special cases of a process and, with `limits`, of its limits."""
     kind = find_class(name)
     if kind is None:
         return frozenset()

@@ -41,8 +41,8 @@ Numbers = NDArray[Any]
 
 @dataclass(frozen=True, eq=False)
 class Matern:
-    """Values of the Matérn correlation M at distances x, each (n,). `correlation`, `lost` (n,): M and its complement 1
-    − M. `by_distance`, `by_smoothness` (n,): derivatives of 1 − M with respect to ln x and to the smoothness ν."""
+    """Matérn correlation M and 1 − M (`lost`) at distances x, and derivatives of 1 − M with respect to ln x and to
+    ν."""
 
     correlation: Vector
     lost: Vector
@@ -108,8 +108,8 @@ def _series(x: Vector, nu: float) -> tuple[Vector, Vector, Vector, Vector]:
 
 
 def _low_powers(log: Vector, nu: complex, whole: int) -> tuple[Numbers, Numbers]:
-    """Compute −Σ y^k / (k! (1 − ν)(2 − ν)…(k − ν)) over 1 ≤ k < `whole`, and its derivative with respect to ln x. `log`
-    is ln y = 2 ln(x/2)."""
+    """Compute −Σ y^k / (k! (1 − ν)(2 − ν)…(k − ν)) over 1 ≤ k < `whole`, and its derivative by ln x; ln y = 2
+    ln(x/2)."""
     total, slope = np.zeros(log.size, dtype=np.complex128), np.zeros(log.size, dtype=np.complex128)
     term = complex(1.0)
     for k in range(1, whole):

@@ -81,19 +81,14 @@ def quantization(at: LagGrid) -> Vector:
 
 
 def short_memory(at: LagGrid, autocovariance: Vector) -> Vector:
-    """Compute the covariances (n,) for the autocovariance r(0), r(1), …, r(L), which is 0 at longer lags.
-
-    They equal the covariances of white noise of the same spectral density at f = 0, except near the kinks, where a
-    table is used.
-    """
+    """Compute the covariances (n,) for r(0), …, r(L), which is 0 at longer lags: those of white noise of equal density
+    at f = 0, except near the kinks, where a table is used."""
     return _core.short_memory_differences(at.fine, at.coarse, at.lag, autocovariance)
 
 
 def power(at: LagGrid, exponent: float) -> Vector:
-    """Compute the covariances (n,) for power-law noise with ν_1² = 1 and ε = `exponent`.
-
-    K(m) = m² (|m|^ε − 1)/(2(2^ε − 1)), and K(m) = m² ln|m|/(2 ln 2) for ε = 0.
-    """
+    """Compute the covariances (n,) for power-law noise with ν_1² = 1 and ε = `exponent`. K(m) = m² (|m|^ε − 1)/(2(2^ε −
+    1)), and K(m) = m² ln|m|/(2 ln 2) for ε = 0."""
     fine = np.asarray(at.fine, dtype=np.float64)
     size = 0.5 * float(self_similar.unit_factor(np.asarray(exponent))) * fine ** (2.0 + exponent)
     middle = (at.lag + at.fine - at.coarse) / fine
@@ -112,10 +107,8 @@ def exponential(at: LagGrid, decay: float) -> Vector:
 
 
 def alternating(at: LagGrid, decay: float) -> Vector:
-    """Compute the covariances (n,) for the autocovariance (−1)^k e^(−λ|k|) with λ = `decay`.
-
-    They are a sum of nine terms, from which the constants that cancel are removed analytically.
-    """
+    """Compute the covariances (n,) for the autocovariance (−1)^k e^(−λ|k|) with λ = `decay`. They are a sum of nine
+    terms, from which the constants that cancel are removed analytically."""
     phi = -np.exp(-decay)
     fine, coarse = at.fine.astype(np.int64), at.coarse.astype(np.int64)
     # If the grid does not mark odd lags, all nodes are integers.

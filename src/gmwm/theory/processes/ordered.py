@@ -53,9 +53,7 @@ def find_class(name: str) -> type[Process] | None:
 
 @dataclass(frozen=True)
 class Polynomial:
-    """Coefficients of one polynomial, which are numbered from 1, such as phi1, phi2, …. `name`, `symbol`: name and
-    symbol of a coefficient without its number, such as "phi" and "φ". `order`: name of the order, which is the number
-    of coefficients, such as "p". `description`: description of one coefficient."""
+    """Coefficients of one polynomial, such as phi1, phi2, … ("phi", "φ"), numbered up to its `order`, such as "p"."""
 
     name: str
     symbol: str

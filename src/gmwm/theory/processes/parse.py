@@ -35,8 +35,8 @@ _LONGEST_TEXT = 10_000
 
 
 def parse_model(text: str) -> Model:
-    """Parse the text of a model. `text`: sum of processes, in the grammar of the module docstring. Raises ModelError if
-    the text cannot be read, with the position of the error, or the processes cannot be summed.
+    """Parse the text of a model in the grammar of the module docstring. Raises ModelError with the position of the
+    error.
 
     >>> parse_model("2*GM + WN(sigma2=fixed(1e-6))")
     Model('2*GM + WN(sigma2=fixed(1e-06))')
@@ -156,8 +156,8 @@ class _ModelParser:
         return orders
 
     def _coefficients(self, ordered: type[Ordered]) -> dict[str, Any]:
-        """Read the arguments of a process that is written without leading orders. The arguments are lists of
-        coefficients, single parameters, or orders with a name."""
+        """Read the arguments of a process without leading orders: lists of coefficients, single parameters, or named
+        orders."""
         arguments: dict[str, Any] = {}
         while not self._take(")"):
             if arguments:

@@ -20,8 +20,8 @@ _GRID = 256
 
 
 def coordinates(rows: Matrix) -> Matrix:
-    """Compute artanh of the partial autocorrelations (rows, n) by the backward Durbin-Levinson recursion. The result is
-    NaN if a partial autocorrelation has a modulus of at least 1. The polynomial then has a zero with |z| ≤ 1.
+    """Compute artanh of the partial autocorrelations (rows, n) by the backward Durbin-Levinson recursion; NaN if a
+    modulus is at least 1, because the polynomial then has a zero with |z| ≤ 1.
 
     >>> coordinates(np.array([[0.5], [1.0]])).round(4).tolist()
     [[0.5493], [nan]]
@@ -65,9 +65,8 @@ def clearance(rows: Matrix) -> Vector:
 
 
 def squared_size(rows: NDArray[np.float64], cycles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute |1 − Σ a_i z^i|² at z = exp(−2πi·cycles); the last axis of `rows` holds the coefficients. Let c be 1 or
-    −1, whichever is nearer to z. The polynomial is computed as 1 − Σ a_i c^i + Σ a_i (c^i − z^i), which is accurate for
-    zeros near c."""
+    """Compute |1 − Σ a_i z^i|² at z = exp(−2πi·cycles) for rows of coefficients, as 1 − Σ a_i c^i + Σ a_i (c^i − z^i)
+    with the nearer c of ±1, which is accurate for zeros near c."""
     turned = np.asarray(cycles, dtype=np.float64)
     turned = turned - np.round(turned)
     behind = np.abs(turned) > 0.25
