@@ -130,8 +130,7 @@ def empirical_covariance(
 
 
 def _definite(correlation: Matrix, prior: Matrix) -> Matrix:
-    """Average the correlations with the prior correlations, with the smallest weight that makes them positive
-    definite."""
+    """Average the correlations with the prior ones, with the smallest weight that makes them positive definite."""
     least = 0.1 * float(np.linalg.eigvalsh(prior)[0])
     for share in np.linspace(0.0, 1.0, 21):
         mixed = np.asarray((1.0 - share) * correlation + share * prior)
@@ -144,10 +143,8 @@ def _definite(correlation: Matrix, prior: Matrix) -> Matrix:
 
 
 def _measured(values: Vector, variance: Vector, design: Design) -> tuple[Vector, Matrix, Vector]:
-    """Return Var ν̂_j² / ν̂_j⁴ (J,), the correlations (J, J), and the number of tapers (J,) of each level.
-
-    The number of tapers is 0 at a level with too few coefficients.
-    """
+    """Return Var ν̂_j² / ν̂_j⁴ (J,), correlations (J, J), and the number of tapers (J,), 0 with too few
+    coefficients."""
     size, cell = design.levels.size, -(-design.samples // _CELLS)
     count = -(-design.samples // cell)
     apart = np.ones(size) if design.transform == "dwt" else np.ldexp(1.0, design.levels)
@@ -183,10 +180,8 @@ def _measured(values: Vector, variance: Vector, design: Design) -> tuple[Vector,
 
 
 def _squares(values: Vector, design: Design) -> Iterator[tuple[NDArray[np.int64], Vector]]:
-    """Yield, level by level, the times and the squares of the coefficients that only use samples of the recording.
-
-    Times are counted in samples, without the missing samples in gaps.
-    """
+    """Yield, level by level, the times (samples, without those missing in gaps) and the squares of the inner
+    coefficients."""
     segments, first = [], 0
     for length in design.lengths:
         segment = design.segment(length, design.counts)

@@ -143,11 +143,8 @@ def _mean_turn(cycles: float, design: Design) -> NDArray[np.complex128]:
 
 
 def _with_noise(noise: Model, line: Line, design: Design, *, density: float, diagonal: bool) -> Matrix:
-    """Compute 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) (J, J), the contribution of the product of a sinusoid and noise.
-
-    `density` is the spectral density of the noise at the frequency of the sinusoid, for levels that are not summed over
-    lags.
-    """
+    """Compute 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) (J, J), the product of a sinusoid and noise, from the spectral
+    `density` of the noise at the sinusoid for levels that are not summed over lags."""
     size, counts = design.levels.size, design.counts.astype(np.float64)
     stages = _stages(line, design)
     total = np.zeros((size, size))
@@ -172,10 +169,8 @@ def _with_noise(noise: Model, line: Line, design: Design, *, density: float, dia
 
 
 def _stages(line: Line, design: Design) -> NDArray[np.int64]:
-    """Return the exponent `stage` (J,) of the spacing 2^stage of the lags for each level and the coarser levels.
-
-    It is −1 if the spectral density is used instead of a sum over lags.
-    """
+    """Return the exponent `stage` (J,) of the spacing 2^stage of lags for each level; −1 for the spectral density
+    instead."""
     if design.transform == "dwt":
         return design.levels - 1
     stage = max(-(-design.samples // FEW_LAGS) - 1, 0).bit_length()
@@ -205,11 +200,8 @@ def _density(noise: Model, cycles: list[float], design: Design) -> Vector:
 def _summed_density(
     kind: type[Process], nonlinear: tuple[float, ...], cycles: float, *, samples: int, rate: float
 ) -> float:
-    """Compute the spectral density of a process with scale coefficient 1 at the frequency ω = 2π `cycles`.
-
-    It is Σ_m c(m) cos ωm / |1 − e^(iω)|², where c(m) = 2A(m) − A(m − 1) − A(m + 1) is the covariance of differences of
-    successive samples and A the generalised covariance.
-    """
+    """Compute the spectral density for scale coefficient 1 at ω = 2π `cycles`, Σ_m c(m) cos ωm / |1 − e^(iω)|², with
+    the covariance c(m) = 2A(m) − A(m − 1) − A(m + 1) of differences and the generalised covariance A."""
     known = kind.standard(nonlinear).generalised_covariance(np.arange(-1, samples + 1), rate)
     difference = (known[1:-1] - known[:-2]) - (known[2:] - known[1:-1])
     terms = difference * np.cos(2.0 * np.pi * np.fmod(cycles * np.arange(difference.size), 1.0))

@@ -33,11 +33,8 @@ digits; tests/estimation/test_weights.py pins the fits that use it."""
 
 
 def smoothed(wv: WaveletVariance) -> Vector:
-    """Compute the average (J,) of the estimates ν̂² and the smooth curve ν̃².
-
-    The average is (η ν̂² + 30 ν̃²)/(η + 30), where η are the degrees of freedom of ν̂². If the variance of a level is
-    zero, ν̂² is returned unchanged.
-    """
+    """Compute (η ν̂² + 30 ν̃²)/(η + 30) (J,) with the smooth curve ν̃² and η degrees of freedom; ν̂² if a level is
+    zero."""
     if not np.all(wv.variance > 0):
         return wv.variance
     unit = 2.0 ** np.floor(np.log2(wv.variance.max()))
@@ -56,13 +53,10 @@ def drawn(observed: Vector, freedom: Vector, curve: Vector) -> Vector:
 def mixture(
     variance: Vector, freedom: Vector, design: Design, *, within: float = np.inf, random: bool = False
 ) -> tuple[Vector, Model]:
-    """Compute the smooth curve (J,) through positive variances (J,), and the mixture of processes as a model.
-
-    `freedom` (J,) are the degrees of freedom of the variances. The mixture only has processes whose covariance is
-    known. If `within` is given, the mixture has no drift and no process with a correlation time above `within` (s),
-    except random walks and flicker noise. If `random`, it has no drift and no sinusoid. Their wavelet variance is not
-    random, so V of the coarsest levels would be too small.
-    """
+    """Compute the smooth curve (J,) through positive variances with `freedom` (J,), and the mixture of processes with a
+    known covariance as a model. With `within`, it has no drift and no correlation time above `within` (s), except
+    random walks and flicker noise. With `random`, it has no drift and no sinusoid: their wavelet variance is not
+    random, so V of the coarsest levels would be too small."""
     levels = tuple(design.levels.tolist())
     processes, shapes = _candidates(levels, design.longest, design.rate, design.filter)
     known = _known(levels, design.longest, rate=design.rate, filter=design.filter, within=within)
@@ -93,8 +87,7 @@ def _is_random(process: Process) -> bool:
 
 
 def _short(process: Process, rate: float, within: float) -> bool:
-    """Return whether a process has mean zero, and a correlation time that is at most `within` (s), infinite or
-    unknown."""
+    """Return whether a process has mean zero, and a correlation time up to `within` (s), infinite or unknown."""
     time = process.correlation_time(rate)
     return not np.any(process.mean(np.arange(2))) and (time is None or time <= within or time == np.inf)
 
@@ -123,10 +116,7 @@ def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vecto
 def _candidates(
     levels: tuple[int, ...], samples: int, rate: float, filter: WaveletFilter
 ) -> tuple[tuple[Process, ...], Matrix]:
-    """Return all processes with scale coefficient 1, and their wavelet variances (n, J).
-
-    Processes with a correlation time are included at many correlation times.
-    """
+    """Return all processes with scale coefficient 1, at many correlation times, and their wavelet variances (n, J)."""
     number = np.asarray(levels, dtype=np.int64)
     kinds: dict[str, type[Process]] = {}
     for kind in registry.values():

@@ -46,11 +46,8 @@ _COVARIANCES = {
 def lags(
     present: list[Process], design: Design, *, diagonal: bool, decays_of: float | None = None, stride: int = 1
 ) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
-    """Return the nodes of the sums over lags for all pairs of levels, their weights, and the first node of each pair.
-
-    Lags are measured in steps of `stride` samples. `decays_of` is the sampling rate (Hz), if it differs from the rate
-    of the design.
-    """
+    """Return the nodes of the sums over lags, in steps of `stride` samples, their weights, and the first node of each
+    pair. `decays_of` is the sampling rate (Hz), if it differs from the rate of the design."""
     rate = design.rate if decays_of is None else decays_of
     # Strides larger than 1 are even, so an alternating covariance does not alternate at multiples of a stride.
     decays = [(decay if stride == 1 else abs(decay) * stride) for process in present for decay in process.decays(rate)]
@@ -161,11 +158,8 @@ def total_at(shapes: list[Vector], scales: list[float], at: LagGrid) -> Vector:
 def product_sums(
     present: list[Process], at: LagGrid, weight: Vector, starts: NDArray[np.int64], rate: float
 ) -> tuple[Vector, Vector]:
-    """Compute the sums Σ n Cov and Σ n Cov² over the nodes of each pair of levels.
-
-    An exponential autocovariance is computed pair by pair, which avoids large arrays. If its shape is needed a second
-    time, its covariances at all nodes are cached.
-    """
+    """Compute Σ n Cov and Σ n Cov² over the nodes of each pair of levels, for exponentials pair by pair to avoid large
+    arrays. If a shape is needed a second time, its covariances at all nodes are cached."""
     parts = [None if at.pieces is None else _exponential_part(process, rate) for process in present]
     exponential = [part for part in parts if part is not None]
     shapes, scales = shapes_at([p for p, part in zip(present, parts, strict=True) if part is None], at, rate)
@@ -199,10 +193,7 @@ def _forget(at: LagGrid) -> None:
 
 
 def shapes_at(present: list[Process], at: LagGrid, rate: float) -> tuple[list[Vector], list[float]]:
-    """Return the covariances of the processes at the nodes, as shapes and factors.
-
-    If there are many nodes, the only shape is the sum of all covariances.
-    """
+    """Return the covariances at the nodes, as shapes and factors; for many nodes, their sum is the only shape."""
     if at.whole is not None:
         shapes, scales = shapes_at(present, at.whole, rate)
         return [shape[: at.lag.size] for shape in shapes], scales
@@ -255,10 +246,8 @@ def _exponential_part(process: Process, rate: float) -> tuple[float, float] | No
 
 
 def exponential_sum(process: Process, rate: float) -> ExponentialSum | None:
-    """Return the `exponential_sum` of the class that defines the covariance of the process.
-
-    A subclass may have another covariance than the class from which it inherits `exponential_sum`.
-    """
+    """Return the `exponential_sum` of the class that defines the covariance, because a subclass may have another
+    one."""
     kind = next(kind for kind in type(process).__mro__ if _COVARIANCES & vars(kind).keys())
     terms: ExponentialSum | None = vars(kind).get("exponential_sum", Process.exponential_sum)(process, rate)
     return terms

@@ -22,11 +22,8 @@ JASA 88)."""
 
 
 def ratio_errors(robust: WaveletVariance, tested: NDArray[np.bool_], model: ModelLike | None) -> Vector:
-    """Compute the standard errors of log(ν̂²/ν̃²) in Gaussian noise at the levels that the mask `tested` selects.
-
-    ν̂² is the classical and ν̃² the `robust` wavelet variance. The correlations of the coefficients come from `model`,
-    by default the mixture of all processes with the largest likelihood.
-    """
+    """Compute the standard errors of log(ν̂²/ν̃²) in Gaussian noise at the levels in `tested`, for the classical ν̂²
+    and the `robust` ν̃², with correlations of `model`, by default the likeliest mixture of all processes."""
     if not np.any(tested):
         return np.empty(0)
     whole = Design.of(robust)
@@ -50,12 +47,7 @@ def ratio_errors(robust: WaveletVariance, tested: NDArray[np.bool_], model: Mode
 
 
 def ratio_law(place: Vector, error: Vector, efficiency: float) -> tuple[Vector, Vector]:
-    """Approximate the distribution of log(ν̂²/ν̃²) by a gamma distribution with the same skewness.
-
-    The logarithm of the ratio, divided by its standard error `error`, is distributed approximately as (G − k) / √k,
-    where G has a gamma distribution with the shape k. `place` is an observed value of the logarithm in standard errors.
-    The two results are k and the argument for which `scipy.special.gammaincc` returns the probability of a larger
-    ratio.
-    """
+    """Approximate the distribution of log(ν̂²/ν̃²) / `error` by (G − k) / √k with a gamma variable G of the same
+    skewness. Returns the shape k, and the argument of `scipy.special.gammaincc` for a larger ratio than `place`."""
     shape = (2 / (_OVERLAP * ratio_skewness(efficiency) * error)) ** 2
     return shape, np.maximum(shape + place * np.sqrt(shape), 0.0)

@@ -19,12 +19,8 @@ _OCTAVE = 8
 
 
 def pooled(design: Design, alone: Callable[[Design], Matrix]) -> Matrix:
-    """Compute V_jk = Σ_s M_sj M_sk V_sjk / (M_j M_k) from the covariances V_s (J, J) of the segments s.
-
-    `alone` returns V_s for the design of a segment, or its diagonal (J,); the result then is the diagonal of V. M_sj is
-    the number of coefficients of level j in segment s, and M_j that in all segments. Segments are treated as
-    independent. Segments of the same length have the same V_s.
-    """
+    """Compute V_jk = Σ_s M_sj M_sk V_sjk / (M_j M_k) for independent segments with M_sj coefficients of level j.
+    `alone` returns V_s (J, J) for the design of a segment, or its diagonal; segments of equal length share it."""
     counts, total = design.counts, None
     for length, times in lengths_of(design.lengths):
         segment = design.segment(length, counts)
@@ -44,11 +40,8 @@ def _outer(values: Matrix, dimensions: int) -> Matrix:
 
 
 def lengths_of(lengths: tuple[int, ...]) -> Iterator[tuple[int, float]]:
-    """Yield segment lengths to compute, and the number of segments that each length represents.
-
-    M² V is a convex function of the length, and nearly linear for segments longer than a few scales. Therefore, if
-    there are many lengths, a segment with a length between two nodes is divided between both nodes.
-    """
+    """Yield segment lengths to compute, and the number of segments that each represents. M² V is convex in the length
+    and nearly linear beyond a few scales, so a length between two nodes is divided between both nodes."""
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
     if sizes.size > EXACT:
         steps = np.arange(_OCTAVE * math.log2(sizes[0]) - 1, _OCTAVE * math.log2(sizes[-1]) + 1)

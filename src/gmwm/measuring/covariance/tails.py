@@ -55,11 +55,9 @@ _SEGMENT = 8192
 
 
 class TailSums:
-    """Sums over a signal that arrives in chunks, from which the matrix E of the module docstring is estimated.
-
-    The memory is small. It has two matrices for each block length, one spectral density, and a few numbers for each
-    131 072 samples.
-    """
+    """Sums over a signal that arrives in chunks, from which the matrix E of the module docstring is estimated. The
+    memory is small. It has two matrices for each block length, one spectral density, and a few numbers for each 131 072
+    samples."""
 
     def __init__(self) -> None:
         self._panels = Panels(LEAST)
@@ -82,8 +80,7 @@ class TailSums:
             self._add(panel)
 
     def excess(self, wv: WaveletVariance) -> Matrix | None:
-        """Return the matrix E (J, J) for the levels of `wv`, the classical wavelet variance of all samples; None if
-        zero."""
+        """Return the matrix E (J, J) for the levels of `wv`, the classical curve of all samples; None if zero."""
         self.gap()
         if not self._power or not np.all(wv.variance > 0):
             return None
@@ -171,12 +168,9 @@ def _shapes(wv: WaveletVariance) -> Matrix:
 
 
 def _common_factor(relative: Matrix, gaussian: Matrix, shapes: Matrix) -> tuple[Vector, float]:
-    """Return the common factor √c l (J,), and the ratio λ of the two variances.
-
-    `relative` is the measured relative covariance, and `gaussian` is G. If relative = G + c l lᵀ, the mean with the
-    weights u has λ = 1 + c (u·l)² / uᵀ G u. The weights u_j = l_j / G_jj are used. The weights G⁻¹ l would contain
-    differences of nearly equal levels, which depend on the ends of the blocks.
-    """
+    """Return the common factor √c l (J,), and the ratio λ of the two variances. If `relative` = G + c l lᵀ with G =
+    `gaussian`, the mean with the weights u has λ = 1 + c (u·l)² / uᵀ G u. The weights are u_j = l_j / G_jj, because G⁻¹
+    l would contain differences of nearly equal levels, which depend on the ends of the blocks."""
     reach = gaussian.shape[0]
     fine = shapes[:, :reach]
     weights = fine / np.diag(gaussian)
@@ -188,8 +182,7 @@ def _common_factor(relative: Matrix, gaussian: Matrix, shapes: Matrix) -> tuple[
 
 
 def _block_means(panel: Vector, levels: int, count: int) -> Matrix:
-    """Compute the mean squares (count, levels) of the coefficients that begin in each of the first blocks of a
-    panel."""
+    """Compute the mean squares (count, levels) of the coefficients that begin in each block of a panel."""
     # All coefficients are used, because those of rounding errors are uncorrelated even if they are one sample apart.
     y = np.empty((count, levels))
     _core.haar_block_squares(_core.running_sum(panel), BLOCK, y)
@@ -197,10 +190,8 @@ def _block_means(panel: Vector, levels: int, count: int) -> Matrix:
 
 
 def _power(panel: Vector, length: int) -> tuple[float, Vector]:
-    """Return the number of segments of a panel, and the sum of their periodograms.
-
-    The segments overlap by one half, and a Hann window is used.
-    """
+    """Return the number of segments of a panel, half overlapping with a Hann window, and the sum of their
+    periodograms."""
     from scipy.fft import rfft
 
     window = np.hanning(length + 1)[:-1]
@@ -219,11 +210,8 @@ def _power(panel: Vector, length: int) -> tuple[float, Vector]:
 
 
 def _gaussian(power: Vector, length: int, number: float) -> tuple[Matrix, Vector]:
-    """Compute G = N Cov(ν̂_j², ν̂_k²) / (ν_j² ν_k²) for a Gaussian signal with a given spectral density, and ν_j².
-
-    `power` is the mean of `number` periodograms of segments of `length` samples. The results have the levels that these
-    segments resolve.
-    """
+    """Compute G = N Cov(ν̂_j², ν̂_k²) / (ν_j² ν_k²) of Gaussian noise and ν_j², at the levels that segments resolve,
+    from `power`, the mean of `number` periodograms of segments of `length` samples."""
     levels = min(MOST_LEVELS, int(np.log2(length // FINE)))
     frequency = np.arange(1, power.size) / length
     half = np.ldexp(1.0, np.arange(levels))[:, None]
@@ -239,11 +227,8 @@ def _gaussian(power: Vector, length: int, number: float) -> tuple[Matrix, Vector
 
 
 def with_common_tails(curves: Mapping[str, WaveletVariance]) -> dict[str, WaveletVariance]:
-    """Return the curves of recordings of the same noise, all with a covariance E if at least one of them has it.
-
-    A recording that is too short to show heavy tails gets the E of the longest recording that shows them, scaled to its
-    own length.
-    """
+    """Return the curves of recordings of the same noise, all with a covariance E if one has it: a recording too short
+    to show heavy tails gets the E of the longest one that shows them, scaled to its length."""
     known = [wv for wv in curves.values() if wv.excess is not None]
     if not known:
         return dict(curves)

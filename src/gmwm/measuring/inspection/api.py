@@ -105,8 +105,7 @@ def _not_a_recording(value: object) -> OptionError:
 
 
 class FirstPass:
-    """The first of two passes over the batches of a recording: finds the segments and the quantization step of each
-    axis."""
+    """The first of two passes over the batches: finds the segments and the quantization step of each axis."""
 
     def __init__(self, batches: Batches) -> None:
         self._batches = batches
@@ -162,8 +161,7 @@ class RecordingStatistics:
             self._same += _repetitions(batch)
 
     def result(self, conditions: Conditions = NOTHING) -> Inspection:
-        """Return the inspection, after the last batch. The effect of the conditions is removed before the test for
-        trends."""
+        """Return the inspection, after the last batch, with trends tested without the effect of the conditions."""
         extent, statistics = self._extent, self._axes
         axes = {axis: self._axis(axis, sums) for axis, sums in statistics.items()}
         gravity, tilt, tilt_noise = _gravity(statistics, axes, extent.samples)
@@ -216,8 +214,8 @@ class RecordingStatistics:
         )  # fmt: skip
 
     def _stuck(self, axis: str, sums: AxisStatistics) -> tuple[float, float] | None:
-        """Return the first time (s) at which the output of an axis is constant for a window, and the share of such
-        windows. The result is None if there are none, or if rounding explains them."""
+        """Return the first time (s) at which an axis is constant for a window, and the share of such windows; None if
+        rounding explains them."""
         measured = sums.steps.counts > 0
         still, step = measured & (sums.steps.means == 0), self._resolutions[axis] or 0.0
         moving = measured & ~still
@@ -262,8 +260,7 @@ def _noise(axis: str, sums: AxisStatistics, conditions: Conditions) -> list[tupl
 def _gravity(
     statistics: Mapping[str, AxisStatistics], axes: Mapping[str, AxisInspection], samples: int
 ) -> tuple[float | None, float | None, float]:
-    """Return the norm of the mean specific force (m/s²), its largest change of direction (°), and that of noise alone
-    (°)."""
+    """Return the norm of the mean specific force (m/s²), its largest turn (°), and that of noise alone (°)."""
     names = ("accel_x", "accel_y", "accel_z")
     if any(axis not in statistics or axes[axis].unit != SI_UNIT["accel"] for axis in names):
         return None, None, 0.0
@@ -280,9 +277,8 @@ def _gravity(
 
 
 def _restless(sums: AxisStatistics, extent: Extent) -> tuple[float, float, float] | None:
-    """Return the begin and length (s) of the window with the largest standard deviation without outliers, and its ratio
-    to the median of all windows; None if the ratio is usual.
-    """
+    """Return begin and length (s) of the window with the largest standard deviation, and its ratio to the median; None
+    if usual."""
     spreads = np.sqrt(sums.calm.variances())
     changing = spreads[sums.steps.means > 0]  # windows in which the output is not stuck
     usual, worst = float(np.median(changing)) if changing.size else 0.0, int(np.argmax(spreads))

@@ -73,8 +73,7 @@ def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
 
 
 def of_stuck(stuck: Mapping[str, tuple[float, float] | None]) -> Iterator[Remark]:
-    """Yield remarks on axes whose output stops changing, with the first such time (s) and the share of the
-    recording."""
+    """Yield remarks on axes whose output stops changing, with the time (s) and the share of the recording."""
     for axis, finding in stuck.items():
         if finding is not None:
             yield Remark.of("axis-stuck", axis, time=Quantity(finding[0], "s"), share=finding[1])
@@ -83,9 +82,8 @@ def of_stuck(stuck: Mapping[str, tuple[float, float] | None]) -> Iterator[Remark
 def of_motion(
     restless: Mapping[str, tuple[float, float, float]], tilt: float | None, knocks: tuple[Knock, ...]
 ) -> Iterator[Remark]:
-    """Yield remarks on motion and knocks. `restless` has begin and length (s) of the window with the largest standard
-    deviation and its ratio to the usual one, for axes where it is unusual. `tilt` is the change of the direction of
-    gravity (degrees), None if noise explains it."""
+    """Yield remarks on knocks and motion: windows with an unusual standard deviation (`restless`: begin, length (s),
+    ratio), and a change of the direction of gravity (`tilt`, degrees) that noise does not explain."""
     if restless:
         axis = max(restless, key=lambda name: restless[name][2])
         time, window, ratio = restless[axis]
@@ -141,8 +139,8 @@ def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Exten
 
 
 def of_conditions(regressions: Mapping[str, Regression], unknown: str) -> Iterator[Remark]:
-    """Yield remarks on the axes that depend on conditions, and on those that do not. `unknown` is the reason why the
-    temperature cannot be used, or ""."""
+    """Yield remarks on the axes that depend on conditions and those that do not, or why the temperature is
+    `unknown`."""
     if unknown:
         yield Remark.of("conditions", case="unknown", reason=unknown)
     for axis, regression in regressions.items():
@@ -162,8 +160,8 @@ def of_conditions(regressions: Mapping[str, Regression], unknown: str) -> Iterat
 
 
 def removal_remark(axis: str, regression: Regression, left_in: str = "") -> Remark:
-    """Make the remark on an effect that is removed. `left_in` is a phrase about the effect if it were not removed; by
-    default about the Allan deviation three octaves below the longest averaging time."""
+    """Make the remark on an effect that is removed. `left_in` says what it would do otherwise; by default to the Allan
+    deviation three octaves below the longest averaging time."""
     level = max(regression.share.size - 3, 1)
     times = 1 / math.sqrt(max(1 - float(regression.share[level - 1]), 1e-4))
     time = duration_text(2.0 ** (level - 1) / regression.rate)
@@ -181,8 +179,7 @@ def covariates_text(regression: Regression) -> str:
 
 
 def effect_text(regression: Regression) -> str:
-    """Format the first coefficient with half its 95 % interval in the unit of a datasheet, as "0.0123 ± 0.0009
-    (deg/s)/°C"."""
+    """Format the first coefficient with half its 95 % interval, as "0.0123 ± 0.0009 (deg/s)/°C"."""
     column = regression.columns[0]
     coefficient = regression[column.name]
     half = (coefficient.interval()[1] - coefficient.interval()[0]) / 2
@@ -248,8 +245,8 @@ def _as_printed(value: float, unit: str) -> Quantity:
 
 
 def of_units(densities: Mapping[str, float]) -> Iterator[Remark]:
-    """Yield remarks on gyroscopes whose noise density (rad/s/√Hz) makes the unit doubtful. If deg/s is read as rad/s,
-    the noise is 57 times as large."""
+    """Yield remarks on gyroscopes whose noise density (rad/s/√Hz) makes the unit doubtful: deg/s as rad/s is 57 times
+    as large."""
     noisy = {axis: degrees for axis, density in densities.items() if (degrees := math.degrees(density)) > _NOISY}
     limit = Quantity(_NOISY, "deg/s/√Hz")
     for axis in noisy:

@@ -42,9 +42,8 @@ Outliers = tuple[Indices, Vector]
 
 @dataclass(frozen=True, kw_only=True)
 class Knock:
-    """A burst of outliers on `axes`. `time` (s) is that of the first outlier, counted from the first sample of the file
-    like the option `skip` of `read`, `duration` (s) the time from the first to the last one, and `peak` the largest
-    deviation in local standard deviations."""
+    """A burst of outliers on `axes`, from `time` (s since the first sample of the file) for `duration` (s), with the
+    largest deviation `peak` in local standard deviations."""
 
     time: float
     duration: float
@@ -91,9 +90,8 @@ def knocks_of(outliers: Mapping[str, Outliers], extent: Extent) -> tuple[Knock, 
 
 
 def outliers_of(blocks: Vector, resolution: float) -> Outliers:
-    """Find the samples that are far from the median of their block, one block in each row. Return their indices in the
-    flattened array and their distances in standard deviations, which are at least half the `resolution`, the
-    quantization step."""
+    """Find the samples far from the median of their block (row): indices in the flattened array, and distances in
+    standard deviations, which are at least half the `resolution`."""
     distance = np.abs(blocks - row_medians(blocks)[:, None])
     spread = _usual_spread(blocks, distance, resolution)
     at = np.flatnonzero((distance > _KNOCK * spread) & (spread > 0))
@@ -101,9 +99,8 @@ def outliers_of(blocks: Vector, resolution: float) -> Outliers:
 
 
 def _usual_spread(blocks: Vector, distance: Vector, step: float) -> Vector:
-    """Estimate the standard deviation of each block without its knocks. A knock raises it, so the median distance is an
-    upper bound. For coarsely quantized values this distance is accurate to one step only, so one step is added, and the
-    result is at least half a step."""
+    """Bound the standard deviation of each block without its knocks by the median distance. For coarsely quantized
+    values it is accurate to one step, so one step is added, and the result is at least half a step."""
     bound = row_medians(distance)[:, None] / 0.67449 + step
     spread = np.minimum(np.std(blocks, axis=1, keepdims=True), bound)
     return np.asarray(np.maximum(spread, 0.5 * step))
@@ -118,19 +115,13 @@ def steps_of(
     axis: str, levels: Sequence[tuple[int, Vector]], extent: Extent, resolution: float,
     values: Callable[[int, int], Vector],
 ) -> list[Step]:  # fmt: skip
-    """Find lasting jumps of the mean within segments, ordered by time.
-
-    The medians m_i of 256 blocks, with at least 100 samples each, follow the mean and are not affected by knocks. The
-    difference m_{i+2} − m_i contains the whole of a jump in block i + 1. It is a jump if it exceeds two limits. The
-    first is 8 standard deviations of all such differences, estimated from their median absolute deviation, so that a
-    random walk is not a jump. The second is 4 times the changes before and after it, so that a warm-up is not a jump.
-    The first and the last three blocks of a segment are excluded. No jump was found in 8680 simulated recordings of
-    seven models with 3400 to 100 000 samples; tests/test_inspection.py repeats a part of them.
-
-    `levels` has the first sample and the medians of each segment with at least five blocks, and `values(first, last)`
-    returns a range of samples, to locate the jump. Half the `resolution` is the smallest standard deviation that is
-    used.
-    """
+    """Find lasting jumps of the mean within segments, ordered by time. The medians m_i of 256 blocks, with at least 100
+    samples each, follow the mean without knocks, and m_{i+2} − m_i contains the whole of a jump in block i + 1. It must
+    exceed 8 standard deviations of all such differences, by their median absolute deviation, so that a random walk is
+    not a jump, and 4 times the changes before and after it, so that a warm-up is not a jump. The first and the last
+    three blocks are excluded. No jump was found in 8680 simulated recordings of seven models; tests/test_inspection.py
+    repeats a part of them. `levels` has the first sample and the medians of each segment, and `values(first, last)`
+    returns samples, to locate the jump. Half the `resolution` is the smallest standard deviation."""
     length = level_length(extent.samples)
     changes = [level[2:] - level[:-2] for _, level in levels]
     everything = np.concatenate([np.empty(0), *changes])

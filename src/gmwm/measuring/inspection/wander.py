@@ -80,8 +80,7 @@ def _markov(transform: Matrix, time: float) -> Vector:
 
 
 def _crossing(walks: Vector, excess: Vector) -> float:
-    """Return the largest γ² at which `excess` is still zero or negative, interpolated between neighbours on the
-    grid."""
+    """Return the largest γ² at which `excess` is not positive, interpolated on the grid."""
     inside = excess <= 0
     largest = float(np.max(walks[inside]))
     # The walk grows from model to model, and starts again at zero for the next Gauss-Markov process.
@@ -132,8 +131,7 @@ class Likelihood:
         return self._profile((self._flat - taken)[:, None])
 
     def with_step(self, models: Vector, first: int) -> float:
-        """Return the smallest −2 log L with a jump between or in the middle of blocks from `first` on, for some noise
-        models."""
+        """Return the smallest −2 log L with a jump between or in the middle of blocks from `first` on."""
         columns = self.grid.transform[:, first:]
         shapes = np.hstack([columns, (columns[:, 1:] + columns[:, :-1]) / 2])
         weights = self.grid.weights[models]
@@ -141,10 +139,9 @@ class Likelihood:
         return float(np.min(self._minus2(self._flat[models] - np.max(taken, axis=1), self.grid.logs[models])))
 
     def walk(self, courses: Matrix, *, alone: bool = False) -> tuple[float, float]:
-        """Return the variance γ² of a step of the random walk in addition to courses (p, n − 1), and its 95 % upper
-        limit. The restricted likelihood (REML) excludes the low frequencies that the transformed courses explain;
-        otherwise the walk would be underestimated. For an exponential, its derivative with respect to the time constant
-        is a course too. With `alone`, the noise model has no Gauss-Markov process, which can replace a random walk."""
+        """Return the variance γ² of a step of the random walk besides courses (p, n − 1), and its 95 % limit, by REML,
+        which excludes the low frequencies that the courses explain. The derivative of an exponential with respect to
+        its time constant is a course too. With `alone`, no Gauss-Markov process can replace the walk."""
         grid, used = self.grid, _WALKS.size if alone else len(self.grid.walks)
         values, scales = self._restricted_likelihood(grid.weights[:used], grid.logs[:used], courses)
         best = int(np.argmin(values))

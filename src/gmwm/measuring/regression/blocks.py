@@ -165,8 +165,7 @@ class BlockClock:
         return float(np.median(every)) if every.size else 0.0
 
     def interpolate(self, means: Vector, first: int, last: int) -> Vector:
-        """Return block means interpolated linearly between the centres of non-empty blocks, at the samples first … last
-        − 1."""
+        """Interpolate block means linearly between centres of non-empty blocks, at samples first … last − 1."""
         at, curve = self._lines(means)
         samples = np.arange(first, last)
         begins, _, offsets = self._ranges.T
@@ -190,8 +189,7 @@ class BlockClock:
         return np.asarray(np.diff(CubicSpline(edges, sums)(at)) / np.diff(at))
 
     def _lines(self, means: Vector) -> tuple[Vector, Vector]:
-        """Return the times (sampling intervals) and values of the nodes of a line through the means of non-empty
-        blocks."""
+        """Return times (sampling intervals) and values of nodes of a line through the means of non-empty blocks."""
         filled = np.flatnonzero(self.present() if np.any(self.present()) else self.counts() > 0)
         at = np.asarray((filled + 0.5) * self.length - 0.5, dtype=np.float64)
         curve = means[filled]

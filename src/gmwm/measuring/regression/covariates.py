@@ -51,9 +51,8 @@ class Covariates:
 
     @classmethod
     def of(cls, terms: Sequence[CovariateTerm], arrays: Mapping[str, Vector], signal: Signal) -> Covariates:
-        """Prepare the covariates of a recording. `signal` is one of its signals and states the times of the samples.
-        Raises DataError if a covariate is missing, is constant, has another length, or has too large errors at all
-        scales."""
+        """Prepare the covariates at the times of `signal`. Raises DataError if one is missing, is constant, has another
+        length, or has too large errors at all scales."""
         usual = 1 if any(term.exact for term in terms) else None
         clock = BlockClock.of(signal.rate, signal.segments, signal.starts, length=usual)
         block, lowest, values_by_name, smooth = clock.length, 1, dict(arrays), dict(arrays)
@@ -76,8 +75,7 @@ class Covariates:
 
     @classmethod
     def slow(cls, term: CovariateTerm, values: Vector, signal: Signal) -> Covariates:
-        """Prepare one covariate that changes slowly. Only its block means are used, even if it is exact. Errors are as
-        for `of`."""
+        """Prepare one slow covariate from block means, even if it is exact; errors are as for `of`."""
         if not term.exact:
             return cls.of([term], {term.name: values}, signal)
         _require_usable(term, {term.name: values}, signal)
@@ -218,8 +216,8 @@ def known_level(values: Vector, signal: Signal, step: float) -> int | None:
 
 
 def without_steps(values: Vector, step: float) -> Vector:
-    """Smooth a quantized series by a spline that passes halfway between two values when the series changes. The result
-    differs from the series by at most half a step. A series that often jumps back is returned unchanged."""
+    """Smooth a quantized series by a spline halfway between two values at a change, within half a step; not if it often
+    jumps back."""
     from scipy.interpolate import CubicSpline
 
     at = np.flatnonzero(values[1:] != values[:-1])

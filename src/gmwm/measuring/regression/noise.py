@@ -26,8 +26,8 @@ chance. Without it, standard errors for a random walk were too small by a quarte
 
 @dataclass(frozen=True, eq=False)
 class Mixture:
-    """The likeliest mixture of K processes for correlation times up to a limit, with their wavelet variances (K, J).
-    `weight` is the weight of the mixture in the average."""
+    """The likeliest mixture of K processes for correlation times up to a limit, with its curves (K, J) and its
+    weight."""
 
     processes: tuple[Process, ...]
     parts: Matrix
@@ -36,8 +36,7 @@ class Mixture:
 
 @dataclass(frozen=True, eq=False)
 class NoiseMixtures:
-    """Weighted average of mixtures of processes that describe a wavelet variance. `curve` (J,) is the wavelet variance
-    of the average, and `freedom` (J,) the degrees of freedom of the measured one."""
+    """Weighted average of mixtures that describe a wavelet variance with `freedom`; `curve` (J,) is the average."""
 
     mixtures: tuple[Mixture, ...]
     curve: Vector
@@ -45,8 +44,7 @@ class NoiseMixtures:
 
     @classmethod
     def of(cls, variance: Vector, freedom: Vector, samples: int) -> NoiseMixtures:
-        """Estimate the noise of `samples` values with a wavelet variance (J,) that has `freedom` (J,) degrees of
-        freedom."""
+        """Estimate the noise of `samples` values with a wavelet variance (J,) and its degrees of freedom."""
         design = Design(np.arange(1, variance.size + 1), samples=samples, rate=1.0)
         fits = [mixture(variance, freedom, design, within=share * samples) for share in LONGEST]
         # −2 log L, with a Gamma distribution for the wavelet variance of each level.
@@ -79,8 +77,8 @@ class NoiseMixtures:
         return np.asarray(sum(m.weight * part.sum(axis=0) for m, part in zip(self.mixtures, of_mixtures, strict=True)))
 
     def freedom_of(self, shares: Sequence[Vector]) -> float:
-        """Return the degrees of freedom 2 C²/Var Ĉ of an estimated variance C, by Satterthwaite's approximation.
-        `shares` has, for each mixture, the contributions of its K processes to C, which is linear in their scales."""
+        """Return 2 C²/Var Ĉ of an estimated variance C, by Satterthwaite's approximation, from the contributions of all
+        processes of each mixture (`shares`)."""
         totals = np.array([float(np.sum(part)) for part in shares])
         weights = np.array([mixed.weight for mixed in self.mixtures])
         mean = float(weights @ totals)

@@ -40,8 +40,8 @@ class Effect(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Points:
-    """Means of an axis over parts of the recording (m,), before and after the effect is subtracted, for a plot. `at`
-    are the means of the first covariate; for time and for a warm-up, the unit is hours."""
+    """Means of an axis over parts (m,), before and after the effect is subtracted, against the first covariate (time in
+    hours)."""
 
     at: Vector
     before: Vector

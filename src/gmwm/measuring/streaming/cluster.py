@@ -46,8 +46,7 @@ G = TypeVar("G", WaveletAccumulator, SecondPass)
 
 
 def part_levels(axes: int) -> int:
-    """Return the default number of exact levels, for which the result of a worker for a part has at most `PART_MEMORY`
-    bytes."""
+    """Return the default number of exact levels, for results of workers of at most `PART_MEMORY` bytes."""
     # The result has the samples at both ends: 16 bytes for each of 2^exact samples.
     return exact_levels(axes, PART_MEMORY, 16)
 
@@ -91,8 +90,7 @@ class _Measured(Generic[G]):
     summary: RowSummary
 
     def has_short_gaps(self, rate: float) -> bool:
-        """Return whether the part has a gap that may be filled, or follows one. Sample numbers then differ from row
-        numbers."""
+        """Return whether a gap of the part, or before it, may be filled: samples and rows then have other numbers."""
         late = [seconds - 1 / rate for _, seconds in self.summary.gaps]
         return bool(np.any(is_short(lost_samples(late, rate))))
 
@@ -108,10 +106,8 @@ class _Measured(Generic[G]):
 
 @dataclass(frozen=True, eq=False)
 class _Begin(Generic[G]):
-    """For each axis, a function that creates the accumulator of a part from the number of its first sample.
-
-    It is a class and not a dict, because Dask would treat each entry of a dict separately.
-    """
+    """For each axis, a function that creates the accumulator of a part. Dask would treat the entries of a dict
+    separately."""
 
     axes: Mapping[str, Callable[[int], G]]
     changes: Mapping[str, Change | None]
@@ -147,8 +143,7 @@ class _PartMeasurement:
 
 
 def _measure(part: Part, begin: _Begin[G]) -> _Measured[G] | GmwmError:
-    """Measure a part in a worker. An error in the file is returned and not raised, because Dask would repeat the
-    work."""
+    """Measure a part in a worker; return an error in the file, because Dask would repeat the work if it were raised."""
     reader = PartReader(part)
     axes = {axis: create(part.first) for axis, create in begin.axes.items()}
     try:
@@ -179,12 +174,8 @@ class _Crew:
         self._whole: tuple[Part, ...] = stream.parts(1)
 
     def measure(self, axes: Mapping[str, Callable[[int], G]]) -> Mapping[str, G]:
-        """Measure all parts and merge them in order; raise the first error in the file.
-
-        `axes` has, for each axis, a function that creates an accumulator from the number of the first sample. Parts
-        number their samples by the rows of the file. If rows are lost, or gaps may be filled, the recording is
-        measured again as one part.
-        """
+        """Measure all parts and merge them in order; raise the first error in the file. Parts number their samples by
+        the rows of the file. If rows are lost, or gaps may be filled, the recording is measured again as one part."""
         if not axes:
             return {}
         result = self._measure_parts(axes)
@@ -231,10 +222,7 @@ class _Crew:
         return max(1, int(sum(self._client.nthreads().values())))
 
     def _hold(self, begin: _Begin[G]) -> Any:
-        """Send the functions that create accumulators to the cluster once, for all parts.
-
-        They are the result of a separate task, which Dask repeats if the worker that holds it is lost.
-        """
+        """Send the functions to the cluster once, as a task that Dask repeats if the worker that holds them is lost."""
         packed = zlib.compress(pickle.dumps(begin), 1)
         with self._dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GB"}):
             return self._client.submit(_unpack, packed, pure=False, retries=RETRIES)

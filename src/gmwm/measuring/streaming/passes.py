@@ -49,10 +49,8 @@ class Measurement(Protocol):
 
 
 def measure(batches: Iterable[Batch], measured: Mapping[str, Measurement], threads: int | None = None) -> None:
-    """Add all batches to the measurements of some axes, one thread for each axis, with short gaps filled.
-
-    All batches are read even if no axis is measured.
-    """
+    """Add all batches to the measurements of some axes, one thread each, with short gaps filled; all batches are
+    read."""
     if not measured:
         for _ in batches:
             pass
@@ -223,8 +221,7 @@ def unit_of(recording: Imu | Streamed, axis: str) -> str:
 
 
 def feed_chunks(chunks: Iterable[Chunk], measured: Mapping[str, WaveletAccumulator]) -> None:
-    """Add chunks to the accumulators of some axes as they arrive; gaps are filled in small blocks, to keep the delay
-    short."""
+    """Add chunks to accumulators as they arrive, with gaps filled in small blocks to keep the delay short."""
 
     def batches() -> Iterator[Batch]:
         segment = -1

@@ -81,8 +81,7 @@ def library() -> Any:
 
 
 def _processes(distributed: Any, workers: int, folder: str) -> Any:
-    """Start a scheduler in this process, and worker processes with one thread each, which limits Polars to one thread
-    too."""
+    """Start a scheduler here, and workers with one thread each, which limits Polars to one thread too."""
     try:
         return distributed.LocalCluster(
             n_workers=workers,

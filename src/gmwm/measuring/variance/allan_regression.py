@@ -298,8 +298,7 @@ def _inside(term: Term, bounds: tuple[float, float], tau: Vector) -> NDArray[np.
 
 
 def _fitted_range(log_tau: Vector, log_deviation: Vector, slope: float, tolerance: float) -> NDArray[np.bool_]:
-    """Mark the longest run of values in which the local slope differs from `slope` by at most `tolerance`, if there is
-    one."""
+    """Mark the longest run of values with a local slope within `tolerance` of `slope`, if there is one."""
     chosen = np.zeros(log_tau.size, dtype=bool)
     near = np.abs(np.diff(log_deviation) / np.diff(log_tau) - slope) <= tolerance
     length, start = 0.0, None

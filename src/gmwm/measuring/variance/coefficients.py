@@ -20,8 +20,8 @@ class CoefficientSource(Protocol):
     counts: NDArray[np.int64]
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
-        """Return Σ v q³, Σ v q⁴ and the number of terms for each level, with v = min(W²/limit, 1) and q = 1 − v.
-        `limits` has (cσ)² for each level, or 0 for a level to skip. Only about one in `every` coefficients is used."""
+        """Return Σ v q³, Σ v q⁴ and the number of terms, v = min(W²/limit, 1) and q = 1 − v, from about one in `every`
+        coefficients; `limits` has (cσ)² for each level, or 0 to skip it."""
 
     def sample(self, k: int, size: int) -> Vector:
         """Return |W| at `size` evenly spread positions, or all |W| if there are no more."""
@@ -126,8 +126,8 @@ class PlainCoefficients(CoefficientSource):
         return sums[0], sums[1], sums[2]
 
     def sample(self, k: int, size: int) -> Vector:
-        """Return one |W| from each of `size` equal intervals. Positions follow the golden ratio, so a periodic W does
-        not alias."""
+        """Return one |W| from each of `size` intervals, at golden-ratio positions, so that a periodic W does not
+        alias."""
         w = self.levels[k]
         if size >= w.size:
             return np.abs(w)

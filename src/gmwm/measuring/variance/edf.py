@@ -137,8 +137,8 @@ def _kernel(t: Vector, alpha: int) -> Vector:
 
 
 def _flicker_phase(u: Vector, f: Vector) -> Vector:
-    """Compute s_x for α = 1 at the lag t = u/F: 2 ln F minus the second difference of u² ln|u| with step 1. Far from 0
-    the difference follows from its series 2 ln|u| + 3 − 1/(6u²), which avoids cancellation."""
+    """Compute s_x for α = 1 at t = u/F: 2 ln F minus the second difference of u² ln|u|, far from 0 by its series 2
+    ln|u| + 3 − 1/(6u²) without cancellation."""
     far = np.abs(u) > 1000
     near = np.where(far, 0.0, u)
     difference = _square_log(near - 1) + _square_log(near + 1) - 2 * _square_log(near)

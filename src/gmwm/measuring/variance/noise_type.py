@@ -168,8 +168,8 @@ def modified_ratio(phase: Vector, n: int) -> float:
 
 
 def _by_modified_ratio(ratio: float, n: int) -> NoiseType:
-    """Return the noise type for the ratio R(n) of the modified to the overlapping Allan variance. In theory it is 1/n
-    for white PM, 3.37/(1.04 + 3 ln n) for flicker PM, and ½ for white FM."""
+    """Return the noise type for R(n): in theory 1/n for white PM, 3.37/(1.04 + 3 ln n) for flicker PM, ½ for white
+    FM."""
     white, flicker, frequency = 1 / n, 3.37 / (1.04 + 3 * math.log(n)), 0.5
     if n >= 64 and ratio > math.sqrt(flicker * frequency):
         return _BY_EXPONENT[0]

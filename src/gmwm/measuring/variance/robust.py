@@ -202,10 +202,9 @@ def _polish(source: CoefficientSource, levels: Sequence[_RootSearch], tuning: Bi
 def _interpolate(
     before: tuple[Vector, Vector, Vector], here: tuple[Vector, Vector, Vector], step: Vector
 ) -> tuple[Vector, Vector]:
-    """Return the step to the root of the cubic through the last two points and slopes, and the predicted error. The
-    cubic is log σ² as a function of the criterion. Its error is proportional to the product of the squared distances of
-    both points from the root; the error of a Newton step, to the squared distance of the later point. The Newton step
-    is used if the later criterion is not below a tenth of the earlier one."""
+    """Return the step to the root of the cubic log σ² of the criterion through two points and slopes, and the error, as
+    the squared distances of both points from the root. If the later criterion is not below a tenth of the earlier, it
+    is a Newton step."""
     (x0, y0, d0), (x1, y1, d1) = before, here
     usable = (np.abs(y1) < 0.1 * np.abs(y0)) & (d0 < 0) & (d1 < 0)
     span = np.where(usable, y1 - y0, 1.0)
@@ -220,8 +219,8 @@ def _interpolate(
 
 
 def _settle(source: CoefficientSource, k: int, level: _RootSearch, tuning: Biweight) -> None:
-    """Solve a level without a root on its sample, or that has not converged, by a scan of all coefficients. Without a
-    root, the variance follows from the MAD, or is 0 if the MAD is 0."""
+    """Solve a level that has not converged on its sample by a scan of all coefficients, or take the MAD without a
+    root."""
     criterion = _on_all(source, k, level, tuning)
     root: float | None = None
     if level.rooted:

@@ -38,10 +38,8 @@ and exact coefficients may have a root, so the second pass collects the sums for
 
 class SecondPass(SegmentedAccumulator):
     """Second pass over a recording, which computes the exact robust variance from the sketches of the first pass.
-
     `WaveletAccumulator.second_pass` creates it. It must receive the same samples with the same gaps, in chunks of any
-    size. Parts that `part` creates can be processed separately and merged in order.
-    """
+    size. Parts that `part` creates can be processed separately and merged in order."""
 
     def __init__(
         self, first: WaveletAccumulator, request: SumRequest, winsorised: WinsorisedRise, start: int, efficiency: float
@@ -59,10 +57,7 @@ class SecondPass(SegmentedAccumulator):
 
     @one_at_a_time
     def merge(self, following: SecondPass) -> SecondPass:
-        """Merge this part with the part that directly follows it.
-
-        Raises OptionError if `following` does not begin where this part ends, or belongs to another first pass.
-        """
+        """Merge the part that directly follows; raises OptionError if it does not, or belongs to another first pass."""
         self._require_following(following, "exact", "levels", "efficiency")
         for name in ("limits", "low", "high", "kept"):
             if not np.array_equal(getattr(self._request, name), getattr(following._request, name)):

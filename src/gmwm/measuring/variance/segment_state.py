@@ -200,9 +200,8 @@ def as_count(value: Any, least: int = 0) -> int:
 def _sums_of(
     before: Vector, x: Vector, reference: float, *, start: int, exact: int, collector: StatisticsCollector | None
 ) -> tuple[Vector, Vector, Statistics | None]:
-    """Return Σ W² (exact,) of the coefficients that end in x, the sums for the blocks, and the further statistics. The
-    samples x follow `before`, which is relative to `reference`, and begin at sample `start` of the recording. Σ W² is
-    computed only if the collector needs it or there is no collector."""
+    """Return Σ W² (exact,) of coefficients that end in x, if needed, the sums for blocks, and the statistics. The
+    samples x follow `before`, which is relative to `reference`, and begin at sample `start`."""
     step = (2 << exact) // STEPS
     reach = min(exact, (before.size + x.size).bit_length() - 1) if collector is None or collector.squares else 0
     squares = np.zeros(exact)

@@ -261,8 +261,7 @@ def _maximal_overlap(filter: WaveletFilter) -> tuple[Vector, Vector]:
 
 
 def _decimate(values: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
-    """Compute the coefficients of the next level, Σ_l f_l V_{2n+1−l} with f = g and h, and indices modulo the even
-    length."""
+    """Compute the next level, Σ_l f_l V_{2n+1−l} with f = g and h, and indices modulo the even length."""
     half = values.size // 2
     smooth, detail = np.zeros(half), np.zeros(half)
     for l, (g, h) in enumerate(zip(filter.scaling, filter.wavelet, strict=True)):  # noqa: E741
@@ -301,8 +300,8 @@ def _first_interior(filter: WaveletFilter, level: int) -> int:
 def coefficient_counts(
     samples: int | NDArray[np.int64], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
 ) -> NDArray[np.int64]:
-    """Return the number M_j of coefficients that only use samples of the recording; ≤ 0 if there are none. There are N
-    − L_j + 1 of the maximal-overlap transform; the decimated transform has every 2^j-th of them."""
+    """Return the numbers M_j = N − L_j + 1 of inner coefficients, or every 2^j-th if decimated; ≤ 0 if there are
+    none."""
     if transform == "modwt":
         return np.asarray(samples - filter.widths(levels) + 1, dtype=np.int64)
     first = np.array([_first_interior(filter, int(j)) for j in levels], dtype=np.int64)
@@ -312,9 +311,8 @@ def coefficient_counts(
 def pooled_counts(
     lengths: Sequence[int], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the total number M_j of coefficients of several segments, and the edf η_j of their mean square. M_j = Σ_s
-    M_sj, and η_j = M_j² / Σ_s (M_sj² / η_sj) with η_sj ≥ 1. If no segment is shorter than two scales, η_j = M_j / 2^j;
-    it is larger if there are many segments with few coefficients."""
+    """Return M_j = Σ_s M_sj of several segments, and the edf η_j = M_j² / Σ_s (M_sj² / η_sj) with η_sj ≥ 1, which
+    exceed M_j / 2^j if many segments have few coefficients."""
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
     segment_counts = np.maximum(coefficient_counts(sizes[:, None], levels, filter, transform), 0)
     counts = np.asarray(times @ segment_counts, dtype=np.int64)
@@ -341,8 +339,8 @@ def degrees_of_freedom(
 
 
 def loss_factor(filled: int, samples: int) -> float:
-    """Return the factor by which filled samples increase the covariance of wavelet variances. It is 1 + 2.5 p for a
-    share p of filled samples, which add scatter but no information."""
+    """Return the factor 1 + 2.5 p of the covariance for a share p of filled samples, which add scatter but no
+    information."""
     return 1.0 + 2.5 * filled / samples
 
 
@@ -354,8 +352,7 @@ def variances(values: Vector, filter: WaveletFilter, transform: Transform, level
 
 
 def inner_coefficients(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> list[Vector]:
-    """Return the coefficients of levels 1 … J that do not depend on the boundary. Decimated coefficients, 2^(j/2) times
-    the maximal-overlap coefficients, are scaled to the size of the latter."""
+    """Return the coefficients of levels 1 … J without boundary; decimated ones are scaled by 2^(−j/2) to the others."""
     centred = values - _core.mean(values)
     coefficients = modwt(centred, filter, levels) if transform == "modwt" else dwt(centred, filter, levels)
     inside = coefficients.interior
