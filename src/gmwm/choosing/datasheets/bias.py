@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.units import noise_unit
-from gmwm.choosing.datasheets.curve import ENDLESS, Curve
+from gmwm.choosing.datasheets.curve import ENDLESS, FitCurve
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.allan_regression import LAWS
@@ -63,8 +63,8 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
     least = float(model.allan_variance([n], wv.rate)[0])
     if least == 0:
         return None, Remark.of("no-number", wv.axis, case="b", reason="all estimates of the model are zero")
-    curve = None if z is None else Curve.of(fit).without_lines()
-    judged = None if z is None else Curve.of(fit, sampling=True).without_lines()
+    curve = None if z is None else FitCurve.of(fit).without_lines()
+    judged = None if z is None else FitCurve.of(fit, sampling=True).without_lines()
     bounded = _bounded(model, n, last=last, rate=wv.rate, curve=judged, z=z)
     reached = {"tau": Quantity((1 if bounded == "rises" else last) / wv.rate, "s")}
     remark = None if bounded is None else Remark.of("b-limit", wv.axis, because=bounded, source="model", **reached)
@@ -121,7 +121,7 @@ def lowest(curve: Callable[[NDArray[np.int64]], Vector], last: int) -> int:
         sizes = np.unique(np.linspace(low, high, min(_ZOOM, high - low) + 1).astype(np.int64))
 
 
-def _bounded(model: Model, n: int, last: int, rate: float, curve: Curve | None, z: float | None) -> str | None:
+def _bounded(model: Model, n: int, last: int, rate: float, curve: FitCurve | None, z: float | None) -> str | None:
     """Return why the minimum gives only an upper limit: "falls", "rises" or "unsure"; None if it gives a value."""
     ends, least = model.allan_variance([1, last], rate), model.allan_variance([n], rate)[0]
     # On a flat curve, the position n of the minimum depends only on rounding errors.

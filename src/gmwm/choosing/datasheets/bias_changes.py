@@ -9,7 +9,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from gmwm.choosing.datasheets.curve import Curve, sensitivity
+from gmwm.choosing.datasheets.curve import FitCurve, sensitivity
 from gmwm.choosing.datasheets.effective import is_flicker, is_scale
 from gmwm.fitting.estimation.result import Fit
 from gmwm.theory.processes.base import Process
@@ -33,13 +33,13 @@ class BiasTerms:
     `moving` says this of the process of each free parameter of the curve."""
 
     processes: tuple[tuple[Process, bool], ...]
-    curve: Curve
+    curve: FitCurve
     moving: tuple[bool, ...]
 
     @classmethod
     def of(cls, fit: Fit) -> BiasTerms:
         """Return the terms of a fit."""
-        rate, curve = fit.wavelet_variance.rate, Curve.of(fit)
+        rate, curve = fit.wavelet_variance.rate, FitCurve.of(fit)
         processes = tuple((p, is_slow(p, rate)) for p in fit.model.processes if p.scale > 0)
         known = {id(p): slow for p, slow in processes}
         moving = (known[id(p)] if id(p) in known else is_slow(p, rate) for p, _ in curve.moving)

@@ -26,7 +26,7 @@ ENDLESS = 300.0
 
 
 @dataclass(frozen=True)
-class Curve:
+class FitCurve:
     """The p free parameters of a fit and their covariance `scatter`, for standard errors of its Allan variance.
     `moving` has each parameter with its process. A name means the logarithm of this parameter. None means the scale of
     a term that is estimated as zero."""
@@ -36,7 +36,7 @@ class Curve:
     rate: float
 
     @classmethod
-    def of(cls, fit: Fit, *, sampling: bool = False) -> Curve:
+    def of(cls, fit: Fit, *, sampling: bool = False) -> FitCurve:
         """Return the parameters and covariance of a fit, with terms that act as others replaced, and without spread if
         `sampling`."""
         sandwich = fit.sandwich.sampling if sampling else fit.sandwich
@@ -60,7 +60,7 @@ class Curve:
         moving += [(process, None) for process in unseen]
         return cls(tuple(moving), gain @ sandwich.wavelet @ gain.T, design.rate)
 
-    def without_lines(self) -> Curve:
+    def without_lines(self) -> FitCurve:
         """Return the parameters and covariance without those of sinusoids."""
         kept = [k for k, (process, _) in enumerate(self.moving) if process.line(self.rate) is None]
         return replace(self, moving=tuple(self.moving[k] for k in kept), scatter=self.scatter[np.ix_(kept, kept)])

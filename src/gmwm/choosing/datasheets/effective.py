@@ -12,12 +12,12 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, MissingTheoryError, ModelError, OptionError
 from gmwm.base.units import noise_unit
-from gmwm.choosing.datasheets.curve import ENDLESS, Curve, sensitivity
+from gmwm.choosing.datasheets.curve import ENDLESS, FitCurve, sensitivity
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.filter_numbers import FilterNumbers, filter_numbers
 from gmwm.choosing.datasheets.limits import hidden
 from gmwm.choosing.datasheets.misfit import CurveRatio, curve_ratio
-from gmwm.choosing.datasheets.prediction import Gain, Prediction
+from gmwm.choosing.datasheets.prediction import FilterGain, FilterPrediction
 from gmwm.fitting.estimation.result import GIVEN, Fit
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
@@ -190,7 +190,7 @@ def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], d
         numbers = filter_numbers(processes, rate, use.horizon, ratio=ratio, slowest=slowest)
         of_model = numbers if ratio is None else filter_numbers(processes, rate, use.horizon, slowest=slowest)
         try:
-            errors = _errors(Curve.of(fit), numbers, use, ratio)
+            errors = _errors(FitCurve.of(fit), numbers, use, ratio)
             moved = [
                 filter_numbers(processes, rate, use.horizon, ratio=each, slowest=slowest)
                 for each in (ratio.moved() if ratio is not None else ())
@@ -202,7 +202,7 @@ def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], d
     return stored[use]
 
 
-def _errors(curve: Curve, numbers: FilterNumbers, use: Use, ratio: CurveRatio | None) -> dict[str, _Error]:
+def _errors(curve: FitCurve, numbers: FilterNumbers, use: Use, ratio: CurveRatio | None) -> dict[str, _Error]:
     """Return the standard errors of ln N² and ln K². With u = ln w, the condition ∂J/∂u = 0 gives du/dθ =
     −(∂²J/∂u∂θ)/(∂²J/∂u²). The second condition N² C(u) = J gives d ln N²/dθ = (∂J/∂θ)/J − (C'/C) du/dθ, and d ln K²/dθ
     = d ln N²/dθ + 2 du/dθ."""
@@ -211,13 +211,13 @@ def _errors(curve: Curve, numbers: FilterNumbers, use: Use, ratio: CurveRatio | 
     def of(process: Process) -> Vector:
         if use.flicker and is_flicker(process, curve.rate):
             return np.zeros(2)
-        return np.array(Prediction.of([process], curve.rate, samples, ratio).error(gain))
+        return np.array(FilterPrediction.of([process], curve.rate, samples, ratio).error(gain))
 
     error = numbers.prediction.error(gain)[0]
     if error == 0:
         return dict.fromkeys(_TITLES, _Error(0.0, 0.0, held=False))
     changes = np.array([sensitivity(p, name, of) for p, name in curve.moving]).reshape(-1, 2)
-    before, after = (numbers.prediction.error(Gain(gain.bandwidth * math.exp(sign * _STEP)))[1] for sign in (-1.0, 1.0))
+    before, after = (numbers.prediction.error(FilterGain(gain.bandwidth * math.exp(sign * _STEP)))[1] for sign in (-1.0, 1.0))
     curvature = (after - before) / (2 * _STEP)
     moves = -changes[:, 1] / curvature if numbers.N > 0 and numbers.K > 0 else np.zeros(len(changes))
     claim, slope = gain.claim(samples)

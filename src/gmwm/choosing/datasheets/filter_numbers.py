@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gmwm.choosing.datasheets.prediction import Gain, Prediction, Spectrum
+from gmwm.choosing.datasheets.prediction import FilterGain, FilterPrediction, Spectrum
 from gmwm.theory.processes.base import Process
 
 SLOWEST = 1e10
@@ -24,10 +24,10 @@ class FilterNumbers:
 
     N: float
     K: float
-    gain: Gain
+    gain: FilterGain
     samples: int
     rate: float
-    prediction: Prediction
+    prediction: FilterPrediction
 
 
 def samples_in(time: float, rate: float) -> int:
@@ -45,7 +45,7 @@ def filter_numbers(
 
         w = argmin J_T(w)    N² (1/T + w + w² T/3) = J_T(w)
 
-    J_T is the mean square of the prediction error (see `Prediction`, also for `ratio`). The left side of the second
+    J_T is the mean square of the prediction error (see `FilterPrediction`, also for `ratio`). The left side of the second
     condition is the error that the filter states. The formulas are for T far above the sampling interval Δt. The code
     uses their exact form for samples, so that the numbers of white noise plus a random walk are those of its terms for
     every T. For white noise N and flicker noise B, w T ≪ 1 gives K = B²/(πN). If the time constant of the best filter
@@ -58,7 +58,7 @@ def filter_numbers(
     (0.0001, 1e-05)
     """
     samples = samples_in(horizon, rate)
-    prediction = Prediction.of(processes, rate, samples, ratio)
+    prediction = FilterPrediction.of(processes, rate, samples, ratio)
     gain = best_gain(prediction, slowest)
     error = prediction.error(gain)[0]
     walks = gain.bandwidth * slowest > 1
@@ -71,20 +71,20 @@ def filter_numbers(
     )  # fmt: skip
 
 
-def best_gain(prediction: Prediction, slowest: float = SLOWEST) -> Gain:
+def best_gain(prediction: FilterPrediction, slowest: float = SLOWEST) -> FilterGain:
     """Return the gain with the smallest prediction error, which is exact if J has few minima per decade."""
     from scipy.optimize import brentq
 
     def slope(u: float) -> float:
-        return prediction.error(Gain(math.exp(u)))[1]
+        return prediction.error(FilterGain(math.exp(u)))[1]
 
     count = 1 + math.ceil(_PER_DECADE * math.log10(_HIGHEST * slowest))
     grid = np.linspace(-math.log(slowest), math.log(_HIGHEST), count)
     slopes = np.array([slope(u) for u in grid])
     gains = [
-        Gain(math.exp(brentq(slope, grid[k], grid[k + 1], xtol=1e-12, rtol=1e-12)))
+        FilterGain(math.exp(brentq(slope, grid[k], grid[k + 1], xtol=1e-12, rtol=1e-12)))
         for k in np.flatnonzero((slopes[:-1] < 0) & (slopes[1:] >= 0))
     ]
-    gains += [Gain(1 / slowest)] if slopes[0] >= 0 else []
-    gains += [Gain(_HIGHEST)] if slopes[-1] < 0 else []
+    gains += [FilterGain(1 / slowest)] if slopes[0] >= 0 else []
+    gains += [FilterGain(_HIGHEST)] if slopes[-1] < 0 else []
     return min(gains, key=lambda gain: prediction.error(gain)[0])

@@ -42,7 +42,7 @@ Spectrum = Callable[[Vector], Vector]
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class FilterPrediction:
     """The error with which a filter predicts the mean of the next n samples of a noise.
 
     The filter estimates the noise x by exponential smoothing, b_k = b_{k−1} + g (x_k − b_{k−1}), which is the
@@ -62,7 +62,7 @@ class Prediction:
     ramp: float = 0.0
 
     @classmethod
-    def of(cls, processes: Iterable[Process], rate: float, samples: int, ratio: Spectrum | None = None) -> Prediction:
+    def of(cls, processes: Iterable[Process], rate: float, samples: int, ratio: Spectrum | None = None) -> FilterPrediction:
         """Return the prediction of a sum of processes without its sinusoids. `ratio` is a factor of the density of all
         processes at angular frequencies (rad per sample). Raises MissingTheoryError for an unknown spectrum."""
         noises = [p for p in processes if p.scale != 0 and p.line(rate) is None]
@@ -79,7 +79,7 @@ class Prediction:
         theta, mass = _quadrature(total, samples)
         return cls(theta, mass, samples=samples, ramp=ramp)
 
-    def error(self, gain: Gain) -> tuple[float, float]:
+    def error(self, gain: FilterGain) -> tuple[float, float]:
         """Return the mean square of the prediction error (u²), and its derivative with respect to ln(w Δt)."""
         g, keep = gain.g, gain.keep
         fixed = _fixed(self.theta.tobytes(), self.samples)
@@ -94,7 +94,7 @@ class Prediction:
 
 
 @dataclass(frozen=True)
-class Gain:
+class FilterGain:
     """The gain of the steady-state filter for white noise N and a random walk K, with `bandwidth` w Δt = K Δt/N."""
 
     bandwidth: float
@@ -148,7 +148,7 @@ def _of_octaves(process: Process, rate: float) -> Spectrum:
 
 
 @dataclass(frozen=True, eq=False)
-class _Fixed:
+class _GainFree:
     """The parts of G − H that do not depend on the gain: G − 1, 1 − e^{−iθ}, and the oscillation that is left out."""
 
     mean: np.ndarray
@@ -158,7 +158,7 @@ class _Fixed:
 
 
 @lru_cache(maxsize=32)
-def _fixed(theta: bytes, samples: int) -> _Fixed:
+def _fixed(theta: bytes, samples: int) -> _GainFree:
     from scipy.special import erfc
 
     angle = np.frombuffer(theta)
@@ -168,7 +168,7 @@ def _fixed(theta: bytes, samples: int) -> _Fixed:
     fades = samples > 2 * _PERIODS
     shown = 0.5 * erfc((samples * angle - _FADE) / _WIDTH) if fades else np.ones(angle.size)
     left_out = np.where(shown < 1, (1 - shown) * start * np.exp(1j * samples * angle), 0.0)
-    return _Fixed(mean, difference, start, left_out)
+    return _GainFree(mean, difference, start, left_out)
 
 
 def _panels(samples: int) -> Vector:

@@ -42,7 +42,7 @@ _TURN = 32
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class TermLine:
     """Sinusoid, with the gains of the wavelet filters of a design at its frequency.
 
     Attributes
@@ -65,7 +65,7 @@ class Line:
         return math.sqrt(2.0 * self.power)
 
 
-def apart(model: Model, design: Design) -> tuple[Model | None, tuple[Line, ...]]:
+def apart(model: Model, design: Design) -> tuple[Model | None, tuple[TermLine, ...]]:
     """Separate the noise of a model from its sinusoids. The noise is None if the model has only sinusoids, and the
     model itself if it has none. Raises MissingTheoryError for sinusoids in a robust estimate."""
     seen = [process.line(design.rate) for process in model.processes]
@@ -79,10 +79,10 @@ def apart(model: Model, design: Design) -> tuple[Model | None, tuple[Line, ...]]
             advice="Use the classical wavelet variance with {--robust=no}.",
         )
     rest = tuple(process for process, at in zip(model.processes, seen, strict=True) if at is None)
-    return (Model(rest) if rest else None), tuple(Line(*at, _gains(at[1], design)) for _, at in felt)
+    return (Model(rest) if rest else None), tuple(TermLine(*at, _gains(at[1], design)) for _, at in felt)
 
 
-def excess(noise: Model | None, lines: tuple[Line, ...], design: Design, *, diagonal: bool) -> Matrix:
+def excess(noise: Model | None, lines: tuple[TermLine, ...], design: Design, *, diagonal: bool) -> Matrix:
     """Compute the contribution of sinusoids to V (J, J), or to its diagonal (J,), in u⁴."""
     total = _of_phases(noise, lines, design)
     if noise is not None:
@@ -107,7 +107,7 @@ def _gains(cycles: float, design: Design) -> NDArray[np.complex128]:
 # --- the phases ---------------------------------------------------------------------------------------
 
 
-def _of_phases(noise: Model | None, lines: tuple[Line, ...], design: Design) -> Matrix:
+def _of_phases(noise: Model | None, lines: tuple[TermLine, ...], design: Design) -> Matrix:
     """Compute ½ Re Σ c_j c_k* (J, J), the covariance that the random phases cause; see the module docstring."""
     mean = np.zeros(design.levels.size) if noise is None else filtered.means(noise, design)
     turning = []
@@ -142,7 +142,7 @@ def _mean_turn(cycles: float, design: Design) -> NDArray[np.complex128]:
 # --- line and noise -----------------------------------------------------------------------------------
 
 
-def _with_noise(noise: Model, line: Line, design: Design, *, density: float, diagonal: bool) -> Matrix:
+def _with_noise(noise: Model, line: TermLine, design: Design, *, density: float, diagonal: bool) -> Matrix:
     """Compute 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) (J, J), the product of a sinusoid and noise, from the spectral
     `density` of the noise at the sinusoid for levels that are not summed over lags."""
     size, counts = design.levels.size, design.counts.astype(np.float64)
@@ -168,7 +168,7 @@ def _with_noise(noise: Model, line: Line, design: Design, *, density: float, dia
     return total
 
 
-def _stages(line: Line, design: Design) -> NDArray[np.int64]:
+def _stages(line: TermLine, design: Design) -> NDArray[np.int64]:
     """Return the exponent `stage` (J,) of the spacing 2^stage of lags for each level; −1 for the spectral density
     instead."""
     if design.transform == "dwt":
