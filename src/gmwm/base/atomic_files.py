@@ -131,8 +131,6 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
         temporary.write_bytes(content)
 
 
-_BEYOND_FLOATS = 1 << 1024
-"""Smallest whole number that is infinite as a floating-point number."""
 DEEPEST = 64
 """Largest depth of lists and objects in a JSON document. Documents of gmwm have ten levels; very deep ones overflow the
 stack."""
@@ -147,7 +145,8 @@ def read_json(path: str | os.PathLike[str]) -> Any:
     layer = [content] if isinstance(content, dict | list) else []
     for _ in range(DEEPEST):
         inside = [item for parent in layer for item in (parent.values() if isinstance(parent, dict) else parent)]
-        if not all(abs(item) < _BEYOND_FLOATS for item in inside if isinstance(item, int | float)):
+        # Smallest whole number that is infinite as a floating-point number.
+        if not all(abs(item) < (1 << 1024) for item in inside if isinstance(item, int | float)):
             raise ValueError("a number is not finite")
         layer = [item for item in inside if isinstance(item, dict | list)]
     if layer:

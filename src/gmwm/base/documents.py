@@ -33,7 +33,7 @@ def write_as_text(kind: type[T], read: Callable[[str], T], write: Callable[[T], 
     TEXTS[kind], _READERS[kind] = write, read
 
 
-class DocumentKey(NamedTuple):
+class DocKey(NamedTuple):
     """Entry of `document_keys`; `default` is the number that null stands for, `inlined` marks `"*name"`."""
 
     key: str
@@ -44,10 +44,10 @@ class DocumentKey(NamedTuple):
     inlined: bool
 
 
-_ENTRIES: dict[Any, tuple[DocumentKey, ...]] = {}
+_ENTRIES: dict[Any, tuple[DocKey, ...]] = {}
 
 
-def entries_of(kind: Any) -> tuple[DocumentKey, ...]:
+def entries_of(kind: Any) -> tuple[DocKey, ...]:
     """Return the entries of the document of a dataclass."""
     if kind in _ENTRIES:
         return _ENTRIES[kind]
@@ -57,7 +57,7 @@ def entries_of(kind: Any) -> tuple[DocumentKey, ...]:
         key, _, name = text.lstrip("*").rstrip("?").partition("=")
         name, _, default = (name or key).partition("~")
         entries.append(
-            DocumentKey(key.partition("~")[0], name, default=float(default) if default else None, is_field=name in names,
+            DocKey(key.partition("~")[0], name, default=float(default) if default else None, is_field=name in names,
                   optional=text.endswith("?"), inlined=text.startswith("*"))
         )  # fmt: skip
     return _ENTRIES.setdefault(kind, tuple(entries))
@@ -111,7 +111,7 @@ def _read(kind: type[T], values: Mapping[str, Any]) -> T:
     return result
 
 
-def _value(kind: Any, value: Any, entry: DocumentKey) -> Any:
+def _value(kind: Any, value: Any, entry: DocKey) -> Any:
     """Read a value whose annotation is `kind`. A value of the wrong type is left as it is if a check names it later."""
     if (number_type := array_type(kind)) is not None:
         return np.array(_filled(value, entry.default), dtype=number_type)

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-MOST_HELPERS = 5
-"""Largest number of helpers: with this process, one for each of six axes."""
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "POLARS_MAX_THREADS": "1"}
 """Variables of the environment with which the libraries use one thread in each process."""
 
@@ -128,7 +126,8 @@ class Helpers:
 def helpers(*modules: str, count: int | None = None) -> Helpers:
     """Fork helpers, one for each further processor, if the system can fork and this process has one thread."""
     alone = sys.platform == "linux" and len(os.listdir("/proc/self/task")) == 1
-    number = min(processors() - 1, MOST_HELPERS) if count is None else count
+    # Largest number of helpers: with this process, one for each of six axes.
+    number = min(processors() - 1, 5) if count is None else count
     return Helpers(number if alone else 0, modules)
 
 

@@ -41,9 +41,6 @@ _PROBABILITIES = ("pvalue", "pvalues", "p_value")
 _COVARIANCES = ("covariance", "wavelet", "weighting_matrix")
 """Fields whose numbers are above zero, not negative, between 0 and 1, and from 0 to 1, and fields that are symmetric
 matrices without negative eigenvalues. A field has the same meaning in all classes."""
-ROUNDING = 1e-6
-"""Largest difference of a symmetric matrix from its transpose, and largest negative eigenvalue, relative to a unit
-diagonal."""
 LARGEST_COUNT = 1 << 62
 """Largest number of samples or of anything else that is counted."""
 LARGEST = 1e150
@@ -158,6 +155,9 @@ def _require_range(name: str, value: Any, key: str, document: Document) -> None:
 
 def require_covariance(values: Matrix, key: str, document: Document) -> None:
     """Raise an error if a matrix is not square, symmetric and positive semidefinite. Infinite variances are allowed."""
+    # Largest difference of a symmetric matrix from its transpose, and largest negative eigenvalue, relative to a unit
+    # diagonal.
+    rounding = 1e-6
     if values.ndim != 2 or values.shape[0] != values.shape[1]:
         raise document.error(f"{key} must be a square matrix; got the shape {values.shape}")
     diagonal = np.diag(values)
@@ -166,9 +166,9 @@ def require_covariance(values: Matrix, key: str, document: Document) -> None:
     determined = np.isfinite(diagonal) & (diagonal > 0)
     scale = np.sqrt(diagonal[determined])
     unit = values[np.ix_(determined, determined)] / scale[:, None] / scale
-    if not np.all(np.abs(unit - unit.T) <= ROUNDING):
+    if not np.all(np.abs(unit - unit.T) <= rounding):
         raise document.error(f"{key} must be a symmetric matrix")
-    if unit.size and np.linalg.eigvalsh(unit)[0] < -ROUNDING * len(unit):
+    if unit.size and np.linalg.eigvalsh(unit)[0] < -rounding * len(unit):
         raise document.error(f"{key} must not have a negative eigenvalue")
 
 

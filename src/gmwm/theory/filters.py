@@ -26,8 +26,6 @@ from gmwm.base.errors import MissingDependencyError, OptionError
 
 __all__ = ["WaveletFilter", "find_filter"]
 
-LONGEST_FILTER = 2**24
-"""Largest number of taps of a filter that `level_filter` returns; 2^24 doubles take 128 MB."""
 _DEPENDENT = 1e-12
 """Singular values below this share of the largest one are treated as zero: they belong to redundant equations."""
 
@@ -128,9 +126,11 @@ class WaveletFilter:
         >>> find_filter("haar").level_filter(2)
         array([ 0.25,  0.25, -0.25, -0.25])
         """
-        if not 1 <= level <= 62 or self.width(level) > LONGEST_FILTER:
+        # Largest number of taps of a filter that `level_filter` returns; 2^24 doubles take 128 MB.
+        longest_filter = 2**24
+        if not 1 <= level <= 62 or self.width(level) > longest_filter:
             raise OptionError(
-                argument="level", expected=f"from 1 to 62, with a filter of at most {LONGEST_FILTER} taps", got=level
+                argument="level", expected=f"from 1 to 62, with a filter of at most {longest_filter} taps", got=level
             )
         smooth = np.ones(1)
         for j in range(level):

@@ -14,10 +14,6 @@ from gmwm.choosing.datasheets.effective import is_flicker, is_scale
 from gmwm.fitting.estimation.result import Fit
 from gmwm.theory.processes.base import Process
 
-SLOW = 1.0
-"""Smallest correlation time (s) for which a term is part of the bias. It is equal to the averaging time at which N is
-defined, and to the default time horizon of exported files."""
-
 
 @dataclass(frozen=True)
 class Variance:
@@ -113,7 +109,9 @@ def is_slow(process: Process, rate: float) -> bool:
     if time is None or is_flicker(process, rate):
         return True
     powers = {number.time_power for number in process.physical(rate) if number.signal_power}
-    return time >= SLOW and (not powers or bool(powers & {0.5, -0.5}))
+    # Smallest correlation time (s) for which a term is part of the bias. It is equal to the averaging time at which N
+    # is defined, and to the default time horizon of exported files.
+    return time >= 1.0 and (not powers or bool(powers & {0.5, -0.5}))
 
 
 def is_scale_free(process: Process, rate: float) -> bool:

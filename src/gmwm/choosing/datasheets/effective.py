@@ -17,7 +17,7 @@ from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.filter_numbers import FilterNumbers, filter_numbers
 from gmwm.choosing.datasheets.limits import hidden
 from gmwm.choosing.datasheets.misfit import CurveRatio, curve_ratio
-from gmwm.choosing.datasheets.prediction import FilterGain, FilterPrediction
+from gmwm.choosing.datasheets.prediction import FilterGain, Forecast
 from gmwm.fitting.estimation.result import GIVEN, Fit
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
@@ -31,11 +31,6 @@ WHITE, WALK = 0.5, -0.5
 """Powers of time in the units of N and K."""
 
 _TITLES = {"N": ("white noise density of a filter", WHITE), "K": ("random walk of a filter", WALK)}
-_SHARE = 10.0
-"""Length of the recording over the longest time constant 1/w of a filter. The recording has too few independent parts
-to show that a slower filter predicts better, so a smaller K is zero. Pinned by tests/test_effective_noise.py."""
-_STEP = 1e-3
-"""Step of ln w in the second derivative of the prediction error, whose relative error is about _STEP²."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +181,10 @@ def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], d
         rate = fit.wavelet_variance.rate
         processes = [p for p in fit.model.processes if not (use.flicker and is_flicker(p, rate))]
         ratio = curve_ratio(fit)
-        slowest = fit.wavelet_variance.samples / _SHARE
+        # Length of the recording over the longest time constant 1/w of a filter. The recording has too few independent
+        # parts to show that a slower filter predicts better, so a smaller K is zero. Pinned by
+        # tests/test_effective_noise.py.
+        slowest = fit.wavelet_variance.samples / 10.0
         numbers = filter_numbers(processes, rate, use.horizon, ratio=ratio, slowest=slowest)
         of_model = numbers if ratio is None else filter_numbers(processes, rate, use.horizon, slowest=slowest)
         try:
@@ -206,19 +204,23 @@ def _errors(curve: FitCurve, numbers: FilterNumbers, use: Use, ratio: CurveRatio
     """Return the standard errors of ln N² and ln K². With u = ln w, the condition ∂J/∂u = 0 gives du/dθ =
     −(∂²J/∂u∂θ)/(∂²J/∂u²). The second condition N² C(u) = J gives d ln N²/dθ = (∂J/∂θ)/J − (C'/C) du/dθ, and d ln K²/dθ
     = d ln N²/dθ + 2 du/dθ."""
+    # Step of ln w in the second derivative of the prediction error, whose relative error is about _STEP².
+    step = 1e-3
     gain, samples = numbers.gain, numbers.samples
 
     def of(process: Process) -> Vector:
         if use.flicker and is_flicker(process, curve.rate):
             return np.zeros(2)
-        return np.array(FilterPrediction.of([process], curve.rate, samples, ratio).error(gain))
+        return np.array(Forecast.of([process], curve.rate, samples, ratio).error(gain))
 
     error = numbers.prediction.error(gain)[0]
     if error == 0:
         return dict.fromkeys(_TITLES, _Error(0.0, 0.0, held=False))
     changes = np.array([sensitivity(p, name, of) for p, name in curve.moving]).reshape(-1, 2)
-    before, after = (numbers.prediction.error(FilterGain(gain.bandwidth * math.exp(sign * _STEP)))[1] for sign in (-1.0, 1.0))
-    curvature = (after - before) / (2 * _STEP)
+    before, after = (
+        numbers.prediction.error(FilterGain(gain.bandwidth * math.exp(sign * step)))[1] for sign in (-1.0, 1.0)
+    )
+    curvature = (after - before) / (2 * step)
     moves = -changes[:, 1] / curvature if numbers.N > 0 and numbers.K > 0 else np.zeros(len(changes))
     claim, slope = gain.claim(samples)
     white = changes[:, 0] / error - slope / claim * moves

@@ -12,7 +12,6 @@ from gmwm.base.units import datasheet_units, spelt
 
 _DIGITS = 2
 """Number of significant digits to which half the width of an interval is rounded, as is usual for standard errors."""
-_MOST_DIGITS = 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,12 +152,13 @@ def significant(x: float, digits: int) -> str:
 def _alike(value: float, low: float, high: float) -> tuple[str, str, str]:
     """Format a value and limits with equal decimals, so that the interval has `_DIGITS` digits, or each with `_DIGITS`
     if they differ much."""
+    most_digits = 6
     size, half = max(abs(low), abs(high)), (high - low) / 2
     if low <= 0 < high or abs(high - low) > min(abs(low), abs(high)):
         return significant(value, _DIGITS), significant(low, _DIGITS), significant(high, _DIGITS)
-    digits = _MOST_DIGITS
+    digits = most_digits
     if half > 0:
-        digits = min(_MOST_DIGITS, _DIGITS + math.floor(math.log10(size)) - math.floor(math.log10(half)))
+        digits = min(most_digits, _DIGITS + math.floor(math.log10(size)) - math.floor(math.log10(half)))
     if not 1e-3 <= size < 1e5:
         return f"{value:.{digits - 1}e}", f"{low:.{digits - 1}e}", f"{high:.{digits - 1}e}"
     decimals = max(0, digits - 1 - math.floor(math.log10(size)))

@@ -22,10 +22,6 @@ from gmwm.measuring.variance.pooling import without
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.model import Model
 
-NOT_LOWER = 1e-9
-"""Two objectives count as equal if their relative difference is below this
-(tests/selection/test_nested_objectives.py)."""
-
 EVERY = 8
 """Only every EVERY-th point of the grid of correlation times is used. Neighbouring points then differ by 20 % (used in
 docs/validation/selection.md)."""
@@ -158,9 +154,9 @@ class _Exploration:
         first = np.argmax(containing([solved.structure for _, solved in lowest]), axis=1)
         for (key, solved), place in zip(lowest, first.tolist(), strict=True):
             square, other = solved.problem.unit**2, lowest[place][1]
-            if not solved.problem.as_low(
-                solved.solution.objective / square, other.solution.objective / square, NOT_LOWER
-            ):
+            # Two objectives count as equal if their relative difference is below this
+            # (tests/selection/test_nested_objectives.py).
+            if not solved.problem.as_low(solved.solution.objective / square, other.solution.objective / square, 1e-9):
                 self.solved[key] = replace(other, structure=solved.structure)
 
     def fit(self, model: Model) -> Fit:

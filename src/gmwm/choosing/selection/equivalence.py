@@ -35,17 +35,9 @@ from gmwm.fitting.estimation.solver import solve
 from gmwm.fitting.estimation.weighting import Weights, precision
 from gmwm.measuring.covariance import Design
 
-SPARE = 1e-8
-"""A term is collinear if less than this squared norm of its unit vector is outside the span of the directions of the
-candidate. The value is √ε of a double."""
 SURELY = 100.0
 """A candidate is rejected without another fit, to save time, if its criterion with the common Ω exceeds the smallest
 one by more than this."""
-NEVER = 1e-6
-"""A candidate is rejected without another fit, to save time, if the p-value of a bound on its loss is below this."""
-CLOSER = 1
-"""Number of times that a rejected candidate is fitted and tested again, with weights from its last fit; see
-docs/validation/selection.md."""
 
 DEGREE = 72
 """Degree of the polynomials that replace chi-square quantiles. Their error is at most 1e-12 of the quantile's mean
@@ -87,7 +79,9 @@ class Hypothesis:
             axes = self.axes if fit is self.fit else axes_of(fit, self.root)
             losses.append(float(residual @ residual - np.sum((axes.T @ residual) ** 2)))
         size = self.root.shape[0] - self.axes.shape[1]
-        return bool(gammaincc(size / 2, max(losses[0] - losses[1], 0.0) / 6) < NEVER)
+        # A candidate is rejected without another fit, to save time, if the p-value of a bound on its loss is below
+        # this.
+        return bool(gammaincc(size / 2, max(losses[0] - losses[1], 0.0) / 6) < 1e-6)
 
     def excess(self, rival: Fit) -> float:
         """Return the criterion of the candidate minus that of a rival, both fitted with the candidate's Ω."""
@@ -150,12 +144,15 @@ class Hypothesis:
 
     @cached_property
     def _single(self) -> tuple[Matrix, float]:
+        # A term is collinear if less than this squared norm of its unit vector is outside the span of the directions of
+        # the candidate. The value is √ε of a double.
+        spare = 1e-8
         all_columns, linear = self._columns
         columns = all_columns - (all_columns @ self.axes) @ self.axes.T
         square = np.sum(columns**2, axis=1)
-        new = square > SPARE
+        new = square > spare
         spread = columns @ self.root @ factor_of(self.wavelet)
-        penalty = 2 * np.sum(spread**2, axis=1) / np.maximum(square, SPARE)
+        penalty = 2 * np.sum(spread**2, axis=1) / np.maximum(square, spare)
         net = self.errors @ np.where(new[:, None], columns, 0.0).T
         np.maximum(net, 0, out=net)
         net *= net
@@ -178,7 +175,9 @@ class Hypothesis:
 def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, seed: int) -> bool:
     """Return whether a candidate is equivalent to a rival with a smaller criterion, by a test of level `size`."""
     hypothesis = Hypothesis.of(explored, fit, draws, seed)
-    for closer in range(1 + CLOSER):
+    # A rejected candidate is fitted and tested once more, with weights from its last fit; see
+    # docs/validation/selection.md.
+    for closer in range(2):
         if closer and hypothesis is not None:
             hypothesis = hypothesis.closer()
         if hypothesis is None or hypothesis.absurd(rival):

@@ -27,16 +27,11 @@ if TYPE_CHECKING:
     from polars import DataFrame
 
 
-WIDTH = 80
-"""Largest number of characters in a line of the remarks."""
 SAME = 1e-6
 """Two criteria count as equal if their relative difference is below this (tests/selection/test_ranking.py)."""
 REJECTED = 0.01
 """If the p-value of the goodness-of-fit test of the recommended model is below this level, the ranking has the remark
 `recommended-rejected`. The level is a convention. It is smaller than the usual 5 % because a unit has several axes."""
-LONG = 60
-"""If the text of a model has more characters than this, it is shown without fixed values, because the coefficients of a
-filter would fill a page."""
 LISTED = 10
 """Default number of candidates in a table."""
 
@@ -173,7 +168,9 @@ class Ranking(Plotted):
         """Return a candidate as text. Fixed values are left out of a long text if no other candidate has the same
         terms."""
         text, short = candidate.structure, candidate.model.structure
-        return short if len(text) > LONG and self._terms[short] == 1 else text
+        # If the text of a model has more characters than this, it is shown without fixed values, because the
+        # coefficients of a filter would fill a page.
+        return short if len(text) > 60 and self._terms[short] == 1 else text
 
     @cached_property
     def _terms(self) -> Counter[str]:
@@ -271,7 +268,8 @@ class Ranking(Plotted):
             lines.append(f"… and {more} more")
         lines += ["* recommended, = as good as the best model", ""]
         remarks = texts(remark.about("") for remark in self.remarks)
-        return "\n".join([*lines, *(part for text in remarks for part in wrap(text, WIDTH, subsequent_indent="  "))])
+        # Largest number of characters in a line of the remarks.
+        return "\n".join([*lines, *(part for text in remarks for part in wrap(text, 80, subsequent_indent="  "))])
 
     def _repr_html_(self) -> str:
         head, rows = self.table()

@@ -68,11 +68,6 @@ frequencies."""
 NARROW = 0.002
 """A spectral peak that is narrower than this, relative to the sampling rate, is treated as a line. The value is half
 the width of the narrowest peak that the fitted ARMA processes can have; see `gmwm.spectrum.short_memory.POLE`."""
-AROUND = 8
-"""Frequencies within this distance from a line, in units of the frequency resolution, are not used for the shape
-(tests/selection/test_search.py)."""
-_ROUNDS = 2
-"""Number of times that the shape at high frequencies and the slow terms are fitted in turn."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -266,7 +261,8 @@ def _required_terms(
         shape = _fitted_shape(wv, options)
         return _Shown(wavelet_variance=wv, terms=() if shape is None else (shape,))
     shape, spectral_shape, slow = None, None, general
-    for _ in range(_ROUNDS):
+    # Number of times that the shape at high frequencies and the slow terms are fitted in turn.
+    for _ in range(2):
         check()
         spectral_shape = _shape(spectrum, slow, wv.rate, shape)
         if spectral_shape is None:
@@ -329,7 +325,9 @@ def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | N
     slow = _slow_density([p for p in known.model.processes if type(p) is not type(before)], frequencies, rate)
     used = (frequencies > rate / (2 * math.pi * FAST)) & (density > 0)
     for frequency, _, width in _peaks(spectrum):
-        used &= np.abs(frequencies - frequency) > max(AROUND * spectrum.resolution, 4 * width)
+        # Frequencies within this distance from a line, in units of the frequency resolution, are not used for the shape
+        # (tests/selection/test_search.py).
+        used &= np.abs(frequencies - frequency) > max(8 * spectrum.resolution, 4 * width)
     mixed = np.flatnonzero(used & (slow <= MIXED * density))
     used &= frequencies >= frequencies[mixed[0]] if mixed.size else False
     if np.count_nonzero(used) < FEWEST:

@@ -22,9 +22,6 @@ from gmwm.theory.processes.ordered import find_class
 FELT = 0.1
 """If a drift is less than this share of the wavelet variance at the longest scale, the segments of a recording cannot
 show it (tests/selection/test_gaps.py)."""
-MOST_CANDIDATES = 5000
-"""Largest number of candidates; `select` raises an error for a general model with more
-(tests/selection/test_ranking.py)."""
 
 
 def without_values(model: Model) -> Model:
@@ -72,6 +69,9 @@ def nested_models(general: Model) -> list[Model]:
     >>> [model.structure for model in nested_models(Model.parse("AR(2) + RW"))]
     ['AR(2) + RW', 'AR(2)', 'AR(1) + RW', 'AR(1)', 'RW']
     """
+    # Largest number of candidates; `select` raises an error for a general model with more
+    # (tests/selection/test_ranking.py).
+    most_candidates = 5000
     bare = without_values(general)
     held = [p for p in bare.processes if p.is_complete]
     free = Counter(p for p in bare.processes if not p.is_complete)
@@ -82,9 +82,9 @@ def nested_models(general: Model) -> list[Model]:
         )
     choices = [_choices(process, count) for process, count in free.items()]
     size = math.prod(map(len, choices))
-    if size > MOST_CANDIDATES:
+    if size > most_candidates:
         raise ModelError(
-            f"{general.structure} contains {size - 1} models, more than the largest number of {MOST_CANDIDATES}",
+            f"{general.structure} contains {size - 1} models, more than the largest number of {most_candidates}",
             advice="Use a smaller general model, or pass the candidates to `gmwm.rank`.",
         )
     chosen = ([process for part in parts for process in part] for parts in product(*choices))

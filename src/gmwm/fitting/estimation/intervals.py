@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 Method = Literal["asymptotic", "bootstrap"]
 Interval = tuple[float, float]
 
-ROUNDING = 1e-8
-"""Tolerance of the correlations in a covariance of the user, which may have been written with 8 digits."""
 UNDETERMINED = 14.0
 """Half width of an interval for a logarithm, a factor of a million, above which a parameter is not determined."""
 
@@ -221,6 +219,8 @@ def about(parameter: Parameter, value: float, reach: float) -> Interval:
 
 def _as_covariance(fit: Fit, covariance: Matrix) -> Matrix:
     """Check that a covariance (J, J) of a wavelet variance is finite, symmetric and positive semidefinite."""
+    # Tolerance of the correlations in a covariance of the user, which may have been written with 8 digits.
+    rounding = 1e-8
     size = len(fit.wavelet_variance)
     try:
         array = np.asarray(covariance, dtype=np.float64)
@@ -235,10 +235,10 @@ def _as_covariance(fit: Fit, covariance: Matrix) -> Matrix:
         raise _no_covariance(f"have variances on its diagonal; got {diagonal.min():g}", float(diagonal.min()))
     scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     correlation = array / scale[:, None] / scale[None, :]
-    if np.any(np.abs(correlation - correlation.T) > ROUNDING):
+    if np.any(np.abs(correlation - correlation.T) > rounding):
         raise _no_covariance("be symmetric; it differs from its transpose", covariance)
     least, *_, largest = np.linalg.eigvalsh(correlation) if size > 1 else (correlation[0, 0],) * 2
-    if least < -ROUNDING * largest:
+    if least < -rounding * largest:
         raise _no_covariance(
             f"be positive semidefinite; its correlations have the eigenvalue {least:.2g}", float(least)
         )

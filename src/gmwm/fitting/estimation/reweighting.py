@@ -35,8 +35,6 @@ REWEIGHTED = ("diagonal", "optimal")
 """Weightings that depend on the estimate."""
 FIXED = 1e-11
 """Relative change of the curve that ends the iteration; tests/estimation/test_fit_laws.py compares fits to 1e-9."""
-ROUNDS = 60
-"""Largest number of iterations, enough for `FIXED` although a weak drift only halves the change each time."""
 PRIOR = 1000.0
 """Degrees of freedom of the fitted curve when it is averaged with the data to scale the covariance.
 
@@ -45,16 +43,12 @@ relative bias of a level of at most 4 / (η + 1000), which is small compared wit
 the degrees of freedom of the level. docs/validation/weighting.md has the resulting bias of the estimates and the
 coverage of their intervals.
 """
-HOPE = 12
-"""Iterations in which the change must fall to a half; otherwise two estimates probably alternate."""
 MIXED = 5
 """Largest number of previous iterations that are combined into the next one."""
 CUTOFF = 1e-6
 """Relative singular value below which a direction of the combination counts as zero."""
 FAR = 0.7
 """Largest change of the logarithm of a parameter by the combination, which is a factor of two."""
-CLOSE = 1e-6
-"""Relative change of the curve below which weights and estimate agree, if `fixed` is not larger."""
 
 
 First = Callable[[Problem], Solution]
@@ -88,6 +82,9 @@ def settle(
     recorded Ω; `search` omits it, if `start` is from almost the same data. If estimates alternate, the final weights
     come from the likeliest mixture of all processes. The relative change `fixed` of the curve ends an iteration."""
 
+    # Relative change of the curve below which weights and estimate agree, if `fixed` is not larger.
+    agreement = 1e-6
+
     def finish(problem: Problem, solution: Solution) -> Solution:
         return final(problem, solution, certify=certify) if search else resume(problem, solution)
 
@@ -105,9 +102,9 @@ def settle(
             return WeightedSolution(problem, finish(problem, solution), (remark,))
         before, solution = _implied_curve(problem, solution, wv), finish(problem, solution)
         change = _change(before, _implied_curve(problem, solution, wv))
-        if change <= max(CLOSE, iteration.change):
+        if change <= max(agreement, iteration.change):
             break
-    if iteration.expected <= max(CLOSE, fixed) and change <= max(CLOSE, fixed):
+    if iteration.expected <= max(agreement, fixed) and change <= max(agreement, fixed):
         return WeightedSolution(problem, solution)
     # Two estimates may alternate, each with weights that lead to the other. Weights that do not depend on the model end
     # this.
@@ -133,9 +130,13 @@ def _iterate(
     problem: Problem, solution: Solution, wv: WaveletVariance, weighting: str, *, design: Design, fixed: float
 ) -> _Iterated:
     """Iterate weights and estimate until the relative change of the curve is at most `fixed`, or until they diverge."""
+    # Iterations in which the change must fall to a half; otherwise two estimates probably alternate.
+    patience = 12
+    # Largest number of iterations, enough for `FIXED` although a weak drift only halves the change each time.
+    rounds = 60
     search = search_for_weights(problem, design) if weighting == "diagonal" else None
     if search is not None:
-        options = np.array([PRIOR, fixed, FAR, CUTOFF, ROUNDS, HOPE, MIXED], dtype=np.float64)
+        options = np.array([PRIOR, fixed, FAR, CUTOFF, rounds, patience, MIXED], dtype=np.float64)
         result = reweight(search, solution, design.for_weights, options)
         if result is not None:
             best, weights, change, expected = result
@@ -143,7 +144,7 @@ def _iterate(
             return _Iterated(problem, move(search_of(problem), solution, best), change, expected)
     ahead, implied = _Ahead(), _implied_curve(problem, solution, wv)
     history: list[float] = []
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         check_stop()
         try:
             matrix = implied_weights(weighting, ahead.of(problem, solution, wv), design, wv.variance)
@@ -158,7 +159,7 @@ def _iterate(
         history.append(change)
         # The next change is expected to be smaller by the last ratio of changes.
         expected = change * min(1.0, change / history[-2]) if len(history) > 1 and history[-2] > 0 else change
-        if expected <= fixed or (len(history) > HOPE and change > history[-HOPE - 1] / 2):
+        if expected <= fixed or (len(history) > patience and change > history[-patience - 1] / 2):
             break
     return _Iterated(problem, solution, change, expected)
 

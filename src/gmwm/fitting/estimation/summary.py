@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
     from gmwm.fitting.likelihood.result import LikelihoodFit
 
-PROVEN = 1e-3
-"""Largest gap of a global optimum in words, 10 times `CERTIFIED_GAP`, which the limit of nodes may exceed."""
-
 
 @dataclass(frozen=True)
 class IntervalMethod:
@@ -228,7 +225,8 @@ def head(fit: Fit, how: IntervalMethod) -> list[str]:
     if start is not None and start.how != "convex":
         certificate = f"no proof; {start.in_words}"
     if fit.gap is not None:
-        proven = fit.gap <= PROVEN and (start is None or start.how != "sampled")
+        # Largest gap of a global optimum in words, 10 times `CERTIFIED_GAP`, which the limit of nodes may exceed.
+        proven = fit.gap <= 1e-3 and (start is None or start.how != "sampled")
         claim = "global optimum" if proven else "best found"
         certificate = f"{claim}, no other fit is lower by more than {100 * fit.gap:.2g} %"
         if start is not None and start.how == "sampled":

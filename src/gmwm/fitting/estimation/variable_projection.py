@@ -23,12 +23,8 @@ from gmwm.fitting.estimation.problem import Problem, to_find
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
 
-LONGEST = 2.0
-"""Longest Levenberg-Marquardt step in a coordinate. It changes a correlation time by a factor of seven."""
 NOISE = 1e-12
 """Relative difference below which two objectives are equal up to rounding."""
-FAR = 12.0
-"""Distance beyond the scanned range: a factor of 160 000, or a bounded domain up to 1 − 1e-12."""
 _COMPLEX = 1e-30
 
 
@@ -84,7 +80,9 @@ class Coordinates:
 
     def ends(self, samples: int, rate: float) -> Matrix:
         """Return the bounds (d, 2) of the coordinates, far beyond the scan."""
-        return np.asarray(self.scan_range(samples, rate) + np.array([-FAR, FAR]))
+        # Distance beyond the scanned range: a factor of 160 000, or a bounded domain up to 1 − 1e-12.
+        margin = 12.0
+        return np.asarray(self.scan_range(samples, rate) + np.array([-margin, margin]))
 
     def possible(self, values: Matrix) -> NDArray[np.bool_]:
         """Return a mask of the valid rows of nonlinear parameters (n, q); joint coordinates are always valid."""
@@ -244,6 +242,8 @@ class Surface:
 
     def downhill(self, start: ShapePoint | Projection, steps: int = 100) -> Projection | None:
         """Return the point that at most `steps` Levenberg-Marquardt steps reach; None if `start` is not valid."""
+        # Longest Levenberg-Marquardt step in a coordinate. It changes a correlation time by a factor of seven.
+        longest_step = 2.0
         best = start if isinstance(start, Projection) else self.at(start)
         if best is None:
             return None
@@ -261,7 +261,7 @@ class Surface:
             while damping < 1e10:
                 step = np.zeros(best.point.x.size)
                 damped = square + damping * np.diag(size + np.finfo(float).tiny)
-                step[able] = np.clip(_solve(damped, -gradient[able]), -LONGEST, LONGEST)
+                step[able] = np.clip(_solve(damped, -gradient[able]), -longest_step, longest_step)
                 trial = self.at(self.move(best.point, step))
                 if trial is not None and trial.objective < best.objective:
                     better = trial

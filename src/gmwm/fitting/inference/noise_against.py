@@ -28,13 +28,6 @@ from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
 from gmwm.theory.processes.model import ModelLike
 
-LEAST_FREEDOM = 30.0
-"""Least degrees of freedom of a level: the joint test then rejects 3 % at 5 % (docs/validation/regression.md)."""
-LEAST_RANGE = 0.5
-"""Least ratio of the variance of means over a scale to the variance of the condition, which must change slowly."""
-SUPPORTED = 4.0
-"""Least ratio of a scale parameter to its standard error; the slope of a weaker term is too uncertain."""
-
 
 @dataclass(frozen=True)
 class Slope:
@@ -254,7 +247,8 @@ def _shares(model: ModelLike, wv: WaveletVariance, used: NDArray[np.bool_]) -> t
     errors, parts = result.sandwich.errors, {}
     for name, process in zip(result.model.terms, result.model.processes, strict=True):
         scale = f"{name}.{process.scale_parameter().name}"
-        if scale in errors and abs(result.parameters[scale]) > SUPPORTED * errors[scale]:
+        # Least ratio of a scale parameter to its standard error; the slope of a weaker term is too uncertain.
+        if scale in errors and abs(result.parameters[scale]) > 4.0 * errors[scale]:
             parts[name] = (result.decomposition[name] / result.implied)[used]
     return list(parts), np.column_stack(list(parts.values())) if parts else np.zeros((int(np.sum(used)), 0))
 
@@ -262,15 +256,19 @@ def _shares(model: ModelLike, wv: WaveletVariance, used: NDArray[np.bool_]) -> t
 def _slow(signal: Signal, values: Vector, design: Design) -> NDArray[np.bool_]:
     """Return a mask (J,) of the levels with enough degrees of freedom and a nearly constant condition in a
     coefficient."""
+    # Least degrees of freedom of a level: the joint test then rejects 3 % at 5 % (docs/validation/regression.md).
+    least_freedom = 30.0
     mask, total = np.zeros(design.levels.size, dtype=bool), float(np.var(values))
     for k, (level, freedom) in enumerate(zip(design.levels.tolist(), design.degrees_of_freedom, strict=True)):
-        if freedom >= LEAST_FREEDOM:
+        if freedom >= least_freedom:
             away = np.concatenate([_running(values[a:b], 1 << level) for a, b in _long(signal, level)])
             away -= np.mean(away)
             variance = float(np.mean(away**2))
             # If the condition is rarely far from its mean, the slope has fewer degrees of freedom.
-            few = freedom * variance**2 < LEAST_FREEDOM * float(np.mean(away**4))
-            mask[k] = variance >= LEAST_RANGE * total and not few
+            few = freedom * variance**2 < least_freedom * float(np.mean(away**4))
+            # Least ratio of the variance of means over a scale to the variance of the condition, which must change
+            # slowly.
+            mask[k] = variance >= 0.5 * total and not few
     return mask
 
 

@@ -33,8 +33,6 @@ LONGEST = 2**40
 """Largest number of samples of a planned recording, which is 350 years at 100 Hz."""
 BEYOND = 1e4
 """Multiple of the planned duration up to which `Plan.needed` searches."""
-PER_OCTAVE = 4
-"""Number of lengths per factor of two that `Plan.needed` evaluates before it bisects."""
 _LEAST, _MOST = 1e-295, 1e295
 """Allowed range of squared variances. It is the range of double precision, 1e±308, with a margin for sums over 2⁴⁰
 samples."""
@@ -300,6 +298,9 @@ class Plan(Summarised, Plotted):
         """Return the number of samples from which the relative error of parameter k is at most `accuracy`; else
         infinity."""
 
+        # Number of lengths per factor of two that `Plan.needed` evaluates before it bisects.
+        per_octave = 4
+
         def enough(samples: int) -> bool:
             return bool(self._at(samples)[k] <= accuracy)
 
@@ -312,7 +313,7 @@ class Plan(Summarised, Plotted):
             low, high = (low, middle) if enough(1 << middle) else (middle + 1, high)
         # From octave to octave the error falls by more than it can rise within an octave. The largest length at which
         # it reaches the accuracy is therefore within one octave of `high`.
-        near = (np.arange(-PER_OCTAVE, PER_OCTAVE + 1) / PER_OCTAVE + high).tolist()
+        near = (np.arange(-per_octave, per_octave + 1) / per_octave + high).tolist()
         grid = sorted({min(max(round(2.0**at), 1 << (len(self.errors) + 1)), last) for at in near} | {last})
         short = [place for place, samples in enumerate(grid) if not enough(samples)]
         if not short:

@@ -22,9 +22,6 @@ from gmwm.measuring.regression.covariates import Covariates
 from gmwm.measuring.regression.result import Regression
 from gmwm.recording.signals import Signal
 
-_STEP = 0.05
-"""Step of a coordinate for the derivative that gives the degrees of freedom of standard errors."""
-
 
 @dataclass(frozen=True, eq=False)
 class Regressed:
@@ -54,13 +51,15 @@ class Regressed:
 
     def regression(self, problem: LikelihoodProblem, found: Maximum) -> Regression:
         """Return the regression at a maximum of the likelihood: coefficients, covariance and degrees of freedom."""
+        # Step of a coordinate for the derivative that gives the degrees of freedom of standard errors.
+        distance = 0.05
         estimates, covariance = self._at(problem, found.z)
         relative = np.zeros((len(estimates) + 1, len(found.active)))
         inverse = np.linalg.inv(covariance)
         for a, k in enumerate(found.active):
             step = np.zeros(found.z.size)
-            step[k] = _STEP
-            slope = (self._at(problem, found.z + step)[1] - self._at(problem, found.z - step)[1]) / (2 * _STEP)
+            step[k] = distance
+            slope = (self._at(problem, found.z + step)[1] - self._at(problem, found.z - step)[1]) / (2 * distance)
             relative[:-1, a] = np.diag(slope) / np.diag(covariance)
             relative[-1, a] = np.trace(inverse @ slope) / len(estimates)
         information = found.evaluation.information

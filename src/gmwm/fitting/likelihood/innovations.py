@@ -242,19 +242,17 @@ def residuals(
     )  # fmt: skip
 
 
-_ENOUGH = 65_536
-"""Largest number of samples from which `spent` is computed; it hardly depends on the length."""
-
-
 def spent(problem: LikelihoodProblem) -> Vector:
     """Return the degrees of freedom (L,) that estimated parameters take from the autocorrelation at lags 1 … L. With
     the autocorrelation r of the N residuals for the true parameters, D = ∂r/∂θ by finite differences, and the
     information matrix I, r̂ ≈ r + D(θ̂ − θ) has the covariance (1 − N D I⁻¹ Dᵀ)/N. At lag k, they therefore take N D_k
     I⁻¹ D_kᵀ. This holds for efficient estimates (Box and Pierce 1970, JASA 65, 1509-1526, section 3)."""
+    # Largest number of samples from which `spent` is computed; it hardly depends on the length.
+    longest = 65_536
     record = problem.record
-    if record.values.size > _ENOUGH:
-        part = replace(record, values=record.values[:_ENOUGH])
-        problem = replace(problem, record=part if part.observed > _ENOUGH // 2 else record)
+    if record.values.size > longest:
+        part = replace(record, values=record.values[:longest])
+        problem = replace(problem, record=part if part.observed > longest // 2 else record)
     # Largest number of lags of `spent`. It is larger than the default number of lags of all tests in gmwm.
     lags = min(1000, problem.record.observed // 2)
     z = problem.at(problem.model)

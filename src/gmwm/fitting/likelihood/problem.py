@@ -26,13 +26,6 @@ from gmwm.fitting.likelihood.system import (
 from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.parameter import Branch
 
-LEAST_DECAY = 1e-3
-"""Duration of the recording divided by the longest correlation time that the search allows. With this correlation time,
-the correlation over the whole recording is e^(−1e-3). Its difference from 1 changes no variance by more than 0.1 %,
-which is less than the standard error of any scale."""
-_FAR = 12.0
-"""Limit of the absolute value of any other shape coordinate; for a logarithm, this is a factor of 160 000."""
-
 
 @dataclass(frozen=True, eq=False)
 class RegressionEstimate:
@@ -155,6 +148,12 @@ class LikelihoodProblem:
     @cached_property
     def bounds(self) -> Matrix:
         """Bounds (q, 2) of the coordinates, beyond which the recording cannot distinguish shapes."""
+        # Limit of the absolute value of any other shape coordinate; for a logarithm, this is a factor of 160 000.
+        farthest = 12.0
+        # Duration of the recording divided by the longest correlation time that the search allows. With this
+        # correlation time, the correlation over the whole recording is e^(−1e-3). Its difference from 1 changes no
+        # variance by more than 0.1 %, which is less than the standard error of any scale.
+        least_decay = 1e-3
         out, samples = [], self.record.values.size
         for coordinate in self.coordinates:
             if coordinate.shape is None:
@@ -162,12 +161,12 @@ class LikelihoodProblem:
                 continue
             parameter = self.model.processes[coordinate.term].nonlinear_parameters()[coordinate.shape]
             if parameter.domain == "positive" and parameter.time_power == -1:
-                out.append((math.log(LEAST_DECAY * self.rate / samples), math.log(40.0 * self.rate)))
+                out.append((math.log(least_decay * self.rate / samples), math.log(40.0 * self.rate)))
             elif parameter.domain == "between":
-                far = 0.5 * math.log(2.0 * samples / LEAST_DECAY)
+                far = 0.5 * math.log(2.0 * samples / least_decay)
                 out.append((-far, far))
             else:
-                out.append((-_FAR, _FAR))
+                out.append((-farthest, farthest))
         return np.array(out).reshape(-1, 2)
 
     def faint(self, z: Vector, k: int, model: Model, share: float) -> float:

@@ -11,14 +11,8 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.fitting.likelihood.problem import Evaluation, LikelihoodProblem
 
-LONGEST = 2.0
-"""Longest step in a coordinate. In the logarithm of a scale, it is a factor of seven."""
 # The constants below decide which terms are set to zero, and which are added again. tests/likelihood/test_fit_ml.py
 # pins them: terms without support in the data are estimated as zero, and supported terms are found again.
-_PLACES = 12
-"""Number of values of the shape parameter at which a term that is zero is tried."""
-_GONE = 1e-7
-"""Derivative and information of the logarithm of a scale below which its term is set to zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,20 +142,24 @@ class LikelihoodSearch:
 
     def _step(self, now: Evaluation, z: Vector, active: list[int], damping: float) -> tuple[Vector, float]:
         """Return a step of the active coordinates inside their bounds, and the expected increase."""
+        # Longest step in a coordinate. In the logarithm of a scale, it is a factor of seven.
+        longest_step = 2.0
         bounds, at = self.problem.bounds[active], z[active]
-        low = np.maximum(bounds[:, 0] - at, -LONGEST)
-        high = np.minimum(bounds[:, 1] - at, LONGEST)
+        low = np.maximum(bounds[:, 0] - at, -longest_step)
+        high = np.minimum(bounds[:, 1] - at, longest_step)
         step = box_step(now.information, now.gradient, low=low, high=high, damping=damping)
         return step, float(now.gradient @ step - 0.5 * step @ now.information @ step)
 
     def _give_up(self, now: Evaluation, z: Vector, active: list[int]) -> bool:
         """Mark terms as zero whose scale no longer affects the likelihood, and return whether there are any."""
+        # Derivative and information of the logarithm of a scale below which its term is set to zero.
+        negligible = 1e-7
         gone = set()
         for term, k in self.scales.items():
             if k not in active:
                 continue
             slope = now.gradient[active.index(k)]
-            if -_GONE < slope <= 0 and now.information[active.index(k), active.index(k)] < _GONE:
+            if -negligible < slope <= 0 and now.information[active.index(k), active.index(k)] < negligible:
                 gone.add(term)
         if not gone or len(self.gone | gone) >= len(self.problem.model.processes):
             return False
@@ -240,6 +238,8 @@ class LikelihoodSearch:
 
     def _places(self, z: Vector, term: int) -> list[Vector]:
         """Return points (q,) at which to try a term, over the range of its shape parameter if it has one."""
+        # Number of values of the shape parameter at which a term that is zero is tried.
+        places = 12
         mine = [i for i, c in enumerate(self.problem.coordinates) if c.term == term and c.shape is not None]
         if len(mine) != 1:
             return [z.copy()]
@@ -249,7 +249,7 @@ class LikelihoodSearch:
         # also detect processes that decay within one sample.
         high += 1.6
         out = []
-        for share in (np.arange(_PLACES) + 0.5) / _PLACES:
+        for share in (np.arange(places) + 0.5) / places:
             at = z.copy()
             at[mine[0]] = np.clip(low + share * (high - low), *self.problem.bounds[mine[0]])
             out.append(at)

@@ -33,8 +33,6 @@ Modelled = Fit | LikelihoodFit | Model | Process | str
 
 BIAS = "bias"
 """Label of the bias, which is the sum of the level of the recording and of all slow terms, as in navigation filters."""
-FARTHEST = 10_000_000
-"""Largest number of predicted samples. Each takes about 100 bytes, so this number takes 1 GB."""
 RATES_ALIKE = 1e-3
 """Two rates are treated as equal if their relative difference is below this value, because rates from time stamps vary
 between recordings. Parameters per sample then change by at most 0.1 %. Pinned by tests/likelihood/test_tracks.py."""
@@ -151,10 +149,12 @@ def predict_tracks(
     model: Modelled, data: Signal | ArrayLike, steps: int, rate: float | None = None, *, mean: float | None = None
 ) -> Tracks:
     """Predict the latent processes after the end of a recording; see `Model.predict`."""
+    # Largest number of predicted samples. Each takes about 100 bytes, so this number takes 1 GB.
+    farthest = 10_000_000
     steps = as_whole_number(steps, "steps", 1)
-    if steps > FARTHEST:
+    if steps > farthest:
         raise OptionError(
-            argument="steps", expected=f"at most {FARTHEST}", got=steps,
+            argument="steps", expected=f"at most {farthest}", got=steps,
             advice="Predict at a lower rate with `model.continuous(rate).discrete(lower_rate)`.",
         )  # fmt: skip
     return _tracks("predict", model, data=data, rate=rate, mean=mean, steps=steps)

@@ -13,10 +13,6 @@ from gmwm.measuring.variance.robust import FEW
 from gmwm.measuring.variance.transform import Transform, coefficient_counts, loss_factor, pooled_counts
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
 
-MOST = 0.01
-"""Largest relative error of a level by which the excess covariance changes the weights of a fit
-(tests/covariance/test_excess.py)."""
-
 
 @dataclass(frozen=True, eq=False)
 class Design:
@@ -136,7 +132,9 @@ class Design:
         """
         if self.excess is None:
             return self
-        return replace(self, excess=np.diag(np.minimum(np.diag(self.excess), MOST**2)))
+        # Largest relative error of a level by which the excess covariance changes the weights of a fit
+        # (tests/covariance/test_excess.py).
+        return replace(self, excess=np.diag(np.minimum(np.diag(self.excess), 0.01**2)))
 
     def segment(self, length: int, counts: NDArray[np.int64]) -> Design | None:
         """Return the design of one segment of a given length; None if the segment has no level.

@@ -31,13 +31,6 @@ from gmwm.theory.filters import WaveletFilter
 PRIOR = 8.0
 """Weight of the Gaussian covariance of the mixture, as a number of tapers. Pinned by
 tests/covariance/test_empirical.py, as are the next two constants."""
-BANDWIDTH = 0.125
-"""Bandwidth of the tapers, relative to 2^−k."""
-MOST_TAPERS = 128
-"""Largest number of tapers of a level."""
-_CELLS = 2048
-"""Number of time intervals over which squares are summed. There are 16 intervals for each of 128 tapers, and a taper
-hardly changes within an interval."""
 _FROM_A_MODEL = "Compute the covariance of a model with `wavelet_covariance(model, samples, rate)`."
 
 
@@ -145,10 +138,14 @@ def _definite(correlation: Matrix, prior: Matrix) -> Matrix:
 def _measured(values: Vector, variance: Vector, design: Design) -> tuple[Vector, Matrix, Vector]:
     """Return Var ν̂_j² / ν̂_j⁴ (J,), correlations (J, J), and the number of tapers (J,), 0 with too few
     coefficients."""
-    size, cell = design.levels.size, -(-design.samples // _CELLS)
+    # Number of time intervals over which squares are summed. There are 16 intervals for each of 128 tapers, and a taper
+    # hardly changes within an interval.
+    size, cell = design.levels.size, -(-design.samples // 2048)
     count = -(-design.samples // cell)
     apart = np.ones(size) if design.transform == "dwt" else np.ldexp(1.0, design.levels)
-    tapers = np.minimum(np.floor(2 * BANDWIDTH * design.counts / apart), MOST_TAPERS)
+    # Bandwidth of the tapers, relative to 2^−k.
+    # Largest number of tapers of a level.
+    tapers = np.minimum(np.floor(2 * 0.125 * design.counts / apart), 128)
     tapers[tapers < 2] = 0.0
     sums, numbers, moving = np.zeros((size, count)), np.zeros((size, count)), np.ones(size, dtype=bool)
     # Rounding error of a coefficient, which is a sum over the taps of the filter. The error of W² is 2 |W| times as

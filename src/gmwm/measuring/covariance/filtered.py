@@ -41,15 +41,6 @@ FEWEST = 2**15
 """Smallest number of positive lags in a sum, unless the recording is shorter."""
 _ALIKE = 2e-5
 """Largest relative change of V_jj with twice as many lags for which a spacing of lags is accepted."""
-_TAPS = 256
-"""Largest filter length for which the fourth cumulant of uniform errors is used. A sum over a longer filter is nearly
-Gaussian."""
-_NOTHING = 1e-9
-"""Covariance of a coefficient and the signal, relative to the largest such covariance, below which far lags are left
-out."""
-_FELT = 1e-6
-"""Squared correlation ρ² below which only the first term of the robust expansion, in ρ², is used; the next term is in
-ρ⁴."""
 
 
 def covariance(model: Model, design: Design) -> Matrix:
@@ -94,7 +85,9 @@ class Lags:
         present = [] if design.efficiency is not None else [p for p in model.processes if p.scale > 0]
         self.cumulant = sum(process.error_cumulant for process in present)
         deepest = int(design.levels[-1]) if self.cumulant else 0
-        self.error_filters = filtered.error_filters(design.filter, deepest, _TAPS)
+        # Largest filter length for which the fourth cumulant of uniform errors is used. A sum over a longer filter is
+        # nearly Gaussian.
+        self.error_filters = filtered.error_filters(design.filter, deepest, 256)
 
     def stage(self, a: int) -> int:
         """Return the exponent `stage` of the largest spacing 2^stage of lags that is accurate for V_jj, and so for
@@ -190,7 +183,9 @@ def _robust(squares: Vector, size: float, efficiency: float) -> Vector:
     """Compute ν_j² ν_k² Σ_q c_q ρ^q from the squared covariances `squares` and ν_j² ν_k² = `size`."""
     weights = hermite_weights(efficiency)
     terms = np.asarray(weights[0] * squares)
-    felt = np.flatnonzero(squares > _FELT * size)
+    # Squared correlation ρ² below which only the first term of the robust expansion, in ρ², is used; the next term is
+    # in ρ⁴.
+    felt = np.flatnonzero(squares > 1e-6 * size)
     rho2 = squares[felt] / size
     terms[felt] = size * rho2 * np.polyval(weights[::-1], rho2)
     return terms
@@ -249,7 +244,9 @@ def _against(
 def _cropped(values: Vector, first: int) -> tuple[int, Vector]:
     """Remove negligible values at both ends, and return the lag of the first remaining value and these values."""
     size = np.abs(values)
-    there = np.flatnonzero(size > _NOTHING * size.max())
+    # Covariance of a coefficient and the signal, relative to the largest such covariance, below which far lags are left
+    # out.
+    there = np.flatnonzero(size > 1e-9 * size.max())
     begin, end = (there[0], there[-1] + 1) if there.size else (0, 1)
     return first + int(begin), values[begin:end].copy()
 

@@ -37,8 +37,6 @@ from gmwm.theory.processes.model import Model
 FEW_LAGS = 2**14
 """Largest number of lags in the sum. Recordings up to this length use all lags; longer recordings with a slow sinusoid
 use lags that are further apart. Pinned by tests/covariance/test_lines.py, as is the next constant."""
-_TURN = 32
-"""Smallest number of lags per period of the sinusoid for which lags may be further apart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +172,8 @@ def _stages(line: TermLine, design: Design) -> NDArray[np.int64]:
     if design.transform == "dwt":
         return design.levels - 1
     stage = max(-(-design.samples // FEW_LAGS) - 1, 0).bit_length()
-    if stage and abs(line.cycles) * (_TURN << stage) > 1:
+    # Smallest number of lags per period of the sinusoid for which lags may be further apart.
+    if stage and abs(line.cycles) * (32 << stage) > 1:
         return np.full(design.levels.size, -1)
     enough = design.levels >= stage + filtered.OVERSAMPLED if stage else np.ones(design.levels.size, dtype=np.bool_)
     return np.where(enough, stage, -1)

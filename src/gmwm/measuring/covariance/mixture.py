@@ -23,13 +23,6 @@ from gmwm.theory.processes.model import Model
 PRIOR = 30.0
 """Degrees of freedom of the smooth curve when it is averaged with a level, so that a level with one coefficient does
 not determine a fit. Pinned by tests/estimation/test_weights.py."""
-_PLACES = 48
-"""Number of correlation times of each process with a correlation time."""
-_ROUNDS = 30
-"""Largest number of iterations."""
-_SETTLED = 1e-3
-"""Relative change of the curve below which the iterations end. The curve is only used for weights, which need two
-digits; tests/estimation/test_weights.py pins the fits that use it."""
 
 
 def smoothed(wv: WaveletVariance) -> Vector:
@@ -99,7 +92,8 @@ def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vecto
     for k in range(1, curve.size):
         curve[k] = max(curve[k], curve[k - 1] / 4)
     weights = np.zeros(len(shapes))
-    for _ in range(_ROUNDS):
+    # Largest number of iterations.
+    for _ in range(30):
         # Fisher scoring of the gamma likelihood: least squares with weights from the last curve.
         root = np.sqrt(freedom / 2) / curve
         rows = shapes * root
@@ -107,7 +101,9 @@ def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vecto
         found, _ = _core.nonnegative_least_squares(root * observed, np.ascontiguousarray(rows / length))
         weights = found / length[:, 0]
         before, curve = curve, weights @ shapes
-        if np.all(np.abs(curve - before) <= _SETTLED * before):
+        # Relative change of the curve below which the iterations end. The curve is only used for weights, which need
+        # two digits; tests/estimation/test_weights.py pins the fits that use it.
+        if np.all(np.abs(curve - before) <= 1e-3 * before):
             break
     return curve, weights
 
@@ -128,7 +124,8 @@ def _candidates(
             processes.append(kind.standard())
             rows.append(kind.shape(np.empty((1, 0)), number, rate, filter))
         for branch in kind.search(samples, rate):
-            places = branch.values(np.linspace(branch.low, branch.high, _PLACES))
+            # Number of correlation times of each process with a correlation time.
+            places = branch.values(np.linspace(branch.low, branch.high, 48))
             processes += map(kind.standard, places)
             rows.append(kind.shape(places, number, rate, filter))
     shapes = np.concatenate(rows)

@@ -21,18 +21,12 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import WANDERING, WHITE, LagGrid
 
-KEPT = 1024
-"""Largest memory of a process (samples) for which the nodes of the sums over lags are cached. For 19 levels, they take
-46 MB at most, and 6 MB if no process has a memory."""
 MOST_NODES = 800_000
 """Largest number of nodes that are cached together, which take 28 MB. For 19 levels without a memory, these are 4 to 30
 sets."""
 END = 20.0
 """Lower end of the range of decay rates, multiplied by the number of samples, below which the nodes do not change. The
 kernel divides the lags at distances that double up to the number of samples, or up to 40 divided by the rate."""
-SHARED = 2_000_000
-"""Largest number of nodes of a grid for which the covariances of fixed shapes are cached. Each node and shape takes 8
-bytes."""
 RECENT = 1_050_000
 """Largest number of values that are cached for the shapes of a grid that are not fixed."""
 
@@ -107,7 +101,9 @@ class _Grids:
                 self._kept[key] = found
         if found is None or found.levels[: len(levels)] != levels:
             found = _computed(levels, key)
-            if key[-1] <= KEPT:
+            # Largest memory of a process (samples) for which the nodes of the sums over lags are cached. For 19 levels,
+            # they take 46 MB at most, and 6 MB if no process has a memory.
+            if key[-1] <= 1024:
                 with self._lock:
                     self._kept.pop(key, None)
                     self._kept[key] = found
@@ -197,7 +193,9 @@ def shapes_at(present: list[Process], at: LagGrid, rate: float) -> tuple[list[Ve
     if at.whole is not None:
         shapes, scales = shapes_at(present, at.whole, rate)
         return [shape[: at.lag.size] for shape in shapes], scales
-    if at.lag.size > SHARED:
+    # Largest number of nodes of a grid for which the covariances of fixed shapes are cached. Each node and shape takes
+    # 8 bytes.
+    if at.lag.size > 2_000_000:
         total = np.zeros_like(at.lag)
         for process in present:
             total += process.coefficient_covariance(at, rate)

@@ -47,11 +47,6 @@ standard error by 2.5 %. Smaller values occur by chance if levels of a low-pass 
 AGREEMENT = 0.1
 """Largest relative difference between the measured wavelet variance of a level and the wavelet variance that follows
 from the spectral density. Levels with a larger difference are not used."""
-NEARLY = 0.98
-"""Share of the largest λ − 1 that is sufficient. Of the loadings that reach it, those with the fewest levels of loading
-1 are used."""
-_SEGMENT = 8192
-"""Length (samples) of the longest segments from which the spectral density is estimated."""
 
 
 class TailSums:
@@ -121,7 +116,8 @@ class TailSums:
             if y.shape[0] < 2:
                 break
             y = 0.5 * (y[0 : y.shape[0] // 2 * 2 : 2] + y[1 : y.shape[0] // 2 * 2 : 2])
-        length = min(_SEGMENT, 1 << int(np.log2(panel.size // 16)))
+        # Length (samples) of the longest segments from which the spectral density is estimated.
+        length = min(8192, 1 << int(np.log2(panel.size // 16)))
         number, power = self._power.get(length, (0.0, np.zeros(length // 2 + 1)))
         more, part = _power(panel, length)
         self._power[length] = number + more, power + part
@@ -176,7 +172,9 @@ def _common_factor(relative: Matrix, gaussian: Matrix, shapes: Matrix) -> tuple[
     weights = fine / np.diag(gaussian)
     expected = np.einsum("ij,jk,ik->i", weights, gaussian, weights)
     ratios = np.einsum("ij,jk,ik->i", weights, relative, weights) / expected
-    best = int(np.argmax(ratios - 1 >= NEARLY * (np.max(ratios) - 1)))
+    # Share of the largest λ − 1 that is sufficient. Of the loadings that reach it, those with the fewest levels of
+    # loading 1 are used.
+    best = int(np.argmax(ratios - 1 >= 0.98 * (np.max(ratios) - 1)))
     size = np.sqrt(max(ratios[best] - 1, 0.0) * expected[best]) / np.sum(weights[best] * fine[best])
     return np.asarray(size * shapes[best]), float(ratios[best])
 

@@ -27,16 +27,6 @@ from gmwm.recording.batches import Batch, Batches, Segments, Streamed
 from gmwm.recording.resolution import Sample, before_rounding, step_of
 from gmwm.recording.signals import Imu, Signal
 
-_RESTLESS = 4.0
-"""Largest ratio of the standard deviation of a window to the median over all windows for a sensor at rest
-(tests/test_inspection_limits.py, as the next three constants)."""
-_CHANGES = 0.1
-"""Share of samples with a changed output, above which rounding does not explain a window without any change."""
-_TURN = 0.1
-"""Change of the direction of gravity (degrees) above which there is a remark, as by a bias of 1.7 mg."""
-_UNEXPLAINED = 5.0
-"""Change of the direction of gravity (standard errors) that noise does not explain."""
-
 Values = Callable[[str, int, int], Vector]
 """Function of axis, first and last index that returns the samples of a half-open range."""
 
@@ -183,7 +173,9 @@ class RecordingStatistics:
             axis: motion for axis, sums in statistics.items() if (motion := _restless(sums, extent)) is not None
         }
         stuck = {axis: self._stuck(axis, sums) for axis, sums in statistics.items()}
-        turned = tilt is not None and tilt > max(_TURN, _UNEXPLAINED * tilt_noise)
+        # Change of the direction of gravity (degrees) above which there is a remark, as by a bias of 1.7 mg.
+        # Change of the direction of gravity (standard errors) that noise does not explain.
+        turned = tilt is not None and tilt > max(0.1, 5.0 * tilt_noise)
         moved = tilt is not None and turned and tilt > findings.MOVED
         remarks = (
             *findings.of_time(extent, self._base, self._same), *findings.of_stuck(stuck),
@@ -220,7 +212,8 @@ class RecordingStatistics:
         still, step = measured & (sums.steps.means == 0), self._resolutions[axis] or 0.0
         moving = measured & ~still
         # The mean square of the differences is step² times the share of samples at which the output changes, or more.
-        if not np.any(still) or not np.any(moving) or np.median(sums.steps.means[moving]) < _CHANGES * step**2:
+        # Share of samples with a changed output, above which rounding does not explain a window without any change.
+        if not np.any(still) or not np.any(moving) or np.median(sums.steps.means[moving]) < 0.1 * step**2:
             return None
         first, _ = self._extent.windows()[int(np.argmax(still))]
         return float(self._extent.times([first])[0]), float(np.mean(still[measured]))
@@ -282,7 +275,9 @@ def _restless(sums: AxisStatistics, extent: Extent) -> tuple[float, float, float
     spreads = np.sqrt(sums.calm.variances())
     changing = spreads[sums.steps.means > 0]  # windows in which the output is not stuck
     usual, worst = float(np.median(changing)) if changing.size else 0.0, int(np.argmax(spreads))
-    if usual > 0 and spreads[worst] > _RESTLESS * usual:
+    # Largest ratio of the standard deviation of a window to the median over all windows for a sensor at rest
+    # (tests/test_inspection_limits.py, as the next three constants).
+    if usual > 0 and spreads[worst] > 4.0 * usual:
         first, last = extent.windows()[worst]
         begin, end = extent.times([first, last - 1])
         return float(begin), float(end - begin), float(spreads[worst] / usual)

@@ -25,27 +25,8 @@ MOVED = 1.0
 
 _NOISY = 0.1
 """Noise density (deg/s/√Hz) at the upper end of low-cost gyroscopes (docs/howto/units.md)."""
-_OFF = 0.02
-"""Relative error of gravity above which there is a remark, more than a good accelerometer has."""
-_WRONG = 0.05
-"""Relative error of gravity that no bias explains, so that the unit may be wrong."""
-_JITTER = 0.1
-"""Jitter of the time stamps (sampling intervals) above which there is a remark."""
-_TWICE = 0.1
-"""Largest relative difference between the numbers of repeated time stamps and of repeated samples, for rows that were
-written twice. If time stamps are only rounded, the samples differ."""
-_FEW = 1e-3
-"""Share of rows written twice, below which there is no remark on them. N is too large by half of this share."""
-_LATE = 0.5
-"""Largest share of the recording that a warm-up may take; the rest must suffice for a calibration
-(docs/howto/record.md)."""
 OF_STAMPS = ("stamps-irregular",)
 """Remarks of a reader on the time stamps. `of_time` makes them again."""
-_COARSE = 2.0
-"""Largest quantization step (standard deviations of the noise) at which the rounding error is white noise of variance
-step²/12. N is then known to 2 %, and slow changes of the mean to 3 % (docs/validation/rounding.md)."""
-_ROUNDED = 0.7
-"""Quantization step (standard deviations σ of the noise) above which rounding adds at least 2 %, step²/24σ², to N."""
 
 
 def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
@@ -62,13 +43,17 @@ def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
     if base.lost:
         yield Remark.of("samples-lost", case="lost", count=base.lost)
     if base.duplicates:
-        many = base.duplicates > _FEW * extent.samples
-        twice = many and abs(same / base.duplicates - 1) <= _TWICE
+        # Share of rows written twice, below which there is no remark on them. N is too large by half of this share.
+        many = base.duplicates > 1e-3 * extent.samples
+        # Largest relative difference between the numbers of repeated time stamps and of repeated samples, for rows that
+        # were written twice. If time stamps are only rounded, the samples differ.
+        twice = many and abs(same / base.duplicates - 1) <= 0.1
         repeated = Remark.of("stamps-irregular", case="repeated", count=base.duplicates)
         yield Remark.of("rows-repeated", count=base.duplicates) if twice else repeated
     if base.backward:
         yield Remark.of("stamps-irregular", case="backward", count=base.backward)
-    if base.jitter * base.rate > _JITTER:
+    # Jitter of the time stamps (sampling intervals) above which there is a remark.
+    if base.jitter * base.rate > 0.1:
         yield Remark.of("stamps-irregular", case="jitter", share=float(base.jitter * base.rate))
 
 
@@ -118,7 +103,9 @@ def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Exten
     """Yield remarks on trends, one for each axis. `cut` tells whether the beginning of the file is already left out."""
     longest = max((trend.until for trend in trends if trend.until is not None), default=0.0)
     duration = extent.samples / extent.rate
-    way = "late" if longest > _LATE * duration else "again" if cut else "start"
+    # Largest share of the recording that a warm-up may take; the rest must suffice for a calibration
+    # (docs/howto/record.md).
+    way = "late" if longest > 0.5 * duration else "again" if cut else "start"
     for trend in trends:
         unit = units[trend.axis]
         facts: dict[str, Fact] = {
@@ -216,9 +203,11 @@ def round_up(seconds: float) -> float:
 def of_gravity(gravity: float | None) -> Iterator[Remark]:
     """Yield a remark if the norm of the mean specific force (m/s²) differs from gravity."""
     error = 0.0 if gravity is None else gravity / STANDARD_GRAVITY - 1
-    if gravity is not None and abs(error) > _OFF:
+    # Relative error of gravity above which there is a remark, more than a good accelerometer has.
+    if gravity is not None and abs(error) > 0.02:
         norm, expected = Quantity(gravity, "m/s²"), Quantity(STANDARD_GRAVITY, "m/s²")
-        if abs(error) > _WRONG:
+        # Relative error of gravity that no bias explains, so that the unit may be wrong.
+        if abs(error) > 0.05:
             yield Remark.of("unit-doubtful", case="gravity", norm=norm, expected=expected)
         else:
             yield Remark.of("unit-contradicted", case="gravity", norm=norm, expected=expected, share=100 * error)
@@ -231,9 +220,13 @@ def of_rounding(axes: Mapping[str, AxisInspection], rate: float) -> Iterator[Rem
             continue
         ratio = axis.lsb / axis.before_rounding if axis.before_rounding else math.inf
         step = _as_printed(axis.lsb, axis.unit)
-        if ratio > _COARSE:
+        # Largest quantization step (standard deviations of the noise) at which the rounding error is white noise of
+        # variance step²/12. N is then known to 2 %, and slow changes of the mean to 3 % (docs/validation/rounding.md).
+        if ratio > 2.0:
             yield Remark.of("coarse-output", name, step=step, ratio=ratio, numbers=("N", "B", "K", "Q", "q_c"))
-        elif ratio > _ROUNDED:
+        # Quantization step (standard deviations σ of the noise) above which rounding adds at least 2 %, step²/24σ², to
+        # N.
+        elif ratio > 0.7:
             density = in_datasheet_units(axis.lsb / math.sqrt(12 * rate), 0.5, axis.unit)
             yield Remark.of("output-rounded", name, step=step, ratio=ratio, density=density)
 

@@ -16,24 +16,6 @@ BLOCK = 1000
 as all constants here but `FEWEST`)."""
 FEWEST = 64
 """Smallest number of samples of a segment for a local standard deviation, whose relative error is then 9 %."""
-_KNOCK = 8.0
-"""Smallest distance of an outlier from the local median, in local standard deviations; by chance once in 10¹⁵ samples.
-"""
-_BURST = 1.0
-"""Longest time (s) between outliers of the same knock."""
-_LEVELS = 256
-"""Number of blocks whose medians are compared for jumps."""
-_SHORTEST = 100
-"""Smallest number of samples of such a block."""
-_DIFFERENCES = 32
-"""Smallest number of differences between block medians from which their usual size is estimated."""
-_STEP = 8.0
-"""Smallest size of a jump, in standard deviations of these differences."""
-_REACH = 32.0
-"""Largest error of the position of a jump (samples), in units of (σ/size)². That of the most likely position exceeds 11
-in 5 % of the cases (Yao 1987, Annals of Statistics 15, 1321-1328); squared differences have the median 0.91 σ²."""
-_ISOLATED = 4.0
-"""Smallest ratio of a jump to the changes before and after it. For a ramp it is 2."""
 
 Indices = NDArray[np.int64]
 Outliers = tuple[Indices, Vector]
@@ -76,7 +58,8 @@ def knocks_of(outliers: Mapping[str, Outliers], extent: Extent) -> tuple[Knock, 
     index, deviation, axis_number = index[order], deviation[order], axis_number[order]
     times = extent.times(index)
     seams = np.searchsorted([first for first, _ in extent.segments], index, side="right")
-    begins = np.flatnonzero((np.diff(times) > _BURST) | (np.diff(seams) != 0)) + 1
+    # Longest time (s) between outliers of the same knock.
+    begins = np.flatnonzero((np.diff(times) > 1.0) | (np.diff(seams) != 0)) + 1
     knocks = []
     for a, b in zip([0, *begins.tolist()], [*begins.tolist(), index.size], strict=True):
         shown = tuple(axes[k] for k in np.unique(axis_number[a:b]))
@@ -94,7 +77,9 @@ def outliers_of(blocks: Vector, resolution: float) -> Outliers:
     standard deviations, which are at least half the `resolution`."""
     distance = np.abs(blocks - row_medians(blocks)[:, None])
     spread = _usual_spread(blocks, distance, resolution)
-    at = np.flatnonzero((distance > _KNOCK * spread) & (spread > 0))
+    # Smallest distance of an outlier from the local median, in local standard deviations; by chance once in 10¹⁵
+    # samples.
+    at = np.flatnonzero((distance > 8.0 * spread) & (spread > 0))
     return at, distance.ravel()[at] / spread.ravel()[at // blocks.shape[1]]
 
 
@@ -108,7 +93,9 @@ def _usual_spread(blocks: Vector, distance: Vector, step: float) -> Vector:
 
 def level_length(samples: int) -> int:
     """Return the number of samples in the blocks whose medians are compared."""
-    return max(samples // _LEVELS, _SHORTEST)
+    # Number of blocks whose medians are compared for jumps.
+    # Smallest number of samples of such a block.
+    return max(samples // 256, 100)
 
 
 def steps_of(
@@ -125,7 +112,8 @@ def steps_of(
     length = level_length(extent.samples)
     changes = [level[2:] - level[:-2] for _, level in levels]
     everything = np.concatenate([np.empty(0), *changes])
-    if everything.size < _DIFFERENCES:
+    # Smallest number of differences between block medians from which their usual size is estimated.
+    if everything.size < 32:
         return []
     usual = float(np.median(everything))
     spread = max(float(np.median(np.abs(everything - usual))) / 0.67449, 0.5 * resolution)
@@ -135,7 +123,9 @@ def steps_of(
         # Changes just before and just after the two blocks. At the ends of a segment a warm-up looks like a jump.
         before, behind = np.append(np.inf, neighbours[:-2]), np.append(neighbours[2:], np.inf)
         size = np.abs(change - usual)
-        least = np.maximum(_STEP * spread, _ISOLATED * np.maximum(before, behind))
+        # Smallest size of a jump, in standard deviations of these differences.
+        # Smallest ratio of a jump to the changes before and after it. For a ramp it is 2.
+        least = np.maximum(8.0 * spread, 4.0 * np.maximum(before, behind))
         at = np.flatnonzero((size > least) & (spread > 0))
         # Several neighbouring blocks can show the same jump.
         for group in np.split(at, np.flatnonzero(np.diff(at) > 2) + 1) if at.size else []:
@@ -143,7 +133,10 @@ def steps_of(
             begin = first + i * length
             part = values(begin, begin + 3 * length)
             place = begin + _corner(part, level[i], level[i + 2])
-            reach = 1 + _REACH * float(np.median(np.diff(part) ** 2)) / change[i] ** 2
+            # Largest error of the position of a jump (samples), in units of (σ/size)². That of the most likely position
+            # exceeds 11 in 5 % of the cases (Yao 1987, Annals of Statistics 15, 1321-1328); squared differences have
+            # the median 0.91 σ².
+            reach = 1 + 32.0 * float(np.median(np.diff(part) ** 2)) / change[i] ** 2
             steps.append(
                 Step(
                     time=float(extent.times([place])[0]), axis=axis, size=float(change[i]),

@@ -16,8 +16,6 @@ from gmwm.measuring.inspection.wander import CourseProfile, Likelihood
 
 Kind = Literal["exponential", "linear", "quadratic"]
 
-_FEWEST = 48
-"""Smallest number of blocks for the test (tests/test_inspection_trends.py: false alarms at 70 and 256 blocks)."""
 _SIZE = 0.01
 """Significance level of the test (docs/validation/trends.md)."""
 _TAIL = (8.5, 0.4)
@@ -70,7 +68,8 @@ def trend_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> 
     """
     length = level_length(extent.samples)
     start, y = _longest(means, extent, length)
-    if y.size < _FEWEST or not np.any(np.diff(y)):
+    # Smallest number of blocks for the test (tests/test_inspection_trends.py: false alarms at 70 and 256 blocks).
+    if y.size < 48 or not np.any(np.diff(y)):
         return None
     test = TrendTest(y)
     if test.kind is None or test.pvalue > _SIZE:

@@ -22,10 +22,6 @@ _TIMES = (1.5, 5.0, 16.0)
 walk."""
 _PLATEAUS = np.geomspace(1e-2, 1e4, 13)
 """Spectral density of the Gauss-Markov process at low frequency, relative to the density of the white noise."""
-_LIMIT = 3.841
-"""Rise of −2 log L at the upper limit of a random walk: the 95 % quantile of χ² with one degree of freedom. The 90 %
-quantile, which is usual for a one-sided limit of 95 %, gives limits that are too low in 10 to 20 % of recordings,
-because a Gauss-Markov process can replace a random walk (docs/validation/trends.md)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +141,10 @@ class Likelihood:
         grid, used = self.grid, _WALKS.size if alone else len(self.grid.walks)
         values, scales = self._restricted_likelihood(grid.weights[:used], grid.logs[:used], courses)
         best = int(np.argmin(values))
-        limit = _crossing(grid.walks[:used] * scales, values - values[best] - _LIMIT)
+        # Rise of −2 log L at the upper limit of a random walk: the 95 % quantile of χ² with one degree of freedom. The
+        # 90 % quantile, which is usual for a one-sided limit of 95 %, gives limits that are too low in 10 to 20 % of
+        # recordings, because a Gauss-Markov process can replace a random walk (docs/validation/trends.md).
+        limit = _crossing(grid.walks[:used] * scales, values - values[best] - 3.841)
         if not grid.walks[best]:
             return 0.0, limit
         # Between two neighbours of `_WALKS`, whose ratio is 1.48.

@@ -31,12 +31,6 @@ errors of the former."""
 OPTIMISM = 2.0
 """The variances of the coefficients are too small by a factor of about 1 + OPTIMISM/(3 + degrees of freedom), because
 the weights come from the same data. Chosen in simulations with other seeds than docs/validation/regression.md."""
-FEWEST = 2.0
-"""Smallest number of degrees of freedom of a standard error, from the same simulations. The formula returns 1 if the
-data can neither show nor exclude a slow process; an effect of five standard errors would then not be significant."""
-_ROUNDS = 4
-"""Number of rounds that estimate noise, weights and coefficients in turn. The third one changes a standard error by
-less than 1 %."""
 
 
 def regress(signal: Signal, covariates: Covariates, *, automatic: bool = False) -> Regression:
@@ -104,6 +98,9 @@ def _extend(regression: Regression, means: Vector, covariates: Covariates) -> Re
 
 def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit: str = "") -> Regression:
     """Regress block means (n,) of an axis on covariates, without the automatic choice; see `regress_axis`."""
+    # Smallest number of degrees of freedom of a standard error, from the same simulations. The formula returns 1 if the
+    # data can neither show nor exclude a slow process; an effect of five standard errors would then not be significant.
+    fewest = 2.0
     clock = covariates.clock
     present = clock.present()
     solved = _iterate(means, covariates, present, clock.whole())
@@ -111,11 +108,11 @@ def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit
     beta, lags = weighted.estimate(means), noise.covariances(len(means))
     parts = [weighted.covariances(part) for part in lags]
     covariance = noise.average(parts)
-    freedoms = [max(noise.freedom_of([part[:, k, k] for part in parts]), FEWEST) for k in range(beta.size)]
+    freedoms = [max(noise.freedom_of([part[:, k, k] for part in parts]), fewest) for k in range(beta.size)]
     factors = np.sqrt(1 + OPTIMISM / (3 + np.array(freedoms)))
     covariance = covariance * np.outer(factors, factors)
     inverse = np.linalg.pinv(covariance, hermitian=True)
-    freedom = max(noise.freedom_of([np.einsum("ab,kba->k", inverse, part) for part in parts]), FEWEST)
+    freedom = max(noise.freedom_of([np.einsum("ab,kba->k", inverse, part) for part in parts]), fewest)
     statistic = float(beta @ inverse @ beta) / beta.size
     residuals = means - covariates.smooth_matrix(solved.tau) @ beta
     raw, remaining = design.variances(means), design.variances(residuals)
@@ -160,7 +157,9 @@ def _iterate(means: Vector, covariates: Covariates, present: np.ndarray, whole: 
     scales = 2.0 ** np.arange(1, design.levels + 1)
     freedom = np.maximum(design.counts / scales, 1.0)
     shares, variances = np.ones(design.levels), design.variances(means)
-    for _ in range(_ROUNDS):
+    # Number of rounds that estimate noise, weights and coefficients in turn. The third one changes a standard error by
+    # less than 1 %.
+    for _ in range(4):
         if not np.all(variances > 0):
             raise DataError("the signal is constant at some scale, so that it cannot be regressed", argument="against")
         noise = NoiseMixtures.of(variances / shares, freedom * shares, len(means))

@@ -18,8 +18,6 @@ from gmwm.base.arrays import Matrix, Vector, runs_of
 COLLINEAR = 1e6
 """Condition number of P, scaled to unit diagonal, above which columns are collinear. A standard error is then up to
 1000 times as large as without the other columns."""
-GRID = 4096
-"""Largest number of frequencies at which the power spectral density is evaluated. Other weights are interpolated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +68,13 @@ class RegressionDesign:
     def weights(self, density: Callable[[Vector], Vector], highest: float = 0.5) -> list[Vector]:
         """Compute the weights 1/S(f) of the cosine transform of each run; zero above `highest`, where columns have too
         large errors."""
+        # Largest number of frequencies at which the power spectral density is evaluated. Other weights are
+        # interpolated.
+        points = 4096
         weights: dict[int, Vector] = {}
         for size in {last - first for first, last in self.runs}:
             at = np.arange(1, size) / (2 * size)
-            grid = at if size <= GRID else np.geomspace(at[0], at[-1], GRID)
+            grid = at if size <= points else np.geomspace(at[0], at[-1], points)
             inverse = np.exp(np.interp(np.log(at), np.log(grid), -np.log(density(grid))))
             weights[size] = np.concatenate([[0.0], np.where(at <= highest, inverse, 0.0)])
         return [weights[last - first] for first, last in self.runs]

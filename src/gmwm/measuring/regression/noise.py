@@ -19,9 +19,6 @@ from gmwm.theory.processes.base import Process
 LONGEST = (0.01, 0.03, 0.12, 0.5)
 """Limits for the correlation time in the mixtures, relative to the length of the recording. All include a random walk.
 """
-SLOWER = 4.0
-"""Penalty that is added to −2 log L of all mixtures except the first one: a parameter decreases it by one to two by
-chance. Without it, standard errors for a random walk were too small by a quarter (docs/validation/regression.md)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +46,10 @@ class NoiseMixtures:
         fits = [mixture(variance, freedom, design, within=share * samples) for share in LONGEST]
         # −2 log L, with a Gamma distribution for the wavelet variance of each level.
         loss = np.array([float(np.sum(freedom * (variance / curve + np.log(curve)))) for curve, _ in fits])
-        loss[1:] += SLOWER
+        # Penalty that is added to −2 log L of all mixtures except the first one: a parameter decreases it by one to two
+        # by chance. Without it, standard errors for a random walk were too small by a quarter
+        # (docs/validation/regression.md).
+        loss[1:] += 4.0
         weights = np.exp(-(loss - loss.min()) / 2)
         weights /= weights.sum()
         mixtures = tuple(

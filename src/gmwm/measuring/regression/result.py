@@ -18,10 +18,6 @@ from gmwm.measuring.regression.against import TEMPERATURE, WARM_UP, CovariateTer
 from gmwm.measuring.regression.columns import Basis, Column
 from gmwm.measuring.variance.result import WaveletVariance
 
-LEFT = 0.5
-"""If less than this share of the noise is left at a level, this and all coarser levels are dropped
-(docs/validation/regression.md)."""
-
 
 class Effect(NamedTuple):
     """Effect of a covariate on an axis at given values of the covariate, with a confidence band.
@@ -268,8 +264,11 @@ class Regression(Summarised, Plotted, Mapping[str, Coefficient]):
         level is divided by the remaining share, and its relative covariance is increased accordingly. From the first
         level on at which less than half of the noise is left, the levels are dropped.
         """
+        # If less than this share of the noise is left at a level, this and all coarser levels are dropped
+        # (docs/validation/regression.md).
+        limit = 0.5
         shares = np.concatenate([self.kept, np.zeros(len(wv))])[: len(wv)]
-        count = int(np.argmax(shares < LEFT)) if np.any(shares < LEFT) else shares.size
+        count = int(np.argmax(shares < limit)) if np.any(shares < limit) else shares.size
         eta = wv.degrees_of_freedom[:count]
         shares, excess = shares[:count], None if wv.excess is None else wv.excess[:count, :count]
         lost = np.diag(2 / eta * (1 / shares - 1))

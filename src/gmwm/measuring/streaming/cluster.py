@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 
 PART_MEMORY = 64 << 20
 """Default limit of the size of a worker's result for a part (bytes). It is a choice; six axes have 19 exact levels."""
-PART_BYTES = 4 << 30
-"""Default for the largest size of a part (bytes). If a worker is lost, this much must be read again."""
 RETRIES = 2
 """Number of retries of a part after an error that is not caused by the content of the file."""
 
@@ -169,7 +167,8 @@ class _Crew:
         if parts is None:
             path = None if not isinstance(stream._rows, FileRows) else stream._rows.path
             # With several parts for each thread, a slow worker does not delay the others much.
-            parts = max(4 * self._threads(), (path.stat().st_size if path else 0) // PART_BYTES)
+            # Default for the largest size of a part (bytes). If a worker is lost, this much must be read again.
+            parts = max(4 * self._threads(), (path.stat().st_size if path else 0) // (4 << 30))
         self._parts: tuple[Part, ...] = stream.parts(parts)
         self._whole: tuple[Part, ...] = stream.parts(1)
 

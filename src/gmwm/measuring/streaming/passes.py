@@ -33,11 +33,6 @@ Change = Callable[[Signal], Signal]
 """Function that changes the samples of an axis before their gaps are filled."""
 
 
-LIVE_BLOCK = 1 << 13
-"""Number of samples whose gaps are filled together while a recording is watched: 80 s at 100 Hz. The value is a
-choice."""
-
-
 class Measurement(Protocol):
     """Protocol of an object that measures one axis batch by batch; see `measure`."""
 
@@ -223,6 +218,10 @@ def unit_of(recording: Imu | Streamed, axis: str) -> str:
 def feed_chunks(chunks: Iterable[Chunk], measured: Mapping[str, WaveletAccumulator]) -> None:
     """Add chunks to accumulators as they arrive, with gaps filled in small blocks to keep the delay short."""
 
+    # Number of samples whose gaps are filled together while a recording is watched: 80 s at 100 Hz. The value is a
+    # choice.
+    block = 1 << 13
+
     def batches() -> Iterator[Batch]:
         segment = -1
         for chunk in chunks:
@@ -233,7 +232,7 @@ def feed_chunks(chunks: Iterable[Chunk], measured: Mapping[str, WaveletAccumulat
             yield Batch(signals, chunk.first, chunk.segment == segment)
             segment = chunk.segment
 
-    for batch in filled(batches(), 1, block=LIVE_BLOCK, context=LIVE_BLOCK // 2):
+    for batch in filled(batches(), 1, block=block, context=block // 2):
         for axis, accumulator in measured.items():
             accumulator.feed(batch.signals[axis], batch.continues_on(axis))
 

@@ -57,13 +57,11 @@ def haar_resolution(peak: float, level: int) -> float:
     return float(np.finfo(float).eps * peak * (4 + 2 ** (level / 2)) / 2**level)
 
 
-LARGEST = 2.0**38
-"""Largest distance of a value from the median, relative to the median of these distances. With larger values, the
-rounding error of the running sum exceeds 1e-4 of a typical coefficient."""
-
-
 def require_digits(x: Vector) -> None:
     """Raise DataError if a value is so large that the running sum loses the digits of the other values."""
+    # Largest distance of a value from the median, relative to the median of these distances. With larger values, the
+    # rounding error of the running sum exceeds 1e-4 of a typical coefficient.
+    limit = 2.0**38
     sample = x[:: max(1, x.size // SAMPLE)]
     middle = float(np.median(sample))
     largest = max(float(x.max()) - middle, middle - float(x.min()))
@@ -71,11 +69,11 @@ def require_digits(x: Vector) -> None:
     if not sizes.any():
         sizes = np.abs(x - middle)
     typical = float(np.median(sizes[sizes > 0])) if largest > 0 else 0.0
-    if largest <= LARGEST * typical:
+    if largest <= limit * typical:
         return
     index = int(np.argmax(np.abs(x - middle)))
     raise DataError(
-        f"the value {x[index]:.3g} at index {index} is more than {LARGEST:.0e} times as large as the others differ, so "
+        f"the value {x[index]:.3g} at index {index} is more than {limit:.0e} times as large as the others differ, so "
         "that they have no digits beside it in double precision",
         got=float(x[index]),
         advice=MISSING_SAMPLES,

@@ -29,8 +29,6 @@ from gmwm.measuring.variance.sketch import SketchCoefficients
 if TYPE_CHECKING:
     from gmwm.measuring.variance.accumulate import WaveletAccumulator
 
-NEAR = 0.02
-"""Largest distance in log σ² from the exact sums at which the linear correction is used."""
 DOUBT = 0.01
 """Threshold for the maximum of the criterion and for its slope at the root, relative to a. Below it, only one of sketch
 and exact coefficients may have a root, so the second pass collects the sums for both cases."""
@@ -184,6 +182,8 @@ class Corrected:
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
         """Return the sums over the sketches plus a correction that is linear in log σ²; `every` is ignored."""
+        # Largest distance in log σ² from the exact sums at which the linear correction is used.
+        distance = 0.02
         cubed, fourth, count = self._sketched.sums(limits)
         for k in np.flatnonzero(limits > 0).tolist():
             if self._request.kept[k]:
@@ -192,9 +192,9 @@ class Corrected:
                 way = math.log(limits[k] / self._request.limits[k])
                 # d Σ v q⁴ / d log σ² = 4 Σ v q³ − 5 Σ v q⁴
                 slope = 4 * self._cubed[k] - 5 * self._fourth[k]
-                off = self._fourth[k] + slope * min(max(way, -NEAR), NEAR)
+                off = self._fourth[k] + slope * min(max(way, -distance), distance)
                 fourth[k] += off
-                cubed[k] += (5 * off + (slope if abs(way) <= NEAR else 0.0)) / 4
+                cubed[k] += (5 * off + (slope if abs(way) <= distance else 0.0)) / 4
         return cubed, fourth, count
 
     def sample(self, k: int, size: int) -> Vector:

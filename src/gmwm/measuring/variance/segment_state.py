@@ -17,9 +17,6 @@ from gmwm.measuring.variance.sketch import SKETCH_COLLECTOR, Sketch, Sketches
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-LONGEST = 1 << 61
-"""Largest number of samples of a stored state: a 64-bit integer can hold its sum with the first index."""
-
 
 @dataclass(frozen=True, eq=False)
 class SegmentState:
@@ -191,9 +188,11 @@ LARGEST_SUM = 1e140
 
 def as_count(value: Any, least: int = 0) -> int:
     """Return a stored number of samples; raise ValueError if no recording has that number."""
+    # Largest number of samples of a stored state: a 64-bit integer can hold its sum with the first index.
+    longest = 1 << 61
     count = int(value)
-    if not least <= count <= LONGEST:
-        raise ValueError(f"a number of samples must be from {least} to {LONGEST}")
+    if not least <= count <= longest:
+        raise ValueError(f"a number of samples must be from {least} to {longest}")
     return count
 
 

@@ -44,18 +44,9 @@ CANCELLING = 0.05
 _FARTHEST, _FARTHEST_AVERAGE = 2.5, 2.0
 """Largest coordinates of starting values, which are artanh of partial autocorrelations: tanh 2.5 = 0.987 for φ and Φ,
 and tanh 2 = 0.964 for θ and Θ. The estimates are not limited. Pinned by tests/processes/test_arma.py."""
-_REAL = 1e-12
-"""Imaginary part of a root, relative to its modulus, below which the root is real."""
 _BRIEF, _SMALL = 0.3, 1e-4
 """Modulus of a root below which its exponential is part of a table, and the same limit for the power of the modulus by
 which the amplitude of the exponential is divided."""
-_REST = 1e-14
-"""Autocovariance, relative to the largest value of a table, that is left out at its end."""
-_ROUNDING = 1e-26
-"""Autocovariance, relative to the variance, that is a rounding error of double-double arithmetic."""
-_LARGEST = 1e6
-"""Largest amplitude of an exponential, relative to the variance. Larger amplitudes belong to roots that nearly
-coincide, and their sums lose more than six digits."""
 
 
 class Lagged(Ordered, abstract=True, listed=False):
@@ -369,27 +360,33 @@ def _short_memory(orders: tuple[int, int, int, int, int], parameters: tuple[floa
 def _exponential_sum(orders: tuple[int, int, int, int, int], parameters: tuple[float, ...]) -> ExponentialSum | None:
     """Return exponentials of lasting roots and a table for innovation variance 1; None if roots nearly coincide or the
     table is too long."""
+    # Autocovariance, relative to the largest value of a table, that is left out at its end.
+    negligible = 1e-14
     p, q, seasonal_p, seasonal_q, period = orders
     values, degree = np.array(parameters, dtype=np.float64), q + period * seasonal_q
     season = rational.roots(values[p + q : p + q + seasonal_p])[:, None] ** (1.0 / period)
     turns = np.exp(2j * np.pi * np.arange(period) / period)
     roots = np.concatenate([rational.roots(values[:p]), (season * turns).ravel()])
-    roots = np.where(np.abs(roots.imag) < _REAL * np.abs(roots), roots.real, roots)
+    # Imaginary part of a root, relative to its modulus, below which the root is real.
+    roots = np.where(np.abs(roots.imag) < 1e-12 * np.abs(roots), roots.real, roots)
     # The amplitude of a root is a multiple of λ^(p − q): it would be huge for a root near 0 and a long moving average.
     modulus, ahead = np.abs(roots), max(degree - roots.size, 0) + 1
     brief = (modulus < _BRIEF) | (modulus**ahead < _SMALL)
     upper, longest = roots[~brief & (roots.imag >= 0)], modulus[brief].max(initial=0.0)
-    reach = ahead + roots.size + (math.ceil(math.log(_REST) / math.log(longest)) if longest > 0 else 0)
+    reach = ahead + roots.size + (math.ceil(math.log(negligible) / math.log(longest)) if longest > 0 else 0)
     if reach > 2 * LONGEST:
         return None
     table, rows = np.empty(reach + 1), np.empty((4, upper.size))
     _core.arma_without(orders, values, np.array([upper.real, upper.imag]), rows, table)
     amplitudes, decays = rows[0] + 1j * rows[1], rows[2] + 1j * rows[3]
     variance = abs(float(table[0] + amplitudes.real.sum()))
-    if not np.all(np.isfinite(rows)) or np.abs(amplitudes).max(initial=0.0) > _LARGEST * variance:
+    # Largest amplitude of an exponential, relative to the variance. Larger amplitudes belong to roots that nearly
+    # coincide, and their sums lose more than six digits.
+    if not np.all(np.isfinite(rows)) or np.abs(amplitudes).max(initial=0.0) > 1e6 * variance:
         return None
     # White noise far below a variance that alternates is the largest part at most scales.
-    felt = np.flatnonzero(np.abs(table) > max(_REST * np.abs(table).max(), _ROUNDING * variance))
+    # Autocovariance, relative to the variance, that is a rounding error of double-double arithmetic.
+    felt = np.flatnonzero(np.abs(table) > max(negligible * np.abs(table).max(), 1e-26 * variance))
     remainder = ExponentialSum.of_table(table[: felt[-1] + 1]) if felt.size else ExponentialSum()
     return replace(remainder, amplitudes=amplitudes, decays=decays, bare=np.zeros(upper.size, dtype=np.bool_))
 

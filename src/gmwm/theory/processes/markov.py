@@ -179,10 +179,6 @@ class _Markov(Process, abstract=True):
         return draws
 
 
-FASTEST_DRAWN = 0.999995
-"""Largest φ of the starting values in Algorithm 3 of Balamuta et al. (see `Sampled`)."""
-
-
 def _draw(occasion: Occasion, rng: np.random.Generator, draws: int, before: Vector | None, number: int) -> Matrix:
     """Draw marginal variances s² and coefficients φ (draws, 2) by Algorithm 3 of Balamuta et al. (see `Sampled`).
 
@@ -195,12 +191,14 @@ def _draw(occasion: Occasion, rng: np.random.Generator, draws: int, before: Vect
 
     Except in condition 2, σ² is drawn from U(½, 1) σ̂_T²(1 − φ)². The marginal variance is s² = σ²/(1 − φ²).
     """
+    # Largest φ of the starting values in Algorithm 3 of Balamuta et al. (see `Sampled`).
+    fastest_drawn = 0.999995
     condition = occasion.first + number
     last = np.zeros(draws) if before is None else np.maximum(before, 0.0)
     u, v = rng.random((2, draws))
     root = np.sqrt(1.0 - u)
     low = np.maximum(0.9, last)
-    later = np.where(condition == 2, low + u * (FASTEST_DRAWN - low), (FASTEST_DRAWN - last) * root + last)
+    later = np.where(condition == 2, low + u * (fastest_drawn - low), (fastest_drawn - last) * root + last)
     phi = np.where(condition == 1, (1.0 - root) / 5.0, later)
     half = occasion.total * (1.0 - phi) ** 2 / 2.0
     innovation = np.where(condition == 2, v * occasion.total * (1.0 - phi**2) / 100.0, half * (1.0 + v))

@@ -31,7 +31,6 @@ _TOKEN = re.compile(
 )
 # Enough for 100 terms of 100 characters. It limits the run time for an invalid text. Pinned by
 # test_a_text_of_a_sum_that_is_no_model.
-_LONGEST_TEXT = 10_000
 
 
 def parse_model(text: str) -> Model:
@@ -46,13 +45,14 @@ def parse_model(text: str) -> Model:
     Traceback (most recent call last):
     gmwm.base.errors.ModelError: the model "GM + VN" cannot be read at "VN" (character 6): there is no process...
     """
+    longest_text = 10_000
     if not isinstance(text, str):
         raise ModelError(
             f'the text of a model must be a string, such as "2*GM + WN"; got {text!r}', got=text, argument="text"
         )
-    if len(text) > _LONGEST_TEXT:
+    if len(text) > longest_text:
         raise ModelError(
-            f"the text of a model has at most {_LONGEST_TEXT} characters; got {len(text)}",
+            f"the text of a model has at most {longest_text} characters; got {len(text)}",
             got=len(text),
             argument="text",
         )

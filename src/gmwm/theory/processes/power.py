@@ -27,7 +27,6 @@ from gmwm.theory.processes.validation import as_clusters, as_frequencies, as_lag
 from gmwm.theory.statespace import StateSpace
 
 # Step of complex-step derivatives. Their relative error, the square of the step, is far below the rounding error.
-_STEP = 1e-30
 _LOG2 = math.log(2.0)
 _mixture = lru_cache(maxsize=16)(self_similar.mixture)
 
@@ -61,10 +60,11 @@ class PowerLaw(Process, abstract=True):
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
         """Compute the derivatives ∂ν²/∂θ (n, J, q) by complex steps."""
-        moved = np.asarray(nonlinear, dtype=np.complex128) + 1j * _STEP
+        step = 1e-30
+        moved = np.asarray(nonlinear, dtype=np.complex128) + 1j * step
         if not cls.nonlinear_parameters():
             return np.zeros((len(moved), as_levels(levels).size, 0))
-        return np.asarray(cls._shape(moved, as_levels(levels), filter).imag[:, :, None] / _STEP)
+        return np.asarray(cls._shape(moved, as_levels(levels), filter).imag[:, :, None] / step)
 
     @classmethod
     def _shape(cls, nonlinear: Numbers, levels: NDArray[np.int64], filter: WaveletFilter) -> Numbers:

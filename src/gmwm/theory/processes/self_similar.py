@@ -249,10 +249,6 @@ def _tables(filter: WaveletFilter, reach: int, summed: bool) -> tuple[Vector, Ma
 _STEP = 0.35
 """Distance of the nodes in ln τ. The relative error of V by the trapezoidal rule is below 1e-10
 (tests/covariance/test_lag_sums.py)."""
-_FASTEST = 37.0
-"""Decay beyond which an exponential is below the rounding error at a lag of one sample."""
-_TAIL = 1e-10
-"""Relative contribution to wavelet coefficients, of the order (τN)^(2 − ε), below which an exponential is left out."""
 STEEPEST = 1.2
 """Largest ε of a mixture. Beyond it, a random walk and slow exponentials cancel by more than five digits."""
 
@@ -264,8 +260,10 @@ def mixture(epsilon: float, samples: int) -> ExponentialSum:
     random walk, have geometric sums. Terms in m² and constants do not contribute to wavelet coefficients."""
     from scipy.special import rgamma
 
-    low = math.floor((-math.log(4.0 * samples) + math.log(_TAIL) / (2.0 - epsilon)) / _STEP)
-    high = math.ceil(math.log(_FASTEST) / _STEP)
+    # Relative contribution to wavelet coefficients, of the order (τN)^(2 − ε), below which an exponential is left out.
+    low = math.floor((-math.log(4.0 * samples) + math.log(1e-10) / (2.0 - epsilon)) / _STEP)
+    # Decay beyond which an exponential is below the rounding error at a lag of one sample.
+    high = math.ceil(math.log(37.0) / _STEP)
     split = math.floor(math.log(0.9) / _STEP)
     tau = np.exp(_STEP * np.arange(low, high + 1))
     # 1/(ε Γ(−2 − ε)), as 1/Γ(3 − ε) times the factors that vanish at ε = −1 and ε = 1.

@@ -27,8 +27,6 @@ _SPILL = 8
 """Octave from which the polynomial of the next octave is extrapolated to lags slightly outside it."""
 _SHORT = 64
 """Number of lags that are summed individually."""
-_TOGETHER = 2**14
-"""Number of lags that are interpolated at once, so that they fit into the cache."""
 
 Levels = NDArray[np.int64]
 
@@ -147,9 +145,11 @@ def _rules(counts: Vector) -> tuple[Matrix, Matrix]:
 
 def spread(known: Vector, lags: NDArray[np.int64], reach: int) -> Vector:
     """Interpolate a function at integer lags ≥ 0 from its values at the lags of `spread_places`."""
+    # Number of lags that are interpolated at once, so that they fit into the cache.
+    batch = 2**14
     out, coefficients = np.empty(lags.size), known[reach + 1 :].reshape(-1, NODES) @ _coefficients().T
-    for start in range(0, lags.size, _TOGETHER):
-        part, target = lags[start : start + _TOGETHER], out[start : start + _TOGETHER]
+    for start in range(0, lags.size, batch):
+        part, target = lags[start : start + batch], out[start : start + batch]
         where = np.where(part <= reach, -1, np.frexp((part - 0.5) / reach)[1] - 1)
         target[where < 0] = known[part[where < 0]]
         for p in np.unique(where[where >= 0]).tolist():
