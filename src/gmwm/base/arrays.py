@@ -162,3 +162,13 @@ def freeze(array: NDArray[Any]) -> NDArray[Any]:
     """Make an array read-only, and return it."""
     array.flags.writeable = False
     return array
+
+
+class FrozenArrays:
+    """Base of dataclasses whose arrays, also those in a mapping, become read-only."""
+
+    def __post_init__(self) -> None:
+        for value in vars(self).values():
+            for array in value.values() if isinstance(value, Mapping) else (value,):
+                if isinstance(array, np.ndarray):
+                    freeze(array)

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import FrozenArrays, Matrix, Vector
 from gmwm.choosing.selection.structure import consists_of, containing, freedom, names_of, structure_of, without_values
 from gmwm.fitting.estimation.atoms import grid
 from gmwm.fitting.estimation.problem import Problem, pose, to_find
@@ -31,7 +31,7 @@ Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Explored:
+class Explored(FrozenArrays):
     """Fits of all candidates to one recording. `general` is the fit of the largest model that has at most as many
     parameters as there are levels. Its Ω (`weights`) and the covariance V of ν̂² (`wavelet`) are used for all
     candidates. A candidate with terms that are estimated as zero may share the fit of a smaller candidate."""
@@ -40,9 +40,6 @@ class Explored:
     weights: Weights
     wavelet: Matrix
     fits: tuple[Fit, ...]
-
-    def __post_init__(self) -> None:
-        freeze(self.wavelet)
 
     @cached_property
     def columns(self) -> tuple[Matrix, int]:

@@ -17,7 +17,7 @@ from gmwm.base.errors import GmwmError, ModelError, OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.tables import align
-from gmwm.base.text import Summarised, counted
+from gmwm.base.text import Summarised, counted, p_text
 from gmwm.choosing.selection.structure import structure_of
 from gmwm.fitting.estimation.criterion import Criterion
 from gmwm.fitting.estimation.result import Fit
@@ -232,7 +232,7 @@ class Ranking(Plotted):
             mark = "*" if c.recommended else "=" if c.equivalent else ""
             part = c.wic.optimism if c.out_of_sample is None else c.out_of_sample
             numbers = map(_short, (c.wic.value, c.wic.loss, part, c.difference))
-            p = "-" if c.pvalue is None else f"{c.pvalue:.3f}" if c.pvalue >= 0.001 else "< 0.001"
+            p = "-" if c.pvalue is None else p_text(c.pvalue)
             ends = ", ".join(c.boundary) if len(c.boundary) < 2 else f"{len(c.boundary)} terms"
             rows.append([mark, self.label(c).replace(" ", ""), *numbers, p, ends])
         return head, rows

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import FrozenArrays, Matrix, Vector, freeze
 from gmwm.base.errors import ModelError
 from gmwm.base.text import Named
 from gmwm.fitting.estimation.linearised import columns_of, relative_covariance, relative_jacobian, sizes_of
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Sandwich:
+class Sandwich(FrozenArrays):
     """Covariance of the estimates, without parameters that are fixed, zero or at an end of their domain.
 
     Attributes
@@ -50,10 +50,6 @@ class Sandwich:
     relative: Matrix
     wavelet: Matrix
     without_spread: Sandwich | None = None
-
-    def __post_init__(self) -> None:
-        for array in (self.values, self.relative, self.wavelet):
-            freeze(array)
 
     def __repr__(self) -> str:
         return f"Sandwich({', '.join(self.names)}, {len(self.wavelet)} levels)"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import FrozenArrays, Matrix, Vector
 from gmwm.base.errors import FitWarning, OptionError
 from gmwm.fitting.estimation.problem import pose
 from gmwm.fitting.estimation.simulated_curves import simulated_variances
@@ -29,7 +29,7 @@ LEAST_FOR_TEST = 19
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Bootstrap:
+class Bootstrap(FrozenArrays):
     """Estimates from recordings that were simulated from a fitted model.
 
     Attributes
@@ -54,10 +54,6 @@ class Bootstrap:
     variances: Matrix
     implied: Matrix
     seed: int
-
-    def __post_init__(self) -> None:
-        for array in (self.estimates, self.objectives, self.variances, self.implied):
-            freeze(array)
 
     def __repr__(self) -> str:
         return f"Bootstrap({len(self.objectives)} draws of {', '.join(self.names)}, seed {self.seed})"

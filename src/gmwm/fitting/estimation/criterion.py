@@ -70,10 +70,8 @@ def wic(
         recording. For "asymptotic" it is 2 tr[ΩDH⁻¹DᵀΩV] with H = DᵀΩD − Σ_k [Ω(ν̂ − ν)]_k ∂²ν_k/∂θ∂θᵀ. For
         "bootstrap" it is
         2 Σ_jk Ω_jk Cov(ν̂_j*, ν_k(θ̂*)) over `draws` recordings (*) that are simulated from the fit.
-    draws : int
-        Number of simulated recordings.
-    rng : int or numpy.random.Generator
-        Source of the draws; the same integer gives the same result.
+    draws, rng
+        The same as for `Fit.bootstrap`.
 
     Returns
     -------
@@ -82,12 +80,8 @@ def wic(
 
     Raises
     ------
-    OptionError
-        If an option is unknown or out of range.
-    ModelError
-        If the model has no noise at some level.
-    MissingTheoryError
-        If the covariance of a process is unknown ("asymptotic"), or a process cannot be simulated ("bootstrap").
+    OptionError, ModelError, MissingTheoryError
+        The same as for `Fit.confidence_intervals`, or if a process cannot be simulated ("bootstrap").
 
     References
     ----------

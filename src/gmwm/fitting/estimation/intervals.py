@@ -59,10 +59,8 @@ def confidence_intervals(
         Covariance V that replaces the covariance of the fitted model, for example from `empirical_covariance`; only
         with method="asymptotic". It must belong to the wavelet variance that was fitted. The empirical covariance
         of data with outliers belongs to the classical estimate, not to a robust fit.
-    draws : int
-        Number of simulated recordings, at least 2 / (1 − level) − 1, which is 39 for 95 %.
-    rng : int or numpy.random.Generator
-        Source of the draws; the same integer gives the same result.
+    draws, rng
+        The same as for `Fit.bootstrap`, with at least 2 / (1 − level) − 1 draws, which is 39 for 95 %.
 
     Returns
     -------

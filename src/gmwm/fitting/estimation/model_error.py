@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import FrozenArrays, Matrix, Vector
 from gmwm.base.documents import Documented
 from gmwm.base.errors import GmwmError
 from gmwm.fitting.estimation.goodness import usable_levels
@@ -33,7 +33,7 @@ IMPLAUSIBLE = 0.01
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RelativeMisfit(Documented):
+class RelativeMisfit(FrozenArrays, Documented):
     """Relative difference between a model and its data. `distance` (J,) is d = ν²/ν̂² − 1 at each level, `error` (J,)
     the relative standard error s of the data, and `judged` (J,) marks the levels with more than 30 degrees of freedom.
     `largest` and `rms` summarise √max(d² − s², 0) over these levels; `tau` (s) is the scale of the largest."""
@@ -44,10 +44,6 @@ class RelativeMisfit(Documented):
     largest: float
     rms: float
     tau: float
-
-    def __post_init__(self) -> None:
-        for array in (self.distance, self.error, self.judged):
-            freeze(array)
 
 
 MANY = 30.0

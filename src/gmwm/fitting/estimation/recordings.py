@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import FrozenArrays, Matrix, Vector
 from gmwm.base.random_effects import Effects, confidence_of_mean, effects
 from gmwm.fitting.estimation.linearised import columns_of, parameter_gain, relative_jacobian, square_of_rest, usable_in
 from gmwm.fitting.estimation.weighting import precision, square_root
@@ -38,7 +38,7 @@ LEVEL = 0.95
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Deviations:
+class Deviations(FrozenArrays):
     """Deviations of R recordings from a pooled fit, and the test that all have the same p parameters `names`. `values`
     (R, p) are δ_r, relative to the estimate, and `covariances` (R, p, p) their covariances without a spread; NaN and
     infinite if a recording does not determine a parameter. They account for `model_error`, the relative difference at
@@ -52,10 +52,6 @@ class Deviations:
     model_error: float
     statistic: float
     df: int
-
-    def __post_init__(self) -> None:
-        freeze(self.values)
-        freeze(self.covariances)
 
     @property
     def pvalue(self) -> float:

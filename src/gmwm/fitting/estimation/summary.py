@@ -186,22 +186,14 @@ def summary(
         Confidence level of the intervals, between 0 and 1.
     method : "asymptotic" or "bootstrap"
         Source of the intervals and the test: theory, or `draws` simulated recordings.
-    draws : int
-        Number of simulated recordings.
-    rng : int or numpy.random.Generator
-        Source of the draws; the same integer gives the same result.
+    draws, rng
+        The same as for `Fit.bootstrap`.
 
     Returns
     -------
     str
-        Text with the model, the number of samples, the rate, the levels and the weighting; the objective with its
-        bounds; the goodness-of-fit test; a table of the parameters with estimate, interval, relative standard error
-        and unit; and the remarks.
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown or out of range.
+        Text with the model, the data, the objective with its bounds, the goodness-of-fit test, a table of the
+        parameters, and the remarks. Raises OptionError if an option is unknown or out of range.
     """
     how = IntervalMethod(level, method, draws, as_seed(rng))
     intervals, missing = intervals_if_known(fit, how)

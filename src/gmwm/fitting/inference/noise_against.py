@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import FrozenArrays, Matrix, Vector
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, FitWarning, OptionError
 from gmwm.base.text import Summarised
@@ -49,7 +49,7 @@ class Slope:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class NoiseAgainst(Documented, Summarised):
+class NoiseAgainst(FrozenArrays, Documented, Summarised):
     """Dependence of the noise of an axis on a condition.
 
     Attributes
@@ -85,10 +85,6 @@ class NoiseAgainst(Documented, Summarised):
     pvalue: float
     terms: dict[str, Slope]
     pvalue_terms: float | None
-
-    def __post_init__(self) -> None:
-        freeze(self.levels)
-        freeze(self.tau)
 
     def summary(self) -> str:
         """Format a table of the slopes of levels and terms in per cent per unit, with standard errors and p-values."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Vector, freeze
+from gmwm.base.arrays import FrozenArrays, Vector
 from gmwm.base.errors import OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised
@@ -48,7 +48,7 @@ class Check:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Residuals(Summarised, Plotted):
+class Residuals(FrozenArrays, Summarised, Plotted):
     """Standardised innovations z_t = v_t/√S_t of a recording, with tests of whiteness and normality.
 
     v_t is the error of the one-step prediction of a Kalman filter, and S_t is its variance.
@@ -79,12 +79,6 @@ class Residuals(Summarised, Plotted):
     axis: str = ""
     estimated: int = 0
     spent: Vector | None = None
-
-    def __post_init__(self) -> None:
-        freeze(self.values)
-        freeze(self.times)
-        if self.spent is not None:
-            freeze(self.spent)
 
     @cached_property
     def observed(self) -> Vector:

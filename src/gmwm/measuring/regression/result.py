@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Matrix, Vector, as_vector, freeze
+from gmwm.base.arrays import FrozenArrays, Matrix, Vector, as_vector
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised, duration_text
@@ -35,17 +35,13 @@ class Effect(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Points:
+class Points(FrozenArrays):
     """Means of an axis over parts (m,), before and after the effect is subtracted, against the first covariate (time in
     hours)."""
 
     at: Vector
     before: Vector
     after: Vector
-
-    def __post_init__(self) -> None:
-        for name in ("at", "before", "after"):
-            freeze(getattr(self, name))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +71,7 @@ class Coefficient:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Regression(Summarised, Plotted, Mapping[str, Coefficient]):
+class Regression(FrozenArrays, Summarised, Plotted, Mapping[str, Coefficient]):
     """Regression of one axis on conditions: a mapping from the names of the columns to their coefficients.
 
     Attributes
@@ -129,10 +125,6 @@ class Regression(Summarised, Plotted, Mapping[str, Coefficient]):
     points: Points
     applied: bool = True
     coarse: tuple[float, float, float] | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("covariance", "kept", "share"):
-            freeze(getattr(self, name))
 
     def __getitem__(self, name: str) -> Coefficient:
         from scipy.special import stdtr

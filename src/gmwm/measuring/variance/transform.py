@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector, as_vector, freeze
+from gmwm.base.arrays import FrozenArrays, Vector, as_vector
 from gmwm.base.errors import OptionError
 from gmwm.recording.options import one_of
 from gmwm.recording.signals import Signal
@@ -21,7 +21,7 @@ Boundary = Literal["periodic", "reflection"]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class _Transform:
+class _Transform(FrozenArrays):
     """Coefficients of a wavelet transform."""
 
     filter: WaveletFilter
@@ -29,10 +29,6 @@ class _Transform:
     smooth: Vector
     samples: int
     boundary: Boundary
-
-    def __post_init__(self) -> None:
-        for values in (*self.details.values(), self.smooth):
-            freeze(values)
 
     @property
     def levels(self) -> int:
