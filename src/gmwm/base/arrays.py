@@ -107,21 +107,21 @@ def _require_samples(values: object, name: str) -> None:
             )  # fmt: skip
 
 
-def as_rate(rate: float | None, name: str = "rate") -> float:
+def as_rate(rate: float | None) -> float:
     """Check a sampling rate: a positive, finite number (Hz)."""
     if rate is None:
         raise OptionError(
-            "the sampling rate is missing", argument=name, advice=f"Pass the samples per second with {{--{name}}}."
+            "the sampling rate is missing", argument="rate", advice="Pass the samples per second with {--rate}."
         )
     if isinstance(rate, bool | np.bool_ | str | bytes):
-        raise OptionError(argument=name, expected="a positive number (Hz)", got=rate)
+        raise OptionError(argument="rate", expected="a positive number (Hz)", got=rate)
     try:
         value = float(rate)
     except (TypeError, ValueError, OverflowError) as error:
-        raise OptionError(argument=name, expected="a positive number (Hz)", got=rate) from error
+        raise OptionError(argument="rate", expected="a positive number (Hz)", got=rate) from error
     if not (np.isfinite(value) and value > 0):
         raise OptionError(
-            argument=name, expected="a positive, finite number (Hz)", got=rate,
+            argument="rate", expected="a positive, finite number (Hz)", got=rate,
             advice="Pass the sampling rate, not the sampling interval.",
         )  # fmt: skip
     return value

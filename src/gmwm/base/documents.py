@@ -28,9 +28,9 @@ _READERS: dict[type, Callable[[str], Any]] = {}
 """Functions that read the classes that a document contains as a text."""
 
 
-def write_as_text(kind: type[T], read: Callable[[str], T], write: Callable[[T], str] = str) -> None:
+def write_as_text(kind: type[T], read: Callable[[str], T]) -> None:
     """Let documents contain the objects of a class as a text."""
-    TEXTS[kind], _READERS[kind] = write, read
+    TEXTS[kind], _READERS[kind] = str, read
 
 
 class DocKey(NamedTuple):

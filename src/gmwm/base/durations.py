@@ -32,7 +32,7 @@ def parse_length(text: str, argument: str = "duration") -> float:
     return float(sum(float(number) * _SECONDS[unit.lower()] for number, unit in terms))
 
 
-def parse_share(text: str, argument: str = "accuracy") -> float:
+def parse_share(text: str) -> float:
     """Parse a share, as a number or a percentage.
 
     >>> parse_share("0.1"), parse_share("10%"), parse_share("2.5 %")
@@ -40,5 +40,5 @@ def parse_share(text: str, argument: str = "accuracy") -> float:
     """
     match = _PLAIN.fullmatch(text)
     if match is None:
-        raise OptionError(argument=argument, expected="a share such as 0.1 or 10%", got=text)
+        raise OptionError(argument="accuracy", expected="a share such as 0.1 or 10%", got=text)
     return float(match[1]) / (100.0 if match[2] else 1.0)
