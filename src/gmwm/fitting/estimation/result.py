@@ -321,17 +321,8 @@ def _of_terms(
         else:
             parameter = like.scale_parameter()
             yield Remark.of(
-<<<<<<< HEAD
-                "correlation-time-unknown",
-                wv.axis,
-                case="fit",
-                term=term,
-                process=name,
-                known="yes",
+                "correlation-time-unknown", wv.axis, case="fit", term=term, process=name, known="yes",
                 parameter=f"{like.name}.{parameter.name}",
-=======
-                "acts-as", wv.axis, term=term, process=name, known="yes", parameter=f"{like.name}.{parameter.name}",
->>>>>>> 3663f33b (Pack argument lists that took one line per argument)
                 amount=Quantity(like.value(parameter.name), parameter.unit(wv.unit)),
             )  # fmt: skip
     for term in zero:
