@@ -37,12 +37,9 @@ Recording = Calibration | Mapping[str, Datasheet]
 
 
 def agree(
-    calibrations: Sequence[Recording],
-    *,
-    size: float = 0.05,
-    labels: Sequence[str] | None = None,
+    calibrations: Sequence[Recording], *, size: float = 0.05, labels: Sequence[str] | None = None,
     reference: Mapping[str, tuple[float, str]] | None = None,
-) -> Agreement:
+) -> Agreement:  # fmt: skip
     """Test which numbers of several calibrations of one unit differ by more than chance.
 
     Let x_r be the logarithm of a number in recording r of n (for the rate ramp R, the number itself), and s_r its
@@ -109,14 +106,9 @@ def agree(
     models = {axis: tuple(sheet[axis].model if axis in sheet else None for sheet in sheets) for axis in axes}
     rejections, failures = (_where(calibrations, names, of) for of in (rejected_axes, lambda found: found.failed))
     return Agreement(
-        labels=names,
-        rows=tuple(rows),
-        models=models,
-        rejected=rejections,
-        size=float(size),
-        unmatched=unmatched,
+        labels=names, rows=tuple(rows), models=models, rejected=rejections, size=float(size), unmatched=unmatched,
         failed=failures,
-    )
+    )  # fmt: skip
 
 
 def _sheets(calibrations: Sequence[Recording]) -> list[Mapping[str, Datasheet]]:
@@ -188,15 +180,10 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
         pvalue = None if reason else _pvalue(usable, symbol == _SIGNED)
         rows.append(
             SharedNumber(
-                axis=axis,
-                symbol=symbol,
-                title=first.title,
-                unit=first.unit,
-                entries=entries,
-                pvalue=pvalue,
+                axis=axis, symbol=symbol, title=first.title, unit=first.unit, entries=entries, pvalue=pvalue,
                 reason=reason,
             )
-        )
+        )  # fmt: skip
     return rows
 
 

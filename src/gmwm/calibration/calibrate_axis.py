@@ -35,12 +35,9 @@ STAGES = ("measured", "model chosen", "fitted", "judged")
 
 
 def calibrate_axis(
-    measured: MeasuredAxis,
-    options: CalibrationOptions,
-    *,
-    advance: Callable[[str], None] = lambda _: None,
+    measured: MeasuredAxis, options: CalibrationOptions, *, advance: Callable[[str], None] = lambda _: None,
     check: Callable[[], None] = lambda: None,
-) -> AxisCalibration:
+) -> AxisCalibration:  # fmt: skip
     """Choose the model of an axis, fit it, and judge the fit.
 
     Parameters
@@ -72,23 +69,15 @@ def calibrate_axis(
     means, beginnings = list(measured.means.values()), list(measured.beginnings.values())
     additions = {item.name: item.of_axis(fit, beginnings) for item in axis_additions() if beginnings}
     axis = AxisCalibration(
-        fit=fit,
-        intervals=averaged_intervals(fit, fit.confidence_intervals(level), sheet),
-        test=_test(replace(fit, wavelet_variance=choice.wavelet_variance)),
-        datasheet=with_limits(sheet, fit),
-        ranking=ranking,
-        verdict=measured.verdict(robust=curve.robust),
-        needed=needed_lengths(_as_one_recording(fit), options.weighting),
-        spectrum=measured.spectrum,
-        misfit=relative_misfit(fit),
-        model_error=choice.error,
-        tried=choice.tried,
-        search=choice.steps,
-        regression=measured.regression,
-        left_in=None if raw is None else _left_in(fit, raw, options),
+        fit=fit, intervals=averaged_intervals(fit, fit.confidence_intervals(level), sheet),
+        test=_test(replace(fit, wavelet_variance=choice.wavelet_variance)), datasheet=with_limits(sheet, fit),
+        ranking=ranking, verdict=measured.verdict(robust=curve.robust),
+        needed=needed_lengths(_as_one_recording(fit), options.weighting), spectrum=measured.spectrum,
+        misfit=relative_misfit(fit), model_error=choice.error, tried=choice.tried, search=choice.steps,
+        regression=measured.regression, left_in=None if raw is None else _left_in(fit, raw, options),
         rest=bias_at_rest(fit, ranking, means, level=level) if means else None,
         additions={name: value for name, value in additions.items() if value is not None},
-    )
+    )  # fmt: skip
     # The cached values behind these are computed here, where axes are processed in parallel.
     _ = fit.replicates, ranking.remarks
     advance(STAGES[3])

@@ -200,14 +200,9 @@ def read_recording(
 
 
 def curves_and_inspection(
-    stream: Stream,
-    axes: Sequence[str],
-    *,
-    robust: bool,
-    efficiency: float,
-    conditions: Conditions = NOTHING,
+    stream: Stream, axes: Sequence[str], *, robust: bool, efficiency: float, conditions: Conditions = NOTHING,
     run: Execution = IN_THIS_PROCESS,
-) -> tuple[dict[str, WaveletVariance], Inspection]:
+) -> tuple[dict[str, WaveletVariance], Inspection]:  # fmt: skip
     """Compute the wavelet variance of some axes of a stream and inspect all axes, in the same passes."""
     if run.remote:
         curves, (inspection, _) = _measure_remotely(
@@ -247,13 +242,9 @@ def _first_pass(
 
 
 def _second_pass(
-    batches: Batches,
-    curves: Mapping[str, AxisCurves],
-    threads: int | None = None,
-    also: Callable[[Batch], None] | None = None,
-    *,
-    conditions: Conditions = NOTHING,
-) -> None:
+    batches: Batches, curves: Mapping[str, AxisCurves], threads: int | None = None,
+    also: Callable[[Batch], None] | None = None, *, conditions: Conditions = NOTHING,
+) -> None:  # fmt: skip
     """Run the second pass for the wavelet variances that need one, and call `also`, if given, with each batch."""
     again: dict[str, Measurement] = {axis: item for axis, item in curves.items() if item.begin_again()}
     if again or also:

@@ -115,11 +115,9 @@ def _measure(
 
 
 def _variance(
-    signal: Signal,
-    kind: Kind,
-    clusters: Literal["octave", "decade", "all"],
+    signal: Signal, kind: Kind, clusters: Literal["octave", "decade", "all"],
     progress: Callable[[int, int], object] | None = None,
-) -> ClusterVariance:
+) -> ClusterVariance:  # fmt: skip
     from gmwm.measuring.variance.allan import allan_variance
     from gmwm.measuring.variance.hadamard import hadamard_variance
     from gmwm.measuring.variance.total import total_variance

@@ -18,12 +18,9 @@ from gmwm.base.template import Dialect
 from gmwm.cli.output import one_line
 
 _EXPECTED = {
-    "float_parsing": "a number, without a unit",
-    "int_parsing": "a whole number",
-    "int_from_float": "a whole number",
-    "float": "a number, without a unit",
-    "integer": "a whole number",
-}
+    "float_parsing": "a number, without a unit", "int_parsing": "a whole number", "int_from_float": "a whole number",
+    "float": "a number, without a unit", "integer": "a whole number",
+}  # fmt: skip
 """Description of the expected value of an option. The key is the error type of Pydantic in new versions of Typer, and
 the name of the Click type in old versions."""
 
@@ -47,14 +44,9 @@ class OneLineErrors(TyperGroup):
     """
 
     def main(
-        self,
-        args: Sequence[str] | None = None,
-        prog_name: str | None = None,
-        complete_var: str | None = None,
-        standalone_mode: bool = True,
-        windows_expand_args: bool = False,
-        **extra: Any,
-    ) -> NoReturn:
+        self, args: Sequence[str] | None = None, prog_name: str | None = None, complete_var: str | None = None,
+        standalone_mode: bool = True, windows_expand_args: bool = False, **extra: Any,
+    ) -> NoReturn:  # fmt: skip
         """Run the command that the arguments name, and exit with its code. Errors that are bugs in gmwm propagate.
 
         Windows shells leave patterns as they are, and so does this, because gmwm takes `hour_*.csv` for one recording.

@@ -38,11 +38,9 @@ class LikelihoodResult:
 
 
 def likelihood_fits(
-    fits: Mapping[str, Fit],
-    signals: Mapping[str, Signal],
-    given: Model | None = None,
+    fits: Mapping[str, Fit], signals: Mapping[str, Signal], given: Model | None = None,
     asked: Mapping[str, Asked | None] | None = None,
-) -> dict[str, LikelihoodFit]:
+) -> dict[str, LikelihoodFit]:  # fmt: skip
     """Fit each axis by maximum likelihood, in parallel.
 
     A fit starts from the wavelet fit of its axis, or from the model `given` if all of its parameters have values.
@@ -110,12 +108,9 @@ def likelihoods_text(found: Mapping[str, LikelihoodResult]) -> str:
     if len(found) == 1:
         judged_fit = next(iter(found.values()))
         return in_words(
-            judged_fit.fit,
-            judged_fit.level,
-            intervals=judged_fit.intervals,
-            residuals=judged_fit.residuals,
+            judged_fit.fit, judged_fit.level, intervals=judged_fit.intervals, residuals=judged_fit.residuals,
             missing=judged_fit.missing,
-        )
+        )  # fmt: skip
     first = next(iter(found.values()))
     sensors = by_sensor(found)
     parts = [

@@ -16,13 +16,9 @@ from gmwm.cli.commands import Program, help_text
 from gmwm.cli.errors import Terminated
 
 app = typer.Typer(
-    name="gmwm",
-    cls=Program,
-    rich_markup_mode="rich",
-    pretty_exceptions_enable=False,
-    add_completion=False,
+    name="gmwm", cls=Program, rich_markup_mode="rich", pretty_exceptions_enable=False, add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
-)
+)  # fmt: skip
 
 
 def _print_version(wanted: bool) -> None:

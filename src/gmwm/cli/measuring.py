@@ -79,15 +79,9 @@ def needs_memory(filter: str, transform: str) -> str:
 
 
 def stream_curves(
-    stream: Stream,
-    axes: Sequence[str],
-    *,
-    robust: bool,
-    efficiency: float,
-    scheduler: str | None = None,
-    workers: int | None = None,
-    against: str = NONE,
-) -> dict[str, WaveletVariance]:
+    stream: Stream, axes: Sequence[str], *, robust: bool, efficiency: float, scheduler: str | None = None,
+    workers: int | None = None, against: str = NONE,
+) -> dict[str, WaveletVariance]:  # fmt: skip
     """Compute the wavelet variances of a recording that is read in chunks.
 
     The remarks of its inspection become warnings of the command.
@@ -156,15 +150,9 @@ def axes_together(recordings: Mapping[str, Imu | Stream], wanted: Sequence[str] 
 
 
 def measure_together(
-    recordings: Mapping[str, Imu | Stream],
-    wanted: Sequence[str] | None,
-    *,
-    robust: bool,
-    efficiency: float,
-    against: str = NONE,
-    filter: str = "haar",
-    transform: Literal["modwt", "dwt"] = "modwt",
-) -> Mapping[str, Signal | WaveletVariance]:
+    recordings: Mapping[str, Imu | Stream], wanted: Sequence[str] | None, *, robust: bool, efficiency: float,
+    against: str = NONE, filter: str = "haar", transform: Literal["modwt", "dwt"] = "modwt",
+) -> Mapping[str, Signal | WaveletVariance]:  # fmt: skip
     """Return the data to fit for each axis.
 
     For one recording, these are signals or wavelet variances. For several recordings, they are pooled wavelet

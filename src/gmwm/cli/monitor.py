@@ -106,15 +106,9 @@ def monitor(
     (file,) = files
     with _open(file, reading, follow, patience) as (stream, ended):
         trace = _trace(
-            origin,
-            stream,
-            reference=reference,
-            reading=reading,
-            every=seconds,
-            axes=axis,
-            pictures=plot is not None or output is not None,
-            source="standard input" if file == "-" else file,
-        )
+            origin, stream, reference=reference, reading=reading, every=seconds, axes=axis,
+            pictures=plot is not None or output is not None, source="standard input" if file == "-" else file,
+        )  # fmt: skip
         _print_events(_watch(stream, trace), json)
     remarks = ended()
     new = plot_file(plot, lambda path: trace.plot(path=path))

@@ -279,13 +279,9 @@ def collect_warnings(*, every: bool = False) -> Iterator[Warned]:
     warned = Warned(every=every)
 
     def show(
-        message: Warning | str,
-        category: type[Warning],
-        filename: str,
-        lineno: int,
-        file: TextIO | None = None,
+        message: Warning | str, category: type[Warning], filename: str, lineno: int, file: TextIO | None = None,
         line: str | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         if not isinstance(message, GmwmWarning):
             print(f"{category.__name__}: {message} ({filename}:{lineno})", file=sys.stderr)
         elif not isinstance(message, FitWarning):

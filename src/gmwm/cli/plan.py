@@ -139,14 +139,9 @@ def _pilot_rate(found: Mapping[str, Any], rate: float | None, file: Path) -> flo
 
 
 def _plan(
-    model: str,
-    seconds: float,
-    rate: float | None,
-    accuracy: float,
-    weighting: Literal["diagonal", "optimal"] | None,
-    unit: str,
-    curve: Mapping[str, Any] | None,
-) -> tuple[Plan, dict[str, float]]:
+    model: str, seconds: float, rate: float | None, accuracy: float, weighting: Literal["diagonal", "optimal"] | None,
+    unit: str, curve: Mapping[str, Any] | None,
+) -> tuple[Plan, dict[str, float]]:  # fmt: skip
     from gmwm import WaveletVariance
     from gmwm import plan as planned
     from gmwm.base.arrays import as_rate

@@ -50,26 +50,14 @@ last unit."""
 
 
 def fleet(
-    recordings: Recordings,
-    output: str | os.PathLike[str],
-    *,
-    within: ModelLike = SEARCHED,
-    robust: Literal["auto"] | bool = "auto",
-    weighting: Literal["diagonal", "optimal"] = "optimal",
-    criterion: Literal["asymptotic", "bootstrap"] = "asymptotic",
-    confidence: float = 0.95,
-    efficiency: float = 0.6,
-    draws: int = 1000,
-    rng: int | np.random.Generator = 0,
-    against: str = AUTO,
-    axes: str | Sequence[str] | None = None,
-    reading: Mapping[str, Any] | ReadOptions | None = None,
-    pattern: str | None = None,
-    scheduler: str | Client | None = None,
-    workers: int | None = None,
-    retries: int = 2,
+    recordings: Recordings, output: str | os.PathLike[str], *, within: ModelLike = SEARCHED,
+    robust: Literal["auto"] | bool = "auto", weighting: Literal["diagonal", "optimal"] = "optimal",
+    criterion: Literal["asymptotic", "bootstrap"] = "asymptotic", confidence: float = 0.95, efficiency: float = 0.6,
+    draws: int = 1000, rng: int | np.random.Generator = 0, against: str = AUTO, axes: str | Sequence[str] | None = None,
+    reading: Mapping[str, Any] | ReadOptions | None = None, pattern: str | None = None,
+    scheduler: str | Client | None = None, workers: int | None = None, retries: int = 2,
     progress: Progress | None = None,
-) -> Fleet:
+) -> Fleet:  # fmt: skip
     """Calibrate the recordings of many units, and collect the estimated noise parameters in one table.
 
     The calibration of each unit is written as soon as it is finished. A second run with the same output folder
@@ -150,18 +138,10 @@ def fleet(
 
 
 def calibrate_fleet(
-    recordings: Recordings,
-    output: str | os.PathLike[str],
-    options: CalibrationOptions,
-    reading: ReadOptions,
-    *,
-    pattern: str | None = None,
-    scheduler: str | Client | None = None,
-    workers: int | None = None,
-    retries: int = 2,
-    progress: Progress | None = None,
-    helpers: Helpers | None = None,
-) -> Fleet:
+    recordings: Recordings, output: str | os.PathLike[str], options: CalibrationOptions, reading: ReadOptions, *,
+    pattern: str | None = None, scheduler: str | Client | None = None, workers: int | None = None, retries: int = 2,
+    progress: Progress | None = None, helpers: Helpers | None = None,
+) -> Fleet:  # fmt: skip
     """Calibrate a fleet; see `fleet`. The options are already checked. Helpers that are idle calibrate units."""
     _check_axes(options.wanted)
     if reading.format is not None:
@@ -250,13 +230,9 @@ class _FleetRun:
 
 @contextmanager
 def _outcomes(
-    jobs: Sequence[UnitJob],
-    scheduler: str | Client | None,
-    workers: int | None,
-    retries: int,
-    *,
+    jobs: Sequence[UnitJob], scheduler: str | Client | None, workers: int | None, retries: int, *,
     helpers: Helpers | None,
-) -> Iterator[Iterable[UnitOutcome]]:
+) -> Iterator[Iterable[UnitOutcome]]:  # fmt: skip
     """Provide an iterator over the outcomes of the jobs, which run in this process, in others, or on a cluster."""
     count = min(processors() if workers is None else workers, len(jobs))
     here = count == 0 or (count == 1 and workers is None)

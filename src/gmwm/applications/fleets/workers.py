@@ -57,12 +57,9 @@ def on_cluster(jobs: Iterable[UnitJob], client: Any, retries: int) -> Generator[
 
 
 def _through(
-    client: Any,
-    jobs: Iterable[UnitJob],
-    retries: int,
-    on_lost: Callable[[UnitJob, Exception], UnitOutcome | None],
+    client: Any, jobs: Iterable[UnitJob], retries: int, on_lost: Callable[[UnitJob, Exception], UnitOutcome | None],
     window: Callable[[], int],
-) -> Iterator[UnitOutcome]:
+) -> Iterator[UnitOutcome]:  # fmt: skip
     """Run jobs on the cluster, with a limited number at a time, and yield their outcomes."""
     import distributed
 

@@ -25,10 +25,8 @@ Family = Literal["noise up", "noise down", "level", "spike", "constant"]
 Integers = NDArray[np.int64]
 
 NOISE: tuple[tuple[Family, int, float], ...] = (
-    ("noise up", 1, 2.0),
-    ("noise up", 1, 1.25),
-    ("noise down", -1, 1.0 / 1.5),
-)
+    ("noise up", 1, 2.0), ("noise up", 1, 1.25), ("noise down", -1, 1.0 / 1.5),
+)  # fmt: skip
 """Family, direction and variance ratio R of the noise charts of each level. A chart has the shortest delay for a change
 of the variance by its R. The first chart detects large changes and slow noise early. The second one also detects an
 increase of the standard deviation by 10 % (docs/validation/monitor.md)."""

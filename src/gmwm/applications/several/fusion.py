@@ -30,13 +30,9 @@ SPARE = 2.0
 
 
 def fuse(
-    x: Sequence[Imu] | Mapping[str, Imu | Signal | ArrayLike] | Imu,
-    rate: float | None = None,
-    *,
-    horizon: float | None = None,
-    model: ModelLike | None = None,
-    nonnegative: bool = False,
-) -> VirtualSensor:
+    x: Sequence[Imu] | Mapping[str, Imu | Signal | ArrayLike] | Imu, rate: float | None = None, *,
+    horizon: float | None = None, model: ModelLike | None = None, nonnegative: bool = False,
+) -> VirtualSensor:  # fmt: skip
     """Fuse an array of sensors of the same type into one virtual sensor with less noise.
 
     The signals of each axis are averaged with weights whose sum is 1, so that the motion is not changed. By default, a

@@ -29,14 +29,9 @@ from gmwm.theory.processes.parameter import Parameter
 
 
 def same(
-    *recordings: Imu | Signal | ArrayLike,
-    rate: float | None = None,
-    labels: Sequence[str] | None = None,
-    model: ModelLike | None = None,
-    tolerance: float = 0.0,
-    size: float = 0.05,
-    confidence: float = 0.95,
-) -> SameNoise:
+    *recordings: Imu | Signal | ArrayLike, rate: float | None = None, labels: Sequence[str] | None = None,
+    model: ModelLike | None = None, tolerance: float = 0.0, size: float = 0.05, confidence: float = 0.95,
+) -> SameNoise:  # fmt: skip
     """Test whether recordings have the same noise at each scale, or the same parameters of a model.
 
     The wavelet variances ν² of two recordings are compared at each level j. With more than two recordings, each one is

@@ -262,19 +262,15 @@ class TwoNumbers(Exporter):
         warned, measured = cautions(calibration), not is_given(calibration)
         at_rest = " Measured at rest; in the field, filters usually need more." if options.inflation == 1 else ""
         return [
-            recording(calibration),
-            *self.meaning,
+            recording(calibration), *self.meaning,
             *paragraphs([*(remark for remark in warned if remark.severity <= Severity.BIASED), *rates]),
             *(rule_of(sensor, options.axes) for sensor in noise.sensors),
-            *paragraphs(remark for remark in warned if remark.severity > Severity.BIASED),
-            *limits(found),
+            *paragraphs(remark for remark in warned if remark.severity > Severity.BIASED), *limits(found),
             *not_measured(unknown(calibration, self.biases_of)),
             f"Inflation factor: {options.inflation:g}.{at_rest if measured else ''} Horizon: {options.horizon:g} s.",
-            *left_out(noise.sensors),
-            *self.predictions(noise),
-            *stated(calibration, self.biases_of),
+            *left_out(noise.sensors), *self.predictions(noise), *stated(calibration, self.biases_of),
             *self.advice(noise),
-        ]
+        ]  # fmt: skip
 
     def predictions(self, noise: Noise) -> list[str]:
         """Return sentences on how well a filter with the numbers predicts."""

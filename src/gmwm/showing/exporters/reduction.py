@@ -21,10 +21,8 @@ if TYPE_CHECKING:
 
 Rule = Literal["worst", "mean", "each"]
 RULES: Mapping[Rule, str] = {
-    "worst": "the largest of",
-    "mean": "the root mean square of",
-    "each": "one for each of",
-}
+    "worst": "the largest of", "mean": "the root mean square of", "each": "one for each of",
+}  # fmt: skip
 """Rules that combine the axes of a sensor into the parameters of a file, with their descriptions."""
 
 NAMES: Mapping[Quantity, str] = {"gyro": "gyroscopes", "accel": "accelerometers"}

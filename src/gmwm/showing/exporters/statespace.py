@@ -290,20 +290,8 @@ def _matrices(model: Model, fit: Fit, rate: float | None) -> dict[str, Any]:
     if rate is not None and rate != own:
         space, states = smooth.discrete(rate), list(smooth.terms)
     return {
-        "model": plain(str(model)),
-        "unit": plain(fit.wavelet_variance.unit),
-        "rate": own if rate is None else rate,
-        "states": states,
-        "F": rows(space.F),
-        "Q": rows(space.Q),
-        "H": rows(space.H),
-        "R": rows(space.R),
-        "m0": space.m0.tolist(),
-        "P0": rows(space.P0),
-        "diffuse": space.diffuse.tolist(),
-        "A": rows(smooth.A),
-        "Qc": rows(smooth.Qc),
-        "H_c": rows(smooth.H),
-        "Rc": rows(smooth.Rc),
-        "left_out": list(smooth.left_out),
-    }
+        "model": plain(str(model)), "unit": plain(fit.wavelet_variance.unit), "rate": own if rate is None else rate,
+        "states": states, "F": rows(space.F), "Q": rows(space.Q), "H": rows(space.H), "R": rows(space.R),
+        "m0": space.m0.tolist(), "P0": rows(space.P0), "diffuse": space.diffuse.tolist(), "A": rows(smooth.A),
+        "Qc": rows(smooth.Qc), "H_c": rows(smooth.H), "Rc": rows(smooth.Rc), "left_out": list(smooth.left_out),
+    }  # fmt: skip

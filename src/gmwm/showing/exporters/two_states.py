@@ -127,15 +127,9 @@ def _two_states(fit: Fit, horizon: float, duration: float | None) -> TwoStates |
     times = curve.clusters / curve.rate
     white, walk = noise["N"].value, noise["K"].value
     return TwoStates(
-        N=two.white,
-        sigma=two.sigma,
-        time=two.time,
-        low=horizon,
-        high=high,
-        error=two.error,
-        error_of_one=one.error,
+        N=two.white, sigma=two.sigma, time=two.time, low=horizon, high=high, error=two.error, error_of_one=one.error,
         error_of_walk=curve.error(white**2 / times + walk**2 * times / 3),
-    )
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -229,13 +223,11 @@ def fit_states(
     order = np.argsort(x[len(start) :])
     return [
         States(
-            white=float(roots[0]),
-            sigma=tuple(roots[1:][order].tolist()),
-            time=tuple(np.exp(x[len(start) :][order]).tolist()),
-            error=curve.error(allan),
+            white=float(roots[0]), sigma=tuple(roots[1:][order].tolist()),
+            time=tuple(np.exp(x[len(start) :][order]).tolist()), error=curve.error(allan),
         )
         for roots, allan, curve in zip(np.sqrt(strengths(x)), reduced(x), curves, strict=True)
-    ]
+    ]  # fmt: skip
 
 
 def _start(curves: Sequence[Curve], count: int, low: float, high: float) -> tuple[Vector, list[Vector]]:

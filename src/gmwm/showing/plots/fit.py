@@ -133,16 +133,10 @@ def _with_hidden_terms(panel: Panel, terms: tuple[Line, ...]) -> Panel:
 
 @drawing
 def plot_fit(
-    fit: Fitted,
-    *,
-    view: ViewName = "wavelet",
-    units: UnitSystem = "si",
-    decomposition: bool | None = None,
-    label: str | None = None,
-    color: str | None = None,
-    ax: Axes | None = None,
+    fit: Fitted, *, view: ViewName = "wavelet", units: UnitSystem = "si", decomposition: bool | None = None,
+    label: str | None = None, color: str | None = None, ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw the data with their confidence band, the curve that the model implies, and the curve of each term.
 
     Parameters

@@ -26,12 +26,9 @@ SINGLE = 120.0
 
 
 def imu_figure(
-    items: Mapping[str, Item | Mapping[str, Item]],
-    *,
-    split: bool = True,
-    view: ViewName = "wavelet",
+    items: Mapping[str, Item | Mapping[str, Item]], *, split: bool = True, view: ViewName = "wavelet",
     units: UnitSystem = "si",
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Return the figure that `plot_imu` draws."""
     if not isinstance(items, Mapping) or not items:
         checked_items(items)
@@ -44,23 +41,17 @@ def imu_figure(
     single = {name: item for name, item in axes.items() if not isinstance(item, dict)}
     if len(single) < len(axes):
         raise OptionError(
-            "a panel for each sensor can show one curve of each axis only, but an axis has several",
-            argument="split",
-            got=split,
-            advice="Use {--split=yes}, or pass one curve for each axis.",
-        )
+            "a panel for each sensor can show one curve of each axis only, but an axis has several", argument="split",
+            got=split, advice="Use {--split=yes}, or pass one curve for each axis.",
+        )  # fmt: skip
     return _by_sensor(single, view, units)
 
 
 @drawing
 def plot_imu(
-    items: Mapping[str, Item | Mapping[str, Item]],
-    *,
-    split: bool = True,
-    view: ViewName = "wavelet",
-    units: UnitSystem = "si",
-    path: str | os.PathLike[str] | None = None,
-) -> Figure:
+    items: Mapping[str, Item | Mapping[str, Item]], *, split: bool = True, view: ViewName = "wavelet",
+    units: UnitSystem = "si", path: str | os.PathLike[str] | None = None,
+) -> Figure:  # fmt: skip
     """Draw all axes of an inertial unit.
 
     Parameters
@@ -98,11 +89,9 @@ def _grid(items: Mapping[str, Item | dict[str, Item]], view: ViewName, units: Un
     if columns > 1:
         rows = [tuple(panel and _sparse(panel) for panel in row) for row in rows]
     drawn = Figure(
-        _share_labels([_one_scale(row) for row in rows]),
-        width=max(PAGE * columns / 3, SINGLE),
-        height=16.0 + 56.0 * len(rows),
-        legend_columns=6,
-    )
+        _share_labels([_one_scale(row) for row in rows]), width=max(PAGE * columns / 3, SINGLE),
+        height=16.0 + 56.0 * len(rows), legend_columns=6,
+    )  # fmt: skip
     return _with_room(drawn, entries=2 * drawn.legend_columns)
 
 

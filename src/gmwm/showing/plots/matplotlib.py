@@ -161,11 +161,9 @@ def _onto(figure: Figure, ax: Axes) -> MatplotlibFigure:
         )
     if len(figure.panels) != 1:
         raise OptionError(
-            f"the plot has {len(figure.panels)} panels, but Matplotlib axes have room for one",
-            argument="ax",
-            got=ax,
+            f"the plot has {len(figure.panels)} panels, but Matplotlib axes have room for one", argument="ax", got=ax,
             advice="Call it without {--ax}.",
-        )
+        )  # fmt: skip
     artists, labels = ax.get_legend_handles_labels()
     earlier: dict[str, Artist] = {}
     for label, artist in zip(labels, artists, strict=True):
@@ -250,14 +248,10 @@ def _draw_band(band: Band, ax: Axes, far: tuple[float, float]) -> Artist:
 def _line_style(stroke: Stroke) -> dict[str, Any]:
     drawn: Any = "none" if stroke.width == 0 else (0, stroke.dash) if stroke.dash else "solid"
     return {
-        "color": stroke.colour,
-        "linewidth": stroke.width,
-        "linestyle": drawn,
-        "marker": _SYMBOLS[stroke.symbol] if stroke.symbol else "none",
-        "markersize": 3.2,
-        "markerfacecolor": stroke.colour if stroke.filled else "white",
-        "markeredgewidth": 0.8,
-    }
+        "color": stroke.colour, "linewidth": stroke.width, "linestyle": drawn,
+        "marker": _SYMBOLS[stroke.symbol] if stroke.symbol else "none", "markersize": 3.2,
+        "markerfacecolor": stroke.colour if stroke.filled else "white", "markeredgewidth": 0.8,
+    }  # fmt: skip
 
 
 def _dress(axis: MatplotlibAxis, data: Axis) -> None:

@@ -191,13 +191,9 @@ def _score_name(candidate: Candidate) -> str:
 
 @drawing
 def plot_ranking(
-    ranking: Ranking,
-    *,
-    limit: int = 4,
-    view: ViewName = "wavelet",
-    units: UnitSystem = "si",
+    ranking: Ranking, *, limit: int = 4, view: ViewName = "wavelet", units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw the best models with the data, their distances from the data, and the criteria.
 
     The curves of different models often look the same. The second panel shows their distances from the data, scaled
@@ -221,12 +217,9 @@ def plot_ranking(
 
 @drawing
 def plot_candidates(
-    comparison: Comparison,
-    *,
-    view: ViewName = "wavelet",
-    units: UnitSystem = "si",
+    comparison: Comparison, *, view: ViewName = "wavelet", units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw the two candidates with the data, and their distances from the data.
 
     The title states the difference of the criteria. With several recordings, the mean wavelet variance is drawn.

@@ -69,12 +69,9 @@ def regression_figure(regression: Regression, *, units: UnitSystem = "si") -> Fi
 
 @drawing
 def plot_regression(
-    regression: Regression,
-    *,
-    units: UnitSystem = "si",
-    ax: Axes | None = None,
+    regression: Regression, *, units: UnitSystem = "si", ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw the axis against its first covariate, before and after the effect is subtracted, with the effect and its
     band.
     """

@@ -24,14 +24,9 @@ if TYPE_CHECKING:
 
 
 def named_panel(
-    item: Item,
-    *,
-    label: str | None = None,
-    color: str | None = None,
-    view: ViewName = "wavelet",
-    units: UnitSystem = "si",
-    ax: Axes | None = None,
-) -> Panel:
+    item: Item, *, label: str | None = None, color: str | None = None, view: ViewName = "wavelet",
+    units: UnitSystem = "si", ax: Axes | None = None,
+) -> Panel:  # fmt: skip
     """Return a panel with one named curve. Its axes also include the curves that gmwm has already drawn on `ax`.
 
     The default label is the sensor axis, the default colour the next one that the earlier curves do not have. Raises
@@ -51,15 +46,9 @@ def named_panel(
 
 
 def named_fit_panel(
-    fit: Fitted,
-    *,
-    label: str | None,
-    color: str | None,
-    view: ViewName,
-    units: UnitSystem,
-    ax: Axes | None,
+    fit: Fitted, *, label: str | None, color: str | None, view: ViewName, units: UnitSystem, ax: Axes | None,
     decomposition: bool,
-) -> Panel:
+) -> Panel:  # fmt: skip
     """Return the panel of `named_panel` for a fit, with a thin line for each term in its colour if `decomposition`."""
     panel = named_panel(fit, label=label, color=color, view=view, units=units, ax=ax)
     if not decomposition:

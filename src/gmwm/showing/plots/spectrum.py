@@ -49,10 +49,8 @@ def density_unit(unit: str, units: UnitSystem) -> tuple[str, float]:
     if not densities:
         raise OptionError(
             f"datasheet units need data in a unit of angular rate or acceleration; got {unit or 'no unit'}",
-            argument="units",
-            got=units,
-            advice="Use {--units=si}, or give the signal a unit such as rad/s.",
-        )
+            argument="units", got=units, advice="Use {--units=si}, or give the signal a unit such as rad/s.",
+        )  # fmt: skip
     return densities[0][0], factor * densities[0][1]
 
 
@@ -164,13 +162,9 @@ def spectra_figure(
 
 @drawing
 def plot_spectrum(
-    spectrum: PowerSpectrum,
-    *,
-    model: ModelLike | None = None,
-    units: UnitSystem = "si",
-    ax: Axes | None = None,
+    spectrum: PowerSpectrum, *, model: ModelLike | None = None, units: UnitSystem = "si", ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw the root density over the frequency, with its confidence band, lines and bumps, on logarithmic axes.
 
     The density is averaged over 1/24 octave, except around lines. It is one-sided, so white noise with the
@@ -195,12 +189,9 @@ def plot_spectrum(
 
 @drawing
 def plot_spectra(
-    spectra: Mapping[str, PowerSpectrum],
-    *,
-    models: Mapping[str, ModelLike] | None = None,
-    units: UnitSystem = "si",
+    spectra: Mapping[str, PowerSpectrum], *, models: Mapping[str, ModelLike] | None = None, units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw the spectrum of every axis, with one row for each sensor; see `PowerSpectrum.plot`.
 
     Parameters

@@ -75,19 +75,12 @@ _FURTHER = tuple(
 # By convention, x, y and z are red, green and blue. Here they are vermillion, bluish green and blue, with different
 # symbols and dashes, for colour-blind readers and greyscale prints.
 _LETTERS: dict[str, tuple[str, tuple[float, ...], Symbol]] = {
-    "x": (VERMILLION, SOLID, "circle"),
-    "y": (GREEN, DASHED, "square"),
-    "z": (BLUE, DASH_DOT, "triangle"),
-}
+    "x": (VERMILLION, SOLID, "circle"), "y": (GREEN, DASHED, "square"), "z": (BLUE, DASH_DOT, "triangle"),
+}  # fmt: skip
 _CURVES: tuple[tuple[str, tuple[float, ...], Symbol], ...] = (
-    (BLUE, SOLID, "circle"),
-    (VERMILLION, DASHED, "square"),
-    (GREEN, DASH_DOT, "triangle"),
-    (PURPLE, LONG, "diamond"),
-    (BLACK, DOTTED, "cross"),
-    (SKY, DASH_DOT_DOT, "star"),
-    (ORANGE, SOLID, "plus"),
-)
+    (BLUE, SOLID, "circle"), (VERMILLION, DASHED, "square"), (GREEN, DASH_DOT, "triangle"), (PURPLE, LONG, "diamond"),
+    (BLACK, DOTTED, "cross"), (SKY, DASH_DOT_DOT, "star"), (ORANGE, SOLID, "plus"),
+)  # fmt: skip
 
 
 def term_stroke(index: int) -> Stroke:
