@@ -243,12 +243,9 @@ def _point(entry: Entry, z: float, signed: bool) -> tuple[float, float]:
 
 
 def _below(limit: Entry, z: float, x: float, s: float, signed: bool) -> float:
-    """Return the p-value for the difference between an upper limit and a larger value x with the standard error s.
-
-    Both intervals are widened by the same number of standard errors until they meet. This is an upper bound, because
-    the sum of two independent errors is larger than the root of their sum of squares. The limit of an amplitude is
-    widened on the scale of the variance, a number from the Allan deviation on a logarithmic scale.
-    """
+    """Return the p-value for the difference between an upper limit and a larger value x with the standard error s. Both
+    intervals are widened by the same number of standard errors until they meet: an upper bound, because errors add by
+    squares. An amplitude is widened on the scale of the variance, an Allan number on a logarithmic scale."""
 
     def apart(width: float) -> bool:
         value, high, share = abs(limit.value), limit.high or 0.0, width / z

@@ -38,23 +38,8 @@ def calibrate_axis(
     measured: MeasuredAxis, options: CalibrationOptions, *, advance: Callable[[str], None] = lambda _: None,
     check: Callable[[], None] = lambda: None,
 ) -> AxisCalibration:  # fmt: skip
-    """Choose the model of an axis, fit it, and judge the fit.
-
-    Parameters
-    ----------
-    measured : MeasuredAxis
-    options : CalibrationOptions
-        Options of all axes.
-    advance : function
-        Called with the name of each finished stage.
-    check : function
-        Called often. It may raise to end the work.
-
-    Raises
-    ------
-    GmwmError
-        If the axis cannot be calibrated, for example because the recording is too short.
-    """
+    """Choose the model of an axis, fit it, and judge the fit. `advance` is called with the name of each finished stage,
+    `check` often; it may raise to end the work. Raises a GmwmError if, for example, the recording is too short."""
     options = options.of_axis(measured.axis)
     curve, level = measured.curve(options), options.confidence
     require_scales(curve)

@@ -132,11 +132,8 @@ def _variance(
 
 
 def _print_cost(signals: Mapping[str, Signal], kind: Kind) -> None:
-    """Print the number of cluster sizes and the expected time.
-
-    On average, a cluster size takes half the time of the smallest cluster size, because the number of differences
-    decreases linearly with the cluster size, down to zero.
-    """
+    """Print the number of cluster sizes and the expected time. The number of differences falls linearly to zero with
+    the cluster size, so a size takes half the time of the smallest one on average."""
     first = next(iter(signals.values()))
     sizes = len(first) // 2
     octaves = _variance(first, kind, "decade").clusters.size

@@ -37,11 +37,8 @@ _UsageError: type[Any] = typer.BadParameter.__mro__[1]
 
 
 class OneLineErrors(TyperGroup):
-    """A group of commands that prints each error in one line on stderr.
-
-    Exit codes: 0 if the command succeeded, 2 after an error that the user can correct, 130 after Ctrl-C, 143 after
-    SIGTERM, 129 after SIGHUP. A bug in gmwm shows a traceback.
-    """
+    """A group of commands that prints each error in one line on stderr. Exit codes: 0 success, 2 an error that the user
+    can correct, 130 Ctrl-C, 143 SIGTERM, 129 SIGHUP. A bug in gmwm shows a traceback."""
 
     def main(
         self, args: Sequence[str] | None = None, prog_name: str | None = None, complete_var: str | None = None,

@@ -41,11 +41,8 @@ def likelihood_fits(
     fits: Mapping[str, Fit], signals: Mapping[str, Signal], given: Model | None = None,
     asked: Mapping[str, Asked | None] | None = None,
 ) -> dict[str, LikelihoodFit]:  # fmt: skip
-    """Fit each axis by maximum likelihood, in parallel.
-
-    A fit starts from the wavelet fit of its axis, or from the model `given` if all of its parameters have values.
-    `asked` has the regression to include in the likelihood of each axis.
-    """
+    """Fit each axis by maximum likelihood, in parallel, from its wavelet fit or from the model `given` with all values.
+    `asked` has the regression to include in the likelihood of each axis."""
     complete = given if given is not None and given.is_complete else None
     from gmwm import fit_ml
     from gmwm.base.threads import in_threads

@@ -113,11 +113,8 @@ def memory_for(against: str, other: str = "") -> str:
 def signals_or_curves(
     recording: Imu | Stream, wanted: Sequence[str] | None, *, robust: bool, efficiency: float, against: str = NONE
 ) -> Mapping[str, Signal | WaveletVariance]:
-    """Return the data of the axes that --axis selects.
-
-    These are wavelet variances if the recording is read in chunks or --against is given, otherwise signals. The
-    remarks of the inspection become warnings of the command.
-    """
+    """Return the data of the axes that --axis selects: wavelet variances if the recording is read in chunks or
+    --against is given, otherwise signals. The remarks of the inspection become warnings of the command."""
     from gmwm.recording.signals import Imu
 
     if isinstance(recording, Imu):
@@ -153,11 +150,8 @@ def measure_together(
     recordings: Mapping[str, Imu | Stream], wanted: Sequence[str] | None, *, robust: bool, efficiency: float,
     against: str = NONE, filter: str = "haar", transform: Literal["modwt", "dwt"] = "modwt",
 ) -> Mapping[str, Signal | WaveletVariance]:  # fmt: skip
-    """Return the data to fit for each axis.
-
-    For one recording, these are signals or wavelet variances. For several recordings, they are pooled wavelet
-    variances.
-    """
+    """Return the data to fit for each axis: signals or wavelet variances of one recording, or pooled ones of
+    several."""
     from gmwm.measuring.variance.api import wavelet_variance
     from gmwm.measuring.variance.pooling import pool
     from gmwm.measuring.variance.result import WaveletVariance

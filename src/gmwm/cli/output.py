@@ -34,56 +34,27 @@ class NewFile:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """The result of a command, before it is printed and its files are written.
+    """The result of a command, before it is printed and its files are written."""
 
-    Attributes
-    ----------
-    command : str
-        Name of the command.
-    document : mapping
-        The result for --json, without the remarks.
-    text : str
-        The result as text.
-    all_text : str
-        The text with all remarks, for --all-remarks; "" if `text` has all of them.
-    files : tuple of NewFile
-        Files to write.
-    together : bool
-        Whether all files are in one folder and are written together: if one fails, none is written.
-    obsolete : tuple of Path
-        Files of an earlier run, which are removed after the new files are written.
-    written : tuple of Path
-        Files that the command has already written. The list of files starts with them.
-    listed : bool
-        Whether the paths of the files are printed after the text.
-    closing : str
-        Text to print after the list of files.
-    remarks : tuple of Remark
-        Remarks of the command to print as warnings, in addition to the warnings of the library.
-    in_text : tuple of Remark
-        Remarks that the text already contains. They are not printed as warnings; --json lists them with the others.
-    failure : GmwmError or None
-        The error to raise after the result is printed.
-    status : int
-        Exit code if there is no failure.
-    in_one_line : bool
-        Whether --json prints the document in one line, because the command has printed other lines of JSON before.
-    """
-
-    command: str
-    document: Mapping[str, Any]
-    text: str = ""
-    all_text: str = ""
-    files: tuple[NewFile, ...] = ()
+    command: str  # name of the command
+    document: Mapping[str, Any]  # the result for --json, without the remarks
+    text: str = ""  # the result as text
+    all_text: str = ""  # the text with all remarks, for --all-remarks; "" if `text` has all of them
+    files: tuple[NewFile, ...] = ()  # files to write
+    # whether all files are in one folder and are written together: if one fails, none is written
     together: bool = False
-    obsolete: tuple[Path, ...] = ()
+    obsolete: tuple[Path, ...] = ()  # files of an earlier run, which are removed after the new files are written
+    # Files that the command has already written. The list of files starts with them.
     written: tuple[Path, ...] = ()
-    listed: bool = True
-    closing: str = ""
+    listed: bool = True  # whether the paths of the files are printed after the text
+    closing: str = ""  # text to print after the list of files
+    # remarks of the command to print as warnings, in addition to the warnings of the library
     remarks: tuple[Remark, ...] = ()
+    # Remarks that the text already contains. They are not printed as warnings; --json lists them with the others.
     in_text: tuple[Remark, ...] = ()
-    failure: GmwmError | None = None
-    status: int = 0
+    failure: GmwmError | None = None  # the error to raise after the result is printed
+    status: int = 0  # exit code if there is no failure
+    # whether --json prints the document in one line, because the command has printed other lines of JSON before
     in_one_line: bool = False
 
     @property

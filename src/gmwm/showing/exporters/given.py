@@ -49,15 +49,7 @@ def given_calibration(given: Given) -> Calibration:
 
 
 def fitted_calibration(fits: Mapping[str, Fit], source: str = "") -> Calibration:
-    """Return fits as a calibration without intervals and tests, for formats that need only the noise models.
-
-    Parameters
-    ----------
-    fits : mapping of axis to Fit
-        The fit of each axis.
-    source : str
-        Name of the recording.
-    """
+    """Return fits by axis as a calibration without intervals and tests, for formats that need only the noise models."""
     axes = {axis: _uncompared(fit) for axis, fit in fits.items()}
     return Calibration(axes=axes, failed={}, settings=CalibrationOptions(), source=source)
 

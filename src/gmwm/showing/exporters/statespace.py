@@ -227,18 +227,8 @@ def _identifier(axis: str) -> str:
 
 
 def axis_matrices(axis: str, calibration: Calibration, options: ExportOptions) -> dict[str, Any]:
-    """Return the state-space matrices of one axis as lists, and the matrices of its reduction to two states.
-
-    Parameters
-    ----------
-    axis : str
-        Name of the axis.
-    calibration : Calibration
-        The calibration of the unit.
-    options : ExportOptions
-        Options of the file. `rate` is the number of steps per second (Hz) of F, Q, H and R; by default, the rate of the
-        recording.
-    """
+    """Return the state-space matrices of one axis as lists, and those of its reduction to two states. F, Q, H and R are
+    for the rate of the options or, by default, of the recording."""
     fit = calibration[axis]
     try:
         whole = _matrices(fit.model, fit, options.rate)

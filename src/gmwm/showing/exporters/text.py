@@ -67,11 +67,8 @@ def _conditions(calibration: Calibration) -> str:
 
 
 def cautions(calibration: Calibration) -> list[Remark]:
-    """Return the remarks that every file contains.
-
-    They concern values that may be wrong by a large factor, doubtful units, and noise that axes share. No exported file
-    has cross-covariances between axes.
-    """
+    """Return the remarks that every file contains: on values that may be wrong by a large factor, on doubtful units,
+    and on noise that axes share, because no file has cross-covariances between axes."""
     found = [
         remark
         for remark in calibration.remarks

@@ -46,11 +46,8 @@ def observed_marks(
     wv: WaveletVariance, view: View, *, stroke: Stroke | None = None, label: str = "",
     used: NDArray[np.bool_] | None = None,
 ) -> tuple[Mark, ...]:  # fmt: skip
-    """Return the marks of a measured curve: the line with symbols, and the confidence band in the colour of the line.
-
-    Levels that a fit has not `used` have open symbols. The default stroke depends on whether the estimate is robust,
-    and the default label is the name of the quantity.
-    """
+    """Return the marks of a measured curve: the line with symbols, open at levels that a fit has not `used`, and the
+    confidence band. By default, the stroke shows whether the estimate is robust, and the label is the quantity."""
     x, y = view.time(wv.tau), drawable(view.height(wv.variance))
     stroke = stroke or (ROBUST if wv.robust else OBSERVED)
     robust = ", robust" if wv.robust else ""
@@ -90,11 +87,8 @@ def closed_panel(
     views: Sequence[View], measured: Sequence[WaveletVariance], marks: Iterable[Mark], *, around: Iterable[Vector] = (),
     strokes: Sequence[Stroke] = (OBSERVED,), names: Sequence[str] = ("",), title: str = "",
 ) -> Panel:  # fmt: skip
-    """Return a panel whose axes fit the measured curves with their confidence limits, each in its view.
-
-    The axis also includes the heights `around`, up to a factor `View.reach` beyond the curves. Symbols at the lower
-    border, with the strokes and names of the curves, mark variances of zero.
-    """
+    """Return a panel whose axes fit the measured curves with their limits, each in its view, and the heights `around`
+    up to a factor `View.reach` beyond. Symbols at the lower border mark variances of zero."""
     shown = list(zip(views, measured, strokes, names, strict=True))
     edges = [edge for view, wv, _, _ in shown for edge in band_edges(wv, view)]
     core = np.concatenate([view.height(wv.variance) for view, wv, _, _ in shown])

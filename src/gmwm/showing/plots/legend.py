@@ -29,11 +29,8 @@ _BREAKS = re.compile(r"(?<![=\d⁰¹²³⁴-⁹]) (?!=)")
 
 
 def legend_below(picture: MatplotlibFigure, handles: dict[str, Artist], columns: int) -> None:
-    """Draw one legend below all panels, in as many columns as fit the width, but at most `columns`.
-
-    The height of the figure was chosen for a legend with `columns` columns. If the legend needs more height, the figure
-    gets higher, so that the panels keep their size.
-    """
+    """Draw one legend below all panels, in as many columns as fit the width, at most `columns`. If it needs more height
+    than that, the figure gets higher, so that the panels keep their size."""
     room = picture.bbox.width - 2 * EDGE * MILLIMETRE * picture.dpi
     layouts = list(_layouts([*handles], columns, 72 * room / picture.dpi))
     heights = []

@@ -122,12 +122,8 @@ def _distances(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view:
 
 
 def distance(wv: WaveletVariance, implied: Vector) -> Vector:
-    """Return the distance (J,) of a model from the data relative to the confidence interval.
-
-    The distance at a level is ν²(θ̂) − ν̂², the wavelet variance of the fitted model minus the measured one. If it is
-    positive, it is divided by the distance from ν̂² to its upper confidence limit, otherwise by the distance to the
-    lower limit. At levels without limits, the result is NaN.
-    """
+    """Return the distance (J,) of a model from the data, ν²(θ̂) − ν̂², over the distance from ν̂² to its upper
+    confidence limit if it is positive, otherwise to the lower one; NaN at levels without limits."""
     above = implied - wv.variance
     room = np.where(above > 0, wv.upper - wv.variance, wv.variance - wv.lower)
     limited = np.isfinite(room) & (room > 0)

@@ -131,11 +131,8 @@ def _kind(process: type[Process] | Process) -> str:
 
 
 def _stroke_numbers() -> dict[str, int]:
-    """Return the stroke numbers of the processes for inertial sensors, by name.
-
-    The first numbers belong to the four processes of which a model can contain only one each, and the next to the first
-    repeatable process. The numbers of `_NEXT` follow.
-    """
+    """Return the stroke numbers of the processes for inertial sensors: the four that a model contains once, the first
+    that it may repeat, then those of `_NEXT`."""
     alone = dict.fromkeys(_kind(process) for process in registry.values() if not process.repeatable)
     repeated = dict.fromkeys(_kind(process) for process in registry.values() if process.repeatable)
     first = list(alone)[:_ALONE]

@@ -41,27 +41,15 @@ def extremes(values: Vector, columns: int) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """The samples of a signal that are drawn, with a NaN in each gap.
+    """The samples of a signal that are drawn, with a NaN in each gap."""
 
-    Parameters
-    ----------
-    seconds : (n,) array, s
-        Times since the first sample.
-    y : (n,) array
-        Values in the unit of the plot; NaN interrupts the line.
-    low, high : float
-        The smallest and the largest value of `y`.
-    mean : float
-        Mean of all samples; their median if samples are clipped.
-    clipped : (bool, bool)
-        Whether samples below `low`, and samples above `high`, were clipped to these limits, for example after a knock.
-    """
-
-    seconds: Vector
-    y: Vector
+    seconds: Vector  # (n,) times since the first sample
+    y: Vector  # (n,) values in the unit of the plot; NaN interrupts the line
+    # the smallest and the largest value of `y`
     low: float
     high: float
-    mean: float
+    mean: float  # mean of all samples; their median if samples are clipped
+    # whether samples below `low`, and samples above `high`, were clipped to these limits, for example after a knock
     clipped: tuple[bool, bool] = (False, False)
 
     @property
