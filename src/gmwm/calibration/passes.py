@@ -77,7 +77,7 @@ def needed_beginning() -> int:
 class AxisAccumulator:
     """Wavelet variances (`curves`; None if another process has them), outliers, tails and spectrum of one axis. The
     wavelet variances are computed in the context `turn`, a lock that the axes of a stream share to save memory. The
-    first `reach` samples are kept without knocks in `beginning`, and all samples until `samples` is called if
+    first `beginning` samples are kept without knocks in `beginning`, and all samples until `samples` is called if
     `keep`."""
 
     def __init__(

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from gmwm.applications.fleets.discovery import FleetUnits, Recordings, find_units
-from gmwm.applications.fleets.processes import Processes
 from gmwm.applications.fleets.result import Fleet
 from gmwm.applications.fleets.rows import Row, failed_row
 from gmwm.applications.fleets.storage import (
@@ -27,7 +26,7 @@ from gmwm.applications.fleets.storage import (
 )
 from gmwm.applications.fleets.table import RUN_AGAIN, as_table, write_table
 from gmwm.applications.fleets.unit_job import UnitJob, UnitOptions, UnitOutcome
-from gmwm.applications.fleets.workers import allowing_lost_workers, in_process, on_cluster
+from gmwm.applications.fleets.workers import Cluster, Here, Place, Processes, allowing_lost_workers, run_jobs
 from gmwm.base.axis_names import AXES
 from gmwm.base.errors import GmwmWarning, OptionError
 from gmwm.base.helpers import Helpers
@@ -235,26 +234,22 @@ def _outcomes(
 ) -> Iterator[Iterable[UnitOutcome]]:  # fmt: skip
     """Provide an iterator over the outcomes of the jobs, which run in this process, in others, or on a cluster."""
     count = min(processors() if workers is None else workers, len(jobs))
-    here = count == 0 or (count == 1 and workers is None)
-    if not jobs or (scheduler is None and here):
-        yield in_process(jobs, retries)
-        return
-    # A worker runs one job per thread, so each job calibrates the axes of its unit one after the other.
-    jobs = [replace(job, threads=1) for job in jobs]
-    if scheduler is None:
-        with Processes(count, () if helpers is None else helpers.take_idle()) as processes:
-            yield processes.outcomes(jobs, retries)
-        return
-    from gmwm.measuring.streaming.scheduling import connect, library
-
-    library()
+    here = scheduler is None and (count == 0 or (count == 1 and workers is None))
+    if not here and jobs:
+        # A worker runs one job per thread, so each job calibrates the axes of its unit one after the other.
+        jobs = [replace(job, threads=1) for job in jobs]
     with ExitStack() as stack:
-        stack.enter_context(allowing_lost_workers(retries))
-        client = stack.enter_context(connect(scheduler))
-        outcomes = on_cluster(jobs, client, retries)
-        # The iterator is closed before the client, so that jobs that have not started are cancelled.
-        stack.callback(outcomes.close)
-        yield outcomes
+        if here or not jobs:
+            place: Place = Here()
+        elif scheduler is None:
+            place = Processes(count, () if helpers is None else helpers.take_idle())
+        else:
+            from gmwm.measuring.streaming.scheduling import connect, library
+
+            library()
+            stack.enter_context(allowing_lost_workers(retries))
+            place = Cluster(stack.enter_context(connect(scheduler)))
+        yield run_jobs(jobs, stack.enter_context(place), retries)
 
 
 def _read_options(reading: Mapping[str, Any] | ReadOptions | None) -> ReadOptions:
