@@ -133,11 +133,9 @@ def _test(fit: Fit) -> GoodnessOfFit | None:
 
 
 def needed_lengths(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[str, float | None]:
-    """Return the recording length (s) that gives each poorly known parameter a relative standard error of 20 %.
-
-    These parameters have one above 50 %. The length is doubled up to ten times, then it is infinite. It is None if the
-    data cannot distinguish a term from a simpler process, because theory cannot predict the error.
-    """
+    """Return the recording length (s) that gives each poorly known parameter a relative standard error of 20 %. These
+    parameters have one above 50 %. The length is doubled up to ten times, then it is infinite. It is None if the data
+    cannot distinguish a term from a simpler process, because theory cannot predict the error."""
     shares = zip(fit.sandwich.names, np.sqrt(np.diag(fit.sandwich.relative)).tolist(), strict=True)
     poor = [name for name, share in shares if share > SEEN]
     if not poor or fit.diagnostics.acts_as:

@@ -46,10 +46,8 @@ from gmwm.recording.signals import Imu, Signal
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredAxis:
-    """One axis of one or several recordings of a unit, before a model is chosen.
-
-    The mappings have one entry for each recording, by its name; the name of a single recording is "".
-    """
+    """One axis of one or several recordings of a unit, before a model is chosen. The mappings have one entry for each
+    recording, by its name; the name of a single recording is ""."""
 
     axis: str
     # The two wavelet variances. A curve that the user gave is in one of them only.

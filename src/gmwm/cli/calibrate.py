@@ -201,9 +201,7 @@ def _unite(
     scheduler: str | None, workers: int | None, helpers: Helpers,
 ) -> Calibration:  # fmt: skip
     """Calibrate a unit, and combine the results if its gyroscopes and accelerometers are in separate recordings.
-
-    `groups` has one group of recordings with all axes, or one group for each of the two sensors.
-    """
+    `groups` has one group of recordings with all axes, or one group for each of the two sensors."""
     calibrations = []
     for group in groups:
         axes = tuple(axis for axis in options.wanted or () if any(axis in recording.axes for recording in group))

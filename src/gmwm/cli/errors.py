@@ -45,9 +45,8 @@ class OneLineErrors(TyperGroup):
         standalone_mode: bool = True, windows_expand_args: bool = False, **extra: Any,
     ) -> NoReturn:  # fmt: skip
         """Run the command that the arguments name, and exit with its code. Errors that are bugs in gmwm propagate.
-
-        Windows shells leave patterns as they are, and so does this, because gmwm takes `hour_*.csv` for one recording.
-        """
+        Windows shells leave patterns as they are, and so does this, because gmwm takes `hour_*.csv` for one
+        recording."""
         try:
             code = super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
             sys.stdout.flush()
@@ -101,10 +100,8 @@ class OnceCommand(TyperCommand):
 
 
 def _leave_threads_behind(code: int) -> None:
-    """Exit at once if worker threads are running, because the interpreter would wait for them, possibly for minutes.
-
-    No file is left incomplete: only the main thread writes files, and it has stopped.
-    """
+    """Exit at once if worker threads are running, because the interpreter would wait for them, possibly for minutes. No
+    file is left incomplete: only the main thread writes files, and it has stopped."""
     if any("ThreadPool" in thread.name for thread in threading.enumerate()):
         _flush()
         os._exit(code)

@@ -25,10 +25,8 @@ LIKELIHOOD = ("--likelihood", "--ml")
 
 @dataclass(frozen=True, eq=False)
 class LikelihoodResult:
-    """A maximum-likelihood fit with its residuals and its confidence intervals.
-
-    If there are no intervals, `missing` is a remark with the reason.
-    """
+    """A maximum-likelihood fit with its residuals and its confidence intervals. If there are no intervals, `missing` is
+    a remark with the reason."""
 
     fit: LikelihoodFit
     level: float

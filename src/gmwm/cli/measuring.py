@@ -82,10 +82,8 @@ def stream_curves(
     stream: Stream, axes: Sequence[str], *, robust: bool, efficiency: float, scheduler: str | None = None,
     workers: int | None = None, against: str = NONE,
 ) -> dict[str, WaveletVariance]:  # fmt: skip
-    """Compute the wavelet variances of a recording that is read in chunks.
-
-    The remarks of its inspection become warnings of the command.
-    """
+    """Compute the wavelet variances of a recording that is read in chunks. The remarks of its inspection become
+    warnings of the command."""
     from gmwm.calibration.passes import Execution, curves_and_inspection
     from gmwm.cli.output import progress, tell
     from gmwm.measuring.regression.conditions import Conditions

@@ -106,10 +106,8 @@ def model_source(
 
 
 def axis_models(source: ModelSource, signals: Mapping[str, Signal], file: Path) -> dict[str, AxisModel]:
-    """Return the model of each axis with its values, and fit the model if it has none.
-
-    The remarks of new fits become warnings of the command.
-    """
+    """Return the model of each axis with its values, and fit the model if it has none. The remarks of new fits become
+    warnings of the command."""
     from gmwm.cli.fit import fit_axes
     from gmwm.cli.output import tell
 

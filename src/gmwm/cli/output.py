@@ -64,10 +64,8 @@ class Outcome:
 
 
 def finish(outcome: Outcome, warned: Warned, *, json: bool, every: bool = False) -> None:
-    """Write the files of a result, and print the result as text, or as JSON with the remarks.
-
-    Raises the failure of the outcome, or `typer.Exit` if the exit code is not 0.
-    """
+    """Write the files of a result, and print the result as text, or as JSON with the remarks. Raises the failure of the
+    outcome, or `typer.Exit` if the exit code is not 0."""
     for remark in outcome.remarks:
         tell(remark)
     _write_files(outcome)
@@ -141,9 +139,7 @@ def print_json(
     command: str, content: Mapping[str, Any], remarks: Iterable[Remark], *, in_one_line: bool = False
 ) -> None:
     """Print the result of a command as JSON. If the encoding of stdout is not UTF-8, only ASCII characters are used.
-
-    The list of remarks starts with those in the document, followed by the other remarks without duplicates.
-    """
+    The list of remarks starts with those in the document, followed by the other remarks without duplicates."""
     escaped = codecs.lookup(sys.stdout.encoding or "utf-8").name != "utf-8"
     entries = list(content.get("remarks", ()))
     entries += [entry for entry in (remark.to_dict() for remark in dict.fromkeys(remarks)) if entry not in entries]
@@ -243,10 +239,8 @@ class Warned:
 
 @contextmanager
 def collect_warnings(*, every: bool = False) -> Iterator[Warned]:
-    """Collect the remarks of all GmwmWarnings in the block, and print them at its end, even if the block fails.
-
-    A FitWarning is not collected, because the text of the command already shows its remark.
-    """
+    """Collect the remarks of all GmwmWarnings in the block, and print them at its end, even if the block fails. A
+    FitWarning is not collected, because the text of the command already shows its remark."""
     warned = Warned(every=every)
 
     def show(

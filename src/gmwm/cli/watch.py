@@ -104,11 +104,8 @@ def watch(
 
 
 def _feed(source: Stream, measured: Mapping[str, WaveletAccumulator], view: _StatusDisplay) -> GmwmError | None:
-    """Feed the accumulators until the source ends.
-
-    Returns the error that ended the source, or None. Raises the error if the samples before it are too few for a
-    result.
-    """
+    """Feed the accumulators until the source ends. Returns the error that ended the source, or None. Raises the error
+    if the samples before it are too few for a result."""
     from gmwm.measuring.streaming.passes import feed_chunks
 
     failures: list[GmwmError] = []

@@ -62,9 +62,8 @@ class Place(ABC):
 
 
 def run_jobs(jobs: Iterable[UnitJob], place: Place, retries: int) -> Generator[UnitOutcome, None, None]:
-    """Run jobs, and yield their outcomes in the order of completion. Retries come last.
-
-    The job of a process that ends is repeated alone after all others, because another job may have used the memory."""
+    """Run jobs, and yield their outcomes in the order of completion. Retries come last. The job of a process that ends
+    is repeated alone after all others, because another job may have used the memory."""
     waiting, alone = deque(jobs), deque[UnitJob]()
     tries, deaths = Counter[str](), Counter[str]()
     running = 0
@@ -173,10 +172,8 @@ class Processes(Place):
 
 
 class Cluster(Place):
-    """The workers of a Dask cluster.
-
-    Dask repeats the jobs of a lost worker elsewhere, and gives them up after several lost workers, without knowing
-    which job caused the loss. Alone, a job is therefore repeated once."""
+    """The workers of a Dask cluster. Dask repeats the jobs of a lost worker elsewhere, and gives them up after several
+    lost workers, without knowing which job caused the loss. Alone, a job is therefore repeated once."""
 
     def __init__(self, client: Any) -> None:
         import distributed

@@ -123,7 +123,6 @@ class MonitoredAxis:
         self, kind: Kind, alarms: Sequence[Alarm], *, hold: int, remembered: int = 0, magnitude: float = 0.0
     ) -> bool:
         """Register a fault, and return whether it is new or larger than before. A jump or a ramp restarts the level.
-
         Further alarms belong to the fault for at least `hold` samples, and for `remembered` samples the same fault is
         not new."""
         now = self.charts.count

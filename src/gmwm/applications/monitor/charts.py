@@ -62,10 +62,8 @@ def window(level: int) -> tuple[int, int]:
 
 @lru_cache(maxsize=64)
 def white_shape(level: int) -> float:
-    """Return the shape k = 1/Var y of the mean squares y of a block, for white normal innovations.
-
-    Var y is the variance of the mean over many blocks times their number, because neighbouring blocks are correlated.
-    """
+    """Return the shape k = 1/Var y of the mean squares y of a block, for white normal innovations. Var y is the
+    variance of the mean over many blocks times their number, because neighbouring blocks are correlated."""
     _, m = window(level)
     half = np.repeat([1.0, -1.0], m // 2)
     rho = np.correlate(half, half, "full") / m

@@ -163,9 +163,8 @@ def _curves(
 
 
 class _UnitNoise(NamedTuple):
-    """The noise model of one signal, its wavelet variance (J,) scaled to the geometric mean 1, and Var ν̂² (J,).
-
-    The degrees of freedom do not depend on the scale. Without it, differences of variances could lose precision."""
+    """The noise model of one signal, its wavelet variance (J,) scaled to the geometric mean 1, and Var ν̂² (J,). The
+    degrees of freedom do not depend on the scale. Without it, differences of variances could lose precision."""
 
     model: Model
     curve: Vector

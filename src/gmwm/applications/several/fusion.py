@@ -203,7 +203,6 @@ def best_weights(gamma: Matrix, *, nonnegative: bool = False) -> Vector:
 
 def _optimism(measured: WaveletMatrices, variance: Vector, shares: Vector, d: int) -> Vector:
     """Return the factor (J,) from the wavelet variance in the recording itself to the expected one in other recordings.
-
     If the estimate Γ̂ has η degrees of freedom, E 1/(1ᵀΓ̂⁻¹1) = (η − d + 1)/η · 1/(1ᵀΓ⁻¹1) and E wᵀΓw = (η − 1)/(η − d)
     · 1/(1ᵀΓ⁻¹1), with the true matrix Γ (Basak, Jagannathan and Ma 2009, Management Science 55, 990-1002)."""
     design = measured.design

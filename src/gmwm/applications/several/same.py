@@ -204,7 +204,6 @@ def _ratios(apart: Deviations, parameters: Mapping[str, Parameter], confidence: 
 
 def _on_logarithm(step: float, precision: float, scale: bool) -> tuple[float, float] | None:
     """Return the logarithm of a parameter over its pool value, and its standard error; None if it is not determined.
-
     The curve is linear in variances, so one step is exact."""
     size = 1.0 + step if scale else 1.0
     error = 1 / math.sqrt(precision) / size if size > 0 else math.inf

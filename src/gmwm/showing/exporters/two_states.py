@@ -146,9 +146,7 @@ class Curve:
 
     def error(self, reduced: Vector) -> float:
         """Return the largest relative difference between the Allan deviations of a reduced and of the whole model.
-
-        `reduced` is the Allan variance (n,) of the reduced model.
-        """
+        `reduced` is the Allan variance (n,) of the reduced model."""
         return float(np.max(np.abs(np.sqrt(reduced / self.whole) - 1)))
 
 
@@ -194,10 +192,8 @@ def fit_states(
 
 
 def _start(curves: Sequence[Curve], count: int, low: float, high: float) -> tuple[Vector, list[Vector]]:
-    """Return the best correlation times on a grid, and the white noise and variances of each curve.
-
-    States whose variance is zero in all curves are left out.
-    """
+    """Return the best correlation times on a grid, and the white noise and variances of each curve. States whose
+    variance is zero in all curves are left out."""
     from scipy.optimize import nnls
 
     grid = np.geomspace(low, high, _TRIED[count])

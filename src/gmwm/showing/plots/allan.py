@@ -77,10 +77,8 @@ def cluster_view(curve: ClusterVariance, units: UnitSystem) -> ClusterView:
 def allan_panel(
     curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "si", guides: bool = True, title: str = ""
 ) -> Panel:
-    """Return a panel with deviations of the same quantity and unit, and their confidence bands.
-
-    The legend shows the names of several curves. With `guides`, the panel has guides for the slopes of noise processes.
-    """
+    """Return a panel with deviations of the same quantity and unit, and their confidence bands. The legend shows the
+    names of several curves. With `guides`, the panel has guides for the slopes of noise processes."""
     views = [cluster_view(curve, units) for curve in curves.values()]
     if len({(view.unit, view.title) for view in views}) > 1:
         labels = ", ".join(f"{name}: {view.height_label}" for name, view in zip(curves, views, strict=True))
@@ -140,10 +138,8 @@ def with_guides(panel: Panel) -> Panel:
 
 
 def _emptiest_corner(panel: Panel, width: float, height: float) -> tuple[float, float]:
-    """Return the left and middle point of guides in the corner with the fewest points of curves and bands.
-
-    All numbers are fractions of the panel; `height` is half of the height of the guides.
-    """
+    """Return the left and middle point of guides in the corner with the fewest points of curves and bands. All numbers
+    are fractions of the panel; `height` is half of the height of the guides."""
     shares = [np.empty((2, 0))]
     for mark in panel.marks:
         for y in (mark.y,) if isinstance(mark, Line) else (mark.lower, mark.upper) if isinstance(mark, Band) else ():

@@ -105,10 +105,8 @@ def power_text(value: float) -> str:
 
 
 def time_axis(times: Vector, label: str) -> Axis:
-    """Return a horizontal axis in seconds for the scales of all curves, in any order and possibly repeated.
-
-    It has a grid line at each dyadic scale, and minutes and hours at the top.
-    """
+    """Return a horizontal axis in seconds for the scales of all curves, in any order and possibly repeated. It has a
+    grid line at each dyadic scale, and minutes and hours at the top."""
     limits = limits_of(times, margin=0.03)
     ticks, _ = power_ticks(limits)
     scales = np.unique(times)

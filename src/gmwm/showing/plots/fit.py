@@ -54,10 +54,8 @@ def fit_panel(
 
 
 def _zero_text(zero: Sequence[str]) -> tuple[Text, ...]:
-    """Return a text that lists the terms that are zero, wrapped for a narrow panel.
-
-    It is at the top centre, because the curves of inertial sensors fall on the left and rise on the right.
-    """
+    """Return a text that lists the terms that are zero, wrapped for a narrow panel. It is at the top centre, because
+    the curves of inertial sensors fall on the left and rise on the right."""
     if not zero:
         return ()
     lines = wrap(f"{', '.join(zero)}: zero", 28, break_long_words=False)

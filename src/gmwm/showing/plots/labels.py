@@ -120,10 +120,8 @@ def _amplitude_text(parameter: Parameter, process: Process, view: View, rate: fl
 
 
 def parameter_text(parameter: Parameter, value: float, view: View) -> str:
-    """Format the estimate of a parameter with symbol and unit.
-
-    A variance is given as its square root, and a rate as its inverse. A frequency has no symbol.
-    """
+    """Format the estimate of a parameter with symbol and unit. A variance is given as its square root, and a rate as
+    its inverse. A frequency has no symbol."""
     unit = f" {view.unit}" if view.unit else ""
     if parameter.signal_power == 2 and parameter.time_power == 0:
         if not parameter.symbol.endswith("²"):

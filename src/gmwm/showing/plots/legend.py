@@ -45,10 +45,8 @@ def legend_below(picture: MatplotlibFigure, handles: dict[str, Artist], columns:
 
 
 def _layouts(names: Sequence[str], columns: int, room: float) -> Iterator[tuple[list[str], int]]:
-    """Yield layouts to try for a legend of at most `room` points width, from the best to one that always fits.
-
-    Each layout consists of the entries, possibly with line breaks, and the number of columns.
-    """
+    """Yield layouts to try for a legend of at most `room` points width, from the best to one that always fits. Each
+    layout consists of the entries, possibly with line breaks, and the number of columns."""
     for ncols in range(columns, 1, -1):
         yield list(names), ncols
     halves = [fold(name, _text_room(room, 2), LEGEND_SIZE) for name in names]

@@ -140,10 +140,8 @@ def _wrap_titles(row: Sequence[Panel | None], width: float) -> list[Panel | None
 
 
 def _places(picture: MatplotlibFigure, figure: Figure) -> list[list[tuple[FigureBase, SubplotSpec]]]:
-    """Return the parent figure and the grid cell of each panel.
-
-    All panels are in one grid, or each row has its own grid if the rows differ in length.
-    """
+    """Return the parent figure and the grid cell of each panel. All panels are in one grid, or each row has its own
+    grid if the rows differ in length."""
     heights = figure.heights or None
     lengths = [len(row) for row in figure.rows]
     if len(set(lengths)) == 1:
@@ -266,10 +264,8 @@ def _dress(axis: MatplotlibAxis, data: Axis) -> None:
 
 
 def _minor_ticks(axis: MatplotlibAxis, places: tuple[float, ...]) -> Line2D:
-    """Return the minor ticks of an axis as one artist.
-
-    Minor ticks of Matplotlib always have labels, even if empty. Their layout would take half of the time of a picture.
-    """
+    """Return the minor ticks of an axis as one artist. Minor ticks of Matplotlib always have labels, even if empty.
+    Their layout would take half of the time of a picture."""
     ax, edge = axis.axes, [0.0] * len(places)
     along = axis is ax.xaxis
     ticks = Line2D(

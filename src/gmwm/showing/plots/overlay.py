@@ -63,10 +63,8 @@ def overlay_panel(
     items: Mapping[str, Item], *, view: ViewName = "wavelet", units: UnitSystem = "si",
     strokes: Sequence[Stroke] | None = None, title: str = "",
 ) -> Panel:  # fmt: skip
-    """Return a panel with several curves in the same unit and their confidence bands.
-
-    A fit is drawn with symbols for the data and a line for the model.
-    """
+    """Return a panel with several curves in the same unit and their confidence bands. A fit is drawn with symbols for
+    the data and a line for the model."""
     results = [wavelet_variance_of(item) for item in items.values()]
     views = [view_for(wv, view, units) for wv in results]
     if len({shown.unit for shown in views}) > 1:

@@ -140,10 +140,8 @@ def _stroke_numbers() -> dict[str, int]:
 
 
 def _free(start: int, taken: Sequence[Stroke]) -> Stroke:
-    """Return an unused stroke of `_FURTHER`, searched from position `start` on.
-
-    A stroke with an unused dash is preferred, and among these a stroke with an unused colour.
-    """
+    """Return an unused stroke of `_FURTHER`, searched from position `start` on. A stroke with an unused dash is
+    preferred, and among these a stroke with an unused colour."""
     preferred = 3 * len(_TERM_DASHES[6:])
     turned = [_FURTHER[(start + k) % preferred] for k in range(preferred)]
     dashes, colours = {stroke.dash for stroke in taken}, {stroke.colour for stroke in taken}

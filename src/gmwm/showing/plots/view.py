@@ -36,11 +36,9 @@ class View:
         return tau / 2 if self.name == "allan" else tau
 
     def height(self, variance: Vector) -> Vector:
-        """Return the vertical position of a wavelet variance ν², which is given in the squared unit of the data.
-
-        The position is ν² itself, or the Allan deviation √(2ν²), because the Allan variance at the averaging time τ/2
-        is twice the Haar wavelet variance at the scale τ.
-        """
+        """Return the vertical position of a wavelet variance ν², which is given in the squared unit of the data. The
+        position is ν² itself, or the Allan deviation √(2ν²), because the Allan variance at the averaging time τ/2 is
+        twice the Haar wavelet variance at the scale τ."""
         if self.name == "allan":
             variance = 2 * np.maximum(variance, 0.0)
             return np.asarray(self.factor * np.sqrt(variance), dtype=np.float64)
