@@ -288,12 +288,10 @@ def spectrum_remarks(axis: str, found: AxisCalibration) -> Iterator[Remark]:
         yield _lines(axis, found, spectrum.lines)
     if spectrum.bumps:
         yield Remark.of(
-            "resonance-found",
-            axis,
-            frequencies=tuple(Quantity(bump.frequency, "Hz") for bump in spectrum.bumps),
+            "resonance-found", axis, frequencies=tuple(Quantity(bump.frequency, "Hz") for bump in spectrum.bumps),
             widths=tuple(Quantity(bump.width, "Hz") for bump in spectrum.bumps),
             heights=tuple(bump.height for bump in spectrum.bumps),
-        )
+        )  # fmt: skip
 
 
 def _lines(axis: str, found: AxisCalibration, lines: tuple[Line, ...]) -> Remark:
@@ -303,17 +301,12 @@ def _lines(axis: str, found: AxisCalibration, lines: tuple[Line, ...]) -> Remark
     modelled = line_in(found.fit.model) is not None
     # 5 % of the wavelet variance at any level change a density such as N, the root of a variance, by 2.5 %.
     return Remark.of(
-        "lines",
-        axis,
-        case="found" if share >= 0.05 and not modelled else "known",
+        "lines", axis, case="found" if share >= 0.05 and not modelled else "known",
         frequencies=tuple(Quantity(line.frequency, "Hz") for line in strongest),
         amplitudes=tuple(Quantity(line.amplitude, wv.unit) for line in strongest),
-        widths=tuple(Quantity(line.width, "Hz") for line in strongest),
-        share=share,
-        tau=Quantity(tau, "s"),
-        modelled="yes" if modelled else "no",
-        sinusoid=line_process() or "",
-    )
+        widths=tuple(Quantity(line.width, "Hz") for line in strongest), share=share, tau=Quantity(tau, "s"),
+        modelled="yes" if modelled else "no", sinusoid=line_process() or "",
+    )  # fmt: skip
 
 
 def line_share(wv: WaveletVariance, lines: tuple[Line, ...]) -> tuple[float, float]:

@@ -23,11 +23,9 @@ _RAMP = "R"
 def recording_remarks(
     inspection: Inspection, axes: Mapping[str, AxisCalibration], verdicts: Sequence[Verdict]
 ) -> Iterator[Remark]:
-    """Yield the remarks of an inspection that matter for the calibration.
-
-    Remarks on trends and quantization name the affected numbers. A linear trend that the model describes as a drift is
-    left out, and so are knocks, and motion that was replaced like a knock.
-    """
+    """Yield the remarks of an inspection that matter for the calibration. Remarks on trends and quantization name the
+    affected numbers. A linear trend that the model describes as a drift is left out, and so are knocks, and motion that
+    was replaced like a knock."""
     for remark in inspection.remarks:
         if remark.code == "knocks" or _is_replaced(remark, verdicts):
             continue

@@ -26,10 +26,8 @@ if TYPE_CHECKING:
     from gmwm.theory.processes import Model
 
 REST: Mapping[Dialect, str] = {
-    Dialect.PYTHON: "calibration.remarks",
-    Dialect.SHELL: "report.html (or --all-remarks)",
-    Dialect.HTML: "",
-}
+    Dialect.PYTHON: "calibration.remarks", Dialect.SHELL: "report.html (or --all-remarks)", Dialect.HTML: "",
+}  # fmt: skip
 """Where users find the remarks that the summary does not show."""
 
 HELD = "held lines"

@@ -48,13 +48,8 @@ command. The function of a command is in the module with its name."""
 
 
 class Commands(Mapping[str, Any]):
-    """The commands by name, which are imported when they are looked up.
-
-    Parameters
-    ----------
-    others : mapping of name to command
-        Further commands, which a script has added.
-    """
+    """The commands by name, which are imported when they are looked up, and the commands `others` that a script has
+    added."""
 
     def __init__(self, others: Mapping[str, Any]) -> None:
         self._loaded = dict(others)

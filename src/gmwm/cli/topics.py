@@ -50,9 +50,7 @@ def each_topic(
 
 def separate_topics(files: Sequence[Path], reading: ReadOptions) -> tuple[str, ...]:
     """Return the topic of the gyroscopes and the topic of the accelerometers if one file has exactly one of each.
-
-    Otherwise the result is empty, and also if there are several files or the user selected a topic or columns.
-    """
+    Otherwise the result is empty, and also if there are several files or the user selected a topic or columns."""
     from gmwm.files.readers.topics import separate_sensors
 
     if len(files) != 1 or reading.topic is not None or reading.columns is not None:

@@ -124,12 +124,10 @@ class VirtualAxis:
         return {
             **plain_fields(self, "axis unit rate"),
             "weights": dict(zip(self.members, self.weights.tolist(), strict=True)),
-            **plain_fields(self, "model pvalue filter tau deviation"),
-            "average": np.sqrt(self.average).tolist(),
-            **plain_fields(self, "gain gain_over_best"),
-            "measured": np.sqrt(self.measured).tolist(),
+            **plain_fields(self, "model pvalue filter tau deviation"), "average": np.sqrt(self.average).tolist(),
+            **plain_fields(self, "gain gain_over_best"), "measured": np.sqrt(self.measured).tolist(),
             "optimism": self.optimism.tolist(),
-        }
+        }  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -184,9 +184,7 @@ class CrossCovariance(FrozenArrays, Summarised, Plotted):
         return concat(
             DataFrame(
                 {
-                    "first": [a] * self.levels.size,
-                    "second": [b] * self.levels.size,
-                    "level": self.levels,
+                    "first": [a] * self.levels.size, "second": [b] * self.levels.size, "level": self.levels,
                     "tau": self.tau,
                 }
                 | {
@@ -195,7 +193,7 @@ class CrossCovariance(FrozenArrays, Summarised, Plotted):
                 }
             )
             for a, b in self.pairs
-        )
+        )  # fmt: skip
 
     def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
         """Format the largest correlation of each pair that shares noise, and the remarks in a `dialect`."""

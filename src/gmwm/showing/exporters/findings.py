@@ -20,15 +20,7 @@ _TIME_POWER = {"N": 0.5, "K": -0.5, "B": 0.0}
 
 
 def remarks_of(noise: Noise, confidence: float) -> Iterator[Remark]:
-    """Yield the remarks on N and K of each sensor.
-
-    Parameters
-    ----------
-    noise : Noise
-        Noise parameters of the unit.
-    confidence : float
-        Level of the confidence intervals of the calibration.
-    """
+    """Yield the remarks on N and K of each sensor, at a confidence level."""
     yield from _upper_limits(noise, confidence)
     rates = {sensor.quantity: Quantity(sensor.rate, "Hz") for sensor in noise.sensors}
     if len({rate.value for rate in rates.values()}) > 1 and noise.options.rate is None:

@@ -27,10 +27,8 @@ _ASCII = {
 
 
 def recording(calibration: Calibration) -> str:
-    """Return a sentence on the recording for the head of a file.
-
-    It states the source, the length, the rate, the checksum, and the effects that were subtracted.
-    """
+    """Return a sentence on the recording for the head of a file. It states the source, the length, the rate, the
+    checksum, and the effects that were subtracted."""
     if is_given(calibration):
         return f"Source: {calibration.source}. These numbers were given, and not measured by gmwm."
     source = f"{calibration.source_name}, " if calibration.source else ""
@@ -67,11 +65,8 @@ def _conditions(calibration: Calibration) -> str:
 
 
 def cautions(calibration: Calibration) -> list[Remark]:
-    """Return the remarks that every file contains.
-
-    They concern values that may be wrong by a large factor, doubtful units, and noise that axes share. No exported file
-    has cross-covariances between axes.
-    """
+    """Return the remarks that every file contains: on values that may be wrong by a large factor, on doubtful units,
+    and on noise that axes share, because no file has cross-covariances between axes."""
     found = [
         remark
         for remark in calibration.remarks
