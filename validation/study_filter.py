@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 import gmwm
-from gmwm.choosing.datasheets.filter_numbers import filter_numbers
-from gmwm.choosing.datasheets.own_filter import smallest_error
+from gmwm.choosing.datasheets.filter_numbers import filter_numbers, smallest_error
 from gmwm.showing.exporters.two_states import LONGEST, POINTS, Curve, fit_states
 
 NAME = "filter"

@@ -8,8 +8,7 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from gmwm.choosing.datasheets.effective import Use
-from gmwm.choosing.datasheets.filter_numbers import best_gain
-from gmwm.choosing.datasheets.own_filter import smallest_error
+from gmwm.choosing.datasheets.filter_numbers import best_gain, smallest_error
 from gmwm.choosing.datasheets.prediction import Forecast
 from gmwm.showing.exporters.quality import LARGE, TIMES, qualities
 from gmwm.showing.exporters.reduction import Number, axis_noise

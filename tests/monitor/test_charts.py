@@ -18,7 +18,7 @@ from gmwm.applications.monitor.thresholds import (
     shape_factor,
     spike_limit,
 )
-from gmwm.base.plain import plain
+from gmwm.base.documents import plain
 
 Array = NDArray[np.float64]
 SETTINGS = ChartSettings.of_model(rate=1.5)

@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 
 from gmwm.base.errors import OptionError
-from gmwm.measuring.variance.allan import allan_variance
+from gmwm.measuring.variance.allan import allan_variance, hadamard_variance
 from gmwm.measuring.variance.allan_regression import avlr
-from gmwm.measuring.variance.hadamard import hadamard_variance
 from gmwm.recording.signals import Signal
 from gmwm.showing.plots.allan import (
     SLOPES,

@@ -11,7 +11,7 @@ import gmwm
 from gmwm import Model, wavelet_variance
 from gmwm.choosing.datasheets import datasheet
 from gmwm.choosing.selection.api import select_within
-from gmwm.choosing.selection.options import SLOW, RankingOptions
+from gmwm.choosing.selection.ranking import SLOW, RankingOptions
 from gmwm.choosing.selection.search import (
     FELT,
     MOST_FREE,

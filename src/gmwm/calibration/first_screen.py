@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from gmwm.base.axis_names import by_sensor
-from gmwm.base.tables import table_with_rule
-from gmwm.base.text import counted
+from gmwm.base.text import counted, table_with_rule
 from gmwm.calibration.misfit import is_line
 from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability
 from gmwm.calibration.tables import SENSORS, WIDTH, number

@@ -118,9 +118,7 @@ def _variance(
     signal: Signal, kind: Kind, clusters: Literal["octave", "decade", "all"],
     progress: Callable[[int, int], object] | None = None,
 ) -> ClusterVariance:  # fmt: skip
-    from gmwm.measuring.variance.allan import allan_variance
-    from gmwm.measuring.variance.hadamard import hadamard_variance
-    from gmwm.measuring.variance.total import total_variance
+    from gmwm.measuring.variance.allan import allan_variance, hadamard_variance, total_variance
 
     if kind == "total":
         return total_variance(signal, clusters=clusters, progress=progress)

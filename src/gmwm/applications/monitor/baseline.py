@@ -14,8 +14,8 @@ from gmwm.applications.monitor.finite_state import Finite
 from gmwm.applications.monitor.thresholds import spike_limit
 from gmwm.applications.monitor.whitening import Gain, Whitener
 from gmwm.base.arrays import FrozenArrays, Vector
+from gmwm.base.documents import plain_fields
 from gmwm.base.errors import DataError, ReadError
-from gmwm.base.plain import plain_fields
 from gmwm.theory.processes.model import Model
 
 LEAST_BLOCKS = 80

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gmwm.base.arrays import FrozenArrays, Vector
-from gmwm.base.plain import plain, plain_fields
+from gmwm.base.documents import plain, plain_fields
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Remark
 from gmwm.base.text import Summarised

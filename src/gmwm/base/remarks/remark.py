@@ -6,8 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from gmwm.base.remarks.registry import Message, as_fact, message
-from gmwm.base.remarks.severity import Severity
+from gmwm.base.remarks.registry import Message, Severity, as_fact, message
 from gmwm.base.template import Dialect, Fact, Quantity
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from html import escape
 
+from gmwm.base.remarks.registry import Severity
 from gmwm.base.remarks.remark import Remark, sorted_remarks
-from gmwm.base.remarks.severity import Severity
 from gmwm.base.template import Dialect, join_names, render
 from gmwm.base.text import printable, shorten
 

@@ -20,14 +20,14 @@ from gmwm.choosing.datasheets.effective import (
     limited,
 )
 from gmwm.choosing.datasheets.entry import Entry
-from gmwm.choosing.datasheets.plausible import plausible
+from gmwm.choosing.datasheets.limits import plausible
 from gmwm.choosing.datasheets.sheet import Datasheet
 from gmwm.fitting.estimation.intervals import Interval, confidence_intervals, free_shape, is_weak
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.physical import Physical
+from gmwm.theory.processes.parameter import Physical
 
 __all__ = ["Datasheet", "Entry", "datasheet", "effective_noise", "model_datasheet", "with_limits"]
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from gmwm.base.arrays import FrozenArrays, Vector
 from gmwm.base.remarks import Dialect, Remark, texts
-from gmwm.base.tables import align
+from gmwm.base.text import align
 from gmwm.choosing.datasheets.entry import Entry, significant
 
 if TYPE_CHECKING:

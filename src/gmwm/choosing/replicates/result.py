@@ -11,12 +11,11 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from gmwm.base.plain import plain, plain_fields
+from gmwm.base.documents import plain, plain_fields
 from gmwm.base.plotting import Plotted
 from gmwm.base.random_effects import prediction_limits
 from gmwm.base.remarks import Remark, texts
-from gmwm.base.tables import table_with_rule
-from gmwm.base.text import list_text, p_relation, round_text
+from gmwm.base.text import list_text, p_relation, round_text, table_with_rule
 from gmwm.choosing.datasheets import Entry
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.choosing.replicates.comparison import LevelRatio, RecordingComparison, decide, smallest

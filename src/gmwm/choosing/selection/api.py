@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.choosing.selection.candidate_fits import Explored, Progress, explore, losses_left_out
 from gmwm.choosing.selection.equivalence import SURELY, as_good, difference_error
-from gmwm.choosing.selection.options import DRAWS, RankingOptions, Weights
-from gmwm.choosing.selection.ranking import SAME, Candidate, Ranking
+from gmwm.choosing.selection.ranking import DRAWS, SAME, Candidate, Ranking, RankingOptions, Weights
 from gmwm.choosing.selection.structure import (
     freedom,
     nested_models,

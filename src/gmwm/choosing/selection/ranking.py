@@ -1,4 +1,4 @@
-"""Result of model selection: models sorted by the criterion, and the recommended model."""
+"""Options and result of model selection: models sorted by the criterion, and the recommended model."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
@@ -16,15 +16,17 @@ from gmwm.base.arrays import Matrix
 from gmwm.base.errors import GmwmError, ModelError, OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Dialect, Remark, texts
-from gmwm.base.tables import align
-from gmwm.base.text import Summarised, counted, p_text
+from gmwm.base.text import Summarised, align, counted, p_text
 from gmwm.choosing.selection.structure import structure_of
 from gmwm.fitting.estimation.criterion import Criterion
 from gmwm.fitting.estimation.result import Fit
+from gmwm.recording.options import as_confidence, as_whole_number, one_of
 from gmwm.theory.processes.model import Model, as_model
 
 if TYPE_CHECKING:
     from polars import DataFrame
+
+    from gmwm.fitting.estimation.intervals import Method
 
 
 SAME = 1e-6
@@ -355,3 +357,29 @@ class Comparison(Summarised, Plotted):
 def _short(number: float) -> str:
     """Format a number with two decimals, or with five digits if it is 1000 or larger."""
     return f"{number:.2f}" if abs(number) < 1000 else f"{number:.5g}"
+
+
+Weights = Literal["optimal", "diagonal"]
+SLOW = "4*GM + WN + QN + FN + RW + DR"
+"""General model whose submodels a search ranks first (docs/validation/selection.md)."""
+DRAWS = 500
+"""Default number of simulated recordings."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RankingOptions:
+    """Options of a ranking of models, whose values are checked. `gmwm.select` describes each option."""
+
+    weighting: Weights = "optimal"
+    criterion: Method = "asymptotic"
+    confidence: float = 0.95
+    draws: int = DRAWS
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        one_of(self.weighting, "weighting", ("optimal", "diagonal"))
+        one_of(self.criterion, "criterion", ("asymptotic", "bootstrap"))
+        as_confidence(self.confidence)
+        # Smallest number of simulated recordings that is allowed.
+        as_whole_number(self.draws, "draws", 100)
+        as_whole_number(self.seed, "seed", 0)

@@ -20,8 +20,7 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import GmwmError
 from gmwm.choosing.selection.api import rank_models, select_within
-from gmwm.choosing.selection.options import SLOW, RankingOptions
-from gmwm.choosing.selection.ranking import Ranking
+from gmwm.choosing.selection.ranking import SLOW, Ranking, RankingOptions
 from gmwm.choosing.selection.search_steps import Entry, Exit, SearchStep
 from gmwm.choosing.selection.shape_error import (
     acts_as_filter,

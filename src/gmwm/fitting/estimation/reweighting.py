@@ -20,8 +20,7 @@ from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.errors import MissingTheoryError, ModelError
 from gmwm.base.remarks import Remark
 from gmwm.base.threads import check_stop
-from gmwm.fitting.estimation.exponential_search import search_of
-from gmwm.fitting.estimation.exponential_weights import reweight, search_for_weights
+from gmwm.fitting.estimation.exponential_search import reweight, search_for_weights, search_of
 from gmwm.fitting.estimation.problem import Problem, pose
 from gmwm.fitting.estimation.solver import Solution, final, model_of, move, resume, solve
 from gmwm.fitting.estimation.weighting import precision, weighting_matrix

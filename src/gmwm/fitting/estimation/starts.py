@@ -20,7 +20,7 @@ from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import as_whole_number
 from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.start_context import Dominant, Occasion
+from gmwm.theory.processes.parameter import Dominant, Occasion
 from gmwm.theory.processes.validation import as_seed
 
 How = Literal["convex", "given", "scan", "sampled"]

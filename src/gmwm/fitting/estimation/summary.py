@@ -12,7 +12,7 @@ import numpy as np
 
 from gmwm.base.errors import GmwmError, MissingTheoryError, ModelError
 from gmwm.base.remarks import Dialect, Remark, texts
-from gmwm.base.tables import align
+from gmwm.base.text import align
 from gmwm.fitting.estimation.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap, least_draws
 from gmwm.fitting.estimation.goodness import GoodnessOfFit, goodness_of_fit
 from gmwm.fitting.estimation.intervals import Interval, Method, confidence_intervals

@@ -20,8 +20,7 @@ from gmwm.measuring.covariance.tails import excess_covariance
 from gmwm.measuring.regression.against import TIME, Against, Asked, CovariateTerm
 from gmwm.measuring.regression.api import regress, without
 from gmwm.measuring.regression.blocks import BlockClock
-from gmwm.measuring.regression.columns import HOUR
-from gmwm.measuring.regression.covariates import Covariates
+from gmwm.measuring.regression.covariates import HOUR, Covariates
 from gmwm.measuring.regression.least_squares import haar
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.result import WaveletVariance

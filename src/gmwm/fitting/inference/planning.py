@@ -13,12 +13,11 @@ from typing import Any, Literal
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector, as_rate, freeze
+from gmwm.base.documents import plain
 from gmwm.base.errors import ModelError, OptionError
-from gmwm.base.plain import plain
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark, texts
-from gmwm.base.tables import align
-from gmwm.base.text import Named, Summarised, counted, duration_text
+from gmwm.base.text import Named, Summarised, align, counted, duration_text
 from gmwm.fitting.estimation.asymptotic import sandwich_of
 from gmwm.fitting.estimation.problem import pose
 from gmwm.fitting.estimation.weighting import precision, usual_weighting

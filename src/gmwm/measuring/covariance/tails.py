@@ -23,7 +23,7 @@ import numpy as np
 
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.measuring.variance.panels import LEAST, Panels
+from gmwm.measuring.variance.open_segments import LEAST, Panels
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
 

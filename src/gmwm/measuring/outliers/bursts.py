@@ -18,7 +18,7 @@ from gmwm.base import _core
 from gmwm.base.arrays import FrozenArrays, Vector, as_rate, as_vector
 from gmwm.base.documents import Documented
 from gmwm.measuring.variance.biweight import NORMAL_QUARTILE
-from gmwm.measuring.variance.panels import Panels, panel_length
+from gmwm.measuring.variance.open_segments import Panels, panel_length
 from gmwm.recording.resolution import Sample, step_of
 from gmwm.recording.signals import Signal
 

@@ -12,7 +12,7 @@ from gmwm.base.time_base import times_of
 from gmwm.measuring.outliers.bursts import Ranges, burst_ranges, coefficients
 from gmwm.measuring.outliers.screening import Replaced
 from gmwm.measuring.outliers.spikes import find_spikes, repaired
-from gmwm.measuring.variance.panels import panel_length
+from gmwm.measuring.variance.open_segments import panel_length
 from gmwm.recording.gaps import drawn
 from gmwm.recording.resolution import lsb
 from gmwm.recording.signals import Signal

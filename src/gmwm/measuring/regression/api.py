@@ -11,10 +11,8 @@ from numpy.typing import ArrayLike
 from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector
 from gmwm.base.errors import DataError, OptionError
 from gmwm.measuring.regression.against import WARM_UP, Asked
-from gmwm.measuring.regression.columns import HOUR
-from gmwm.measuring.regression.covariates import Covariates
-from gmwm.measuring.regression.least_squares import COLLINEAR, RegressionDesign, Weighted
-from gmwm.measuring.regression.noise import NoiseMixtures
+from gmwm.measuring.regression.covariates import HOUR, Covariates
+from gmwm.measuring.regression.least_squares import COLLINEAR, NoiseMixtures, RegressionDesign, Weighted
 from gmwm.measuring.regression.result import Points, Regression
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY

@@ -15,7 +15,7 @@ from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised, duration_text
 from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.regression.against import TEMPERATURE, WARM_UP, CovariateTerm
-from gmwm.measuring.regression.columns import Basis, Column
+from gmwm.measuring.regression.covariates import Basis, Column
 from gmwm.measuring.variance.result import WaveletVariance
 
 

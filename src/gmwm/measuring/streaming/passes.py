@@ -13,10 +13,9 @@ from gmwm.base.units import SI_UNIT
 from gmwm.measuring.spectrum import PowerSpectra, SpectrumAccumulator
 from gmwm.measuring.spectrum.welch import Detrend
 from gmwm.measuring.variance.accumulate import WaveletAccumulator
-from gmwm.measuring.variance.axes_result import WaveletVariances
 from gmwm.measuring.variance.biweight import EFFICIENCY, biweight, require_robust
 from gmwm.measuring.variance.open_segments import exact_levels, held_samples
-from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.measuring.variance.result import WaveletVariance, WaveletVariances
 from gmwm.measuring.variance.second_pass import SecondPass
 from gmwm.recording.batches import Batch, Batches, Streamed, feed
 from gmwm.recording.chunks import Chunk

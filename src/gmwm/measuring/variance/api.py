@@ -13,7 +13,6 @@ from gmwm.base import _core
 from gmwm.base.arrays import Vector, as_rate, as_vector, require_finite
 from gmwm.base.errors import DataError
 from gmwm.measuring.confidence_limits import chi_square_limits
-from gmwm.measuring.variance.axes_result import WaveletVariances
 from gmwm.measuring.variance.biweight import require_robust
 from gmwm.measuring.variance.coefficients import (
     CoefficientSource,
@@ -22,7 +21,7 @@ from gmwm.measuring.variance.coefficients import (
     PooledCoefficients,
 )
 from gmwm.measuring.variance.phase import SCALE_DOWN, TOO_LARGE, contradicting_rate
-from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.measuring.variance.result import WaveletVariance, WaveletVariances
 from gmwm.measuring.variance.rise import RiseSums
 from gmwm.measuring.variance.robust import RobustVariances, robust_variances
 from gmwm.measuring.variance.transform import (

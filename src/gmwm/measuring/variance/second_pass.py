@@ -16,7 +16,7 @@ import numpy as np
 from gmwm.base import _core
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.locks import one_at_a_time
+from gmwm.base.threads import one_at_a_time
 from gmwm.measuring.variance.biweight import REACH, Biweight, Criterion, biweight, scan
 from gmwm.measuring.variance.coefficients import SAMPLE
 from gmwm.measuring.variance.open_segments import SegmentedAccumulator

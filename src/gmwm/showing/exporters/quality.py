@@ -6,9 +6,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from gmwm.choosing.datasheets.filter_numbers import samples_in
+from gmwm.choosing.datasheets.filter_numbers import samples_in, smallest_error
 from gmwm.choosing.datasheets.misfit import curve_ratio
-from gmwm.choosing.datasheets.own_filter import smallest_error
 from gmwm.choosing.datasheets.prediction import FilterGain, Forecast
 from gmwm.showing.exporters.reduction import NAMES, AxisNoise, SensorNoise
 

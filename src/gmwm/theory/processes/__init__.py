@@ -22,8 +22,8 @@ from gmwm.theory.processes.ordered import ordered_classes as ordered_classes
 from gmwm.theory.processes.parameter import Branch as Branch
 from gmwm.theory.processes.parameter import Fixed as Fixed
 from gmwm.theory.processes.parameter import Parameter as Parameter
+from gmwm.theory.processes.parameter import Physical as Physical
 from gmwm.theory.processes.parameter import fixed as fixed
-from gmwm.theory.processes.physical import Physical as Physical
 
 __all__ = [
     "AR", "AR1", "ARMA", "DR", "FGN", "FN", "GM", "MA", "MAT", "PL", "QN", "RW", "SARMA", "SIN", "WN", "Branch",

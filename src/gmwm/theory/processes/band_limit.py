@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
-from gmwm.theory.processes.physical import Physical
+from gmwm.theory.processes.parameter import Physical
 
 SHORT = 1.0
 """Correlation time (s) below which noise is white at τ = 1 s, where IEEE Std 952 defines N."""

@@ -24,12 +24,20 @@ from gmwm.base.remarks import Remark
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
 from gmwm.theory.processes import circulant_embedding, filtered
-from gmwm.theory.processes.definition import check_calls, check_members, check_name, function_of
 from gmwm.theory.processes.haar_theory import HaarTheory
-from gmwm.theory.processes.parameter import Branch, Fixed, Parameter, Value
-from gmwm.theory.processes.physical import Physical
-from gmwm.theory.processes.start_context import Occasion
-from gmwm.theory.processes.validation import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.theory.processes.parameter import Branch, Fixed, Occasion, Parameter, Physical, Value
+from gmwm.theory.processes.validation import (
+    as_clusters,
+    as_frequencies,
+    as_lags,
+    as_paths,
+    as_rng,
+    check_calls,
+    check_members,
+    check_name,
+    function_of,
+    shape_of_paths,
+)
 from gmwm.theory.statespace import StateSpace, haar_variances
 
 if TYPE_CHECKING:

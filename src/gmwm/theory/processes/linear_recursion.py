@@ -27,8 +27,7 @@ from gmwm.theory.processes.band_limit import SHORT, STEP, Density, band_numbers
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.ordered import Ordered, Polynomial
-from gmwm.theory.processes.parameter import Parameter
-from gmwm.theory.processes.physical import Physical
+from gmwm.theory.processes.parameter import Parameter, Physical
 from gmwm.theory.processes.short_memory import LONGEST, NEGLIGIBLE, ShortMemory, trim
 from gmwm.theory.processes.validation import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace

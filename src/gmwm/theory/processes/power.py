@@ -20,8 +20,7 @@ from gmwm.theory.processes.circulant_embedding import amplitudes, half_period, p
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.ladder import power_law
-from gmwm.theory.processes.parameter import Parameter, Value
-from gmwm.theory.processes.physical import Physical
+from gmwm.theory.processes.parameter import Parameter, Physical, Value
 from gmwm.theory.processes.self_similar import Numbers
 from gmwm.theory.processes.validation import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace

@@ -15,8 +15,7 @@ from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes import filtered
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.parameter import Parameter, Value
-from gmwm.theory.processes.physical import Physical
+from gmwm.theory.processes.parameter import Parameter, Physical, Value
 from gmwm.theory.processes.validation import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace
 
