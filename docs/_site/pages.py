@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 PAGES = {
     "README.md": "index",
-    "CONTRIBUTING.md": "contributing",
+    "CONTRIBUTING.md": "contributing/index",
     "CHANGELOG.md": "changelog",
     "docs/README.md": "index",
 }
