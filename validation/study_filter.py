@@ -120,7 +120,7 @@ COVERED = {"RW 5": "WN + RW", "FN 42": "WN + FN", "GM 50, 15 s": "GM + WN", "GM 
 
 
 def gain_of(bandwidth: float) -> float:
-    """Gain of the steady-state filter, g²/(1 − g) = (w Δt)²."""
+    """FilterGain of the steady-state filter, g²/(1 − g) = (w Δt)²."""
     return bandwidth * (math.sqrt(bandwidth**2 + 4) - bandwidth) / 2
 
 

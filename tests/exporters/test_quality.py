@@ -10,7 +10,7 @@ from scipy.linalg import solve_discrete_are
 from gmwm.choosing.datasheets.effective import Use
 from gmwm.choosing.datasheets.filter_numbers import best_gain
 from gmwm.choosing.datasheets.own_filter import smallest_error
-from gmwm.choosing.datasheets.prediction import Prediction
+from gmwm.choosing.datasheets.prediction import Forecast
 from gmwm.showing.exporters.quality import LARGE, TIMES, qualities
 from gmwm.showing.exporters.reduction import Number, axis_noise
 from gmwm.theory.processes import Model
@@ -26,7 +26,7 @@ def axis_of(calibration, axis):
 @pytest.mark.parametrize("samples", [1, 20, 3000])
 def test_white_noise_and_a_walk_lose_nothing(samples):
     processes = Model.parse("WN(sigma2=1.0) + RW(gamma2=1e-5)").processes
-    prediction = Prediction.of(processes, RATE, samples)
+    prediction = Forecast.of(processes, RATE, samples)
     least = smallest_error(processes, RATE, samples)
     assert prediction.error(best_gain(prediction))[0] == pytest.approx(least, rel=1e-6)
 

@@ -28,12 +28,12 @@ _READERS: dict[type, Callable[[str], Any]] = {}
 """Functions that read the classes that a document contains as a text."""
 
 
-def write_as_text(kind: type[T], read: Callable[[str], T], write: Callable[[T], str] = str) -> None:
+def write_as_text(kind: type[T], read: Callable[[str], T]) -> None:
     """Let documents contain the objects of a class as a text."""
-    TEXTS[kind], _READERS[kind] = write, read
+    TEXTS[kind], _READERS[kind] = str, read
 
 
-class Entry(NamedTuple):
+class DocKey(NamedTuple):
     """Entry of `document_keys`; `default` is the number that null stands for, `inlined` marks `"*name"`."""
 
     key: str
@@ -44,10 +44,10 @@ class Entry(NamedTuple):
     inlined: bool
 
 
-_ENTRIES: dict[Any, tuple[Entry, ...]] = {}
+_ENTRIES: dict[Any, tuple[DocKey, ...]] = {}
 
 
-def entries_of(kind: Any) -> tuple[Entry, ...]:
+def entries_of(kind: Any) -> tuple[DocKey, ...]:
     """Return the entries of the document of a dataclass."""
     if kind in _ENTRIES:
         return _ENTRIES[kind]
@@ -57,17 +57,15 @@ def entries_of(kind: Any) -> tuple[Entry, ...]:
         key, _, name = text.lstrip("*").rstrip("?").partition("=")
         name, _, default = (name or key).partition("~")
         entries.append(
-            Entry(key.partition("~")[0], name, default=float(default) if default else None, is_field=name in names,
+            DocKey(key.partition("~")[0], name, default=float(default) if default else None, is_field=name in names,
                   optional=text.endswith("?"), inlined=text.startswith("*"))
         )  # fmt: skip
     return _ENTRIES.setdefault(kind, tuple(entries))
 
 
 class Documented:
-    """Base of dataclasses with a document for JSON.
-
-    A class with `document` checks what it reads: each field against its annotation and the meaning of its name.
-    """
+    """Base of dataclasses with a document for JSON. A class with `document` checks each field against its annotation
+    and name."""
 
     document_keys: ClassVar[tuple[str, ...]] = ()
     document: ClassVar[Document | None] = None
@@ -78,20 +76,8 @@ class Documented:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Restore an object from the output of `to_dict`, also after a round trip through JSON.
-
-        All numbers are exactly the same.
-
-        Parameters
-        ----------
-        values : mapping of key to value
-            The document. Keys that the class does not know are ignored.
-
-        Raises
-        ------
-        ReadError
-            If a value is missing, or has the wrong type, size or range.
-        """
+        """Restore an object from the output of `to_dict`, exactly, also after a round trip through JSON. Unknown keys
+        are ignored. Raises ReadError if a value is missing, or has the wrong type, size or range."""
         if cls.document is None:
             return _read(cls, values)
         with cls.document.reading():
@@ -125,7 +111,7 @@ def _read(kind: type[T], values: Mapping[str, Any]) -> T:
     return result
 
 
-def _value(kind: Any, value: Any, entry: Entry) -> Any:
+def _value(kind: Any, value: Any, entry: DocKey) -> Any:
     """Read a value whose annotation is `kind`. A value of the wrong type is left as it is if a check names it later."""
     if (number_type := array_type(kind)) is not None:
         return np.array(_filled(value, entry.default), dtype=number_type)

@@ -15,8 +15,7 @@ R = TypeVar("R")
 
 
 class OneAtATime:
-    """Base class for classes with methods marked by `one_at_a_time`. Each object has its own lock, which is not
-    pickled."""
+    """Base of classes with methods marked by `one_at_a_time`; each object has its own lock, which is not pickled."""
 
     _lock: threading.RLock
 

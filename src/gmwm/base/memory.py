@@ -8,11 +8,8 @@ from typing import Any
 
 
 def return_memory() -> None:
-    """Return the memory that the C library keeps after arrays were freed; nothing happens without the GNU C library.
-
-    The library keeps the memory of arrays below 32 MB for later arrays, which do not always fit into it. Without this
-    function, a calibration of six axes of 6 million samples in chunks needs 160 MB more.
-    """
+    """Return the memory of freed arrays below 32 MB, which the GNU C library keeps although it does not always fit
+    later. Otherwise, a calibration of six axes of 6 million samples in chunks needs 160 MB more."""
     trim = _trim()
     if trim is not None:
         trim(0)

@@ -6,19 +6,8 @@ from collections.abc import Collection, Sequence
 
 
 def align(rows: Sequence[Sequence[str]], right: Collection[int] = (), indent: str = "  ") -> list[str]:
-    """Format the rows of a table with aligned columns, two blanks apart.
+    """Format the rows of a table, two blanks between columns; those in `right` are aligned to the right.
 
-    Parameters
-    ----------
-    rows : sequence of sequences of str
-        The cells of each row.
-    right : collection of int
-        Indices of the columns that are aligned to the right; the others are aligned to the left.
-    indent : str
-        Text before each line.
-
-    Examples
-    --------
     >>> for line in align([["parameter", "value"], ["N", "0.21"]], right={1}):
     ...     print(repr(line))
     '  parameter  value'

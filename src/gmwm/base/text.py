@@ -153,21 +153,11 @@ def defined_anew(kind: type, older: type) -> bool:
 
 
 class Named(dict[str, T]):
-    """A dict whose KeyError lists the known names, or explains why a name is missing.
+    """A dict whose KeyError lists the names, each a `noun` such as "parameter", or says `why` a name is missing.
 
-    Parameters
-    ----------
-    values : mapping or pairs
-    noun : str
-        Noun for a key, such as "parameter", for the message.
-    why : mapping of name to str, optional
-        Messages for names that users may expect.
-
-    Examples
-    --------
     >>> Named({"WN.sigma2": 1.0}, "parameter")["foo"]
     Traceback (most recent call last):
-        ...
+    ...
     KeyError: "there is no parameter 'foo', only WN.sigma2"
     """
 

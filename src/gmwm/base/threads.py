@@ -23,13 +23,8 @@ _check: ContextVar[Callable[[], None]] = ContextVar("_check", default=lambda: No
 
 @contextmanager
 def stoppable(check: Callable[[], None]) -> Iterator[None]:
-    """Call a function often during long work in this block, also in the threads that it starts.
-
-    Parameters
-    ----------
-    check : function
-        Function that can raise an exception to end the work. `gmwm app` cancels a fit in this way.
-    """
+    """Call `check` often during long work in this block, also in the threads that it starts; an exception ends the
+    work. `gmwm app` cancels a fit in this way."""
     token = _check.set(check)
     try:
         yield
@@ -38,37 +33,18 @@ def stoppable(check: Callable[[], None]) -> Iterator[None]:
 
 
 def check_stop() -> None:
-    """Call the function that was passed to `stoppable`, which can end the work. Long loops call it at least every 0.1 s
-    (tests/app/test_workspace.py)."""
+    """Call the function passed to `stoppable`, in long loops at least every 0.1 s (tests/app/test_workspace.py)."""
     _check.get()()
 
 
 def in_threads(
-    work: Callable[[str, Item], T],
-    items: Mapping[str, Item],
-    *,
-    threads: int | None = None,
+    work: Callable[[str, Item], T], items: Mapping[str, Item], *, threads: int | None = None,
     done: Callable[[str], None] | None = None,
-) -> dict[str, T]:
-    """Call a function for each item, in parallel threads.
+) -> dict[str, T]:  # fmt: skip
+    """Call a function for the name and the item of each entry, in parallel threads (one per processor by default).
 
-    Parameters
-    ----------
-    work : callable
-        Function that is called with the name and the item.
-    items : mapping of name to item
-    threads : int, optional
-        Number of threads. Default: the number of processors.
-    done : callable, optional
-        Function that is called in the calling thread with each name when its work has ended.
+    `done` is called in the calling thread with each name when its work has ended. The order is that of the items.
 
-    Returns
-    -------
-    dict of name to result
-        The results, in the order of the items.
-
-    Examples
-    --------
     >>> in_threads(lambda name, number: number**2, {"two": 2, "three": 3})
     {'two': 4, 'three': 9}
     """

@@ -8,19 +8,6 @@ from gmwm.base.remarks.severity import Severity
 from gmwm.base.template import Dialect, Fact, Quantity
 
 __all__ = [
-    "Dialect",
-    "Fact",
-    "Message",
-    "Quantity",
-    "Remark",
-    "Severity",
-    "brief",
-    "codes_text",
-    "explanation",
-    "gravest",
-    "merged",
-    "messages",
-    "sorted_remarks",
-    "texts",
-    "with_groups",
-]
+    "Dialect", "Fact", "Message", "Quantity", "Remark", "Severity", "brief", "codes_text", "explanation", "gravest",
+    "merged", "messages", "sorted_remarks", "texts", "with_groups",
+]  # fmt: skip

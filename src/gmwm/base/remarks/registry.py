@@ -38,15 +38,7 @@ SECTIONS: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class Choice:
-    """Several templates, one of which is chosen by the value of a fact.
-
-    Attributes
-    ----------
-    by : str
-        Name of the fact.
-    templates : mapping of value to template
-        Template for each value of the fact, in lower case. "otherwise" has the template for all other values.
-    """
+    """Templates by the value of the fact `by`, in lower case; "otherwise" has the template for all other values."""
 
     by: str
     templates: Mapping[str, Text]
@@ -178,8 +170,7 @@ def _content() -> str:
 
 @cache
 def _tables() -> Mapping[str, str]:
-    """Return the text of each table of the file by its name. A line that begins like a name is a link if more follows
-    after the bracket."""
+    """Return each table of the file by name. A line that begins like a name is a link if more follows the bracket."""
     matches = re.finditer(r"^\[([a-z0-9-]+)\]\n.*?(?=^\[[a-z0-9-]+\]\n|\Z)", _content(), re.MULTILINE | re.DOTALL)
     return {match[1]: match[0] for match in matches}
 

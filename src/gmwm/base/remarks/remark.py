@@ -73,12 +73,9 @@ class Remark:
     def to_dict(self) -> dict[str, Any]:
         """Return the remark as plain values for JSON. The key "text" has the text for the shell."""
         return {
-            "code": self.code,
-            "severity": self.severity.label,
-            "subject": self.subject,
-            "facts": {name: _plain(fact) for name, fact in self.facts.items()},
-            "text": self.text(Dialect.SHELL),
-        }
+            "code": self.code, "severity": self.severity.label, "subject": self.subject,
+            "facts": {name: _plain(fact) for name, fact in self.facts.items()}, "text": self.text(Dialect.SHELL),
+        }  # fmt: skip
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Remark:

@@ -59,13 +59,9 @@ def with_groups(
 
 
 def brief(
-    remarks: Iterable[Remark],
-    dialect: Dialect = Dialect.SHELL,
-    *,
-    rest: str = "",
-    codes: bool = True,
+    remarks: Iterable[Remark], dialect: Dialect = Dialect.SHELL, *, rest: str = "", codes: bool = True,
     most: int = MOST_REMARKS,
-) -> list[str]:
+) -> list[str]:  # fmt: skip
     """Return the most severe remarks as text, and a line with the number of other remarks.
 
     Parameters

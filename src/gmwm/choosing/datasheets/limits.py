@@ -20,26 +20,9 @@ _KINDS: Mapping[str, type[Process]] = {"N": WN, "K": RW}
 
 
 def hidden(fit: Fit, entry: Entry, level: float) -> float:
-    """Compute the upper limit of white noise or a random walk from a fit of the model with this term added.
-
-    Parameters
-    ----------
-    fit : Fit
-    entry : Entry
-        The number N or K whose limit is computed.
-    level : float
-        Confidence level of the interval, whose upper end is the limit.
-
-    Returns
-    -------
-    float
-        The upper limit in the unit of the entry; infinite if the confidence interval is unbounded.
-
-    Raises
-    ------
-    DataError
-        If the model with this term cannot be fitted, or its confidence intervals cannot be computed.
-    """
+    """Compute the upper limit, in the unit of the entry N or K, from a fit of the model with this term added. It is
+    infinite if the confidence interval is unbounded. Raises DataError if the model with this term cannot be fitted, or
+    has no confidence intervals."""
     kind = _KINDS[entry.symbol]
     try:
         holder = fit if any(isinstance(p, kind) for p in fit.model.processes) else _widened(fit, kind)

@@ -12,21 +12,10 @@ from gmwm.fitting.likelihood.system import is_ramp
 from gmwm.theory.processes.base import Process
 from gmwm.theory.statespace import StateSpace
 
-_FLOOR = 1e-8
-"""Variance of the measurement noise that is added to a model without any, relative to the variance of its innovations.
-The Riccati equation cannot be solved without it."""
-
 
 def smallest_error(processes: Iterable[Process], rate: float, samples: int) -> float | None:
-    """Return the mean square of the error with which the filter of the full model predicts the mean of n samples.
-
-    The noise is without its sinusoids and ramps. The filter is in its steady state.
-
-    Returns
-    -------
-    float or None
-        None if a process has no state space, or the Riccati equation has no solution in double precision.
-    """
+    """Return the mean square error of the steady-state filter of the full model for the mean of n samples, without
+    sinusoids and ramps; None without a state space or a solution of the Riccati equation in double precision."""
     from scipy.linalg import LinAlgError, solve_discrete_are
 
     noises = [p for p in processes if p.scale > 0 and p.line(rate) is None]
@@ -38,7 +27,9 @@ def smallest_error(processes: Iterable[Process], rate: float, samples: int) -> f
     measured = float(space.R[0, 0])
     if space.states == 0:
         return measured / samples
-    floor = _FLOOR * (measured + float((space.H @ space.Q @ space.H.T)[0, 0]))
+    # Variance of the measurement noise that is added to a model without any, relative to the variance of its
+    # innovations. The Riccati equation cannot be solved without it.
+    floor = 1e-8 * (measured + float((space.H @ space.Q @ space.H.T)[0, 0]))
     try:
         before = solve_discrete_are(space.F.T, space.H.T, space.Q, np.array([[measured + floor]]))
     except (LinAlgError, ValueError):

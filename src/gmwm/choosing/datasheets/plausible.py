@@ -13,23 +13,11 @@ tests/test_plausible.py."""
 
 
 def plausible(entry: Entry, rate: float, samples: int, resonance: float | None = None) -> Entry:
-    """Return a number whose interval lies in the range that a recording can show, and is not too wide.
-
-    A frequency is between 0 and half the sampling rate, a correlation time between one sample and the length of the
-    recording, and the quality factor of a resonance at most its frequency times this length. If the ends of an interval
+    """Return a number whose interval lies in the range that a recording can show, and is not too wide. A frequency is
+    between 0 and half the sampling rate, a correlation time between one sample and the length of the recording, and the
+    quality factor of a resonance at most its frequency (`resonance`, Hz) times this length. If the ends of an interval
     then differ by more than a factor of `WIDEST`, the strength of a noise becomes an upper limit, and a time, a
-    frequency or a quality factor is not determined.
-
-    Parameters
-    ----------
-    entry : Entry
-    rate : float
-        Sampling rate (Hz).
-    samples : int
-        Length of the recording, in samples.
-    resonance : float, optional
-        Frequency (Hz) of the resonance to which a quality factor belongs.
-    """
+    frequency or a quality factor is not determined."""
     if entry.held or entry.low is None or entry.high is None or entry.upper_only or entry.value <= 0:
         return entry
     duration = samples / rate

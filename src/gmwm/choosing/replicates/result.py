@@ -30,8 +30,6 @@ WIDTH = 80
 """Largest number of characters in a line of the summary."""
 SIZE = 0.05
 """Significance level of the test that the recordings of an axis are equal (docs/validation/recordings.md)."""
-FEW = 4
-"""With fewer recordings, an interval is hardly narrower than with one (docs/validation/recordings.md)."""
 MAIN = ("N", "B", "K", "Q")
 """Symbols of the parameters that a remark names. Tables contain all parameters."""
 Use = Literal["mean", "high"]
@@ -196,9 +194,10 @@ class Replicates(RecordingComparison, Plotted):
         else:
             code, nothing = "recordings-differ", "only the curves"
             parts = [f"{n.symbol} by {_percent(n.spread)}" for n in main if n.spread]
+        # With fewer recordings, an interval is hardly narrower than with one (docs/validation/recordings.md).
         return Remark.of(
             code, self.axis, case="numbers", count=len(self.recordings), numbers=list_text(parts) or nothing,
-            p=f"p {p_relation(pvalue)}", few="yes" if len(self.recordings) < FEW else "no", size=SIZE,
+            p=f"p {p_relation(pvalue)}", few="yes" if len(self.recordings) < 4 else "no", size=SIZE,
         )  # fmt: skip
 
     def table(self) -> list[list[str]]:

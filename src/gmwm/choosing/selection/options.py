@@ -15,19 +15,11 @@ SLOW = "4*GM + WN + QN + FN + RW + DR"
 """General model whose submodels a search ranks first (docs/validation/selection.md)."""
 DRAWS = 500
 """Default number of simulated recordings."""
-FEWEST_DRAWS = 100
-"""Smallest number of simulated recordings that is allowed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RankingOptions:
-    """Options of a ranking of models, with a check of their values. `gmwm.select` describes each option.
-
-    Raises
-    ------
-    OptionError
-        If a value is not allowed.
-    """
+    """Options of a ranking of models, whose values are checked. `gmwm.select` describes each option."""
 
     weighting: Weights = "optimal"
     criterion: Method = "asymptotic"
@@ -39,5 +31,6 @@ class RankingOptions:
         one_of(self.weighting, "weighting", ("optimal", "diagonal"))
         one_of(self.criterion, "criterion", ("asymptotic", "bootstrap"))
         as_confidence(self.confidence)
-        as_whole_number(self.draws, "draws", FEWEST_DRAWS)
+        # Smallest number of simulated recordings that is allowed.
+        as_whole_number(self.draws, "draws", 100)
         as_whole_number(self.seed, "seed", 0)

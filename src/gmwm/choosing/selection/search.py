@@ -68,33 +68,14 @@ frequencies."""
 NARROW = 0.002
 """A spectral peak that is narrower than this, relative to the sampling rate, is treated as a line. The value is half
 the width of the narrowest peak that the fitted ARMA processes can have; see `gmwm.spectrum.short_memory.POLE`."""
-AROUND = 8
-"""Frequencies within this distance from a line, in units of the frequency resolution, are not used for the shape
-(tests/selection/test_search.py)."""
-_ROUNDS = 2
-"""Number of times that the shape at high frequencies and the slow terms are fitted in turn."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModelChoice:
-    """The models that were fitted to one axis, and the choice among them.
-
-    Attributes
-    ----------
-    ranking : Ranking
-        Ranking of the models that were compared last.
-    wavelet_variance : WaveletVariance
-        Wavelet variance of the data. Its covariance includes the uncertainty of the shape at high frequencies.
-    error : float
-        Relative model error τ, which is not included in this covariance.
-    tried : tuple of str
-        General models that were tried, in order.
-    steps : tuple of SearchStep
-        The steps that led to the choice.
-    band : mapping of str to float
-        Relative standard errors of the bandwidth f_b, the resonance frequency f_r and the quality factor Q_r of the
-        shape at high frequencies; empty if the shape is not from the spectrum.
-    """
+    """The models that were fitted to one axis, and the choice among them. `ranking` has the models that were compared
+    last. The covariance of `wavelet_variance` includes the uncertainty of the shape at high frequencies, but not the
+    relative model error `error`. `tried` are the general models, and `band` the relative standard errors of f_b, f_r
+    and Q_r of a shape from the spectrum."""
 
     ranking: Ranking
     wavelet_variance: WaveletVariance
@@ -114,14 +95,10 @@ class ModelChoice:
 
 
 def search(
-    wv: WaveletVariance,
-    spectrum: PowerSpectrum | None,
-    options: RankingOptions,
-    *,
+    wv: WaveletVariance, spectrum: PowerSpectrum | None, options: RankingOptions, *,
     check: Callable[[], None] = lambda: None,
-) -> ModelChoice:
-    """Search for the noise model of one axis, as the module describes. `check` is called between steps and may raise to
-    stop."""
+) -> ModelChoice:  # fmt: skip
+    """Search for the noise model of one axis, as the module describes; `check` may raise to stop it."""
     general = nearly_fitted(_largest(SLOW, wv), wv, options.weighting)
     bound = Distance.of(general).surely
     slow = SearchStep(family=general.model.structure, entered="slow", bound=bound, left="all-rejected")
@@ -166,8 +143,7 @@ def _with_filter(choice: ModelChoice, shaped: ModelChoice) -> ModelChoice:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Shown:
-    """Terms that the spectrum shows, the data with the uncertainty of the shape, and the errors of its band
-    (`ModelChoice`)."""
+    """Terms that the spectrum shows, the data with the uncertainty of the shape, and the errors of its band."""
 
     wavelet_variance: WaveletVariance
     terms: tuple[Process, ...]
@@ -205,22 +181,15 @@ def _is_accepted(ranking: Ranking) -> bool:
 
 
 def _has_filter(fit: Fit) -> bool:
-    """Return whether a term has such a short correlation time that it may describe the low-pass filter of the
-    sensor."""
+    """Return whether a term is so fast that it may describe the low-pass filter of the sensor."""
     return any(process.scale > 0 and acts_as_filter(process, fit) for process in fit.model.processes)
 
 
 def within_family(
-    family: ModelLike,
-    wv: WaveletVariance,
-    options: RankingOptions,
-    *,
-    required: Sequence[Process] = (),
-    check: Callable[[], None] = lambda: None,
-    entered: Entry = "within",
-) -> ModelChoice:
-    """Rank all models within a largest one plus `required` terms, with its model error. Lines whose power is zero are
-    dropped."""
+    family: ModelLike, wv: WaveletVariance, options: RankingOptions, *, required: Sequence[Process] = (),
+    check: Callable[[], None] = lambda: None, entered: Entry = "within",
+) -> ModelChoice:  # fmt: skip
+    """Rank all models within a largest one plus `required` terms, with its model error, without lines of zero power."""
     largest = _largest(family, wv, required)
     bound, error = _bound_and_error(largest, wv, options.weighting)
     check()
@@ -261,8 +230,7 @@ def given_curve(model: Model, wv: WaveletVariance, weighting: str) -> WaveletVar
 
 
 def _bound_and_error(model: Model, wv: WaveletVariance, weighting: str) -> tuple[float, float]:
-    """Return the upper bound of the p-value of a model and its relative model error, which is 0 for an accepted
-    model."""
+    """Return the upper bound of the p-value of a model, and its relative model error, 0 if accepted."""
     general = nearly_fitted(model, wv, weighting)
     bound = Distance.of(general).surely
     return bound, model_error(general) if bound < REJECTED else 0.0
@@ -275,8 +243,7 @@ def _supported_terms(required: Sequence[Process], fit: Fit) -> Sequence[Process]
 
 
 def _largest(family: ModelLike, wv: WaveletVariance, required: Sequence[Process] = ()) -> Model:
-    """Return the largest model within `family` plus the required terms that has at most as many parameters as
-    levels."""
+    """Return the largest model within `family` plus the required terms with at most one parameter for each level."""
     optional = without_drift(without_values(as_model(family)), [wv])
     largest = Model((*optional.processes, *required))
     if freedom(largest) <= len(wv):
@@ -286,20 +253,16 @@ def _largest(family: ModelLike, wv: WaveletVariance, required: Sequence[Process]
 
 
 def _required_terms(
-    general: Fit,
-    wv: WaveletVariance,
-    spectrum: PowerSpectrum | None,
-    lines: tuple[Process, ...],
-    *,
-    options: RankingOptions,
-    check: Callable[[], None],
-) -> _Shown:
+    general: Fit, wv: WaveletVariance, spectrum: PowerSpectrum | None, lines: tuple[Process, ...], *,
+    options: RankingOptions, check: Callable[[], None],
+) -> _Shown:  # fmt: skip
     """Return the terms that the spectrum shows. Without a spectrum, fit an AR(2) process to the wavelet variance."""
     if spectrum is None:
         shape = _fitted_shape(wv, options)
         return _Shown(wavelet_variance=wv, terms=() if shape is None else (shape,))
     shape, spectral_shape, slow = None, None, general
-    for _ in range(_ROUNDS):
+    # Number of times that the shape at high frequencies and the slow terms are fitted in turn.
+    for _ in range(2):
         check()
         spectral_shape = _shape(spectrum, slow, wv.rate, shape)
         if spectral_shape is None:
@@ -316,8 +279,8 @@ def _required_terms(
 
 
 def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | None:
-    """Fit an AR(2) process with slow noise, and return it with fixed coefficients; None if it fails or is not a shape
-    at high frequencies."""
+    """Fit an AR(2) with slow noise, and return it with fixed coefficients; None if it is no shape at high
+    frequencies."""
     try:
         general = Model.parse("AR(2) + 2*GM + QN + RW")
         fit = nearly_fitted(general, wv, options.weighting)
@@ -362,7 +325,9 @@ def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | N
     slow = _slow_density([p for p in known.model.processes if type(p) is not type(before)], frequencies, rate)
     used = (frequencies > rate / (2 * math.pi * FAST)) & (density > 0)
     for frequency, _, width in _peaks(spectrum):
-        used &= np.abs(frequencies - frequency) > max(AROUND * spectrum.resolution, 4 * width)
+        # Frequencies within this distance from a line, in units of the frequency resolution, are not used for the shape
+        # (tests/selection/test_search.py).
+        used &= np.abs(frequencies - frequency) > max(8 * spectrum.resolution, 4 * width)
     mixed = np.flatnonzero(used & (slow <= MIXED * density))
     used &= frequencies >= frequencies[mixed[0]] if mixed.size else False
     if np.count_nonzero(used) < FEWEST:

@@ -55,19 +55,16 @@ def process_of(shape: SpectralShape | Alternative) -> Process:
 
 
 def acts_as_filter(process: Process, fit: Fit) -> bool:
-    """Return whether a Gauss-Markov process of a fit has such a short correlation time that it may describe the
-    low-pass filter of the sensor."""
+    """Return whether a Gauss-Markov process is so fast that it may describe the low-pass filter of the sensor."""
     time = process.correlation_time(fit.wavelet_variance.rate)
     return time is not None and 0 < time * fit.wavelet_variance.rate <= FILTERED
 
 
 def with_shape_error(wv: WaveletVariance, fit: Fit, shape: SpectralShape, process: Process) -> WaveletVariance:
-    """Add the uncertainty of a shape to the covariance of a wavelet variance.
-
-    It consists of the covariance of the coefficients and the differences to other ARMA orders that describe the
-    spectrum equally well. The density at frequency 0 is held constant, because the fit estimates it. `fit` is a fit
-    with the term `process`, from which the share of the shape at each level is taken.
-    """
+    """Add the uncertainty of a shape to the covariance of a wavelet variance. It consists of the covariance of the
+    coefficients and the differences to other ARMA orders that describe the spectrum equally well. The density at
+    frequency 0 is held constant, because the fit estimates it. `fit` is a fit with the term `process`, from which the
+    share of the shape at each level is taken."""
     if not shape.covariance.size:
         return wv
     nonlinear = np.concatenate([shape.phi, shape.theta]).reshape(1, -1)
@@ -91,8 +88,8 @@ def with_shape_error(wv: WaveletVariance, fit: Fit, shape: SpectralShape, proces
 
 
 def band_errors(shape: SpectralShape, rate: float) -> dict[str, float]:
-    """Return the relative standard errors of f_b, f_r and Q_r by the delta method, with the differences to other ARMA
-    orders that describe the spectrum equally well."""
+    """Return the relative standard errors of f_b, f_r and Q_r by the delta method, with other ARMA orders that fit
+    equally well."""
     values = np.concatenate([shape.phi, shape.theta])
     if not values.size:
         return {}
@@ -124,11 +121,9 @@ def _unit_curve(shape: SpectralShape | Alternative, wv: WaveletVariance) -> Vect
 
 
 def with_sampling_error(wv: WaveletVariance, fit: Fit) -> WaveletVariance:
-    """Add the uncertainty of flicker noise near half the sampling rate to the covariance of a wavelet variance.
-
-    The model is continuous noise averaged over each sampling interval. Flicker noise of the output stage, or aliased
-    noise, has more power at the first levels, which a fit would attribute to white noise.
-    """
+    """Add the uncertainty of flicker noise near half the sampling rate, which is modelled as an average over each
+    interval. Flicker of the output stage, or aliased noise, has more power there, which a fit would attribute to white
+    noise."""
     flicker = [t for t, p in zip(fit.model.terms, fit.model.processes, strict=True) if isinstance(p, FN) and p.scale]
     if not flicker or find_filter(wv.filter) is not HAAR:
         return wv

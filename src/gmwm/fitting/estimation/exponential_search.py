@@ -41,9 +41,8 @@ _LIMITS = np.array(
 
 
 def search_of(problem: Problem) -> Search:
-    """Return the search for the curved processes of a problem, which uses the kernel if it knows these processes. The
-    kernel is only used if the class of the processes defines `search` itself, because a subclass that inherits `search`
-    may have another wavelet variance."""
+    """Return the search for the curved processes, by the kernel if it knows them. Their class must define `search`
+    itself, because a subclass that inherits it may have another wavelet variance."""
     kind = problem.curved_class
     assert kind is not None
     closed = problem.filter is HAAR and "search" in vars(kind)

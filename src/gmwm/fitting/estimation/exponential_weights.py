@@ -18,8 +18,8 @@ _KINDS = ("white", "walk", "spike", "drift")
 
 
 def search_for_weights(problem: Problem, design: Design) -> ExponentialSearch | None:
-    """Return the search whose kernel can iterate the weights, if it knows the covariance of every process; else
-    None."""
+    """Return the search whose kernel can iterate the weights; None if the covariance of a process is not in the
+    kernel."""
     if not design.running_sum or design.efficiency is not None or any(stride > 1 for stride in design.strides):
         return None
     if problem.free or not problem.curved or len(problem.linear) + len(problem.curved) < len(problem.model.processes):
@@ -31,9 +31,8 @@ def search_for_weights(problem: Problem, design: Design) -> ExponentialSearch | 
 
 
 def _kind(process: Process) -> int | None:
-    """Return the number by which the kernel knows a process without a shape; None if it does not. The class attribute
-    `elementary` states that the kernel has its `coefficient_covariance`; it is not inherited, because a subclass may
-    have another one."""
+    """Return the number by which the kernel knows a process without a shape, from its attribute `elementary`; else
+    None. The attribute is not inherited, because a subclass may have another `coefficient_covariance`."""
     form = vars(type(process)).get("elementary")
     return None if form is None else _KINDS.index(form)
 
@@ -42,9 +41,7 @@ def reweight(
     search: ExponentialSearch, solution: Solution, design: Design, options: Vector
 ) -> tuple[Optimum, Vector, float, float] | None:
     """Iterate the estimate and the weights 1 / V_jj from `solution`, with a design for weights. `options` (7,) are
-    PRIOR, FIXED, FAR, CUTOFF, ROUNDS, HOPE and MIXED of `gmwm.estimation.reweighting`. Returns the optimum, the
-    weights, the last relative change of the curve and the expected next one; None if the model has no noise at some
-    level."""
+    PRIOR, FIXED, FAR, CUTOFF, ROUNDS, HOPE and MIXED of `gmwm.estimation.reweighting`."""
     problem, processes = search.problem, search.problem.model.processes
     linear = [processes[place] for place in problem.linear]
     counts, added = design.counts, design.added

@@ -16,10 +16,10 @@ LEVEL = 1e-3
 
 
 def misfit(fit: LikelihoodFit) -> Remark | None:
-    """Return a remark if a model does not describe the wavelet variance of its recording, otherwise None. Most
-    information in the samples is about the fastest process, so an error at long scales hardly affects the likelihood or
-    the whiteness of the residuals. If the model is right, η_j ν̂²_j / ν²_j(θ̂) is approximately chi-square with η_j = 2
-    ν⁴_j / V_jj degrees of freedom. The smallest p-value of all levels is adjusted by Holm's method."""
+    """Return a remark if a model does not describe the wavelet variance of its recording. Most information in the
+    samples is about the fastest process, so errors at long scales hardly affect the likelihood or the whiteness. η_j
+    ν̂²_j / ν²_j is about chi-square with η_j = 2 ν⁴_j / V_jj degrees of freedom; p-values are adjusted by Holm's
+    method."""
     from scipy.special import gammainc, gammaincc
 
     try:

@@ -32,8 +32,7 @@ from gmwm.theory.processes.parameter import Fixed
 def loglikelihood(
     model: Model | Process | str, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None
 ) -> float:
-    """Compute the exact Gaussian log-likelihood of a recording; see `Model.loglikelihood`. The slope of a drift has the
-    value that the model states."""
+    """Compute the exact Gaussian log-likelihood; see `Model.loglikelihood`. The slope of a drift is the model's."""
     terms = as_model(model)
     missing = [name for name, value in terms.parameters.items() if value is None]
     if missing:
@@ -238,9 +237,8 @@ def _rename(name: str, terms: dict[str, str]) -> str:
 
 
 def _level(problem: LikelihoodProblem, level: RegressionEstimate, best: Model) -> tuple[float | None, float | None]:
-    """Return the estimated mean of the recording and its standard error. Both are None if the mean is known, or if a
-    random walk of the model includes it. If the variance of the random walk is estimated as zero, its constant level is
-    the mean."""
+    """Return the estimated mean of the recording and its standard error; None if it is known or part of a random walk.
+    If the variance of the random walk is estimated as zero, its constant level is the mean."""
     if problem.mean is None:
         zero = {term for term, process in zip(best.terms, best.processes, strict=True) if process.scale == 0}
         for k, regressor in enumerate(problem.regressors):
@@ -251,8 +249,7 @@ def _level(problem: LikelihoodProblem, level: RegressionEstimate, best: Model) -
 
 
 def _acts_as(problem: LikelihoodProblem, found: Maximum, best: Model, renamed: dict[str, str]) -> dict[str, str]:
-    """Return the terms whose shape parameter is at an end of its domain, with the process that each is equivalent to
-    there."""
+    """Return the terms whose shape parameter is at an end of its domain, with the equivalent process there."""
     out = {}
     for k in found.at_end:
         coordinate = problem.coordinates[k]
@@ -324,8 +321,7 @@ def invert(information: Matrix) -> Matrix:
 
 
 def jacobian(problem: LikelihoodProblem, model: Model) -> dict[str, Vector]:
-    """Return the derivatives ∂θ/∂z (q,) of each parameter θ with respect to the coordinates z, by name of the
-    parameter."""
+    """Return the derivatives ∂θ/∂z (q,) of each parameter θ with respect to the coordinates z, by name."""
     out: dict[str, Vector] = {}
     q = len(problem.coordinates)
     for k, coordinate in enumerate(problem.coordinates):

@@ -16,9 +16,8 @@ _SIGNS = {2: "²", 3: "³", 4: "⁴", 5: "⁵"}
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a regression, of the covariate `term`. `name` is, for example, "temperature^2", "temperature lag",
-    "temperature knot 1" or "warmup tau", and `power` the unit of the column such as "°C²"; "" if it is unknown or the
-    column has no unit."""
+    """One column of a regression, of the covariate `term`, such as "temperature^2", "temperature lag", "temperature
+    knot 1" or "warmup tau", and its unit, such as "°C²", or ""."""
 
     name: str
     term: str
@@ -27,9 +26,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Basis:
-    """The terms of a regression, and the constants that their columns depend on. `references` are the values of the
-    covariates (time in hours) at which their effect is zero, and `knots` the knots of the splines, including the outer
-    ones."""
+    """The terms of a regression, the values of covariates (time in hours) without effect, and all knots of splines."""
 
     terms: tuple[CovariateTerm, ...]
     references: Mapping[str, float]
@@ -41,13 +38,11 @@ class Basis:
         return tuple(column for term in self.terms for column in _columns(term))
 
     def matrix(self, values: Mapping[str, Vector], times: Vector, tau: float | None) -> Matrix:
-        """Return the columns (n, p) for values of the measured covariates, times (s), and the time constant of a
-        warm-up (s)."""
+        """Return the columns (n, p) for values of the covariates, times (s), and the time constant (s)."""
         return np.hstack([self._of_term(term, values.get(term.name, times), times, tau) for term in self.terms])
 
     def along(self, name: str, points: Vector) -> Matrix:
-        """Return the columns (m, p) for values of one covariate; those of other covariates and of rates of change are
-        zero."""
+        """Return the columns (m, p) for values of one covariate, with zero for others and rates of change."""
         parts = []
         for term in self.terms:
             if term.name == name:
@@ -88,8 +83,7 @@ def _columns(term: CovariateTerm) -> list[Column]:
 
 
 def _spline(values: Vector, knots: tuple[float, ...]) -> list[Vector]:
-    """Return the nonlinear columns of a natural cubic spline, in the unit of the covariate; linear beyond the outer
-    knots. Source: Hastie, Tibshirani and Friedman (2009), The Elements of Statistical Learning, eq. 5.4."""
+    """Return the nonlinear columns of a natural cubic spline (Hastie, Tibshirani and Friedman 2009, eq. 5.4)."""
     at, last = np.array(knots), knots[-1]
     width = last - at[0]
 

@@ -20,15 +20,6 @@ from gmwm.recording.signals import Signal
 KNOWN = 10.0
 """A scale is used if the wavelet variance of the covariate is at least this number times that of its reading error. The
 error makes a coefficient from all used scales too small by less than 1 % (docs/validation/regression.md)."""
-LARGE_STEPS = 2.5
-"""A covariate with quantization step q must have a wavelet variance of at least this number times q² at some scale. If
-it changes by four steps in all, a coefficient is too small by 4 % (docs/validation/regression.md)."""
-WINDOWS = 256
-"""Number of windows; a quantized covariate that moves up and down in nearly all of them is dithered."""
-FEWEST_BLOCKS = 32
-"""Smallest number of blocks for a regression. They contain five scales."""
-FEWEST_KNOWN = 8
-"""Smallest number of blocks of the shortest scale that is used. Two scales are then used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +42,8 @@ class Covariates:
 
     @classmethod
     def of(cls, terms: Sequence[CovariateTerm], arrays: Mapping[str, Vector], signal: Signal) -> Covariates:
-        """Prepare the covariates of a recording. `signal` is one of its signals and states the times of the samples.
-        Raises DataError if a covariate is missing, is constant, has another length, or has too large errors at all
-        scales."""
+        """Prepare the covariates at the times of `signal`. Raises DataError if one is missing, is constant, has another
+        length, or has too large errors at all scales."""
         usual = 1 if any(term.exact for term in terms) else None
         clock = BlockClock.of(signal.rate, signal.segments, signal.starts, length=usual)
         block, lowest, values_by_name, smooth = clock.length, 1, dict(arrays), dict(arrays)
@@ -76,8 +66,7 @@ class Covariates:
 
     @classmethod
     def slow(cls, term: CovariateTerm, values: Vector, signal: Signal) -> Covariates:
-        """Prepare one covariate that changes slowly. Only its block means are used, even if it is exact. Errors are as
-        for `of`."""
+        """Prepare one slow covariate from block means, even if it is exact; errors are as for `of`."""
         if not term.exact:
             return cls.of([term], {term.name: values}, signal)
         _require_usable(term, {term.name: values}, signal)
@@ -92,10 +81,12 @@ class Covariates:
         arrays: Mapping[str, Vector], *, lowest: int, block: int,
     ) -> Covariates:  # fmt: skip
         """Prepare covariates from their block means. The attributes of the class describe `lowest` and `block`."""
+        # Smallest number of blocks for a regression. They contain five scales.
+        fewest_blocks = 32
         present = clock.present()
-        if np.count_nonzero(present) < FEWEST_BLOCKS:
+        if np.count_nonzero(present) < fewest_blocks:
             raise DataError(
-                f"a regression needs at least {FEWEST_BLOCKS} blocks of {clock.length / clock.rate:g} s; the recording "
+                f"a regression needs at least {fewest_blocks} blocks of {clock.length / clock.rate:g} s; the recording "
                 f"has {int(np.count_nonzero(present))}",
                 argument="against",
                 advice="Record for longer, or use {--against=none}.",
@@ -189,7 +180,8 @@ def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
     step = lsb(values)
     step = 0.0 if step is None or _is_dithered(values) else step
     level = known_level(values, signal, step)
-    if level is None or len(signal) >> (level - 1) < FEWEST_KNOWN:
+    # Smallest number of blocks of the shortest scale that is used. Two scales are then used.
+    if level is None or len(signal) >> (level - 1) < 8:
         raise DataError(
             f"the covariate {name} changes by no more than its reading error at the scales of this recording",
             argument="against",
@@ -209,7 +201,9 @@ def known_level(values: Vector, signal: Signal, step: float) -> int | None:
     valley = 0 if step else min(max(int(np.ceil(np.log2(_usual_run(values)))), 0), curve.size - 1)
     while valley + 1 < curve.size and curve[valley + 1] < curve[valley]:
         valley += 1
-    if np.max(curve) < LARGE_STEPS * step**2:
+    # A covariate with quantization step q must have a wavelet variance of at least this number times q² at some scale.
+    # If it changes by four steps in all, a coefficient is too small by 4 % (docs/validation/regression.md).
+    if np.max(curve) < 2.5 * step**2:
         return None
     at = np.arange(curve.size)
     error = np.maximum(1 / 12 * step**2, curve[valley] * 2.0 ** (valley - at))
@@ -218,8 +212,8 @@ def known_level(values: Vector, signal: Signal, step: float) -> int | None:
 
 
 def without_steps(values: Vector, step: float) -> Vector:
-    """Smooth a quantized series by a spline that passes halfway between two values when the series changes. The result
-    differs from the series by at most half a step. A series that often jumps back is returned unchanged."""
+    """Smooth a quantized series by a spline halfway between two values at a change, within half a step; not if it often
+    jumps back."""
     from scipy.interpolate import CubicSpline
 
     at = np.flatnonzero(values[1:] != values[:-1])
@@ -232,11 +226,13 @@ def without_steps(values: Vector, step: float) -> Vector:
 
 def _is_dithered(values: Vector) -> bool:
     """Return whether a quantized reading jumps up and down in nearly all windows, so that its mean is not quantized."""
+    # Number of windows; a quantized covariate that moves up and down in nearly all of them is dithered.
+    count = 256
     changes = np.flatnonzero(values[1:] != values[:-1])
     rises = values[changes + 1] > values[changes]
     turns = changes[1:][rises[1:] != rises[:-1]]
-    windows = np.unique(turns * WINDOWS // values.size)
-    return windows.size >= 0.9 * WINDOWS
+    windows = np.unique(turns * count // values.size)
+    return windows.size >= 0.9 * count
 
 
 def _beside(signal: Signal, values: Vector) -> Signal:

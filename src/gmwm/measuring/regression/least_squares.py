@@ -18,8 +18,6 @@ from gmwm.base.arrays import Matrix, Vector, runs_of
 COLLINEAR = 1e6
 """Condition number of P, scaled to unit diagonal, above which columns are collinear. A standard error is then up to
 1000 times as large as without the other columns."""
-GRID = 4096
-"""Largest number of frequencies at which the power spectral density is evaluated. Other weights are interpolated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +66,15 @@ class RegressionDesign:
         return [(first, last) for first, last in runs_of(self.present).tolist() if last - first > 1]
 
     def weights(self, density: Callable[[Vector], Vector], highest: float = 0.5) -> list[Vector]:
-        """Compute, for each run, the weights 1/S(f) at the frequencies (cycles per value) of its cosine transform. They
-        are zero above `highest`, where the errors of the columns are too large."""
+        """Compute the weights 1/S(f) of the cosine transform of each run; zero above `highest`, where columns have too
+        large errors."""
+        # Largest number of frequencies at which the power spectral density is evaluated. Other weights are
+        # interpolated.
+        points = 4096
         weights: dict[int, Vector] = {}
         for size in {last - first for first, last in self.runs}:
             at = np.arange(1, size) / (2 * size)
-            grid = at if size <= GRID else np.geomspace(at[0], at[-1], GRID)
+            grid = at if size <= points else np.geomspace(at[0], at[-1], points)
             inverse = np.exp(np.interp(np.log(at), np.log(grid), -np.log(density(grid))))
             weights[size] = np.concatenate([[0.0], np.where(at <= highest, inverse, 0.0)])
         return [weights[last - first] for first, last in self.runs]
@@ -131,8 +132,8 @@ class Weighted:
         return np.asarray(self.rows.T @ np.where(self.design.present, values, 0.0))
 
     def covariance_rows(self, lags: Vector) -> Matrix:
-        """Compute Σ Bᵀ (n, p), for noise with the generalised covariance `lags` at the lags 0 … n − 1. The columns of U
-        sum to zero in every run, so each run may have its own offset, and a random walk is allowed."""
+        """Compute Σ Bᵀ (n, p) for the generalised covariance `lags`. Columns of U sum to zero in every run, so each run
+        may have its own offset, and a random walk is allowed."""
         from scipy import fft
 
         n = len(self.rows)
@@ -144,8 +145,7 @@ class Weighted:
 
     @cached_property
     def lag_products(self) -> Matrix:
-        """Sums Σ_t (B_at B_b,t+l + B_a,t+l B_bt) over the rows a and b of B at the lags l = 1 … n − 1 (n, p, p). The
-        first entry, for lag 0, is Σ_t B_at B_bt."""
+        """Sums Σ_t (B_at B_b,t+l + B_a,t+l B_bt) at the lags l = 1 … n − 1 (n, p, p), and Σ_t B_at B_bt at 0."""
         from scipy import fft
 
         n = len(self.rows)

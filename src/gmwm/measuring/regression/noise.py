@@ -19,15 +19,12 @@ from gmwm.theory.processes.base import Process
 LONGEST = (0.01, 0.03, 0.12, 0.5)
 """Limits for the correlation time in the mixtures, relative to the length of the recording. All include a random walk.
 """
-SLOWER = 4.0
-"""Penalty that is added to −2 log L of all mixtures except the first one: a parameter decreases it by one to two by
-chance. Without it, standard errors for a random walk were too small by a quarter (docs/validation/regression.md)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Mixture:
-    """The likeliest mixture of K processes for correlation times up to a limit, with their wavelet variances (K, J).
-    `weight` is the weight of the mixture in the average."""
+    """The likeliest mixture of K processes for correlation times up to a limit, with its curves (K, J) and its
+    weight."""
 
     processes: tuple[Process, ...]
     parts: Matrix
@@ -36,8 +33,7 @@ class Mixture:
 
 @dataclass(frozen=True, eq=False)
 class NoiseMixtures:
-    """Weighted average of mixtures of processes that describe a wavelet variance. `curve` (J,) is the wavelet variance
-    of the average, and `freedom` (J,) the degrees of freedom of the measured one."""
+    """Weighted average of mixtures that describe a wavelet variance with `freedom`; `curve` (J,) is the average."""
 
     mixtures: tuple[Mixture, ...]
     curve: Vector
@@ -45,13 +41,15 @@ class NoiseMixtures:
 
     @classmethod
     def of(cls, variance: Vector, freedom: Vector, samples: int) -> NoiseMixtures:
-        """Estimate the noise of `samples` values with a wavelet variance (J,) that has `freedom` (J,) degrees of
-        freedom."""
+        """Estimate the noise of `samples` values with a wavelet variance (J,) and its degrees of freedom."""
         design = Design(np.arange(1, variance.size + 1), samples=samples, rate=1.0)
         fits = [mixture(variance, freedom, design, within=share * samples) for share in LONGEST]
         # −2 log L, with a Gamma distribution for the wavelet variance of each level.
         loss = np.array([float(np.sum(freedom * (variance / curve + np.log(curve)))) for curve, _ in fits])
-        loss[1:] += SLOWER
+        # Penalty that is added to −2 log L of all mixtures except the first one: a parameter decreases it by one to two
+        # by chance. Without it, standard errors for a random walk were too small by a quarter
+        # (docs/validation/regression.md).
+        loss[1:] += 4.0
         weights = np.exp(-(loss - loss.min()) / 2)
         weights /= weights.sum()
         mixtures = tuple(
@@ -79,8 +77,8 @@ class NoiseMixtures:
         return np.asarray(sum(m.weight * part.sum(axis=0) for m, part in zip(self.mixtures, of_mixtures, strict=True)))
 
     def freedom_of(self, shares: Sequence[Vector]) -> float:
-        """Return the degrees of freedom 2 C²/Var Ĉ of an estimated variance C, by Satterthwaite's approximation.
-        `shares` has, for each mixture, the contributions of its K processes to C, which is linear in their scales."""
+        """Return 2 C²/Var Ĉ of an estimated variance C, by Satterthwaite's approximation, from the contributions of all
+        processes of each mixture (`shares`)."""
         totals = np.array([float(np.sum(part)) for part in shares])
         weights = np.array([mixed.weight for mixed in self.mixtures])
         mean = float(weights @ totals)

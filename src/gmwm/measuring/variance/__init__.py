@@ -12,16 +12,6 @@ from gmwm.measuring.variance.total import total_variance
 from gmwm.measuring.variance.transform import dwt, modwt
 
 __all__ = [
-    "AllanRegression",
-    "ClusterVariance",
-    "WaveletAccumulator",
-    "WaveletVariance",
-    "WaveletVariances",
-    "allan_variance",
-    "avlr",
-    "dwt",
-    "hadamard_variance",
-    "modwt",
-    "total_variance",
-    "wavelet_variance",
-]
+    "AllanRegression", "ClusterVariance", "WaveletAccumulator", "WaveletVariance", "WaveletVariances", "allan_variance",
+    "avlr", "dwt", "hadamard_variance", "modwt", "total_variance", "wavelet_variance",
+]  # fmt: skip

@@ -174,8 +174,7 @@ class WaveletAccumulator(SegmentedAccumulator):
         )
 
     def _sketches(self) -> SketchCoefficients:
-        """Return the sketches of the coefficients so far; raise DataError if there are fewer than 8 samples without a
-        gap."""
+        """Return the sketches so far; raise DataError if there are fewer than 8 samples without a gap."""
         self._fold()
         reach = self._variances()[1].size
         sketches: Sketches = self._all_statistics()

@@ -112,7 +112,6 @@ def allan_variance(
 
 
 def difference_counts(points: int, clusters: NDArray[np.int64], order: int, overlapping: bool) -> NDArray[np.int64]:
-    """Count the differences of order `order` of a phase of `points` values at each cluster size n. Overlapping
-    differences start at every value, other differences at every n-th value."""
+    """Count the differences of a phase at each cluster size n, which start at every value or every n-th value."""
     places = points - order * clusters
     return places if overlapping else (places - 1) // clusters + 1

@@ -202,8 +202,7 @@ def wavelet_variance(
 def variances_alone(
     segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int, efficiency: float | None
 ) -> Vector:
-    """Estimate the wavelet variances of levels 1 … J from segments of finite samples, without limits and remarks. The
-    estimates are robust if an efficiency is given, and classical if it is None."""
+    """Estimate the wavelet variances of levels 1 … J, robust if an efficiency is given, without limits and remarks."""
     if efficiency is None:
         return _classical(segments, filter, transform, levels)[0]
     return _robust(segments, filter, transform=transform, levels=levels, efficiency=efficiency).variance
@@ -212,8 +211,8 @@ def variances_alone(
 def _classical(
     segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int
 ) -> tuple[Vector, list[float]]:
-    """Compute the mean square, at each level, over all coefficients of all segments. The kernel of the Haar filter also
-    returns the mean rise of each segment with two samples or more."""
+    """Compute the mean square of all coefficients at each level, and the mean rises of segments from the Haar
+    kernel."""
     numbers = np.arange(1, levels + 1, dtype=np.int64)
     estimates, rises = [], []
     for segment, reach in _reaching(segments, filter, transform, levels):
@@ -266,9 +265,8 @@ def _plain(values: Vector, filter: WaveletFilter, transform: Transform, levels: 
 
 
 def _slope(segments: Sequence[Vector], rises: Sequence[float] = ()) -> float:
-    """Return the mean slope of a signal (unit per sample). Raises DataError if a value is not finite. The weights are
-    the squared lengths of the segments, between those for a random walk (lengths) and for white noise (cubes). `rises`
-    are slopes of the segments from the kernel; they are not finite if a value or a sum is not."""
+    """Return the mean slope (unit per sample), weighted by squared lengths of segments, between those for a random walk
+    and for white noise. `rises` are slopes from the kernel, not finite if a value or a sum is not (DataError)."""
     long = [segment for segment in segments if segment.size > 1]
     kernel_rises = rises or [math.nan] * len(long)
     slopes = [rise if math.isfinite(rise) else _rise(values) for rise, values in zip(kernel_rises, long, strict=True)]

@@ -315,15 +315,10 @@ class WaveletVariance(Documented, Summarised, Plotted):
 
         return DataFrame(
             {
-                "level": self.levels,
-                "tau": self.tau,
-                "variance": self.variance,
-                "lower": self.lower,
-                "upper": self.upper,
-                "coefficients": self.counts,
-                "degrees_of_freedom": self.degrees_of_freedom,
+                "level": self.levels, "tau": self.tau, "variance": self.variance, "lower": self.lower,
+                "upper": self.upper, "coefficients": self.counts, "degrees_of_freedom": self.degrees_of_freedom,
             }
-        )
+        )  # fmt: skip
 
     def summary(self) -> str:
         """Format a table of the scale, the variance, its limits and the number of coefficients of every level."""

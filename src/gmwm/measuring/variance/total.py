@@ -25,8 +25,6 @@ _FREQUENCY_NOISE = {
 # of the 2n differences that extend beyond an end has a variance of 10 σ² instead of 6 σ². For flicker PM it was
 # determined by simulations.
 _PHASE_BIAS = {2: -4 / 3, 1: -1.0}
-FINE = 1024
-"""Number of samples per cluster that represents a recording in continuous time."""
 
 
 def total_variance(
@@ -98,9 +96,11 @@ def total_degrees_of_freedom(alphas: NDArray[np.int64], clusters: NDArray[np.int
     140)/N) to leading orders in τ/T, with r = T/τ; this formula was derived for gmwm, and its term 64/r² comes from the
     end values. For flicker PM, simulations support the degrees of freedom of the overlapping Allan variance up to τ =
     T/4, and proportionality to T/τ beyond."""
+    # Number of samples per cluster that represents a recording in continuous time.
+    fine = 1024
     intervals = points - 1
     r = intervals / clusters
-    many = 1 + intervals * FINE
+    many = 1 + intervals * fine
     result = np.empty(clusters.size)
     for alpha in np.unique(alphas).tolist():
         where = alphas == alpha
@@ -115,6 +115,6 @@ def total_degrees_of_freedom(alphas: NDArray[np.int64], clusters: NDArray[np.int
             b, c, _ = _FREQUENCY_NOISE[alpha]
             short = np.minimum(n, max(intervals // 4, 1))
             sampled = degrees_of_freedom(exponent, short, points, order=2, overlapping=True)
-            smooth = degrees_of_freedom(exponent, short * FINE, many, order=2, overlapping=True)
+            smooth = degrees_of_freedom(exponent, short * fine, many, order=2, overlapping=True)
             result[where] = (b * ratio - c) * np.minimum(sampled / smooth, 1.0)
     return np.maximum(result, 1.0)

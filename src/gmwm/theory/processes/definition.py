@@ -34,8 +34,8 @@ def check_members(cls: type[Process], wavelet_variance_sources: tuple[str, ...])
 
 
 def check_name(cls: type[Process], registry: Mapping[str, type[Process]]) -> None:
-    """Raise ModelError if another class has the same name; upper and lower case are not distinguished. A class that is
-    defined again, as in a notebook, replaces its older definition."""
+    """Raise ModelError if another class has this name in any case; a class that is defined again replaces the older
+    one."""
     older = next((process for name, process in registry.items() if name.casefold() == cls.name.casefold()), None)
     if older is None:
         return

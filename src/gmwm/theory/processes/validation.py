@@ -59,8 +59,8 @@ def as_rng(rng: object) -> np.random.Generator:
 
 
 def as_seed(rng: object) -> int:
-    """Return `rng` if it is an integer seed, or a seed drawn from a NumPy Generator. Parallel work needs a seed instead
-    of a Generator, and results record the seed.
+    """Return an integer seed, or a seed drawn from a NumPy Generator, because parallel work needs one and results
+    record it.
 
     >>> as_seed(3), as_seed(np.random.default_rng(1)) == as_seed(np.random.default_rng(1))
     (3, True)
