@@ -282,7 +282,8 @@ LEGIBLE = """() => {
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_words_and_code_stand_out(site, page, scheme):
     page.emulate_media(color_scheme=scheme)
-    for name in ("start.html", "glossary.html", "contributing/add-a-process.html", "api/fitting.html", "coming-from/r.html"):
+    pages = "start.html", "glossary.html", "contributing/add-a-process.html", "api/fitting.html", "coming-from/r.html"
+    for name in pages:
         page.goto((site / name).as_uri(), wait_until="load")
         assert page.evaluate(LEGIBLE) == {}, name
     page.evaluate("document.querySelector('article p').style.color = getComputedStyle(document.body).backgroundColor")
