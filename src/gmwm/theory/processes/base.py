@@ -70,7 +70,7 @@ _LONGEST_SUM = 2**24
 class Process(HaarTheory, ABC):
     """Base class of noise processes. Each process is a frozen dataclass whose fields are its parameters.
 
-    All theory is per sample and in SI units; u is the unit of the signal. The page docs/howto/add-a-process.md
+    All theory is per sample and in SI units; u is the unit of the signal. The page docs/contributing/add-a-process.md
     explains how to add a process. The methods share these arguments:
 
     - `rate`: sampling rate (Hz)

@@ -1,4 +1,4 @@
-"""White noise and quantization noise. docs/howto/add-a-process.md explains how to add a process."""
+"""White noise and quantization noise. docs/contributing/add-a-process.md explains how to add a process."""
 
 from __future__ import annotations
 
