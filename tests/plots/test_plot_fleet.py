@@ -36,7 +36,7 @@ def fleet(n, odd=None, sensors=("gyro", "accel")):
     return SimpleNamespace(table=table, statistics=fleet_statistics(table))
 
 
-@pytest.mark.parametrize("n", [12, 300])
+@pytest.mark.parametrize("n", [12, 40, 41, 300])
 def test_a_panel_a_number_a_strip_an_axis_in_datasheet_units(n):
     told = fleet(n, odd=(5, "y"))
     figure = fleet_figure(told)
@@ -46,7 +46,7 @@ def test_a_panel_a_number_a_strip_an_axis_in_datasheet_units(n):
     panel = figure.panels[0]
     assert panel.y.label == "N (deg/√h)"
     assert [tick.label for tick in panel.x.ticks] == ["X", "Y", "Z"]
-    name = "Unit, with its confidence interval" if n == 12 else "Units, sorted by value"
+    name = "Unit, with its confidence interval" if n <= 40 else "Units, sorted by value"
     curves = [line for line in panel.lines if line.label == name]
     assert len(curves) == 3
     assert len({line.stroke.colour for line in curves}) == 3
