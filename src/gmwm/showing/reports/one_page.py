@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from gmwm.base.remarks import Dialect, Severity, with_groups
 from gmwm.base.text import counted, version
-from gmwm.base.units import find_unit
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.tables import with_error
 from gmwm.showing.reports.filter_tables import SENTENCE_ENDS, filter_tables
@@ -18,8 +17,6 @@ from gmwm.showing.reports.verdict import state_of
 from gmwm.showing.reports.write import environment, part
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from gmwm.calibration.result import AxisCalibration, Calibration
     from gmwm.showing.plots.matplotlib import Picture
 
@@ -90,18 +87,13 @@ def _bias(axis: AxisCalibration) -> str:
 def one_page(calibration: Calibration) -> str:
     """Return the page as HTML, which includes the plot."""
     buffer = io.BytesIO()
-    _curves(calibration).savefig(buffer, format="png", dpi=150)
+    calibration.plot().savefig(buffer, format="png", dpi=150)
     template = environment().from_string(part("page/one_page.html"))
     text: str = template.render(
         **one_page_data(calibration), style=environment().filters["trusted"](part("page/report.css")),
         picture=base64.b64encode(buffer.getvalue()).decode(),
     )  # fmt: skip
     return text
-
-
-def _curves(calibration: Calibration) -> Figure:
-    units = [find_unit(fit.wavelet_variance.unit) for fit in calibration.values()]
-    return calibration.plot(view="allan", units="si" if None in units else "datasheet")
 
 
 def draw_one_page(calibration: Calibration, path: Path) -> None:
@@ -142,7 +134,7 @@ def draw_one_page(calibration: Calibration, path: Path) -> None:
             line(f"{reason['mark']} {reason['numbers']}: {reason['text']}", 6.5, width=150)
         top -= 0.006
     buffer = io.BytesIO()
-    _curves(calibration).savefig(buffer, format="png", dpi=200)
+    calibration.plot().savefig(buffer, format="png", dpi=200)
     buffer.seek(0)
     from matplotlib.image import imread
 
