@@ -30,7 +30,7 @@ def curve():
 
 
 def test_the_curve_and_its_band_are_the_numbers_of_the_result(curve):
-    panel = allan_panel({"curve": curve})
+    panel = allan_panel({"curve": curve}, units="si")
     line, band = panel["curve"], panel["95 % confidence"]
     np.testing.assert_array_equal(line.x, curve.tau)
     np.testing.assert_array_equal(line.y, curve.deviation)

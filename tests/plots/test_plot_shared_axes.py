@@ -32,8 +32,8 @@ def colours(ax, label):
 def test_two_fits_differ_in_colour_and_share_a_legend_and_axes(fits):
     monday, tuesday = fits
     ax = Figure().add_subplot()
-    monday.plot(ax=ax, label="monday")
-    tuesday.plot(ax=ax, label="tuesday")
+    monday.plot(ax=ax, label="monday", view="wavelet")
+    tuesday.plot(ax=ax, label="tuesday", view="wavelet")
     assert entries(ax) == ["monday", "monday, model", "95 % confidence", "tuesday", "tuesday, model"]
     assert len(colours(ax, "monday")) == len(colours(ax, "tuesday")) == 1
     assert colours(ax, "monday") != colours(ax, "tuesday")
@@ -66,6 +66,6 @@ def test_another_unit_and_a_wrong_colour_are_refused(fits):
     ax = Figure().add_subplot()
     fits[0].plot(ax=ax, label="monday")
     with raises(OptionError, "same quantity and unit", argument="ax"):
-        fits[1].plot(ax=ax, label="tuesday", view="allan")
+        fits[1].plot(ax=ax, label="tuesday", view="wavelet")
     with raises(OptionError, argument="color"):
         fits[1].plot(label="tuesday", color="no colour")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
-from gmwm.cli.options import Datasheet, EstimationOption, Plot, ResultOption, unit_system
+from gmwm.cli.options import EstimationOption, Plot, ResultOption, Units, picture_units, unit_system
 from gmwm.cli.output import Outcome, csv_file, plot_file, progress, table_text
 from gmwm.cli.read_options import Axes, File, chosen_axes, load
 from gmwm.recording.options import ReadOptions
@@ -56,7 +56,7 @@ def allan(
     slopes: Annotated[
         bool, ResultOption("--slopes", help="Estimate Q, N, B, K and R from the slopes of the Allan deviation.")
     ] = False,
-    datasheet: Datasheet = False,
+    datasheet: Units = None,
     csv: Annotated[Path | None, ResultOption(help="Write all values of all axes to this CSV file (SI units).")] = None,
     plot: Plot = None,
 ) -> Outcome:
@@ -94,7 +94,8 @@ def allan(
         text="\n\n".join(
             [_curves_text(results, system), *(regression.summary(system) for regression in regressions.values())]
         ),
-        files=csv_file(csv, heading, tables) + plot_file(plot, partial(_draw, results, regressions, system)),
+        files=csv_file(csv, heading, tables)
+        + plot_file(plot, partial(_draw, results, regressions, picture_units(datasheet))),
     )
 
 

@@ -75,7 +75,7 @@ def cluster_view(curve: ClusterVariance, units: UnitSystem) -> ClusterView:
 
 
 def allan_panel(
-    curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "si", guides: bool = True, title: str = ""
+    curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "auto", guides: bool = True, title: str = ""
 ) -> Panel:
     """Return a panel with deviations of the same quantity and unit, and their confidence bands. The legend shows the
     names of several curves. With `guides`, the panel has guides for the slopes of noise processes."""
@@ -160,7 +160,7 @@ def _share(values: Vector, limits: tuple[float, float]) -> Vector:
     return np.asarray(np.log10(drawable(values) / limits[0]) / math.log10(limits[1] / limits[0]))
 
 
-def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides: bool = True) -> Panel:
+def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "auto", guides: bool = True) -> Panel:
     """Return the panel that `plot_avlr` draws: the deviation, the fitted lines, and a symbol at each coefficient."""
     curve = regression.allan
     view = cluster_view(curve, units)
@@ -172,7 +172,7 @@ def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides:
     ]
     y = _axis_with(bare, [view.factor * line.deviation(line.reading_time) for line in regression.lines])
     for k, line in enumerate(regression.lines):
-        unit, factor = coefficient_unit(line.term, curve.unit, units)
+        unit, factor = coefficient_unit(line.term, curve.unit, "datasheet" if view.of_datasheets else "si")
         sign = "≤" if line.bound else "="
         text = f"{line.term} {sign} {number_text(factor * line.coefficient)} {unit}"
         stroke = replace(term_stroke(k), width=1.1)
@@ -200,7 +200,7 @@ def _axis_with(panel: Panel, heights: Sequence[Vector]) -> Axis:
     return value_axis((min(low, *(0.8 * h for h in points)), max(high, *(1.25 * h for h in points))), panel.y.label)
 
 
-def allan_figure(curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "si", guides: bool = True) -> Figure:
+def allan_figure(curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "auto", guides: bool = True) -> Figure:
     """Return the figure that `plot_allan_axes` draws, with a panel for each sensor that shows all of its axes."""
     is_mapping = isinstance(curves, Mapping) and all(isinstance(curve, ClusterVariance) for curve in curves.values())
     if not is_mapping or not curves:
@@ -222,7 +222,7 @@ def allan_figure(curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "
 
 @drawing
 def plot_allan(
-    result: ClusterVariance, *, units: UnitSystem = "si", guides: bool = True, ax: Axes | None = None,
+    result: ClusterVariance, *, units: UnitSystem = "auto", guides: bool = True, ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw the deviation over the averaging time, with its confidence band, on logarithmic axes.
@@ -241,15 +241,16 @@ def plot_allan(
 
 @drawing
 def plot_avlr(
-    regression: AllanRegression, *, units: UnitSystem = "si", guides: bool = True, ax: Axes | None = None,
+    regression: AllanRegression, *, units: UnitSystem = "auto", guides: bool = True, ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw the Allan deviation with the fitted lines and the points that give Q, N, B, K and R.
 
     Parameters
     ----------
-    units : "si" or "datasheet"
-        Units of the plot: rad/s and m/s², or deg/h and mg with coefficients in units such as deg/√h.
+    units : "auto", "datasheet" or "si"
+        Units of the plot: deg/h and mg with coefficients in units such as deg/√h, or rad/s and m/s². By default
+        datasheet units, if the data have a unit of angular rate or acceleration.
     guides : bool
         Whether to draw the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1
         (ramp).
@@ -259,7 +260,7 @@ def plot_avlr(
 
 @drawing
 def plot_allan_axes(
-    curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "si", guides: bool = True,
+    curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "auto", guides: bool = True,
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw the deviations of several axes, with one panel for each sensor.

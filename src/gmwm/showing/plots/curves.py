@@ -31,6 +31,8 @@ the model behind them remains visible."""
 
 def view_for(wv: WaveletVariance, view: ViewName, units: UnitSystem) -> View:
     """Return the view of a wavelet variance by its name and unit system. The Allan deviation needs the Haar filter."""
+    if view == "auto" and wv.filter != "haar":
+        view = "wavelet"
     chosen = view_of(wv.unit, view, units)
     if chosen.name == "allan" and wv.filter != "haar":
         raise OptionError(
@@ -111,7 +113,7 @@ def _zeros(wv: WaveletVariance, view: View, stroke: Stroke, name: str) -> Foot |
     return Foot(view.time(wv.tau)[zero], symbol, f"{label} at {count} of {zero.size} scales")
 
 
-def wavelet_variance_panel(wv: WaveletVariance, *, view: ViewName = "wavelet", units: UnitSystem = "si") -> Panel:
+def wavelet_variance_panel(wv: WaveletVariance, *, view: ViewName = "auto", units: UnitSystem = "auto") -> Panel:
     """Return the panel that `plot_wavelet_variance` draws."""
     shown = view_for(wv, view, units)
     return closed_panel([shown], [wv], observed_marks(wv, shown), title=axis_title(wv.axis))
@@ -119,7 +121,7 @@ def wavelet_variance_panel(wv: WaveletVariance, *, view: ViewName = "wavelet", u
 
 @drawing
 def plot_wavelet_variance(
-    wv: WaveletVariance, *, view: ViewName = "wavelet", units: UnitSystem = "si", label: str | None = None,
+    wv: WaveletVariance, *, view: ViewName = "auto", units: UnitSystem = "auto", label: str | None = None,
     color: str | None = None, ax: Axes | None = None, path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw the wavelet variance over the scale, with its confidence band, on logarithmic axes.

@@ -26,8 +26,8 @@ SINGLE = 120.0
 
 
 def imu_figure(
-    items: Mapping[str, Item | Mapping[str, Item]], *, split: bool = True, view: ViewName = "wavelet",
-    units: UnitSystem = "si",
+    items: Mapping[str, Item | Mapping[str, Item]], *, split: bool = True, view: ViewName = "auto",
+    units: UnitSystem = "auto",
 ) -> Figure:  # fmt: skip
     """Return the figure that `plot_imu` draws."""
     if not isinstance(items, Mapping) or not items:
@@ -49,8 +49,8 @@ def imu_figure(
 
 @drawing
 def plot_imu(
-    items: Mapping[str, Item | Mapping[str, Item]], *, split: bool = True, view: ViewName = "wavelet",
-    units: UnitSystem = "si", path: str | os.PathLike[str] | None = None,
+    items: Mapping[str, Item | Mapping[str, Item]], *, split: bool = True, view: ViewName = "auto",
+    units: UnitSystem = "auto", path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw all axes of an inertial unit.
 

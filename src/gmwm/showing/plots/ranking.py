@@ -46,7 +46,7 @@ EVEN_DIFFERENCE, EVEN_DISTANCE = 1.0, 5.0
 """Value up to which the axis of differences is linear, and largest value for which a whole axis is linear."""
 
 
-def ranking_figure(ranking: Ranking, *, limit: int = 4, view: ViewName = "wavelet", units: UnitSystem = "si") -> Figure:
+def ranking_figure(ranking: Ranking, *, limit: int = 4, view: ViewName = "auto", units: UnitSystem = "auto") -> Figure:
     """Return the figure that `plot_ranking` draws."""
     if isinstance(limit, bool) or not isinstance(limit, (int, np.integer)) or not 1 <= limit <= MOST_CURVES:
         raise OptionError(argument="limit", expected=f"a whole number from 1 to {MOST_CURVES}", got=limit)
@@ -70,7 +70,7 @@ def ranking_figure(ranking: Ranking, *, limit: int = 4, view: ViewName = "wavele
     )  # fmt: skip
 
 
-def candidates_figure(comparison: Comparison, *, view: ViewName = "wavelet", units: UnitSystem = "si") -> Figure:
+def candidates_figure(comparison: Comparison, *, view: ViewName = "auto", units: UnitSystem = "auto") -> Figure:
     """Return the figure that `plot_candidates` draws."""
     pair = (comparison.first, comparison.second)
     strokes = [FIRST, _stroke(0)]
@@ -187,7 +187,7 @@ def _score_name(candidate: Candidate) -> str:
 
 @drawing
 def plot_ranking(
-    ranking: Ranking, *, limit: int = 4, view: ViewName = "wavelet", units: UnitSystem = "si",
+    ranking: Ranking, *, limit: int = 4, view: ViewName = "auto", units: UnitSystem = "auto",
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw the best models with the data, their distances from the data, and the criteria.
@@ -213,7 +213,7 @@ def plot_ranking(
 
 @drawing
 def plot_candidates(
-    comparison: Comparison, *, view: ViewName = "wavelet", units: UnitSystem = "si",
+    comparison: Comparison, *, view: ViewName = "auto", units: UnitSystem = "auto",
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw the two candidates with the data, and their distances from the data.
