@@ -36,21 +36,30 @@ def axis_lines(calibration: Calibration) -> list[str]:
 
 
 def model_words(model: Model) -> str:
-    """Describe a model in a word: the names of its processes, "filter" for an ARMA process, and the number of lines.
+    """Describe a model in a word: the names of its processes, "filter" for an ARMA process, and the numbers of
+    oscillations and lines.
 
     >>> from gmwm import Model
     >>> model_words(Model.parse("2*GM + WN + ARMA(2,1)"))
     '2*GM+WN+filter'
     """
     names: Counter[str] = Counter()
-    lines = 0
+    lines, oscillations = 0, 0
     for process in model.processes:
         if is_line(type(process)):
             lines += 1
+        elif process.is_complete and process.oscillation() is not None:
+            oscillations += 1
         else:
             names["filter" if isinstance(process, Ordered) else process.name] += 1
     parts = [name if count == 1 else f"{count}*{name}" for name, count in names.items()]
-    return "+".join([*parts, *([counted(lines, "line")] if lines else [])])
+    return "+".join(
+        [
+            *parts,
+            *([counted(oscillations, "oscillation")] if oscillations else []),
+            *([counted(lines, "line")] if lines else []),
+        ]
+    )
 
 
 def _table(

@@ -42,8 +42,8 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
     confidence limit of the measured σ gives a limit without a model. The larger of the two limits is used.
     """
     wv = fit.wavelet_variance
-    noises = tuple(process for process in fit.model.processes if process.line(wv.rate) is None)
-    lines = tuple(process for process in fit.model.processes if process.line(wv.rate) is not None)
+    noises = tuple(process for process in fit.model.processes if process.oscillation() is None)
+    lines = tuple(process for process in fit.model.processes if process.oscillation() is not None)
     if not noises:
         return None, Remark.of("no-number", wv.axis, case="b", reason=f"{fit.model.structure} has no noise")
     model = Model(noises)

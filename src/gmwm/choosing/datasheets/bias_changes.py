@@ -102,8 +102,8 @@ class BiasTerms:
 
 def is_slow(process: Process, rate: float) -> bool:
     """Return whether a process is part of the bias: flicker, power-law noise, and noise slower than 1 s except
-    sinusoids and ramps."""
-    if process.line(rate) is not None or process.scale == 0:
+    oscillations and ramps."""
+    if process.oscillation() is not None or process.scale == 0:
         return False
     time = process.correlation_time(rate)
     if time is None or is_flicker(process, rate):
@@ -116,7 +116,7 @@ def is_slow(process: Process, rate: float) -> bool:
 
 def is_scale_free(process: Process, rate: float) -> bool:
     """Return whether a process has no correlation time and is not a random walk, like flicker and power-law noise."""
-    if process.line(rate) is not None:
+    if process.oscillation() is not None:
         return False
     return process.correlation_time(rate) is None or is_flicker(process, rate)
 

@@ -61,8 +61,8 @@ class FitCurve:
         return cls(tuple(moving), gain @ sandwich.wavelet @ gain.T, design.rate)
 
     def without_lines(self) -> FitCurve:
-        """Return the parameters and covariance without those of sinusoids."""
-        kept = [k for k, (process, _) in enumerate(self.moving) if process.line(self.rate) is None]
+        """Return the parameters and covariance without those of oscillations."""
+        kept = [k for k, (process, _) in enumerate(self.moving) if process.oscillation() is None]
         return replace(self, moving=tuple(self.moving[k] for k in kept), scatter=self.scatter[np.ix_(kept, kept)])
 
     def slopes(self, n: int) -> Vector:

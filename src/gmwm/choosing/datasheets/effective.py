@@ -41,6 +41,12 @@ class Use:
     horizon: float = HORIZON
     flicker: str = ""
 
+    def contains(self, process: Process, rate: float) -> bool:
+        """Return whether the two numbers include a process: not an oscillation that is slower than the horizon."""
+        frequency = process.oscillation()
+        slow = frequency is not None and frequency * self.horizon < 1.0
+        return not slow and not (self.flicker and is_flicker(process, rate))
+
 
 def effective_noise(fit: Fit, horizon: float = HORIZON, level: float = 0.95) -> dict[str, Entry]:
     """Compute the white noise N and the random walk K with which a filter predicts the noise of a fit best.
@@ -49,7 +55,7 @@ def effective_noise(fit: Fit, horizon: float = HORIZON, level: float = 0.95) -> 
     as possible, and the error that the filter states equal to the real error; see `filter_numbers`. They depend only on
     the spectrum of the model, so that models with the same curve have the same numbers. White noise plus a random walk
     gives the coefficients of its terms for every T. The noise includes quantization noise and a drift, and leaves out
-    sinusoids.
+    sinusoids, and oscillations with a period longer than T.
 
     At scales where the model differs from the measured wavelet variance by more than three standard errors, the
     spectrum of the model is multiplied by the ratio of the two variances, and the interval includes the numbers of the
@@ -179,7 +185,7 @@ def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], d
     stored = fit.__dict__.setdefault("_filter_numbers", {})
     if use not in stored:
         rate = fit.wavelet_variance.rate
-        processes = [p for p in fit.model.processes if not (use.flicker and is_flicker(p, rate))]
+        processes = [process for process in fit.model.processes if use.contains(process, rate)]
         ratio = curve_ratio(fit)
         # Length of the recording over the longest time constant 1/w of a filter. The recording has too few independent
         # parts to show that a slower filter predicts better, so a smaller K is zero. Pinned by
@@ -209,7 +215,7 @@ def _errors(curve: FitCurve, numbers: FilterNumbers, use: Use, ratio: CurveRatio
     gain, samples = numbers.gain, numbers.samples
 
     def of(process: Process) -> Vector:
-        if use.flicker and is_flicker(process, curve.rate):
+        if not use.contains(process, curve.rate):
             return np.zeros(2)
         return np.array(Forecast.of([process], curve.rate, samples, ratio).error(gain))
 
@@ -235,7 +241,7 @@ def _errors(curve: FitCurve, numbers: FilterNumbers, use: Use, ratio: CurveRatio
 def is_flicker(process: Process, rate: float) -> bool:
     """Return whether a process has a flat Allan deviation, because a datasheet number of it has no power of time."""
     return any(number.signal_power and number.time_power == 0 for number in process.physical(rate)) and (
-        process.line(rate) is None
+        process.oscillation() is None and process.correlation_time(rate) in (None, math.inf)
     )
 
 

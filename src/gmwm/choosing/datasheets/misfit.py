@@ -45,7 +45,7 @@ def curve_ratio(fit: Fit) -> CurveRatio | None:
     wv = fit.wavelet_variance
     lines = np.zeros(len(wv))
     for process in fit.model.processes:
-        if process.scale != 0 and process.line(wv.rate) is not None:
+        if process.scale != 0 and process.oscillation() is not None:
             lines += process.wavelet_variance(wv.levels, wv.rate, wv.filter)
     usable = (wv.variance > lines) & (fit.implied > lines) & (wv.lower > 0)
     measured, implied = np.log(wv.variance[usable]), np.log(fit.implied[usable])

@@ -1,18 +1,20 @@
 """Search for the noise model of one axis: first among slow processes, then with terms that the spectrum shows.
 
 1. All models within the family `SLOW` are ranked. If the goodness-of-fit test accepts the recommended model, the search
-ends, unless a Gauss-Markov term is so fast that it may describe a filter in the sensor. 2. Otherwise, two kinds of
-terms are taken from the spectrum. Spectral lines become sinusoids of known frequency. The shape of the noise at high
+ends, unless a Gauss-Markov term is so fast that it may describe a filter in the sensor. 2. Otherwise, three kinds of
+terms are taken from the spectrum. Spectral lines become sinusoids of known frequency. Narrow peaks become damped
+oscillators of known frequency and quality. The shape of the noise at high
 frequencies, which the filter and the resonances of the sensor cause, becomes an ARMA process with known coefficients.
-Both are linear in their unknown scales, so the global optimum of every fit can still be proved. Without a spectrum, an
+All are linear in their unknown scales, so the global optimum of every fit can still be proved. Without a spectrum, an
 AR(2) process is fitted to the wavelet variance. 3. The model error is estimated from the largest of these models, and
-all models within it are ranked again.
+all models within it are ranked again. 4. If the test still rejects all of them, a slow oscillation that the spectrum
+does not resolve is looked for in the wavelet variance.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -26,18 +28,22 @@ from gmwm.choosing.selection.shape_error import (
     acts_as_filter,
     band_errors,
     process_of,
+    with_oscillator_error,
     with_sampling_error,
     with_shape_error,
 )
 from gmwm.choosing.selection.structure import freedom, nested_models, without_drift, without_values
 from gmwm.fitting.estimation.model_error import Distance, having_error, model_error, nearly_fitted
 from gmwm.fitting.estimation.result import Fit
+from gmwm.measuring.spectrum.line import Bump, Line
 from gmwm.measuring.spectrum.result import PowerSpectrum
 from gmwm.measuring.spectrum.short_memory import SpectralShape, short_memory
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.linear_recursion import Lagged
 from gmwm.theory.processes.model import Model, ModelLike, as_model
 from gmwm.theory.processes.noise import WN
+from gmwm.theory.processes.oscillator import CRITICAL, OSC, SHARPEST
 from gmwm.theory.processes.parameter import Fixed
 from gmwm.theory.processes.sinusoid import SIN
 
@@ -98,6 +104,51 @@ def search(
     check: Callable[[], None] = lambda: None,
 ) -> ModelChoice:  # fmt: skip
     """Search for the noise model of one axis, as the module describes; `check` may raise to stop it."""
+    choice = _from_spectrum(wv, spectrum, options, check)
+    if _is_accepted(choice.ranking) and not choice.error:
+        return choice
+    check()
+    return _with_oscillation(choice, options, check) or choice
+
+
+def _with_oscillation(choice: ModelChoice, options: RankingOptions, check: Callable[[], None]) -> ModelChoice | None:
+    """Return the choice with a damped oscillator that is fitted to the wavelet variance, beside the terms that the
+    spectrum shows; None if the test rejects it too."""
+    wv, terms = choice.wavelet_variance, choice.ranking.recommended.fit.model.processes
+    required = [
+        term for term in without_values(Model(terms)).processes if term.nonlinear_parameters() and _is_held(term)
+    ]
+    shaped = any(isinstance(term, Lagged) for term in required)
+    model = Model((*as_model("2*GM + RW" if shaped else "2*GM + WN + QN + RW").processes, OSC(), *required))
+    if freedom(model) > len(wv):
+        return None
+    try:
+        fit = nearly_fitted(model, wv, options.weighting)
+    except GmwmError:
+        return None
+    oscillator = next(process for process in fit.model.processes if process.name == OSC.name and not _is_held(process))
+    bound = Distance.of(fit).surely
+    # The spectrum shows faster oscillations, or they belong to the shape at high frequencies.
+    fastest = wv.rate / (2 * math.pi * FAST)
+    if oscillator.scale == 0 or bound < REJECTED or oscillator.value("frequency") > fastest:
+        return None
+    held = OSC(frequency=Fixed(oscillator.value("frequency")), quality=Fixed(oscillator.value("quality")))
+    curve = with_oscillator_error(wv, fit, [held])
+    family = BESIDE if shaped else SLOW
+    return within_family(
+        family, curve, options, required=(*required, held), check=check, entered="oscillation"
+    ).after(*(replace(step, used=False) for step in choice.steps))  # fmt: skip
+
+
+def _is_held(process: Process) -> bool:
+    """Return whether every parameter is fixed that changes the shape of the wavelet variance."""
+    return all(process.is_fixed(parameter.name) for parameter in process.nonlinear_parameters())
+
+
+def _from_spectrum(
+    wv: WaveletVariance, spectrum: PowerSpectrum | None, options: RankingOptions, check: Callable[[], None]
+) -> ModelChoice:
+    """Return the choice of steps 1 to 3 of the module."""
     general = nearly_fitted(_largest(SLOW, wv), wv, options.weighting)
     bound = Distance.of(general).surely
     slow = SearchStep(family=general.model.structure, entered="slow", bound=bound, left="all-rejected")
@@ -114,10 +165,11 @@ def search(
             shown = _required_terms(general, wv, spectrum, (), options=options, check=check)
             return _with_filter(choice, shown.choice(BESIDE, options, check, "filter")) if shown.terms else choice
     check()
-    lines = () if spectrum is None else _lines(spectrum, wv)
+    lines = () if spectrum is None else _peaks(spectrum, wv)
     steps = [slow]
     if lines:
         with_lines = nearly_fitted(_largest(SLOW, wv, lines), wv, options.weighting)
+        wv = with_oscillator_error(wv, with_lines, lines)
         bound = Distance.of(with_lines).surely
         if bound >= REJECTED:
             choice = within_family(SLOW, wv, options, required=lines, check=check, entered="lines")
@@ -237,8 +289,8 @@ def _bound_and_error(model: Model, wv: WaveletVariance, weighting: str) -> tuple
 
 def _supported_terms(required: Sequence[Process], fit: Fit) -> Sequence[Process]:
     """Return the required terms except lines whose power is estimated as zero."""
-    zero = {p.value("frequency") for p in fit.model.processes if isinstance(p, SIN) and p.scale == 0}
-    return [p for p in required if not (isinstance(p, SIN) and p.value("frequency") in zero)]
+    zero = {(p.name, *p.nonlinear) for p in fit.model.processes if isinstance(p, SIN | OSC) and p.scale == 0}
+    return [p for p in required if not isinstance(p, SIN | OSC) or (p.name, *p.nonlinear) not in zero]
 
 
 def _largest(family: ModelLike, wv: WaveletVariance, required: Sequence[Process] = ()) -> Model:
@@ -294,27 +346,37 @@ def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | Non
     return process.with_values(**held, **{process.scale_parameter().name: None})
 
 
-def _peaks(spectrum: PowerSpectrum) -> list[tuple[float, float, float]]:
-    """Return frequency (Hz), power and width (Hz) of lines and of peaks too narrow for an ARMA process."""
-    peaks = [(line.frequency, line.amplitude**2 / 2, line.width) for line in spectrum.lines]
-    for bump in spectrum.bumps:
-        if bump.width < NARROW * spectrum.rate:
-            # The power is the integral of a Lorentz peak above the surrounding density.
-            peaks.append((bump.frequency, math.pi / 2 * bump.density * (1 - 1 / bump.height) * bump.width, bump.width))
-    return peaks
+def _narrow_bumps(spectrum: PowerSpectrum) -> list[Bump]:
+    """Return the bumps that are too narrow for an ARMA process."""
+    return [
+        bump for bump in spectrum.bumps if bump.width < NARROW * spectrum.rate and CRITICAL < bump.quality < SHARPEST
+    ]
 
 
-def _lines(spectrum: PowerSpectrum, wv: WaveletVariance) -> tuple[Process, ...]:
-    """Return sinusoids of known frequency for the lines that are large enough at some level, the strongest first."""
-    lines = []
-    for frequency, power, _ in _peaks(spectrum):
-        process = SIN(frequency=Fixed(frequency), power=Fixed(power))
-        share = process.wavelet_variance(wv.levels, wv.rate, wv.filter) / np.where(wv.variance > 0, wv.variance, np.inf)
-        if share.max() >= FELT:
-            lines.append((float(share.max()), process))
-    lines.sort(key=lambda pair: -pair[0])
-    free = [SIN(frequency=Fixed(process.value("frequency"))) for _, process in lines[:MOST_FREE]]
-    return (*free, *(process for _, process in lines[MOST_FREE:]))
+def _peaks(spectrum: PowerSpectrum, wv: WaveletVariance) -> tuple[Process, ...]:
+    """Return sinusoids for the lines and oscillators for the narrow bumps that are large enough at some level, the
+    strongest first. Their frequency and quality are fixed, and so is the power of all but the strongest of each kind.
+    """
+    lines = [SIN(frequency=Fixed(line.frequency), power=Fixed(line.amplitude**2 / 2)) for line in spectrum.lines]
+    oscillators = [
+        # The power is the integral of a Lorentz peak above the surrounding density.
+        OSC(
+            frequency=Fixed(bump.frequency), quality=Fixed(bump.quality),
+            sigma2=Fixed(math.pi / 2 * bump.density * (1 - 1 / bump.height) * bump.width),
+        )
+        for bump in _narrow_bumps(spectrum)
+    ]  # fmt: skip
+    return (*_strongest(lines, wv), *_strongest(oscillators, wv))
+
+
+def _strongest(processes: Sequence[Process], wv: WaveletVariance) -> Iterator[Process]:
+    """Yield the processes that are large enough at some level, the strongest first, with free power for the first."""
+    below = np.where(wv.variance > 0, wv.variance, np.inf)
+    shares = [float((p.wavelet_variance(wv.levels, wv.rate, wv.filter) / below).max()) for p in processes]
+    order = [k for k in np.argsort(shares)[::-1].tolist() if shares[k] >= FELT]
+    for place, k in enumerate(order):
+        scale = processes[k].scale_parameter().name
+        yield processes[k].with_values(**{scale: None}) if place < MOST_FREE else processes[k]
 
 
 def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | None) -> SpectralShape | None:
@@ -323,10 +385,11 @@ def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | N
     frequencies, density = smooth.frequencies, smooth.density * rate / 2
     slow = _slow_density([p for p in known.model.processes if type(p) is not type(before)], frequencies, rate)
     used = (frequencies > rate / (2 * math.pi * FAST)) & (density > 0)
-    for frequency, _, width in _peaks(spectrum):
+    peaks: list[Line | Bump] = [*spectrum.lines, *_narrow_bumps(spectrum)]
+    for peak in peaks:
         # Frequencies within this distance from a line, in units of the frequency resolution, are not used for the shape
         # (tests/selection/test_search.py).
-        used &= np.abs(frequencies - frequency) > max(8 * spectrum.resolution, 4 * width)
+        used &= np.abs(frequencies - peak.frequency) > max(8 * spectrum.resolution, 4 * peak.width)
     mixed = np.flatnonzero(used & (slow <= MIXED * density))
     used &= frequencies >= frequencies[mixed[0]] if mixed.size else False
     if np.count_nonzero(used) < FEWEST:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,6 +17,7 @@ from gmwm.theory.filters import HAAR, find_filter
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.noise import WN
 from gmwm.theory.processes.ordered import find_class
+from gmwm.theory.processes.oscillator import OSC
 from gmwm.theory.processes.parameter import Fixed
 from gmwm.theory.processes.power import FN
 
@@ -85,6 +87,37 @@ def with_shape_error(wv: WaveletVariance, fit: Fit, shape: SpectralShape, proces
     ]
     share = np.sum(fast, axis=0) / fit.implied
     return _with(wv, CHOSEN * relative * np.outer(share, share))
+
+
+def with_oscillator_error(wv: WaveletVariance, fit: Fit, terms: Sequence[Process]) -> WaveletVariance:
+    """Add the uncertainty of the frequency and the quality of oscillators to the covariance of a wavelet variance.
+
+    For a Lorentz peak with the damping a = πf₀/Q over a duration T, Whittle's likelihood gives the variances a/T of the
+    angular frequency and 1/aT of ln a. `fit` is a fit with the terms, from which their share at each level is taken.
+    """
+    duration = float(wv.samples) / wv.rate
+    for process in terms:
+        if not isinstance(process, OSC):
+            continue
+        frequency, quality = process.value("frequency"), process.value("quality")
+        shape = OSC.standard((frequency, quality))
+        slopes = OSC.shape_jacobian(np.array([[frequency, quality]]), wv.levels, wv.rate)[0] * [frequency, quality]
+        slopes /= shape.wavelet_variance(wv.levels, wv.rate)[:, None]
+        # ln a = ln f₀ − ln Q + …, and the errors of ω₀ and a are uncorrelated.
+        damping = math.pi * frequency / quality
+        frequency_square, decay_square = damping / duration / (2 * math.pi * frequency) ** 2, 1 / (damping * duration)
+        relative = frequency_square * np.outer(slopes.sum(axis=1), slopes.sum(axis=1))
+        relative = relative + decay_square * np.outer(slopes[:, 1], slopes[:, 1])
+        share = (
+            sum(
+                fit.decomposition[term]
+                for term, part in zip(fit.model.terms, fit.model.processes, strict=True)
+                if isinstance(part, OSC) and np.allclose(part.nonlinear, process.nonlinear, rtol=1e-9, atol=0.0)
+            )
+            / fit.implied
+        )
+        wv = _with(wv, CHOSEN * relative * np.outer(share, share))
+    return wv
 
 
 def band_errors(shape: SpectralShape, rate: float) -> dict[str, float]:

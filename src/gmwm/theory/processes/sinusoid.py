@@ -83,6 +83,10 @@ class SIN(Process):
         """Return the power P, and f₀Δt or its alias in cycles per sample."""
         return self.scale, float(_fold(np.array([self.value("frequency")]), rate)[0]) / rate
 
+    def oscillation(self) -> float:
+        """Return the frequency f₀ (Hz)."""
+        return self.value("frequency")
+
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
         """Compute the autocovariance r(k) = P cos(2πf₀kΔt)."""
         return np.asarray(self.scale * np.cos(2.0 * np.pi * self._turns(as_lags(lags), as_rate(rate))))
