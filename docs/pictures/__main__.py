@@ -17,7 +17,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from docs import messages
+from docs import message_pages
 from docs.pictures import front, processes, valleys
 
 FOLDER = Path(__file__).parent
@@ -27,6 +27,7 @@ PAGES = (
     DOCS / "howto" / "array.md",
     DOCS / "howto" / "joint.md",
     DOCS / "howto" / "conditions.md",
+    DOCS / "howto" / "contaminated.md",
     DOCS / "howto" / "recordings.md",
     *sorted((DOCS / "concepts").glob("*.md")),
 )
