@@ -242,7 +242,7 @@ def test_search_puts_on_top_what_is_meant(site, page):
 def test_search_finds_what_takes_several_words(site, page):
     wanted = {
         "confidence interval coverage": "glossary.html",
-        "compare two units": "howto/several.html",
+        "compare two units": "howto/recordings.html",
         "missing samples array": "howto/record.html",
         "define custom process": "contributing/add-a-process.html",
     }

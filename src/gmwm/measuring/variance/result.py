@@ -300,9 +300,11 @@ class WaveletVariance(Documented, Summarised, Plotted):
                 remarks.append(Remark.of(code, self.axis, case=outcome, levels=levels))
         if any(stride > 1 for stride in self.strides):
             first = next(k for k, stride in enumerate(self.strides) if stride > 1)
-            remarks.append(Remark.of("levels-strided", self.axis, first=Quantity(float(self.tau[first]), "s")))
+            remarks.append(
+                Remark.of("approximated", self.axis, case="levels", first=Quantity(float(self.tau[first]), "s"))
+            )
         others = [
-            remark for curve in self.recordings.values() for remark in curve.remarks if remark.code != "levels-strided"
+            remark for curve in self.recordings.values() for remark in curve.remarks if remark.code != "approximated"
         ]
         return tuple(dict.fromkeys([*remarks, *others]))
 

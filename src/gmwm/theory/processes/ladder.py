@@ -189,4 +189,4 @@ def approximation_remarks(model: Model, rate: float, axis: str = "") -> tuple[Re
     # The numbers are rounded, so that axes with the same approximation share one remark.
     share = Quantity(float(f"{100.0 * max(errors.values()):.2g}"), "%")
     longest = Quantity(float(f"{2.0**BAND / rate:.3g}"), "s")
-    return (Remark.of("state-approximated", axis, terms=tuple(errors), error=share, longest=longest),)
+    return (Remark.of("approximated", axis, case="states", terms=tuple(errors), error=share, longest=longest),)
