@@ -18,7 +18,7 @@ from tests.helpers import raises
 
 def test_the_curve_and_its_band_are_the_numbers_of_the_result(wv):
     panel = wavelet_variance_panel(wv, view="wavelet")
-    line, band = panel["Wavelet variance"], panel["95 % confidence"]
+    line, band = panel["Wavelet variance"], panel["95 % limits, any noise"]
     np.testing.assert_array_equal(line.x, wv.tau)
     np.testing.assert_array_equal(line.y, wv.variance)
     np.testing.assert_array_equal(band.lower, wv.lower)
@@ -51,7 +51,7 @@ def test_the_default_is_what_the_field_reads(wv, scaled):
 
 def test_robust_and_confidence_are_named(wv):
     labels = wavelet_variance_panel(replace(wv, robust=True, confidence=0.9)).labels
-    assert labels == ("Allan deviation, robust", "90 % confidence")
+    assert labels == ("Allan deviation, robust", "90 % limits, any noise")
 
 
 @pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
@@ -121,7 +121,7 @@ def test_a_term_without_such_numbers_keeps_its_parameters_in_datasheet_units():
 def test_a_fit_without_its_terms(fit):
     assert fit_panel(fit, decomposition=False).labels == (
         "Allan deviation",
-        "95 % confidence",
+        "95 % limits, any noise",
         "Model: GM + WN + QN + RW",
     )
 
@@ -179,7 +179,7 @@ def test_six_axes_in_a_grid_share_scales_by_row_and_label_them_once(six):
         assert len({panel.y.limits for panel in row}) == 1
         assert [bool(panel.y.label) for panel in row] == [True, False, False]
     assert [bool(row[0].x.label) for row in figure.rows] == [False, True]
-    assert figure.labels == ("Allan deviation", "95 % confidence")
+    assert figure.labels == ("Allan deviation", "95 % limits, any noise")
 
 
 def looks(panel):
@@ -318,7 +318,7 @@ def test_fewer_axes_and_other_names(wv, split, names, scaled):
 def test_sensors_over_one_another(fit, six):
     figure = imu_figure(six, split=False)
     assert [panel.title for panel in figure.panels] == ["Gyroscope", "Accelerometer"]
-    assert figure.labels == ("X", "Y", "Z", "95 % confidence")
+    assert figure.labels == ("X", "Y", "Z", "95 % limits, any noise")
     model = imu_figure({"gyro_y": fit}, split=False, view="wavelet").panels[0]["Y, model"]
     np.testing.assert_array_equal(model.y, fit.implied)
 

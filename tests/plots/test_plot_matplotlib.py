@@ -58,7 +58,7 @@ def test_one_legend_names_everything_once(wv, fit):
 def test_the_swatch_of_several_bands_is_in_the_colour_of_none(wv):
     picture = plot_comparison({"one": wv, "other": wv})
     (legend,) = picture.legends
-    at = [text.get_text() for text in legend.get_texts()].index("95 % confidence")
+    at = [text.get_text() for text in legend.get_texts()].index("95 % limits, any noise")
     red, green, blue, _ = legend.legend_handles[at].get_facecolor()
     assert red == green == blue
 
@@ -142,7 +142,7 @@ def test_on_axes_of_the_caller(wv, fit):
     assert plot_fit(fit, ax=axes[1]) is mine
     assert [text.get_text() for text in axes[0].get_legend().get_texts()] == [
         "Allan deviation",
-        "95 % confidence",
+        "95 % limits, any noise",
     ]
     inner = MatplotlibFigure()
     assert plot_wavelet_variance(wv, ax=inner.subfigures(1, 2)[1].add_subplot()) is inner

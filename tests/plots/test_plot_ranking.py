@@ -69,7 +69,7 @@ def test_a_distance_is_one_at_the_limits():
 def test_the_band_of_distances_is_that_of_the_data(ranking):
     curves, distances, _ = ranking_figure(ranking).panels
     (band,) = distances.bands
-    assert band.label == curves.bands[0].label == "95 % confidence"
+    assert band.label == curves.bands[0].label == "95 % limits, any noise"
     np.testing.assert_array_equal(band.lower, [-1.0, -1.0])
     np.testing.assert_array_equal(band.upper, [1.0, 1.0])
     low, high = distances.y.limits

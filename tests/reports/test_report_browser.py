@@ -146,7 +146,7 @@ def test_values_stand_under_the_pointer(opened):
     text = hover.text_content()
     assert "τ = " in text
     assert "deg/h" in text
-    assert "95 % confidence: " in text
+    assert "95 % limits, any noise: " in text
 
 
 def test_copy_buttons_copy(opened):

@@ -167,7 +167,7 @@ def _draw(
     from gmwm.showing.plots.allan import plot_allan_axes
 
     if len(results) > 1:
-        plot_allan_axes(results, units=system, path=path)
+        plot_allan_axes(regressions or results, units=system, path=path)
         return
     for result in regressions.values() or results.values():
         result.plot(units=system, path=path)
@@ -181,7 +181,7 @@ def _curves_text(results: Mapping[str, ClusterVariance], system: UnitSystem) -> 
     sensors = {sensor: list(group.values()) for sensor, group in by_sensor(results).items()}
     first = next(iter(results.values()))
     alone = any(len(group) == 1 for group in sensors.values())
-    limits = f", {100 * first.confidence:g} % confidence intervals" if alone else ""
+    limits = f", {100 * first.confidence:g} % confidence intervals for the identified noise" if alone else ""
     head = f"{first.samples} samples at {first.rate:g} Hz{limits}"
     style = "#.5g" if system == "datasheet" else ".4e"
     shown = list(range(len(first)))

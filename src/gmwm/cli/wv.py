@@ -136,7 +136,7 @@ def _curves_text(results: Mapping[str, WaveletVariance], view: ViewName, system:
     sensors = by_sensor(results)
     first = next(iter(results.values()))
     alone = any(len(group) == 1 for group in sensors.values())
-    limits = f", {100 * first.confidence:g} % confidence intervals" if alone else ""
+    limits = f", {100 * first.confidence:g} % confidence intervals for any noise" if alone else ""
     robust = f", robust with efficiency {first.efficiency:g}" if first.robust else ""
     transform = "" if (first.filter, first.transform) == ("haar", "modwt") else f", {first.filter} {first.transform}"
     parts = [f"{first.extent}{transform}{robust}{limits}"]

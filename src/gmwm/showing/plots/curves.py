@@ -55,7 +55,7 @@ def observed_marks(
     robust = ", robust" if wv.robust else ""
     name = label or {"wavelet": "Wavelet variance", "allan": "Allan deviation"}[view.name] + robust
     fitted = np.ones(y.shape, dtype=bool) if used is None else np.asarray(used, dtype=bool)
-    band = confidence_band(x, *band_edges(wv, view), colour=stroke.colour, confidence=wv.confidence)
+    band = confidence_band(x, *band_edges(wv, view), colour=stroke.colour, label=limits_label(wv))
     line = Line(x, y, stroke=stroke if fitted.all() else replace(stroke, symbol=None), label=name, layer=FRONT)
     if fitted.all():
         return line, band
@@ -66,10 +66,15 @@ def observed_marks(
     )  # fmt: skip
 
 
-def confidence_band(x: Vector, lower: Vector, upper: Vector, *, colour: str, confidence: float) -> Band:
-    """Return the band between confidence limits, with the confidence level in the legend."""
-    label = f"{100 * confidence:g} % confidence"
+def confidence_band(x: Vector, lower: Vector, upper: Vector, *, colour: str, label: str) -> Band:
+    """Return the band between confidence limits."""
     return Band(x, lower, upper, colour, opacity=0.22, label=label, layer=BAND)
+
+
+def limits_label(wv: WaveletVariance) -> str:
+    """Return the legend entry of the limits of a wavelet variance. Their degrees of freedom count independent
+    coefficients and assume no type of noise, unlike those of `gmwm.allan_variance`."""
+    return f"{100 * wv.confidence:g} % limits, any noise"
 
 
 def curves_then_bands(marks: Iterable[Mark], curves: int) -> list[Mark]:

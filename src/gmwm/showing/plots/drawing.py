@@ -47,10 +47,11 @@ def drawing(describe: Callable[P, Figure]) -> Callable[P, MatplotlibFigure]:
 
     @wraps(describe)
     def plot(*arguments: P.args, **options: P.kwargs) -> MatplotlibFigure:
+        from gmwm.showing.plots.axes import one_tick_form
         from gmwm.showing.plots.matplotlib import draw
 
         places: dict[str, Any] = {name: options.get(name) for name in ("ax", "path")}
-        return draw(describe(*arguments, **options), **places)
+        return draw(one_tick_form(describe(*arguments, **options)), **places)
 
     plot.__doc__ = _documentation(inspect.getdoc(describe) or "", [*inspect.signature(describe).parameters])
     return plot

@@ -83,7 +83,11 @@ def _grid(items: Mapping[str, Item | dict[str, Item]], view: ViewName, units: Un
             panels[name] = fit_panel(cast("Fit", item), view=view, units=units, alone=False)
         else:
             panels[name] = wavelet_variance_panel(wavelet_variance_of(item), view=view, units=units)
-    panels = _join_entries(panels)
+    return grid_figure(_join_entries(panels))
+
+
+def grid_figure(panels: Mapping[str, Panel]) -> Figure:
+    """Return a figure with a panel for each axis, one row for each sensor, and common scales."""
     rows = _arrange({name: replace(panel, title=axis_title(name)) for name, panel in panels.items()})
     columns = len(rows[0])
     if columns > 1:

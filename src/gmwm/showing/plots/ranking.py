@@ -20,6 +20,7 @@ from gmwm.showing.plots.curves import (
     MIDDLE,
     closed_panel,
     confidence_band,
+    limits_label,
     observed_marks,
     view_for,
 )
@@ -111,7 +112,7 @@ def _distances(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view:
     times = view_for(wv, view, units).time(wv.tau)
     x = time_axis(times, view_for(wv, view, units).time_label)
     ends = np.array(x.limits)
-    band = confidence_band(ends, np.full(2, -1.0), np.full(2, 1.0), colour=OBSERVED.colour, confidence=wv.confidence)
+    band = confidence_band(ends, np.full(2, -1.0), np.full(2, 1.0), colour=OBSERVED.colour, label=limits_label(wv))
     marks: list[Mark] = [band, Line(ends, np.zeros(2), stroke=Stroke(OBSERVED.colour, 0.9), label="", layer=BEHIND)]
     rows = [distance(wv, np.asarray(c.fit.implied)) for c in candidates]
     for candidate, row, stroke in zip(candidates, rows, strokes, strict=True):

@@ -66,7 +66,7 @@ def spectrum_panel(
     lower, upper = (np.where(np.isfinite(y), factor * np.sqrt(limit), np.nan) for limit in (shown.lower, shown.upper))
     marks: list[Mark] = [
         Line(f, y, stroke=Stroke(BLUE, 0.9), label="Spectrum", layer=FRONT),
-        confidence_band(f, lower, upper, colour=BLUE, confidence=shown.confidence),
+        confidence_band(f, lower, upper, colour=BLUE, label=f"{100 * shown.confidence:g} % confidence"),
     ]
     curves: list[Line] = []
     if model is not None:
