@@ -32,6 +32,11 @@ from gmwm.recording.repairs import repaired
 from gmwm.recording.resolution import Sample, before_rounding, is_counter, step_of
 from gmwm.recording.signals import Imu, Signal
 
+_SLOWEST = 10.0
+"""Smallest bandwidth (Hz) of a sensor for its noise density. Slower logs keep some of the samples."""
+_BLOCKS = 16
+"""Smallest number of block means for a noise density, whose relative error is then 25 %."""
+
 Values = Callable[[str, int, int], Vector]
 """Function of axis, first and last index that returns the samples of a half-open range."""
 
@@ -271,13 +276,20 @@ class RecordingStatistics:
         return float(self._extent.times([first])[0]), float(np.mean(still[measured]))
 
     def _densities(self) -> dict[str, float]:
-        """Return the noise density of each gyroscope (rad/s/√Hz): the median over the windows, which ignores knocks."""
+        """Return the noise density of each gyroscope (rad/s/√Hz): the smaller one of those of neighbouring samples and
+        of neighbouring block means. The median over the windows ignores knocks, and block means a dither motion."""
         densities = {}
         for axis, sums in self._axes.items():
             measured, unit = sums.steps.counts > 0, find_unit(self._units[axis])
-            if unit is not None and unit.quantity == "gyro" and np.any(measured):
-                noise = float(np.sqrt(np.median(sums.steps.means[measured]) / 2 / self._extent.rate))
-                densities[axis] = noise * unit.factor
+            if unit is None or unit.quantity != "gyro" or not np.any(measured):
+                continue
+            powers = [float(np.median(sums.steps.means[measured]))]
+            steps = np.concatenate([np.empty(0), *(np.diff(means) for _, means in sums.means())])
+            if steps.size >= _BLOCKS:
+                # The median of the square of a Gaussian number is 0.455.
+                powers.append(float(np.median(steps**2)) / 0.455 * sums.length)
+            rate = max(self._extent.rate, _SLOWEST)
+            densities[axis] = float(np.sqrt(min(powers) / 2 / rate)) * unit.factor
         return densities
 
 

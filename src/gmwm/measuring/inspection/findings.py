@@ -25,7 +25,7 @@ MOVED = 1.0
 """Change of the direction of gravity (degrees) above which the sensor has moved, as by a bias of 17 mg
 (tests/test_inspection_limits.py, as all limits here)."""
 
-_NOISY = 0.1
+NOISY = 0.1
 """Noise density (deg/s/√Hz) at the upper end of low-cost gyroscopes (docs/howto/units.md)."""
 OF_STAMPS = ("stamps-irregular",)
 """Remarks of a reader on the time stamps. `of_time` makes them again."""
@@ -261,8 +261,8 @@ def _as_printed(value: float, unit: str) -> Quantity:
 def of_units(densities: Mapping[str, float]) -> Iterator[Remark]:
     """Yield remarks on gyroscopes whose noise density (rad/s/√Hz) makes the unit doubtful: deg/s as rad/s is 57 times
     as large."""
-    noisy = {axis: degrees for axis, density in densities.items() if (degrees := math.degrees(density)) > _NOISY}
-    limit = Quantity(_NOISY, "deg/s/√Hz")
+    noisy = {axis: degrees for axis, density in densities.items() if (degrees := math.degrees(density)) > NOISY}
+    limit = Quantity(NOISY, "deg/s/√Hz")
     for axis in noisy:
         yield Remark.of(
             "unit-doubtful", axis, case="density", density=Quantity(max(noisy.values()), "deg/s/√Hz"), limit=limit
