@@ -47,6 +47,8 @@ LARGE = 1.5
 """Ratio of the wavelet variances of model and data (or its inverse) above which a remark says that the model does not
 describe the data (tests/calibration/test_misfit.py)."""
 
+LEFT = 0.02
+"""Share of N² that is due to wrong samples too small to be found, above which N is an upper limit, 1 % too large."""
 _RAMP = "R"
 """Symbol of the rate ramp in a datasheet."""
 
@@ -197,7 +199,7 @@ def _of_outliers(axis: str, axis_calibration: AxisCalibration, calibration: Cali
         return
     if not np.any(verdict.tested):
         yield Remark.of("outliers-not-tested", axis, case="fit", reason=verdict.reason)
-    yield from _of_replaced(axis, verdict.replaced, axis_calibration.fit.wavelet_variance)
+    yield from _of_replaced(axis, verdict.replaced, axis_calibration)
     if verdict.heavy_tailed and not axis_calibration.fit.wavelet_variance.robust:
         yield Remark.of("heavy-tails", axis, case="fit")
     if not verdict.contaminated:
@@ -226,7 +228,13 @@ def _dependence(axis: str, dependence: Dependence, unit: str) -> Remark:
     )  # fmt: skip
 
 
-def _of_replaced(axis: str, replaced: Replaced, wv: WaveletVariance) -> Iterator[Remark]:
+def _of_replaced(axis: str, replaced: Replaced, axis_calibration: AxisCalibration) -> Iterator[Remark]:
+    wv, white = axis_calibration.fit.wavelet_variance, axis_calibration.datasheet.get("N")
+    if white is not None and white.value > 0:
+        share = replaced.left / wv.samples / (white.value**2 * wv.rate)
+        if share > LEFT:
+            percent = 100 * (1 - math.sqrt(max(1 - share, 0.0)))
+            yield Remark.of("outliers-found", axis, case="small", count=replaced.spikes, share=percent)
     if replaced.spikes:
         yield Remark.of("samples-replaced", axis, case="spikes", count=replaced.spikes, largest=replaced.largest)
     if replaced.knocks:

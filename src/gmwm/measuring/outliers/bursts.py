@@ -266,8 +266,8 @@ def _bursts(level: BurstCoefficients, small: bool) -> _LevelBursts:
 
 
 def _largest_by_chance(groups: int, size: int) -> float:
-    """Return the largest number of large coefficients in a burst that heavy tails explain, with this number of groups of
-    large coefficients among all.
+    """Return the largest number of large coefficients in a burst that heavy tails explain, from the number of groups of
+    large ones among all coefficients.
 
     A single large sample makes two of them. If m samples are large with probability p each, a run of m of them with
     distances up to `APART` occurs n·p·(2·APART·p)^(m−1) times.
