@@ -20,6 +20,7 @@ from gmwm.fitting.estimation.model_error import implausible_levels
 from gmwm.fitting.inference.planning import SEEN
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.outliers import excess_text
+from gmwm.recording.repairs import axes_with_two_levels
 from gmwm.theory.filters import find_filter
 
 if TYPE_CHECKING:
@@ -200,7 +201,8 @@ def _of_outliers(axis: str, axis_calibration: AxisCalibration, calibration: Cali
     if not np.any(verdict.tested):
         yield Remark.of("outliers-not-tested", axis, case="fit", reason=verdict.reason)
     yield from _of_replaced(axis, verdict.replaced, axis_calibration)
-    if verdict.heavy_tailed and not axis_calibration.fit.wavelet_variance.robust:
+    switching = axis in axes_with_two_levels(calibration.recording_remarks)
+    if verdict.heavy_tailed and not axis_calibration.fit.wavelet_variance.robust and not switching:
         yield Remark.of("heavy-tails", axis, case="fit")
     if not verdict.contaminated:
         return

@@ -269,6 +269,8 @@ def _curves_of(
             if verdict.contaminated:
                 other = item.curves.first.result(robust=True, efficiency=other_efficiency(options.efficiency))
                 verdict = replace(verdict, dependence=dependence(robust, other, verdict))
+            if item.two_levels:
+                verdict = replace(verdict, contaminated=False)
             classical = replace(classical, excess=screen.tails.excess(classical))
     else:
         assert isinstance(item, tuple)

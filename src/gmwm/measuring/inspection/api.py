@@ -28,7 +28,7 @@ from gmwm.measuring.regression.against import AUTO, Against, Asked
 from gmwm.measuring.regression.conditions import NOTHING, Conditions
 from gmwm.recording.batches import Batch, Batches, Segments, Streamed
 from gmwm.recording.options import one_of
-from gmwm.recording.repairs import repaired
+from gmwm.recording.repairs import axes_with_two_levels, repaired
 from gmwm.recording.resolution import Sample, before_rounding, is_counter, step_of
 from gmwm.recording.signals import Imu, Signal
 
@@ -235,6 +235,8 @@ class RecordingStatistics:
         time scale."""
         steps = list[Step]()
         for axis, sums in self._axes.items():
+            if axis in axes_with_two_levels(self._remarks):
+                continue
             values = partial(self._values, axis)
             clear = jumps_of(axis, means[axis], self._extent, values)
             resolution = self._resolutions[axis] or 0.0
