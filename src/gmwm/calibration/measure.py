@@ -24,6 +24,7 @@ from gmwm.calibration.passes import (
 from gmwm.calibration.rest import AxisMean, means_of
 from gmwm.measuring.covariance.tails import with_common_tails
 from gmwm.measuring.inspection import Inspection
+from gmwm.measuring.inspection.jumps import MOST, remarks_of_jumps
 from gmwm.measuring.outliers import (
     MATERIAL,
     TOLERANCE,
@@ -41,6 +42,7 @@ from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.batches import Batch, batches, join_batches, part_of
+from gmwm.recording.repairs import repaired, without_jumps
 from gmwm.recording.signals import Imu, Signal
 
 
@@ -170,10 +172,19 @@ def _measure_recording(
     accumulators: dict[str, AxisAccumulator] = {}
     shares: dict[str, MeasuredAxis] = {}
     inspections, findings = list[Inspection](), list[tuple[object, ...]]()
-    for part in recordings.parts[name]:
+    pieces = [
+        piece
+        for part in recordings.parts[name]
+        for piece in (repaired(part) if options.repeated == "auto" else (part,))
+    ]
+    for part in pieces:
         conditions = Conditions.of_recording(part, options.conditions, threads=run.threads, curves=True)
         axes = [axis for axis in recordings.axes if axis in part.axes]
         passes = read_recording(part, axes, options.efficiency, conditions=conditions, run=run)
+        if options.repeated == "auto" and not run.remote and (jumps := _jumps_of(passes.inspection)):
+            steady = without_jumps(part, jumps, remarks_of_jumps(passes.inspection))
+            conditions = Conditions.of_recording(steady, options.conditions, threads=run.threads, curves=True)
+            passes = read_recording(steady, axes, options.efficiency, conditions=conditions, run=run)
         inspections.append(passes.inspection)
         findings.append(passes.findings)
         accumulators |= passes.axes
@@ -203,6 +214,15 @@ def _measure_recording(
         )
 
     return in_threads(work, {**curves, **accumulators}, threads=run.threads), accumulators, inspections, findings
+
+
+def _jumps_of(inspection: Inspection) -> dict[str, list[tuple[int, float]]]:
+    """Return the number of the first sample and the size of each jump that can be subtracted."""
+    jumps: dict[str, list[tuple[int, float]]] = {}
+    for step in inspection.steps:
+        if not step.at_gap:
+            jumps.setdefault(step.axis, []).append((step.index, step.size))
+    return {axis: of_axis for axis, of_axis in jumps.items() if len(of_axis) < MOST}
 
 
 def _require_one_stream(recordings: Recordings, argument: str) -> None:

@@ -11,6 +11,7 @@ from gmwm.base.errors import ModelError, OptionError, ReadError
 from gmwm.choosing.selection.ranking import SLOW, RankingOptions
 from gmwm.measuring.regression.against import AUTO, Against, Asked
 from gmwm.measuring.variance.biweight import EFFICIENCY, biweight
+from gmwm.recording.options import one_of
 from gmwm.theory.processes.model import Model, ModelLike, as_model
 
 AGAIN = "Pass an unchanged calibration.json, or calibrate the recording again."
@@ -52,6 +53,8 @@ class CalibrationOptions:
         The axes or sensors to calibrate; None for all. The option is not saved, because a calibration lists its axes.
     models : mapping of axis or sensor to Model
         Models that are fitted without comparing them with others. gmwm chooses the models of the other axes.
+    repeated : "auto" or "keep"
+        Whether faults of the logger are repaired, such as repeated, frozen, interpolated and wrapped values.
 
     Raises
     ------
@@ -77,10 +80,12 @@ class CalibrationOptions:
     tilt: float | None = None
     axes: str | Sequence[str] | None = None
     models: Mapping[str, ModelLike] = field(default_factory=dict)
+    repeated: Literal["auto", "keep"] = "auto"
 
     def __post_init__(self) -> None:
         if not isinstance(self.robust, bool) and self.robust != "auto":
             raise OptionError(argument="robust", expected="'auto', False or True", got=self.robust)
+        one_of(self.repeated, "repeated", ("auto", "keep"))
         _ = self.ranking  # validates its options
         biweight(self.efficiency)
         for name, low, high, unit in (("gravity", 9.7, 9.9, "m/s²"), ("tilt", 0.0, 10.0, "degrees")):
@@ -135,6 +140,7 @@ class CalibrationOptions:
         return {name: getattr(self, name) for name in (*_SAVED, *_SINCE)} | {
             "within": str(self.within),
             "against": str(self.conditions),
+            "repeated": self.repeated,
             "models": {axis: str(model) for axis, model in self.models.items()},
         }
 
@@ -145,7 +151,8 @@ class CalibrationOptions:
             if name not in content:
                 raise ReadError(f"the calibration is incomplete: settings has no {name!r}", advice=AGAIN)
         try:
-            later = {name: content.get(name) for name in _SINCE} | {"models": content.get("models", {})}
+            later = {name: content.get(name) for name in _SINCE}
+            later |= {"models": content.get("models", {}), "repeated": content.get("repeated", "auto")}
             return cls(**{name: content[name] for name in _SAVED} | later)
         except (OptionError, ModelError) as error:
             raise ReadError(f"not a calibration: settings.{error.reason}", advice=AGAIN) from error
