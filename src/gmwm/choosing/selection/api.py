@@ -193,7 +193,8 @@ def rank(
     progress: Progress | None = None,
 ) -> Ranking: ...  # fmt: skip
 def rank(
-    models: Sequence[AnyModel], data: Imu | Data | Sequence[WaveletVariance] | Sequence[Signal], rate: float | None = None, *,
+    models: Sequence[AnyModel], data: Imu | Data | Sequence[WaveletVariance] | Sequence[Signal],
+    rate: float | None = None, *,
     weighting: Weights = "optimal", criterion: Method = "asymptotic", confidence: float = 0.95, draws: int = DRAWS,
     rng: int | np.random.Generator = 0, robust: bool = False, efficiency: float = 0.6, against: Against = None,
     progress: Progress | None = None,
