@@ -230,10 +230,12 @@ TABLES = [
            lambda: long(_WORDS, "sensor;time_ms;value1;value2;value3", "{label};{ms};{x!r};{y!r};{z!r}"),
            sensors=("gyro",), options={"topic": "Gyroscope", "units": {"gyro": "rad/s"}}),
     Layout("long table without header", "CSV of phone loggers",
-           lambda: long(_WORDS, "", "{label},{ms},{x!r},{y!r},{z!r}"), sensors=("accel",), options={"topic": "Accelerometer", "units": {"accel": "m/s2"}}),
+           lambda: long(_WORDS, "", "{label},{ms},{x!r},{y!r},{z!r}"), sensors=("accel",),
+           options={"topic": "Accelerometer", "units": {"accel": "m/s2"}}),
     Layout("decoded blackbox with its headers", "Betaflight blackbox-log-viewer: FlightLog, acc_1G and gyro_scale",
            table("loopIteration,time (us),axisP[0],gyroADC[0],gyroADC[1],gyroADC[2],accSmooth[0],accSmooth[1],"
-                 "accSmooth[2]", "{k},{us},0,{g},{a}", deg=True, g=True, scale=(1.0, 1 / 2048), head="\n".join([*_HEX, ""])),
+                 "accSmooth[2]", "{k},{us},0,{g},{a}", deg=True, g=True, scale=(1.0, 1 / 2048),
+                 head="\n".join([*_HEX, ""])),
            remarks=("file-content",)),
     Layout("NCLT", "description of the sensor data of NCLT: ms25.csv", lambda: "".join(
         f"{1_326_030_975_726_043 + 10_000 * k},-0.1,0.2,0.3,"
