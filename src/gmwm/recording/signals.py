@@ -509,11 +509,14 @@ class Imu(Plotted):
         return between_times(self, start, stop, skip)
 
     def write(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
-        """Write the recording to a file; the suffix of the path chooses the format: .csv, .parquet or .imu.
+        """Write the recording to a file; the suffix of the path chooses the format: .csv, .parquet, .mcap or .imu.
 
         In tables the columns are `time [s]`, the axes with their units as in `gyro_x [rad/s]`, and `temperature [°C]`
         if there is one. Numbers keep full precision. Times follow the uniform clock of each segment, so gaps are kept.
         If writing fails, no partial file is left.
+
+        An .mcap file holds messages sensor_msgs/msg/Imu of ROS 2, with all three axes of a sensor and stamps in whole
+        nanoseconds.
 
         An .imu file holds the time and the increments v/f of six axes in counts of its type. If the counts are whole
         numbers, the rounding error of a sample is carried over to the next one, as a sensor of that type does: no angle
