@@ -32,6 +32,7 @@ def calibrate(
     against: Against = AUTO,
     gravity: float | None = None,
     tilt: float | None = None,
+    warmup: Literal["omit", "keep"] = "omit",
     axes: str | Sequence[str] | None = None,
     models: Mapping[str, ModelLike] | None = None,
     threads: int | None = None,
@@ -83,6 +84,9 @@ def calibrate(
     tilt : float, optional
         Largest possible angle (°) between the vertical and the accelerometer axis closest to it. Without it, only the
         bias of the vertical accelerometer is computed.
+    warmup : "omit" or "keep"
+        With "omit", the beginning of an Imu or Stream is left out if a warm-up there raises K by more than its
+        uncertainty, and if at least half of the recording is left. A remark and the summary say so.
     axes : str or sequence of str, optional
         The axes to calibrate; "gyro" and "accel" mean all axes of a sensor. Default: all axes.
     models : mapping of axis or sensor to Model, Process or str, optional
@@ -134,6 +138,7 @@ def calibrate(
         against=against,
         gravity=gravity,
         tilt=tilt,
+        warmup=warmup,
         axes=axes,
         models={} if models is None else models,
     )

@@ -10,13 +10,14 @@ import numpy as np
 
 from gmwm.base.errors import DataError, GmwmError, OptionError
 from gmwm.base.threads import in_threads
-from gmwm.calibration.data import Curve, Part, Recordings
+from gmwm.calibration.data import Curve, Part, Recordings, without_beginning
 from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.passes import (
     IN_THIS_PROCESS,
     AxisAccumulator,
     Execution,
+    Passes,
     clean,
     needed_beginning,
     read_recording,
@@ -24,6 +25,7 @@ from gmwm.calibration.passes import (
 from gmwm.calibration.rest import AxisMean, means_of
 from gmwm.measuring.covariance.tails import with_common_tails
 from gmwm.measuring.inspection import Inspection
+from gmwm.measuring.inspection.findings import beginning_to_omit, omission_remarks
 from gmwm.measuring.outliers import (
     MATERIAL,
     TOLERANCE,
@@ -207,10 +209,16 @@ def _measure_recording(
     shares: dict[str, MeasuredAxis] = {}
     inspections, findings = list[Inspection](), list[tuple[object, ...]]()
     for part in recordings.parts[name]:
-        conditions = Conditions.of_recording(part, options.conditions, threads=run.threads, curves=True)
         axes = [axis for axis in recordings.axes if axis in part.axes]
-        passes = read_recording(part, axes, options.efficiency, conditions=conditions, run=run)
-        inspections.append(passes.inspection)
+        conditions, passes = _read(part, axes, options, run)
+        inspection = passes.inspection
+        if start := _warm_up(inspection, options):
+            part = without_beginning(part, start)
+            # A recording without its beginning cannot be divided into parts for other processes.
+            conditions, passes = _read(part, axes, options, replace(run, scheduler=None, workers=None))
+            remarks = (*omission_remarks(inspection, start), *passes.inspection.remarks)
+            inspection = replace(passes.inspection, remarks=remarks)
+        inspections.append(inspection)
         findings.append(passes.findings)
         accumulators |= passes.axes
         beginnings = _beginnings(part, passes.axes, conditions)
@@ -239,6 +247,20 @@ def _measure_recording(
         )
 
     return in_threads(work, {**curves, **accumulators}, threads=run.threads), accumulators, inspections, findings
+
+
+def _read(part: Part, axes: Sequence[str], options: CalibrationOptions, run: Execution) -> tuple[Conditions, Passes]:
+    """Return the conditions of a part of a recording, and the results of the passes over its samples."""
+    conditions = Conditions.of_recording(part, options.conditions, threads=run.threads, curves=True)
+    return conditions, read_recording(part, axes, options.efficiency, conditions=conditions, run=run)
+
+
+def _warm_up(inspection: Inspection, options: CalibrationOptions) -> float:
+    """Return the time (s) at the beginning of a recording to leave out because of a warm-up; 0 for none. The arrays of
+    covariates belong to the whole recording."""
+    if options.warmup == "keep" or options.conditions.arrays:
+        return 0.0
+    return beginning_to_omit(inspection.trends, inspection.duration) or 0.0
 
 
 def _require_one_stream(recordings: Recordings, argument: str) -> None:

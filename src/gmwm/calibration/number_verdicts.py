@@ -118,9 +118,9 @@ def _tracking_time(datasheet: Mapping[str, Entry]) -> float:
 
 
 def _is_beyond(remark: Remark, symbol: str, tracking: float) -> bool:
-    """Return whether a remark concerns a scale that is too long to affect K of a filter."""
+    """Return whether a misfit is at a scale that is too long to affect K of a filter. `tau` of a trend is no scale."""
     tau = remark.facts.get("tau")
-    return symbol == "K" and isinstance(tau, Quantity) and tau.value > BEYOND * tracking
+    return symbol == "K" and "walk" not in remark.facts and isinstance(tau, Quantity) and tau.value > BEYOND * tracking
 
 
 def _is_small(remark: Remark, entry: Entry) -> bool:

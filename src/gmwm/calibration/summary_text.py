@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm.base.axis_names import by_sensor
-from gmwm.base.remarks import Dialect, Severity, brief, texts
+from gmwm.base.remarks import Dialect, Quantity, Severity, brief, texts
 from gmwm.base.tables import table_with_rule
 from gmwm.base.text import counted, duration_text, p_text
 from gmwm.calibration.additions import axis_additions
@@ -86,7 +86,10 @@ def _head(calibration: Calibration) -> list[str]:
     searched = "searched for the model" if settings.searched else f"best model within {settings.within}"
     if settings.models:
         searched += f"; models given for {', '.join(settings.models)}"
-    lines.append(f"{samples} samples at {rate} Hz, {duration}; {searched}")
+    omitted = {r.facts["first"] for r in calibration.recording_remarks if r.code == "warm-up-omitted"}
+    spans = [duration_text(first.value) for first in omitted if isinstance(first, Quantity)]
+    cut = f", without the first {_range(sorted(spans))} (warm-up)" if spans else ""
+    lines.append(f"{samples} samples at {rate} Hz, {duration}{cut}; {searched}")
     return [line for text in lines for line in wrap_text(text)]
 
 

@@ -14,7 +14,7 @@ from gmwm.measuring.regression.result import per
 
 if TYPE_CHECKING:
     from gmwm.measuring.inspection.knocks import Knock, Step
-    from gmwm.measuring.inspection.result import AxisInspection
+    from gmwm.measuring.inspection.result import AxisInspection, Inspection
     from gmwm.measuring.inspection.time_grid import Extent
     from gmwm.measuring.inspection.trends import Trend
     from gmwm.measuring.regression.result import Regression
@@ -27,8 +27,9 @@ _NOISY = 0.1
 """Noise density (deg/s/√Hz) at the upper end of low-cost gyroscopes (docs/howto/units.md)."""
 _OFF = 0.02
 """Relative error of gravity above which there is a remark, more than a good accelerometer has."""
-_WRONG = 0.05
-"""Relative error of gravity that no bias explains, so that the unit may be wrong."""
+_WRONG = 0.15
+"""Relative error of gravity above which the unit may be wrong. Offsets of 100 mg on three axes and a scale factor error
+of 3 %, which low-cost parts may have, change gravity by up to 15 %."""
 _JITTER = 0.1
 """Jitter of the time stamps (sampling intervals) above which there is a remark."""
 _TWICE = 0.1
@@ -107,8 +108,8 @@ def of_steps(steps: tuple[Step, ...]) -> Iterator[Remark]:
 def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Extent, cut: bool) -> Iterator[Remark]:
     """Yield remarks on trends, one for each axis. `cut` tells whether the beginning of the file is already left out."""
     longest = max((trend.until for trend in trends if trend.until is not None), default=0.0)
-    duration = extent.samples / extent.rate
-    way = "late" if longest > _LATE * duration else "again" if cut else "start"
+    first = beginning_to_omit(trends, extent.samples / extent.rate)
+    way = "late" if first is None else "again" if cut else "start"
     for trend in trends:
         unit = units[trend.axis]
         facts: dict[str, Fact] = {
@@ -120,12 +121,34 @@ def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Exten
         }
         if trend.tau is not None and trend.until is not None:
             tau, until = Quantity(trend.tau, "s"), Quantity(longest, "s")
-            first = Quantity(round_up(longest), "s")
-            yield Remark.of("warm-up", trend.axis, **facts, tau=tau, duration=until, first=first, way=way)
+            if trend.is_small:
+                yield Remark.of("warm-up-small", trend.axis, **facts, tau=tau, duration=until)
+            else:
+                facts["first"] = Quantity(round_up(longest), "s")
+                yield Remark.of("warm-up", trend.axis, **facts, tau=tau, duration=until, way=way)
         elif trend.kind == "linear":
             yield Remark.of("linear-trend", trend.axis, **facts)
         else:
             yield Remark.of("trend", trend.axis, **facts)
+
+
+def beginning_to_omit(trends: tuple[Trend, ...], duration: float) -> float | None:
+    """Return the time (s) at the beginning of a recording that is best left out because of large warm-ups; 0 if there
+    is none, and None if too little would be left of the recording."""
+    longest = max((trend.until for trend in trends if trend.until is not None and not trend.is_small), default=0.0)
+    return None if longest > _LATE * duration else round_up(longest) if longest else 0.0
+
+
+def omission_remarks(inspection: Inspection, start: float) -> tuple[Remark, ...]:
+    """Return a remark for each axis because of whose warm-up the first `start` seconds of a recording are left out."""
+    return tuple(
+        Remark.of(
+            "warm-up-omitted", trend.axis, first=Quantity(start, "s"), whole=Quantity(inspection.duration, "s"),
+            size=in_datasheet_units(abs(trend.size), 0.0, inspection.axes[trend.axis].unit),
+        )
+        for trend in inspection.trends
+        if trend.settles and not trend.is_small
+    )  # fmt: skip
 
 
 def of_conditions(regressions: Mapping[str, Regression], unknown: str) -> Iterator[Remark]:
