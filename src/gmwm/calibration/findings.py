@@ -12,7 +12,7 @@ from gmwm.base.multiple_tests import holm
 from gmwm.base.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remarks
 from gmwm.base.text import duration_text
 from gmwm.calibration.averaging import markov_instead_of_walk
-from gmwm.calibration.misfit import line_in, line_process, misfit_of
+from gmwm.calibration.misfit import in_any_recording, line_in, line_process, misfit_of
 from gmwm.calibration.number_verdicts import MAIN, OF_FILTER, Usability, counts
 from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.linearised import usable_in
@@ -178,7 +178,7 @@ def _of_coarse_levels(axis: str, axis_calibration: AxisCalibration) -> Iterator[
     wv, misfit = axis_calibration.fit.wavelet_variance, axis_calibration.misfit
     if misfit is None:
         return
-    far = implausible_levels(axis_calibration.fit)
+    far = implausible_levels(axis_calibration.fit) & in_any_recording(axis_calibration, implausible_levels)
     if not np.any(far):
         return
     worst = int(
