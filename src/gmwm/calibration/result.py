@@ -502,7 +502,7 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         return check_reference(self, reference, horizon=horizon)
 
     def budget(
-        self, duration: float | str, *, rest: float | str = 0.0, latitude: float = 45.0, level: float = 0.95
+        self, duration: float | str, *, rest: float | str = 60.0, latitude: float = 45.0, level: float = 0.95
     ) -> Budget:
         """Compute how attitude, velocity and position errors of unaided inertial navigation grow.
 
@@ -513,7 +513,7 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         duration : float or str
             Time of navigation (s), or text such as "60s" or "10min".
         rest : float or str
-            Time at rest before navigation starts (s), or text such as "60s".
+            Time at rest before navigation starts (s), or text such as "60s", which gives the biases and the level.
         latitude : float
             Latitude (deg).
         level : float

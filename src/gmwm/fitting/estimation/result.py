@@ -304,7 +304,7 @@ class Fit(Documented, Plotted, KalmanMethods):
 
         return datasheet(self, level)
 
-    def budget(self, duration: float | str, *, rest: float | str = 0.0, level: float = 0.95) -> Budget:
+    def budget(self, duration: float | str, *, rest: float | str = 60.0, level: float = 0.95) -> Budget:
         """Compute the growth of the errors of unaided inertial navigation that the noise of this axis causes.
 
         See `gmwm.navigation.budget` for the equations and their approximations, and for several axes.
@@ -314,7 +314,7 @@ class Fit(Documented, Plotted, KalmanMethods):
         duration : float or str
             Time of navigation (s), or text such as "60s" or "10min".
         rest : float or str
-            Time at rest before the start (s).
+            Time at rest before the start (s), which gives the biases.
         level : float
             Confidence level of the intervals, from 0.5 to below 1.
 
