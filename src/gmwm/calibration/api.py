@@ -42,9 +42,9 @@ def calibrate(
 ) -> Calibration:
     """Calibrate every axis of an inertial sensor: choose a noise model, fit it and compute its datasheet numbers.
 
-    For each axis, the function estimates the wavelet variance, selects a model, fits it, certifies the optimum, and
-    computes confidence intervals, a goodness-of-fit test and the numbers of a datasheet. An axis that cannot be
-    calibrated is listed in `failed`; the others are not affected.
+    For each axis, the function estimates the wavelet variance, selects a model, fits it, certifies the optimum given
+    the filter and the lines taken from the spectrum, and computes confidence intervals, a goodness-of-fit test and the
+    numbers of a datasheet. An axis that cannot be calibrated is listed in `failed`; the others are not affected.
 
     Parameters
     ----------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +24,7 @@ from gmwm.theory.filters import find_filter
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
+    from gmwm.fitting.estimation.result import Fit
     from gmwm.measuring.outliers import Dependence, Replaced, Verdict
     from gmwm.measuring.spectrum import Line
     from gmwm.measuring.variance import WaveletVariance
@@ -104,6 +105,16 @@ def rejected_axes(calibration: Calibration) -> list[str]:
         if axis_calibration.test is not None
     }
     return [axis for axis, test in tests.items() if test.pvalue < SIZE / len(tests)]
+
+
+def certificate_of(fits: Collection[Fit]) -> Remark | None:
+    """Return the remark on what the certificates of fits cover; None if a fit has no certificate."""
+    gaps = [fit.gap for fit in fits]
+    certified = [gap for gap in gaps if gap is not None]
+    if len(certified) < len(gaps):
+        return None
+    held = any(fit.model.fixed_names for fit in fits)
+    return Remark.of("optimal", gap=100 * max(certified), of="shape" if held else "all")
 
 
 def _of_failed(calibration: Calibration) -> Iterator[Remark]:

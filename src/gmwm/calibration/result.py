@@ -48,7 +48,7 @@ class AxisCalibration:
     Attributes
     ----------
     fit : Fit
-        The fit of the recommended model, with a certified optimum.
+        The fit of the recommended model. Its certificate holds given the filter and the lines taken from the spectrum.
     intervals : mapping of name to (low, high)
         Confidence intervals of the parameters, which include the uncertainty of the model choice.
     test : GoodnessOfFit or None

@@ -233,6 +233,7 @@ def head(fit: Fit, how: IntervalMethod) -> list[str]:
     if fit.gap is not None:
         proven = fit.gap <= PROVEN and (start is None or start.how != "sampled")
         claim = "global optimum" if proven else "best found"
+        claim += " given the fixed values" if fit.model.fixed_names else ""
         certificate = f"{claim}, no other fit is lower by more than {100 * fit.gap:.2g} %"
         if start is not None and start.how == "sampled":
             certificate += f"; {start.in_words}"
