@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -163,7 +163,7 @@ def _of_axis(
     if time is not None:
         yield Remark.of("walk-or-markov", axis, time=Quantity(time, "s"))
     if axis_calibration.needed:
-        yield _poorly_known(axis, axis_calibration.needed)
+        yield _poorly_known(axis, axis_calibration)
 
 
 def _rejection(axis: str, axis_calibration: AxisCalibration) -> Remark:
@@ -251,8 +251,16 @@ def _excess(verdict: Verdict) -> dict[str, Fact]:
     return {"excess": excess_text(float(verdict.excess[worst])), "tau": Quantity(float(verdict.tau[worst]), "s")}
 
 
-def _poorly_known(axis: str, needed: Mapping[str, float | None]) -> Remark:
-    """Return the remark on parameters with a large standard error, with the recording lengths that would reduce it."""
+def _poorly_known(axis: str, axis_calibration: AxisCalibration) -> Remark:
+    """Return the remark on parameters with a large standard error, with the recording lengths that would reduce it. The
+    power of a line is named by its frequency, as in tables."""
+    fit, needed = axis_calibration.fit, axis_calibration.needed
+    lines = {
+        f"{term}.{process.scale_parameter().name}": f"line {abs(line[1]) * fit.wavelet_variance.rate:.3g} Hz"
+        for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
+        if (line := process.line(fit.wavelet_variance.rate)) is not None
+    }
+    parameters = tuple(lines.get(name, name) for name in needed)
     finite = [seconds for seconds in needed.values() if seconds is not None and math.isfinite(seconds)]
     lengths = ""
     if finite:
@@ -260,7 +268,7 @@ def _poorly_known(axis: str, needed: Mapping[str, float | None]) -> Remark:
         lengths = first if first == last else f"{first} to {last}"
     endless = any(seconds == math.inf for seconds in needed.values())
     way = "none" if not finite and not endless else "hold" if not finite else "both" if endless else "record"
-    return Remark.of("poorly-known", axis, parameters=tuple(needed), seen=SEEN, wanted=WANTED, lengths=lengths, way=way)
+    return Remark.of("poorly-known", axis, parameters=parameters, seen=SEEN, wanted=WANTED, lengths=lengths, way=way)
 
 
 def _longest_scale(wv: WaveletVariance) -> Remark:

@@ -338,6 +338,8 @@ def _peaks(spectrum: PowerSpectrum) -> list[tuple[float, float, float]]:
     for bump in spectrum.bumps:
         if bump.width < NARROW * spectrum.rate:
             # The power is the integral of a Lorentz peak above the surrounding density.
+            if any(abs(bump.frequency - line.frequency) <= bump.width for line in spectrum.lines):
+                continue  # the same peak was measured as a line
             peaks.append((bump.frequency, math.pi / 2 * bump.density * (1 - 1 / bump.height) * bump.width, bump.width))
     return peaks
 
