@@ -167,12 +167,12 @@ def test_parameters_become_wider_as_much_as_their_numbers(unclear):
     fit = ranking.recommended.fit
     (term,) = (name for name, p in zip(fit.model.terms, fit.model.processes, strict=True) if p.name == "GM")
     time = sheet["T_c"]
-    wide = replace(time, low=time.value / 10, high=time.value * 10)
+    wide = replace(time, low=time.value / 3, high=time.value * 3)
     wide = replace(sheet, entries=tuple(wide if e is time else e for e in sheet.entries))
     intervals = fit.confidence_intervals(LEVEL)
     found = averaged_intervals(fit, intervals, wide)
     value = fit.parameters[f"{term}.beta"]
-    assert found[f"{term}.beta"] == pytest.approx((value / 10, value * 10))
+    assert found[f"{term}.beta"] == pytest.approx((value / 3, value * 3))
     assert found[f"{term}.sigma2"] == intervals[f"{term}.sigma2"]
     endless = replace(time, low=0.0, high=math.inf)
     endless = replace(sheet, entries=tuple(endless if e is time else e for e in sheet.entries))
