@@ -27,15 +27,20 @@ def device(name: str) -> Path:
     return path
 
 
+def code_of(remark: Remark) -> str:
+    """The code of a remark, and its case after a colon if the code has several."""
+    return f"{remark.code}:{remark.facts['case']}" if "case" in remark.facts else remark.code
+
+
 def codes(remarks: Iterable[Remark]) -> list[str]:
-    """The codes of remarks, in their order."""
-    return [remark.code for remark in remarks]
+    """The codes of remarks with their cases, in their order."""
+    return [code_of(remark) for remark in remarks]
 
 
 def only(remarks: Iterable[Remark], code: str, subject: str | None = None) -> Remark:
-    """The only remark of a code, and of a subject if it is given."""
+    """The only remark of a code such as "gaps" or "lines:found", and of a subject if it is given."""
     every = list(remarks)
-    found = [one for one in every if one.code == code and subject in (None, one.subject)]
+    found = [one for one in every if code_of(one) == code and subject in (None, one.subject)]
     assert len(found) == 1, f"{len(found)} remarks of {code} among {codes(every)}"
     return found[0]
 

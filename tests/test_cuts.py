@@ -30,7 +30,7 @@ def test_the_middle_of_a_recording():
     assert part.temperature.tolist() == (20 + np.arange(100.0, 500.0) / 100).tolist()
     assert part.time_base.start == 10.0
     assert part.time_base.gaps == ()
-    facts = only(part.remarks, "cut").facts
+    facts = only(part.remarks, "cut:cut").facts
     assert (facts["kept"], facts["whole"], facts["ranges"]) == (
         Quantity(40, "s"),
         Quantity(100, "s"),
@@ -125,7 +125,7 @@ def test_a_stop_that_lies_outside_is_told():
     with pytest.warns(GmwmWarning) as warned:
         assert len(recording().between(stop=5000.0)) == 1000
     assert [one.message.remark for one in warned] == [
-        Remark.of("stop-outside", stop=Quantity(5000.0, "s"), end=Quantity(100.0, "s"))
+        Remark.of("cut", case="stop", stop=Quantity(5000.0, "s"), end=Quantity(100.0, "s"))
     ]
     assert len(recording().between(stop=100.05)) == 1000  # the end, but for rounding
 

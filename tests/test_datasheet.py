@@ -18,7 +18,7 @@ from gmwm.choosing.datasheets.bias import lowest
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from gmwm.theory.processes import Process, registry
 from gmwm.theory.processes.parameter import Parameter, Value
-from tests.helpers import codes, only, raises
+from tests.helpers import code_of, codes, only, raises
 
 pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 
@@ -132,7 +132,7 @@ def test_what_has_no_meaning_is_left_out_and_said():
     assert Process.physical(WN(sigma2=1.0), RATE) == ()
     found = sheet_of("AR1 + WN", exact(AR1(phi=-0.8, sigma2=1e-6) + WN(sigma2=1e-6)))
     assert list(found) == ["N", "K", "B", "N of WN"]
-    facts = only(found.remarks, "no-numbers").facts
+    facts = only(found.remarks, "no-number:term").facts
     assert (facts["term"], facts["because"]) == ("AR1", "none")
     with pytest.raises(KeyError, match=r"no Q; .* N, K, B"):
         found["Q"]
@@ -160,7 +160,7 @@ def test_a_process_of_ones_own_may_say_nothing():
     own = Own(theta=fixed(0.5))
     found = sheet_of(own + RW(), exact(Own(theta=0.5, sigma2=1e-6) + RW(gamma2=1e-10), levels=9, samples=2**12))
     assert list(found) == ["N", "K", "B"]
-    facts = only(found.remarks, "no-numbers").facts
+    facts = only(found.remarks, "no-number:term").facts
     assert (facts["term"], facts["because"]) == ("Own", "none")
     # The density of a process without one comes from its wavelet variance.
     assert found["N"].value == near(1.5e-3 / 10, 0.05)
@@ -272,7 +272,9 @@ def test_a_zero_markov_term_has_no_numbers():
     term = next(t for t in fit.diagnostics.not_supported if t.startswith("GM"))
     found = fit.datasheet()
     assert term.replace("GM", "T_c") not in found
-    assert (term, "zero") in [(r.facts["term"], r.facts["because"]) for r in found.remarks if r.code == "no-numbers"]
+    assert (term, "zero") in [
+        (r.facts["term"], r.facts["because"]) for r in found.remarks if code_of(r) == "no-number:term"
+    ]
 
 
 def test_held_parameters_are_said_to_be_held():
@@ -305,7 +307,10 @@ def test_a_term_that_acts_as_another_gives_the_same_numbers(beta, name, symbol):
     found, wanted = fit.datasheet(), apart.datasheet()
     assert set(found) == {"N", "B", "K"}
     (remark,) = found.remarks
-    assert (remark.code, remark.facts) == ("no-numbers", {"term": "GM", "because": "acts", "process": name})
+    assert (code_of(remark), remark.facts) == (
+        "no-number:term",
+        {"case": "term", "term": "GM", "because": "acts", "process": name},
+    )
     for key in wanted:
         assert found[key].value == near(wanted[key].value, 1e-3)
         assert (found[key].low, found[key].high) == near((wanted[key].low, wanted[key].high), 5e-3)
@@ -340,7 +345,7 @@ def test_datasheets_have_frequency_and_amplitude_and_no_minimum_of_the_line():
     assert [two[f"A[{k}]"].value for k in (1, 2)] == [near(4e-3), near(2e-3)]
     line = gmwm.fit("SIN", exact(SIN(frequency=0.7, power=8e-6))).datasheet()
     assert list(line) == ["N", "K", "f_0", "A"]
-    assert only(line.remarks, "no-bias-instability").facts["reason"] == "SIN has no noise"
+    assert only(line.remarks, "no-number:b").facts["reason"] == "SIN has no noise"
 
 
 def test_a_flicker_term_that_is_zero_leaves_the_lowest_point_of_the_curve():

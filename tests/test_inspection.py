@@ -78,7 +78,7 @@ def test_rows_that_were_written_twice_are_named(twice, tmp_path):
     found = of_rows(rows / RATE, still(10_000)[rows], tmp_path)
     remark = only(found.remarks, "rows-repeated")
     assert (remark.severity, remark.facts["count"]) == (Severity.WRONG, twice.size)
-    assert "stamps-repeated" not in codes(found.remarks)
+    assert "stamps-irregular:repeated" not in codes(found.remarks)
 
 
 @pytest.mark.filterwarnings("ignore::gmwm.errors.TimeBaseWarning")
@@ -88,7 +88,7 @@ def test_rounded_stamps_or_a_coarse_output_are_not_rows_written_twice(step, tmp_
     values = np.round(values / step) * step if step else values
     found = of_rows(np.floor(np.arange(10_000) / 3) * 0.03, values, tmp_path)
     assert "rows-repeated" not in codes(found.remarks)
-    assert only(found.remarks, "stamps-repeated")
+    assert only(found.remarks, "stamps-irregular:repeated")
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1.0])
@@ -100,7 +100,7 @@ def test_an_axis_that_sticks_is_named(scale):
     assert remark.severity is Severity.WRONG
     assert 200 <= remark.facts["time"].value <= 210
     assert remark.facts["share"] == pytest.approx(2 / 3, abs=0.02)
-    assert "recording-moved" not in codes(found.remarks)
+    assert "recording-moved:moved" not in codes(found.remarks)
 
 
 def test_a_coarse_output_without_changes_is_not_stuck():
@@ -115,7 +115,7 @@ def test_motion_is_found():
     values[30_000:33_000, 0] += np.sin(np.arange(3000) / 30) * 0.02
     found = look(values)
     assert not found.static
-    remark = only(found.remarks, "recording-moved", "gyro_x")
+    remark = only(found.remarks, "recording-moved:moved", "gyro_x")
     assert remark.severity is Severity.WRONG
     assert 295 <= remark.facts["time"].value <= 330
     assert remark.facts["ratio"] > 4
@@ -129,7 +129,7 @@ def test_a_turn_of_gravity_is_found():
         turned[30_000:, 3] += 9.81 * np.tan(np.radians(degrees))
         found = look(turned)
         assert found.static is static
-        expected = {0.01: [], 0.5: ["recording-settles"], 5.0: ["recording-tilted"]}[degrees]
+        expected = {0.01: [], 0.5: ["recording-settles"], 5.0: ["recording-moved:tilted"]}[degrees]
         turns = [remark for remark in found.remarks if remark.code.startswith("recording-")]
         assert codes(turns) == expected
         assert [remark.facts["angle"].value for remark in turns] == [found.tilt] * len(turns)
@@ -162,10 +162,10 @@ def test_a_coarse_output_gets_a_remark():
 
 @pytest.mark.slow
 def test_wrong_gravity_gets_a_remark():
-    remark = only(look(still() * [1, 1, 1, 0.1, 0.1, 0.1]).remarks, "gravity-wrong")
+    remark = only(look(still() * [1, 1, 1, 0.1, 0.1, 0.1]).remarks, "unit-doubtful:gravity")
     assert remark.severity is Severity.WRONG
     assert remark.facts["norm"].value == pytest.approx(0.981, rel=1e-3)
-    off = only(look(still() * [1, 1, 1, 0.97, 0.97, 0.97]).remarks, "gravity-off")
+    off = only(look(still() * [1, 1, 1, 0.97, 0.97, 0.97]).remarks, "unit-contradicted:gravity")
     assert off.severity is Severity.BIASED
     assert off.facts["share"] == pytest.approx(-3, abs=0.1)
 
@@ -210,7 +210,7 @@ def test_a_unit_that_makes_a_gyroscope_too_noisy_gets_a_remark():
     # The noise density is 0.0057 deg/s/√Hz. Numbers in deg/s that are read as rad/s give 0.33.
     assert look(still()).remarks == ()
     found = look(still() * [57.3, 57.3, 57.3, 1, 1, 1])
-    assert codes(found.remarks) == ["gyro-too-noisy"] * 3
+    assert codes(found.remarks) == ["unit-doubtful:density"] * 3
     assert [remark.subject for remark in found.remarks] == ["gyro_x", "gyro_y", "gyro_z"]
     for remark in found.remarks:
         assert remark.severity is Severity.WRONG
@@ -239,11 +239,11 @@ def test_after_a_cut_gaps_of_the_rest_are_not_reported():
     signal = Signal(values, RATE, "rad/s", "gyro_x", segments=segments, starts=(0.0, 15.0))
     imu = Imu({"gyro_x": signal}, time_base=base)
     before = inspect(imu).remarks
-    assert codes(before) == ["gaps", "stamps-backward"]
+    assert codes(before) == ["gaps", "stamps-irregular:backward"]
     assert (before[0].facts["segments"], before[0].facts["missing"].value) == (2, pytest.approx(4.99))
     found = inspect(imu.longest())
     assert (found.time_base.gaps, found.time_base.backward, found.time_base.start) == ((), 0, 15.0)
-    assert codes(found.remarks) == ["longest-segment"]
+    assert codes(found.remarks) == ["cut:segment"]
     assert "0 gaps" in found.summary()
 
 
@@ -332,7 +332,7 @@ def test_a_jump_at_a_short_gap_is_a_restart_and_another_one_is_not():
     assert step.time == pytest.approx(300.0, abs=0.2)
     remarks = found(np.where(lost, np.nan, values)).remarks
     assert "level-steps" not in codes(remarks)
-    assert only(remarks, "restarts", "gyro_x").facts["count"] == 1
+    assert only(remarks, "gaps-filled:restart", "gyro_x").facts["count"] == 1
     lost[29_500:30_500] = False
     (step,) = found(np.where(lost, np.nan, values)).steps
     assert not step.at_gap

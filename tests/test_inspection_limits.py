@@ -16,14 +16,11 @@ from gmwm.measuring.inspection.result import AxisInspection
 from gmwm.measuring.inspection.time_grid import Extent
 from gmwm.measuring.inspection.trends import Trend
 from gmwm.recording.signals import Imu
+from tests.helpers import codes
 
 RATE, SAMPLES = 100.0, 64_000
 EXTENT = Extent(RATE, ((0, SAMPLES),), (0.0,))
 ALTERNATING = np.tile([1.0, -1.0], SAMPLES // 2)
-
-
-def codes(remarks):
-    return [remark.code for remark in remarks]
 
 
 def rounding(ratio):
@@ -39,7 +36,7 @@ def warm_up(share, raised=2.0):
         walk_limit=1.0, walk_with_trend=raised,
     )  # fmt: skip
     (remark,) = of_trends((trend,), {"gyro_x": "rad/s"}, EXTENT, cut=False)
-    return remark.facts.get("way", remark.code)
+    return remark.facts.get("way", remark.facts["case"])
 
 
 def repeated(count, same):
@@ -50,16 +47,16 @@ def repeated(count, same):
     ("remarks", "expected"),
     [
         (lambda: of_gravity(1.015 * STANDARD_GRAVITY), []),
-        (lambda: of_gravity(1.025 * STANDARD_GRAVITY), ["gravity-off"]),
-        (lambda: of_gravity(1.045 * STANDARD_GRAVITY), ["gravity-off"]),
-        (lambda: of_gravity(0.86 * STANDARD_GRAVITY), ["gravity-off"]),
-        (lambda: of_gravity(1.16 * STANDARD_GRAVITY), ["gravity-wrong"]),
+        (lambda: of_gravity(1.025 * STANDARD_GRAVITY), ["unit-contradicted:gravity"]),
+        (lambda: of_gravity(1.045 * STANDARD_GRAVITY), ["unit-contradicted:gravity"]),
+        (lambda: of_gravity(0.86 * STANDARD_GRAVITY), ["unit-contradicted:gravity"]),
+        (lambda: of_gravity(1.16 * STANDARD_GRAVITY), ["unit-doubtful:gravity"]),
         (lambda: of_time(EXTENT, TimeBase(RATE, jitter=0.08 / RATE), 0), []),
-        (lambda: of_time(EXTENT, TimeBase(RATE, jitter=0.12 / RATE), 0), ["stamps-jitter"]),
+        (lambda: of_time(EXTENT, TimeBase(RATE, jitter=0.12 / RATE), 0), ["stamps-irregular:jitter"]),
         (lambda: of_motion({}, 0.8, ()), ["recording-settles"]),
-        (lambda: of_motion({}, 1.2, ()), ["recording-tilted"]),
+        (lambda: of_motion({}, 1.2, ()), ["recording-moved:tilted"]),
         (lambda: of_units({"gyro_x": np.radians(0.08)}), []),
-        (lambda: of_units({"gyro_x": np.radians(0.12)}), ["gyro-too-noisy"]),
+        (lambda: of_units({"gyro_x": np.radians(0.12)}), ["unit-doubtful:density"]),
         (lambda: rounding(0.6), []),
         (lambda: rounding(0.8), ["output-rounded"]),
         (lambda: rounding(1.7), ["output-rounded"]),
@@ -75,14 +72,14 @@ def test_a_warm_up_may_take_half_of_a_recording():
 
 
 def test_a_warm_up_within_the_uncertainty_of_k_is_information():
-    assert [warm_up(0.1, raised) for raised in (1.1, 1.3)] == ["warm-up-small", "start"]
+    assert [warm_up(0.1, raised) for raised in (1.1, 1.3)] == ["small", "start"]
 
 
 def test_rows_are_written_twice_if_the_samples_repeat_too():
     assert repeated(1000, 920) == ["rows-repeated"]
-    assert repeated(1000, 880) == ["stamps-repeated"]
+    assert repeated(1000, 880) == ["stamps-irregular:repeated"]
     assert repeated(120, 120) == ["rows-repeated"]
-    assert repeated(80, 80) == ["stamps-repeated"]
+    assert repeated(80, 80) == ["stamps-irregular:repeated"]
 
 
 def test_windows_and_blocks_have_fixed_numbers():

@@ -121,7 +121,11 @@ def test_units_remarks_and_source_say_what_it_is():
     imu = simulate({"gyro": WHITE, "accel_y": "QN(q2=1e-6)"}, rate=50.0, duration=1, rng=7)
     assert imu.axes == ("gyro_x", "gyro_y", "gyro_z", "accel_y")
     assert (imu["gyro_z"].unit, imu["accel_y"].unit, imu["accel_y"].axis) == ("rad/s", "m/s²", "accel_y")
-    assert only(imu.remarks, "simulated", "accel_y").facts == {"model": "QN(q2=1e-06)", "seed": 7}
+    assert only(imu.remarks, "file-content:simulated", "accel_y").facts == {
+        "case": "simulated",
+        "model": "QN(q2=1e-06)",
+        "seed": 7,
+    }
     assert "seed 7" in imu.source
 
 

@@ -195,7 +195,7 @@ def regular(every: int, declared: float | None, rate: float = 100.0, n: int = 20
         lower = declared is not None and declared < rate
         return Record(
             whole(t, 1e6), unit, declared or rate, () if lower else of(k), declared=declared,
-            expects="" if declared else "losses-regular",
+            expects="" if declared else "rate-ambiguous",
         )  # fmt: skip
 
     return make

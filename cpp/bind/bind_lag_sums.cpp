@@ -1,16 +1,18 @@
 #include <nanobind/nanobind.h>
-#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <numbers>
-#include <optional>
 #include <tuple>
 #include <utility>
 #include <vector>
 
 #include "arrays.hpp"
 #include "gmwm/lag_sums.hpp"
+#include "gmwm/lag_table.hpp"
 
 namespace nb = nanobind;
 using namespace gmwm_bind;
@@ -38,23 +40,42 @@ gmwm::LagProcess process_of(const Process& given) {
   return process;
 }
 
-Sums lag_sums(Input<std::int64_t, 1> levels, std::int64_t samples, bool diagonal, const Process& left,
-              const std::optional<Process>& right) {
-  const std::span<const std::int64_t> wanted{levels.data(), levels.size()};
+std::span<const std::int64_t> levels_of(const Input<std::int64_t, 1>& levels, std::int64_t samples) {
+  const std::span<const std::int64_t> wanted = view(levels);
   for (std::size_t i = 0; i < wanted.size(); ++i)
     if (wanted[i] < 1 || wanted[i] > 60 || (i > 0 && wanted[i] <= wanted[i - 1]) ||
         (std::int64_t{1} << wanted[i]) > samples)
       throw nb::value_error("levels must ascend from 1, and 2^level not exceed samples");
+  return wanted;
+}
+
+gmwm::LagTable* lag_table(const Input<std::int64_t, 1>& levels, std::int64_t samples, bool diagonal,
+                          const Process& given) {
+  const std::span<const std::int64_t> wanted = levels_of(levels, samples);
+  const gmwm::LagProcess process = process_of(given);
+  if (!process.spikes.empty() || std::any_of(process.decay_im.begin(), process.decay_im.end(), [](double im) { return im != 0; }))
+    throw nb::value_error("a table needs a process without spikes, and with real decays");
+  const nb::gil_scoped_release release;
+  return new gmwm::LagTable(wanted, samples, diagonal, process);
+}
+
+Sums lag_sums(const Input<std::int64_t, 1>& levels, std::int64_t samples, bool diagonal, const Process& given,
+              const std::vector<std::pair<const gmwm::LagTable*, double>>& tables) {
+  const std::span<const std::int64_t> wanted = levels_of(levels, samples);
   const std::size_t size = wanted.size(), pairs = diagonal ? size : size * (size + 1) / 2;
   std::vector<double> first(pairs), second(pairs);
-  const gmwm::LagProcess one = process_of(left);
-  if (right.has_value()) {
-    const gmwm::LagProcess two = process_of(*right);
+  std::vector<gmwm::TableFactor> factors;
+  for (const auto& [table, factor] : tables) {
+    const std::vector<std::int64_t>& all = table->levels();
+    if (table->samples() != samples || table->diagonal() != diagonal || all.size() < size ||
+        !std::equal(wanted.begin(), wanted.end(), all.begin()))
+      throw nb::value_error("a table must have the same samples, and these levels as its first ones");
+    factors.push_back({table, factor});
+  }
+  const gmwm::LagProcess process = process_of(given);
+  {
     const nb::gil_scoped_release release;
-    gmwm::lag_sums(wanted, samples, diagonal, one, two, {first, second});
-  } else {
-    const nb::gil_scoped_release release;
-    gmwm::lag_sums(wanted, samples, diagonal, one, one, {first, second});
+    gmwm::lag_sums(wanted, samples, diagonal, process, factors, {first, second});
   }
   return {to_numpy(std::move(first)), to_numpy(std::move(second))};
 }
@@ -62,8 +83,12 @@ Sums lag_sums(Input<std::int64_t, 1> levels, std::int64_t samples, bool diagonal
 }  // namespace
 
 void bind_lag_sums(nb::module_& m) {
-  m.def("lag_sums", &lag_sums, nb::arg("levels").noconvert(), nb::arg("samples"), nb::arg("diagonal"), nb::arg("left"),
-        nb::arg("right").none(),
-        "Sums over all lags of the covariances of Haar coefficients of one process, and of their products with those of\n"
-        "another one; see `gmwm.theory.processes.exponential_sum`.");
+  nb::class_<gmwm::LagTable>(m, "LagTable",
+                             "Covariances of Haar coefficients of one process, for sums of products with other processes.")
+      .def(nb::new_(&lag_table), nb::arg("levels").noconvert(), nb::arg("samples"), nb::arg("diagonal"),
+           nb::arg("process"));
+  m.def("lag_sums", &lag_sums, nb::arg("levels").noconvert(), nb::arg("samples"), nb::arg("diagonal"),
+        nb::arg("process"), nb::arg("tables"),
+        "Sums over all lags of the covariances C of Haar coefficients of a process, and of C² + 2 C D, where D are the "
+        "tables\ntimes their factors; see `gmwm.theory.processes.exponential_sum`.");
 }

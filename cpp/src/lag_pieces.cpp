@@ -26,6 +26,20 @@ Complex over_sinh(Complex x) {
 
 }  // namespace
 
+std::array<LagInterval, 5> intervals(std::int64_t h, std::int64_t g, std::int64_t samples) {
+  const std::int64_t end = samples - h - g + 1;
+  std::array<std::int64_t, 6> kinks{0, h, g - h, g, g + h, end};
+  std::sort(kinks.begin(), kinks.end() - 1);
+  const double all = static_cast<double>(samples - 2 * g + 1);
+  std::array<LagInterval, 5> out;
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    const std::int64_t start = kinks[k];
+    out[k] = {start, std::min(kinks[k + 1], end) - start,
+              start < g - h ? LagCount{all, 0} : LagCount{static_cast<double>(end - start), -1}};
+  }
+  return out;
+}
+
 LagPieces::LagPieces(const LagProcess& process) : process_(process) {
   const std::size_t n = process.decay_re.size();
   for (std::size_t p = 0; p < n; ++p) {

@@ -14,7 +14,8 @@
 #include <utility>
 #include <vector>
 
-#include "gmwm/lag_pieces.hpp"
+#include "gmwm/lag_series.hpp"
+#include "gmwm/lag_table.hpp"
 
 namespace gmwm {
 
@@ -22,31 +23,8 @@ namespace {
 
 constexpr std::size_t moments = degree_most + 2;     // of the polynomial times n(u)
 constexpr std::size_t power_sums = 2 * degree_most + 2;
-constexpr double alike = 0.1;  // |ln x| n below which the closed form of Σ i x^i would lose more than 2 digits
 
 using Polynomial = std::array<double, moments>;
-
-// n(start + i) = at_start + step i.
-struct Count {
-  double at_start, step;
-};
-
-// Σ x^i and Σ i x^i, x = exp(-decay), for 0 <= i < n.
-struct Geometric {
-  Complex plain, risen;
-};
-
-// For |decay| n < `alike`.
-Geometric near_one(Complex decay, double n) {
-  const double square = n * n, m = n - 1;
-  if (norm(decay) == 0) return {{n, 0}, {0.5 * n * m, 0}};
-  const Complex plain = expm1(-(n * decay)) * inverse(expm1(-decay));
-  const double s2 = n * (square - 1) / 12, s4 = s2 * (3 * square - 7) / 20;
-  const double s6 = s2 * ((3 * square - 18) * square + 31) / 112;
-  const Complex y = decay * decay;
-  const Complex odd = decay * (Complex{s2, 0} + (1.0 / 6) * (y * (Complex{s4, 0} + (1.0 / 20) * (s6 * y))));
-  return {plain, (0.5 * m) * plain - exp((-0.5 * m) * decay) * odd};
-}
 
 // Values of complex numbers, one after the other.
 struct Numbers {
@@ -57,7 +35,7 @@ struct Numbers {
   Complex at(std::size_t k) const { return {re[k], im[k]}; }
 };
 
-// The exponentials b of the right process, and after them the conjugates of those that are not real: the product of the
+// The exponentials b, and after them the conjugates of those that are not real: the product of the
 // real parts of two numbers is half the real part of their product and of that with the conjugate.
 struct Columns {
   std::vector<std::size_t> of;  // index of the exponential
@@ -65,7 +43,7 @@ struct Columns {
   Numbers ahead, behind, power;  // in a piece; power: b^n
 };
 
-// Constants of the products of one exponential a of the left process with the columns.
+// Constants of the products of one exponential a with the columns.
 struct Row {
   Complex a;
   std::size_t plain = 0, conjugates = 0;  // first column of each kind
@@ -119,90 +97,65 @@ double close_products(const Row& row, const Columns& columns, const Factors& f, 
   return row.weight[k] * total;
 }
 
-using Series = std::array<Complex, 2 * degree_most + 2>;
-
-void sums_of_powers(std::int64_t n, std::size_t highest, double* out);
-
-// Σ P(i / n) exp(-decay i) for 0 <= i < n, for a polynomial of this degree.
-Complex swept(const Series& polynomial, std::size_t degree, Complex decay, std::int64_t count) {
-  decay = wrapped(decay);
-  const double n = static_cast<double>(count);
-  Complex total{};
-  if (n * size(decay) < slow) {
-    std::array<double, 3 * degree_most + 3> sums;
-    sums_of_powers(count, degree + degree_most + 1, sums.data());
-    for (std::size_t r = 0; r <= degree; ++r) {
-      Complex power{1, 0};
-      for (std::size_t s = 0; s <= degree_most; power *= (-n / static_cast<double>(++s)) * decay)
-        total += sums[r + s] * (polynomial[r] * power);
-    }
-    return total;
-  }
-  const Complex z = exp(-decay), zn = exp(-(n * decay)), over = inverse(expm1(-decay));
-  std::array<Complex, 2 * degree_most + 2> moment;
-  moment[0] = expm1(-(n * decay)) * over;
-  total = polynomial[0] * moment[0];
-  for (std::size_t r = 1; r <= degree; ++r) {
-    Complex sum{};
-    double factor = 1;
-    for (std::size_t s = r; s-- > 0;) {
-      factor *= static_cast<double>(s + 1) / (static_cast<double>(r - s) * n);
-      sum += factor * moment[s];
-    }
-    moment[r] = (zn - z * sum) * over;
-    total += polynomial[r] * moment[r];
-  }
-  return total;
-}
-
 class Sums {
  public:
-  Sums(const LagProcess& left, const LagProcess& right, std::int64_t samples, bool same);
+  Sums(const LagProcess& process, std::int64_t samples, std::span<const TableFactor> tables);
 
-  void pair(std::int64_t fine, std::int64_t coarse, double* first, double* second);
+  // Adds the sums of C and of C² + 2 C D, where D is the sum of the tables. `place` is the piece of the tables that follows.
+  void pair(std::int64_t fine, std::int64_t coarse, std::size_t& place, double* first, double* second);
 
  private:
-  LagPieces& right_of() { return same_ ? left_ : right_; }
-  double exponentials(const LagPiece& left, const LagPiece& right, Count count);
-  double plain(const LagPiece& piece, Count count);
-  double echoed(const LagPiece& echoes, const LagPiece& other, const LagPieces& of, Count count) const;
-  double mixed(const LagPiece& polynomial, const LagPiece& exponential, LagPieces& of, Count count);
-  std::pair<double, double> spikes(const LagPiece& left, const LagPiece& right, Count count);
-  void at(const LagPiece& piece, LagPieces& of, std::int64_t first, std::int64_t lags, std::vector<double>& out);
+  double exponentials(const LagPiece& piece, LagCount count);
+  double plain(const LagPiece& piece, LagCount count);
+  double echoed(const LagPiece& piece, LagCount count) const;
+  double mixed(const LagPiece& piece, LagCount count);
+  std::pair<double, double> spikes(const LagPiece& piece, LagCount count);
+  double with_table(const LagPiece& piece, const TablePiece& other, std::size_t table);
+  void at(const LagPiece& piece, std::int64_t first, std::int64_t lags, std::vector<double>& out);
+  // Calls a function with the lags at both ends of a piece that the spikes reach.
+  template <class Function>
+  void for_ends(std::int64_t points, Function add) const {
+    const std::int64_t reach = static_cast<std::int64_t>(process_.spikes());
+    if (points <= 2 * reach) return add(0, points);
+    add(0, reach);
+    add(points - reach, reach);
+  }
 
-  LagPieces left_, right_;
+  LagPieces process_;
   std::int64_t samples_;
-  bool same_;
+  std::span<const TableFactor> tables_;
+  std::vector<TableProducts> with_tables_;
   Columns columns_;
   std::vector<Row> rows_;
-  LagPiece left_piece_, right_piece_;
-  std::vector<double> left_values_, right_values_, products_;
+  LagPiece piece_;
+  std::vector<double> values_, others_, products_;
 };
 
-Sums::Sums(const LagProcess& left, const LagProcess& right, std::int64_t samples, bool same)
-    : left_(left), right_(right), samples_(samples), same_(same) {
-  std::vector<std::size_t> conjugate_of(right_.size());
-  for (std::size_t q = 0; q < right_.size(); ++q) columns_.of.push_back(q), columns_.conjugate.push_back(false);
-  for (std::size_t q = 0; q < right_.size(); ++q) {
+Sums::Sums(const LagProcess& process, std::int64_t samples, std::span<const TableFactor> tables)
+    : process_(process), samples_(samples), tables_(tables) {
+  for (const TableFactor& entry : tables) with_tables_.emplace_back(process_, *entry.table);
+  std::vector<std::size_t> conjugate_of(process_.size());
+  for (std::size_t q = 0; q < process_.size(); ++q) columns_.of.push_back(q), columns_.conjugate.push_back(false);
+  for (std::size_t q = 0; q < process_.size(); ++q) {
     conjugate_of[q] = columns_.of.size();
-    if (!right_.real(q)) columns_.of.push_back(q), columns_.conjugate.push_back(true);
+    if (!process_.real(q)) columns_.of.push_back(q), columns_.conjugate.push_back(true);
   }
   const std::size_t size = columns_.of.size();
   for (Numbers* numbers : {&columns_.ahead, &columns_.behind, &columns_.power}) numbers->resize(size);
   products_.resize(size);
-  for (std::size_t p = 0; p < left_.size(); ++p) {
+  for (std::size_t p = 0; p < process_.size(); ++p) {
     Row row;
-    const Complex decay = left_.decay(p);
+    const Complex decay = process_.decay(p);
     row.a = exp(-decay);
-    row.plain = same ? p : 0;
-    row.conjugates = left_.real(p) ? size : same ? conjugate_of[p] : right_.size();
+    row.plain = p;
+    row.conjugates = process_.real(p) ? size : conjugate_of[p];
     for (Numbers* numbers : {&row.x, &row.over_one, &row.over_apart, &row.sum, &row.difference}) numbers->resize(size);
     row.weight.resize(size), row.size_of_sum.resize(size), row.size_of_difference.resize(size);
     for (std::size_t k = 0; k < size; ++k) {
       const std::size_t q = columns_.of[k];
-      const Complex other = columns_.conjugate[k] ? conj(right_.decay(q)) : right_.decay(q), b = exp(-other);
+      const Complex other = columns_.conjugate[k] ? conj(process_.decay(q)) : process_.decay(q), b = exp(-other);
       const Complex sum = wrapped(decay + other), difference = wrapped(decay - other);
-      row.weight[k] = (same && q > p ? 2.0 : 1.0) * (left_.real(p) || right_.real(q) ? 1.0 : 0.5);
+      row.weight[k] = (q > p ? 2.0 : 1.0) * (process_.real(p) || process_.real(q) ? 1.0 : 0.5);
       row.x.set(k, row.a * b), row.sum.set(k, sum), row.difference.set(k, difference);
       row.over_one.set(k, norm(sum) == 0 ? Complex{} : inverse(-expm1(-sum)));
       row.over_apart.set(k, norm(difference) == 0 ? Complex{} : inverse(row.a * expm1(difference)));
@@ -214,30 +167,28 @@ Sums::Sums(const LagProcess& left, const LagProcess& right, std::int64_t samples
 }
 
 // Σ n(i) of the products of exponentials.
-double Sums::exponentials(const LagPiece& left, const LagPiece& right, Count count) {
-  if (left.active.empty() || right.active.empty()) return 0;
-  const double n = static_cast<double>(left.count), end = count.at_start + count.step * (n - 1);
-  const Complex* power = right_of().power(right.count);
-  const Complex* turned = right_of().power(right.count - 1);
+double Sums::exponentials(const LagPiece& piece, LagCount count) {
+  if (piece.active.empty()) return 0;
+  const double n = static_cast<double>(piece.count), end = count.at_start + count.step * (n - 1);
+  const Complex *power = process_.power(piece.count), *turned = process_.power(piece.count - 1);
   std::size_t l = 0;
   for (std::size_t k = 0; k < columns_.of.size(); ++k) {
     const std::size_t q = columns_.of[k];
-    if (l == right.active.size() || right.active[l] > q) l = 0;
-    while (l < right.active.size() && right.active[l] < q) ++l;
-    const bool active = l < right.active.size() && right.active[l] == q, conjugate = columns_.conjugate[k];
+    if (l == piece.active.size() || piece.active[l] > q) l = 0;
+    while (l < piece.active.size() && piece.active[l] < q) ++l;
+    const bool active = l < piece.active.size() && piece.active[l] == q, conjugate = columns_.conjugate[k];
     const auto turn = [=](Complex a) { return conjugate ? conj(a) : a; };
-    columns_.ahead.set(k, active ? turn(right.ahead[l]) : Complex{});
-    columns_.behind.set(k, active ? turn(right.behind[l]) : Complex{});
+    columns_.ahead.set(k, active ? turn(piece.ahead[l]) : Complex{});
+    columns_.behind.set(k, active ? turn(piece.behind[l]) : Complex{});
     columns_.power.set(k, active ? turn(power[q]) : Complex{});
   }
-  power = left_.power(left.count);
   double total = 0;
-  for (std::size_t k = 0; k < left.active.size(); ++k) {
-    const std::size_t p = left.active[k];
+  for (std::size_t k = 0; k < piece.active.size(); ++k) {
+    const std::size_t p = piece.active[k];
     const Row& row = rows_[p];
-    const Factors factors{left.ahead[k], left.behind[k], power[p], n, count.at_start, end, count.step};
-    const std::size_t plain = right_of().size(), all = columns_.of.size();
-    const std::size_t first = std::max(row.plain, right.active.front());
+    const Factors factors{piece.ahead[k], piece.behind[k], power[p], n, count.at_start, end, count.step};
+    const std::size_t plain = process_.size(), all = columns_.of.size();
+    const std::size_t first = std::max(row.plain, piece.active.front());
     products(row, columns_, factors, first, plain, products_.data());
     for (std::size_t c = first; c < plain; ++c) total += products_[c];
     products(row, columns_, factors, row.conjugates, all, products_.data());
@@ -253,7 +204,7 @@ double Sums::exponentials(const LagPiece& left, const LagPiece& right, Count cou
 }
 
 // n(i) times a polynomial, in powers of i / n.
-Polynomial times_count(const LagPiece& piece, Count count) {
+Polynomial times_count(const LagPiece& piece, LagCount count) {
   Polynomial out{};
   const double slope = count.step * static_cast<double>(piece.count);
   for (std::size_t r = 0; r <= piece.degree; ++r) {
@@ -263,60 +214,28 @@ Polynomial times_count(const LagPiece& piece, Count count) {
   return out;
 }
 
-// Σ (i / n)^r for r < `highest`.
-void sums_of_powers(std::int64_t n, std::size_t highest, double* out) {
-  const double size = static_cast<double>(n);
-  if (n <= 64) {
-    std::fill(out, out + highest, 0.0);
-    for (std::int64_t i = 0; i < n; ++i) {
-      double power = 1;
-      for (std::size_t r = 0; r < highest; ++r, power *= static_cast<double>(i) / size) out[r] += power;
-    }
-    return;
-  }
-  // Euler and Maclaurin: B_2l / (2l)!.
-  constexpr std::array<double, 6> terms{1.0 / 12, -1.0 / 720, 1.0 / 30240, -1.0 / 1209600, 1.0 / 47900160,
-                                        -691.0 / 1307674368000};
-  for (std::size_t r = 0; r < highest; ++r) {
-    double total = size / static_cast<double>(r + 1) - (r > 0 ? 0.5 : 0.0), factor = static_cast<double>(r) / size;
-    for (std::size_t l = 0; l < terms.size() && factor != 0; ++l) {
-      // At r = 2l - 1 the derivative is a constant, which is the same at both ends.
-      const double order = static_cast<double>(r) - static_cast<double>(2 * l + 1);
-      if (order <= 0) break;
-      total += terms[l] * factor;
-      factor *= order * (order - 1) / (size * size);
-    }
-    out[r] = total;
-  }
-}
-
-// Σ n(i) of the product of the polynomials; first: Σ n(i) of the left one.
-double polynomials(const LagPiece& left, const LagPiece& right, Count count, double* first) {
-  const Polynomial weighted = times_count(left, count);
+// Σ n(i) of the square of the polynomial; first: Σ n(i) of the polynomial.
+double polynomials(const LagPiece& piece, LagCount count, double* first) {
+  const Polynomial weighted = times_count(piece, count);
   std::array<double, power_sums + 1> both{}, sums;
-  const std::size_t highest = left.degree + 1 + right.degree;
-  for (std::size_t r = 0; r <= left.degree + 1; ++r)
-    for (std::size_t s = 0; s <= right.degree; ++s) both[r + s] += weighted[r] * right.polynomial[s];
-  sums_of_powers(left.count, highest + 1, sums.data());
+  const std::size_t highest = 2 * piece.degree + 1;
+  for (std::size_t r = 0; r <= piece.degree + 1; ++r)
+    for (std::size_t s = 0; s <= piece.degree; ++s) both[r + s] += weighted[r] * piece.polynomial[s];
+  sums_of_powers(piece.count, highest + 1, sums.data());
   double total = 0;
   for (std::size_t r = 0; r <= highest; ++r) total += both[r] * sums[r];
   *first = 0;
-  for (std::size_t r = 0; r <= left.degree + 1; ++r) *first += weighted[r] * sums[r];
+  for (std::size_t r = 0; r <= piece.degree + 1; ++r) *first += weighted[r] * sums[r];
   return total;
 }
 
-// Σ n(i) of the products of the polynomial of one process and the exponentials of the other.
-double Sums::mixed(const LagPiece& polynomial, const LagPiece& exponential, LagPieces& of, Count count) {
-  if (exponential.active.empty()) return 0;
-  const Polynomial forward = times_count(polynomial, count);
-  const std::size_t highest = polynomial.degree + 1;
-  // The same in powers of (n - 1 - i) / n: forward at τ - t.
-  Polynomial backward{};
-  const double n = static_cast<double>(polynomial.count), turn = (n - 1) / n;
-  for (std::size_t r = highest + 1; r-- > 0;) {
-    for (std::size_t s = highest; s >= 1; --s) backward[s] = turn * backward[s] - backward[s - 1];
-    backward[0] = turn * backward[0] + forward[r];
-  }
+// Σ n(i) of the products of the polynomial and the exponentials.
+double Sums::mixed(const LagPiece& piece, LagCount count) {
+  if (piece.active.empty()) return 0;
+  const Polynomial forward = times_count(piece, count);
+  const std::size_t highest = piece.degree + 1;
+  const double n = static_cast<double>(piece.count);
+  const Polynomial backward = turned(forward, highest, n);
   // M_r = Σ (i / n)^r z^i by summation by parts: (z - 1) M_r = z^n - z Σ_{s<r} C(r, s) n^(s-r) M_s.
   std::array<std::array<double, moments>, moments> factors;
   for (std::size_t r = 1; r <= highest; ++r) {
@@ -325,11 +244,11 @@ double Sums::mixed(const LagPiece& polynomial, const LagPiece& exponential, LagP
       factor *= static_cast<double>(s + 1) / (static_cast<double>(r - s) * n);
   }
   std::array<Complex, moments> moment;
-  const Complex* power = of.power(exponential.count);
+  const Complex* power = process_.power(piece.count);
   double total = 0;
-  for (std::size_t k = 0; k < exponential.active.size(); ++k) {
-    const std::size_t p = exponential.active[k];
-    const Complex zn = power[p], z = of.pole(p), over = of.over_apart(p);
+  for (std::size_t k = 0; k < piece.active.size(); ++k) {
+    const std::size_t p = piece.active[k];
+    const Complex zn = power[p], z = process_.pole(p), over = process_.over_apart(p);
     moment[0] = (zn - Complex{1, 0}) * over;
     Complex ahead = forward[0] * moment[0], behind = backward[0] * moment[0];
     for (std::size_t r = 1; r <= highest; ++r) {
@@ -338,47 +257,33 @@ double Sums::mixed(const LagPiece& polynomial, const LagPiece& exponential, LagP
       moment[r] = (zn - z * sum) * over;
       ahead += forward[r] * moment[r], behind += backward[r] * moment[r];
     }
-    total += (exponential.ahead[k] * ahead + exponential.behind[k] * behind).re;
+    total += (piece.ahead[k] * ahead + piece.behind[k] * behind).re;
   }
   return total;
 }
 
-// A series times n(i).
-Series counted(const Echo& echo, Count count, double n) {
-  Series out{};
-  for (std::size_t r = 0; r <= degree_most; ++r) {
-    out[r] += count.at_start * echo.series[r];
-    out[r + 1] += (n * count.step) * echo.series[r];
-  }
-  return out;
-}
-
-// Σ n(i) of the products of the echoes of one process with the polynomial and the exponentials of the other.
-double Sums::echoed(const LagPiece& echoes, const LagPiece& other, const LagPieces& of, Count count) const {
-  const std::int64_t points = other.count;
-  const double n = static_cast<double>(points), m = n - 1, turn = m / n;
+// Σ n(i) of the products of the echoes with the polynomial and the exponentials.
+double Sums::echoed(const LagPiece& piece, LagCount count) const {
+  const std::int64_t points = piece.count;
+  const double n = static_cast<double>(points);
   constexpr std::size_t highest = degree_most + 1;
   double total = 0;
-  for (const Echo& echo : echoes.echoes) {
-    const Series one = counted(echo, count, n);
+  for (const Echo& echo : piece.echoes) {
+    const Series forward = counted(echo, count, n);
     const Complex angle{0, echo.angle};
-    Series both{}, backward{};
+    Series both{};
     for (std::size_t r = 0; r <= highest; ++r)
-      for (std::size_t s = 0; s <= std::min(other.degree, degree_most); ++s) both[r + s] += other.polynomial[s] * one[r];
-    total += swept(both, highest + other.degree, angle, points).re;
-    if (other.active.empty()) continue;
-    for (std::size_t r = highest + 1; r-- > 0;) {
-      for (std::size_t s = highest; s >= 1; --s) backward[s] = turn * backward[s] - backward[s - 1];
-      backward[0] = turn * backward[0] + one[r];
-    }
-    const Complex end = exp(-(m * angle));
-    for (std::size_t k = 0; k < other.active.size(); ++k)
+      for (std::size_t s = 0; s <= std::min(piece.degree, degree_most); ++s) both[r + s] += piece.polynomial[s] * forward[r];
+    total += swept(both, highest + piece.degree, angle, points).re;
+    if (piece.active.empty()) continue;
+    const Series backward = turned(forward, highest, n);
+    const Complex end = exp(-((n - 1) * angle));
+    for (std::size_t k = 0; k < piece.active.size(); ++k)
       for (const bool conjugate : {false, true}) {
-        const Complex decay = conjugate ? conj(of.decay(other.active[k])) : of.decay(other.active[k]);
-        const Complex E = conjugate ? conj(other.ahead[k]) : other.ahead[k];
-        const Complex F = conjugate ? conj(other.behind[k]) : other.behind[k];
-        const Complex sum = E * swept(one, highest, decay + angle, points) +
-                            F * end * swept(backward, highest, decay - angle, points);
+        const auto turn = [=](Complex a) { return conjugate ? conj(a) : a; };
+        const Complex decay = turn(process_.decay(piece.active[k]));
+        const Complex sum = turn(piece.ahead[k]) * swept(forward, highest, decay + angle, points) +
+                            turn(piece.behind[k]) * end * swept(backward, highest, decay - angle, points);
         total += 0.5 * sum.re;
       }
   }
@@ -386,12 +291,12 @@ double Sums::echoed(const LagPiece& echoes, const LagPiece& other, const LagPiec
 }
 
 // Σ n(i) of the products of echoes.
-double of_echoes(const LagPiece& left, const LagPiece& right, Count count) {
-  const double n = static_cast<double>(left.count);
+double of_echoes(const LagPiece& piece, LagCount count) {
+  const double n = static_cast<double>(piece.count);
   constexpr std::size_t highest = degree_most + 1;
   double total = 0;
-  for (const Echo& a : left.echoes)
-    for (const Echo& b : right.echoes) {
+  for (const Echo& a : piece.echoes)
+    for (const Echo& b : piece.echoes) {
       const Series one = counted(a, count, n);
       Series both{}, conjugate{};
       for (std::size_t r = 0; r <= highest; ++r)
@@ -399,21 +304,21 @@ double of_echoes(const LagPiece& left, const LagPiece& right, Count count) {
           both[r + s] += one[r] * b.series[s];
           conjugate[r + s] += one[r] * conj(b.series[s]);
         }
-      const Complex sum = swept(both, highest + degree_most, {0, a.angle + b.angle}, left.count) +
-                          swept(conjugate, highest + degree_most, {0, a.angle - b.angle}, left.count);
+      const Complex sum = swept(both, highest + degree_most, {0, a.angle + b.angle}, piece.count) +
+                          swept(conjugate, highest + degree_most, {0, a.angle - b.angle}, piece.count);
       total += 0.5 * sum.re;
     }
   return total;
 }
 
 // Σ n(i) of the exponentials and the echoes.
-double Sums::plain(const LagPiece& piece, Count count) {
+double Sums::plain(const LagPiece& piece, LagCount count) {
   const double n = static_cast<double>(piece.count), end = count.at_start + count.step * (n - 1);
-  const Complex* power = left_.power(piece.count);
+  const Complex* power = process_.power(piece.count);
   double total = 0;
   for (std::size_t k = 0; k < piece.active.size(); ++k) {
     const std::size_t p = piece.active[k];
-    const Complex zn = power[p], z = left_.pole(p), over = left_.over_apart(p);
+    const Complex zn = power[p], z = process_.pole(p), over = process_.over_apart(p);
     const Complex all = (zn - Complex{1, 0}) * over, risen = (n * zn - z * all) * over;
     total += (all * (count.at_start * piece.ahead[k] + end * piece.behind[k]) +
               risen * (count.step * (piece.ahead[k] - piece.behind[k])))
@@ -425,7 +330,7 @@ double Sums::plain(const LagPiece& piece, Count count) {
 }
 
 // The values C(start + first + i), 0 <= i < lags, without spikes.
-void Sums::at(const LagPiece& piece, LagPieces& of, std::int64_t first, std::int64_t lags, std::vector<double>& out) {
+void Sums::at(const LagPiece& piece, std::int64_t first, std::int64_t lags, std::vector<double>& out) {
   const double n = static_cast<double>(piece.count);
   out.assign(static_cast<std::size_t>(lags), 0.0);
   for (std::int64_t i = 0; i < lags; ++i) {
@@ -439,10 +344,10 @@ void Sums::at(const LagPiece& piece, LagPieces& of, std::int64_t first, std::int
     }
     out[static_cast<std::size_t>(i)] = value;
   }
-  const Complex *start = of.power(first), *end = of.power(piece.count - first - lags);
+  const Complex *start = process_.power(first), *end = process_.power(piece.count - first - lags);
   for (std::size_t k = 0; k < piece.active.size(); ++k) {
     const std::size_t p = piece.active[k];
-    const Complex z = of.pole(p);
+    const Complex z = process_.pole(p);
     Complex ahead = piece.ahead[k] * start[p], behind = piece.behind[k] * end[p];
     for (std::size_t i = 0; i < out.size(); ++i) {
       out[i] += ahead.re, out[out.size() - 1 - i] += behind.re;
@@ -451,71 +356,73 @@ void Sums::at(const LagPiece& piece, LagPieces& of, std::int64_t first, std::int
   }
 }
 
-// What the spikes of both processes add near the two kinks, to the sum of the left covariance and to that of products.
-std::pair<double, double> Sums::spikes(const LagPiece& left, const LagPiece& right, Count count) {
-  const std::int64_t reach = static_cast<std::int64_t>(std::max(left_.spikes(), right_.spikes()));
-  if (reach == 0) return {0, 0};
+// What the spikes add near the two kinks, to the sum of the covariance and to that of its square.
+std::pair<double, double> Sums::spikes(const LagPiece& piece, LagCount count) {
   double sum = 0, total = 0;
-  const auto add = [&](std::int64_t first, std::int64_t lags) {
-    at(left, left_, first, lags, left_values_);
-    if (!same_) at(right, right_, first, lags, right_values_);
-    const std::vector<double>& others = same_ ? left_values_ : right_values_;
+  for_ends(piece.count, [&](std::int64_t first, std::int64_t lags) {
+    at(piece, first, lags, values_);
     for (std::int64_t i = 0; i < lags; ++i) {
-      const std::int64_t v = left.start + first + i;
-      const std::size_t place = static_cast<std::size_t>(i);
-      const double one = left_.spike(v), two = same_ ? one : right_.spike(v);
+      const double spike = process_.spike(piece.start + first + i);
       const double n = count.at_start + count.step * static_cast<double>(first + i);
-      sum += n * one;
-      total += n * (left_values_[place] * two + one * others[place] + one * two);
+      sum += n * spike;
+      total += n * spike * (2 * values_[static_cast<std::size_t>(i)] + spike);
     }
-  };
-  const std::int64_t points = left.count;
-  if (points <= 2 * reach) {
-    add(0, points);
-  } else {
-    add(0, reach);
-    add(points - reach, reach);
-  }
+  });
   return {sum, total};
 }
 
-void Sums::pair(std::int64_t h, std::int64_t g, double* first, double* second) {
-  left_.pair(h, g);
-  if (!same_) right_.pair(h, g);
-  const std::int64_t end = samples_ - h - g + 1;
-  std::array<std::int64_t, 6> kinks{0, h, g - h, g, g + h, end};
-  std::sort(kinks.begin(), kinks.end() - 1);
+// Σ n(i) of the products with a table.
+double Sums::with_table(const LagPiece& piece, const TablePiece& other, std::size_t table) {
+  const bool spiked = process_.spikes() > 0;
+  double total = 0;
+  if (!other.values.empty()) {
+    at(piece, 0, piece.count, values_);
+    for (std::int64_t i = 0; i < piece.count; ++i)
+      total += other.values[static_cast<std::size_t>(i)] *
+               (values_[static_cast<std::size_t>(i)] + (spiked ? process_.spike(piece.start + i) : 0.0));
+    return total;
+  }
+  total = with_tables_[table].sum(piece, other, process_.power(piece.count));
+  if (!piece.echoes.empty()) total += with_tables_[table].echo(piece, other);
+  if (spiked)
+    for_ends(piece.count, [&](std::int64_t first, std::int64_t lags) {
+      table_values(other, tables_[table].table->decays(), first, lags, others_);
+      for (std::int64_t i = 0; i < lags; ++i)
+        total += (other.pairs.at_start + other.pairs.step * static_cast<double>(first + i)) *
+                 others_[static_cast<std::size_t>(i)] * process_.spike(piece.start + first + i);
+    });
+  return total;
+}
+
+void Sums::pair(std::int64_t h, std::int64_t g, std::size_t& place, double* first, double* second) {
+  process_.pair(h, g);
   double sum = 0, product = 0;
-  for (std::size_t k = 0; k + 1 < kinks.size(); ++k) {
-    const std::int64_t start = kinks[k], stop = std::min(kinks[k + 1], end);
-    if (start >= stop) continue;
-    left_.piece(start, stop - start, left_piece_);
-    if (!same_) right_.piece(start, stop - start, right_piece_);
-    const LagPiece &left = left_piece_, &right = same_ ? left_piece_ : right_piece_;
-    const double all = static_cast<double>(samples_ - 2 * g + 1);
-    const Count count = start < g - h ? Count{all, 0} : Count{static_cast<double>(end - start), -1};
-    double straight = 0;
-    double part = polynomials(left, right, count, &straight) + exponentials(left, right, count);
-    sum += 2 * (straight + plain(left, count));
-    part += of_echoes(left, right, count);
-    if (same_) {
-      part += 2 * (mixed(left, left, left_, count) + echoed(left, left, left_, count));
-    } else {
-      part += echoed(left, right, right_, count) + echoed(right, left, left_, count);
-      part += mixed(left, right, right_, count) + mixed(right, left, left_, count);
+  for (const LagInterval& interval : intervals(h, g, samples_)) {
+    if (interval.count <= 0) continue;
+    process_.piece(interval.start, interval.count, piece_);
+    const LagCount count = interval.pairs;
+    double straight = 0, centre = 0;
+    double part = polynomials(piece_, count, &straight) + exponentials(piece_, count) + of_echoes(piece_, count) +
+                  2 * (mixed(piece_, count) + echoed(piece_, count));
+    sum += 2 * (straight + plain(piece_, count));
+    if (process_.spikes() > 0) {
+      const auto [spiked, product_of_spikes] = spikes(piece_, count);
+      sum += 2 * spiked;
+      part += product_of_spikes;
     }
-    const auto [spiked, product_of_spikes] = spikes(left, right, count);
-    sum += 2 * spiked;
-    product += 2 * (part + product_of_spikes);
-    if (start == 0) {
+    product += 2 * part;
+    if (interval.start == 0) {
       // The lag at the centre of symmetry occurs once.
-      at(left, left_, 0, 1, left_values_);
-      const double one = left_values_[0] + left_.spike(0);
-      double two = one;
-      if (!same_) at(right, right_, 0, 1, right_values_), two = right_values_[0] + right_.spike(0);
-      sum -= count.at_start * one;
-      product -= count.at_start * one * two;
+      at(piece_, 0, 1, values_);
+      centre = values_[0] + process_.spike(0);
+      sum -= count.at_start * centre;
+      product -= count.at_start * centre * centre;
     }
+    for (std::size_t k = 0; k < tables_.size(); ++k) {
+      const TablePiece& other = tables_[k].table->piece(place);
+      product += 2 * tables_[k].factor * (2 * with_table(piece_, other, k) - centre * other.centre);
+    }
+    ++place;
   }
   *first = sum;
   *second = product;
@@ -523,13 +430,13 @@ void Sums::pair(std::int64_t h, std::int64_t g, double* first, double* second) {
 
 }  // namespace
 
-void lag_sums(std::span<const std::int64_t> levels, std::int64_t samples, bool diagonal, const LagProcess& left,
-              const LagProcess& right, const LagSums& out) {
-  Sums sums(left, right, samples, &left == &right);
-  std::size_t place = 0;
+void lag_sums(std::span<const std::int64_t> levels, std::int64_t samples, bool diagonal, const LagProcess& process,
+              std::span<const TableFactor> tables, const LagSums& out) {
+  Sums sums(process, samples, tables);
+  std::size_t place = 0, piece = 0;
   for (std::size_t k = 0; k < levels.size(); ++k)
     for (std::size_t j = diagonal ? k : 0; j <= k; ++j, ++place)
-      sums.pair(std::int64_t{1} << (levels[j] - 1), std::int64_t{1} << (levels[k] - 1), &out.first[place],
+      sums.pair(std::int64_t{1} << (levels[j] - 1), std::int64_t{1} << (levels[k] - 1), piece, &out.first[place],
                 &out.second[place]);
 }
 

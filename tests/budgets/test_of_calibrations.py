@@ -14,5 +14,7 @@ def test_the_budget_of_a_wrong_calibration_names_the_cause():
     truth = {"gyro_x": "WN(sigma2=4e-7)", "accel_x": "WN(sigma2=2e-5)"}
     found = gmwm.calibrate(gmwm.simulate(truth, rate=100.0, samples=20_000, rng=1), "WN")
     assert "budget-of-wrong" not in {remark.code for remark in found.budget(60.0).remarks}
-    moved = replace(found, recording_remarks=(Remark.of("recording-moved", ratio=9.0, time=Quantity(60.0, "s")),))
+    moved = replace(
+        found, recording_remarks=(Remark.of("recording-moved", case="moved", ratio=9.0, time=Quantity(60.0, "s")),)
+    )
     assert only(moved.budget(60.0).remarks, "budget-of-wrong").facts["causes"] == ("recording-moved",)

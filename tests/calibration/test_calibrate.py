@@ -82,7 +82,9 @@ def test_an_axis_that_cannot_be_calibrated_does_not_affect_the_others():
     assert list(found.failed) == ["gyro_y", "gyro_z"]
     assert "constant" in found.failed["gyro_y"]
     assert "at least 8 samples" in found.failed["gyro_z"]
-    assert only(found.remarks, "not-calibrated", "gyro_y").facts["reason"] == found.failed["gyro_y"].rstrip(".")
+    assert only(found.remarks, "not-calibrated:calibration", "gyro_y").facts["reason"] == found.failed["gyro_y"].rstrip(
+        "."
+    )
     with raises(DataError, "gyro_y", "constant"):
         found["gyro_y"]
     with raises(DataError, argument="axis", expected="one of gyro_x", got="accel_x"):
@@ -150,10 +152,10 @@ def test_remarks_of_fits_are_on_the_axes_and_not_warnings():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         found = gmwm.calibrate(gmwm.Signal(x, 100.0, "rad/s", "gyro_x"), "GM")
-    remark = only(found.axes["gyro_x"].remarks, "acts-as")
+    remark = only(found.axes["gyro_x"].remarks, "correlation-time-unknown:fit")
     assert (remark.facts["term"], remark.facts["process"]) == ("GM", "WN")
-    assert "acts-as" in codes(found.remarks)
-    assert "[acts-as]" in found.summary(every=True)
+    assert "correlation-time-unknown:fit" in codes(found.remarks)
+    assert "[correlation-time-unknown]" in found.summary(every=True)
 
 
 @pytest.mark.slow
@@ -163,7 +165,7 @@ def test_needed_lengths_hold(imu):
     axis = found.axes["gyro_x"]
     poor = {n for n, error in axis.fit.standard_errors.items() if error > 0.5 * abs(axis.fit.parameters[n])}
     assert set(axis.needed) == poor
-    remark = only(found.remarks, "poorly-known", "gyro_x")
+    remark = only(found.remarks, "poorly-known:fit", "gyro_x")
     assert remark.facts["parameters"] == tuple(axis.needed)
     assert (remark.facts["seen"], remark.facts["wanted"]) == (0.5, 0.2)
     for name, seconds in axis.needed.items():

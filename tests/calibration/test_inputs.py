@@ -24,10 +24,10 @@ def _spoilt(kind):
         return x + 3e-3 * np.exp(-time / 60)
     if kind == "axis-stuck":
         return np.where(time < 300, x, x[30_000])
-    return x * 180 / np.pi * 2 if kind == "gyro-too-noisy" else x + 1e-3 * (time > 200)
+    return x * 180 / np.pi * 2 if kind == "unit-doubtful" else x + 1e-3 * (time > 200)
 
 
-@pytest.mark.parametrize("kind", ["coarse-output", "warm-up", "axis-stuck", "gyro-too-noisy", "level-steps"])
+@pytest.mark.parametrize("kind", ["coarse-output", "warm-up", "axis-stuck", "unit-doubtful", "level-steps"])
 def test_a_signal_is_inspected_like_a_recording(kind):
     signal = Signal(_spoilt(kind), RATE, "rad/s", axis="gyro_x")
     every = {
@@ -57,5 +57,5 @@ def test_an_axis_that_is_given_as_a_curve_is_not_inspected():
 
 def test_the_unit_of_a_signal_is_doubted_in_its_own_unit():
     x = np.random.default_rng(1).normal(0, 1.0, 60_000)
-    assert "gyro-too-noisy" not in _codes(gmwm.calibrate(Signal(x, RATE, "deg/h", axis="gyro_x"), "WN"), "gyro_x")
-    assert "gyro-too-noisy" in _codes(gmwm.calibrate(Signal(5 * x, RATE, "deg/s", axis="gyro_x"), "WN"), "gyro_x")
+    assert "unit-doubtful" not in _codes(gmwm.calibrate(Signal(x, RATE, "deg/h", axis="gyro_x"), "WN"), "gyro_x")
+    assert "unit-doubtful" in _codes(gmwm.calibrate(Signal(5 * x, RATE, "deg/s", axis="gyro_x"), "WN"), "gyro_x")

@@ -55,8 +55,8 @@ def test_heavy_tails_keep_the_classical_curve_with_their_covariance():
     assert not wv.robust
     assert wv.excess is not None
     assert 2.0 < N * wv.excess[0, 0] < 12.0
-    assert "noise-heavy-tailed" in codes(found.remarks)
-    assert codes(verdict.remarks) == ["heavy-tails"]
+    assert "heavy-tails:fit" in codes(found.remarks)
+    assert codes(verdict.remarks) == ["heavy-tails:test"]
     assert "left out" not in found.summary()
 
 
@@ -70,7 +70,7 @@ def test_gaussian_noise_has_no_remark_and_no_excess():
 @pytest.mark.slow
 def test_wrong_samples_are_replaced_and_counted():
     found = gmwm.calibrate(with_spikes(), WITHIN)
-    remark = only(found.remarks, "spikes-repaired", "gyro_x")
+    remark = only(found.remarks, "samples-replaced:spikes", "gyro_x")
     assert remark.facts["count"] == N // 250
     assert remark.facts["largest"] > 15
     assert not found["gyro_x"].wavelet_variance.robust
@@ -99,10 +99,10 @@ def test_the_rule_is_the_same_in_a_stream(tmp_path, monkeypatch, size):
         chunks = gmwm.calibrate(gmwm.stream(path, chunk=7_000), WITHIN)
         assert whole.to_dict()["axes"] == chunks.to_dict()["axes"]
         assert not whole["gyro_x"].wavelet_variance.robust
-        replaced = {"knocks": "knocks-replaced", "spikes": "spikes-repaired"}
+        replaced = {"knocks": "samples-replaced:knocks", "spikes": "samples-replaced:spikes"}
         assert [name for name, code in replaced.items() if code in codes(chunks.remarks)] == [name] * (name != "tails")
         if name == "spikes":
-            assert only(chunks.remarks, "spikes-repaired", "gyro_x").facts["count"] == N // 250
+            assert only(chunks.remarks, "samples-replaced:spikes", "gyro_x").facts["count"] == N // 250
 
 
 @pytest.mark.slow
@@ -131,10 +131,10 @@ def test_motion_that_was_replaced_gets_no_remark(seconds, moved):
     x, size = signal(seed=8).values.copy(), round(seconds * RATE)
     x[20_000 : 20_000 + size] += 0.02 * np.sin(0.3 * np.arange(size))
     imu = gmwm.Imu.from_arrays({"gyro_x": x}, rate=RATE)
-    assert "recording-moved" in codes(gmwm.inspect(imu).remarks)
+    assert "recording-moved:moved" in codes(gmwm.inspect(imu).remarks)
     found = gmwm.calibrate(imu, WITHIN)
-    assert ("recording-moved" in codes(found.remarks)) is moved
-    assert ("knocks-replaced" in codes(found.remarks)) is not moved
+    assert ("recording-moved:moved" in codes(found.remarks)) is moved
+    assert ("samples-replaced:knocks" in codes(found.remarks)) is not moved
     if not moved:
         ((start, stop),) = found.verdicts["gyro_x"].replaced.knocks
         assert 190 < start < 200 < 206 < stop < 220

@@ -11,7 +11,7 @@ from gmwm.calibration.findings import CLOSE, LARGE, SCALES
 from gmwm.calibration.misfit import misfit_of
 from gmwm.fitting.estimation.model_error import MANY
 from gmwm.theory.processes import Process, registry
-from tests.helpers import codes, only
+from tests.helpers import code_of, codes, only
 
 from .conftest import WITHIN
 
@@ -34,9 +34,9 @@ def test_the_remark_has_the_worst_level_and_its_ratio(without_random_walk):
     assert remark.severity is Severity.UNUSABLE
     assert (remark.facts["tau"], remark.facts["ratio"]) == (Quantity(at.tau, "s"), at.times)
     assert remark.facts["side"] == "below"
-    assert "model-rejected" not in codes(without_random_walk.remarks)
+    assert "model-rejected:calibration" not in codes(without_random_walk.remarks)
     assert without_random_walk.number_verdicts["gyro_x"]["B"].reason == remark
-    assert without_random_walk.verdict.code == "verdict-usable"
+    assert code_of(without_random_walk.verdict) == "verdict:usable"
 
 
 def test_the_remark_has_the_numbers_at_the_scales_of_the_misfit(without_random_walk):
@@ -57,9 +57,9 @@ def test_a_near_model_is_rejected_and_can_be_used(without_random_walk):
     wv = replace(found.fit.wavelet_variance, variance=near, lower=0.99 * near, upper=1.01 * near)
     there = replace(without_random_walk, axes={"gyro_x": replace(found, fit=replace(found.fit, wavelet_variance=wv))})
     assert misfit_of(there.axes["gyro_x"]).times == pytest.approx(1.2)
-    assert only(there.remarks, "model-rejected", "gyro_x").severity is Severity.BIASED
+    assert only(there.remarks, "model-rejected:calibration", "gyro_x").severity is Severity.BIASED
     assert "model-misfit" not in codes(there.remarks)
-    assert there.verdict.code == "verdict-usable"
+    assert code_of(there.verdict) == "verdict:usable"
 
 
 def test_the_advice_names_the_sinusoidal_process(without_random_walk):
@@ -94,7 +94,7 @@ def test_a_model_with_a_sinusoid_is_fitted_to_the_classical_curve_with_its_outli
     assert not found.axes["gyro_x"].fit.wavelet_variance.robust
     frequency = found["gyro_x"].parameters["SIN.frequency"]
     assert frequency == pytest.approx(21.3, rel=0.05)
-    kept = only(found.remarks, "outliers-kept", "gyro_x")
+    kept = only(found.remarks, "outliers-found:fit", "gyro_x")
     assert (kept.facts["line"], kept.severity) == ("yes", Severity.BIASED)
     assert "skip=" in kept.text()
     assert "outliers-left-out" not in codes(found.remarks)
@@ -113,7 +113,7 @@ def test_outliers_that_could_not_be_tested_get_a_remark():
     assert not found.verdicts["gyro_x"].tested.any()
     (row,) = [line for line in found.summary(details=True).splitlines() if line.startswith("  outliers  ")]
     assert row.split("  ")[-1].strip() == "not tested"
-    remark = only(found.remarks, "outliers-not-tested", "gyro_x")
+    remark = only(found.remarks, "outliers-not-tested:fit", "gyro_x")
     assert remark.severity is Severity.UNCERTAIN
     assert remark.facts["reason"] == found.verdicts["gyro_x"].reason
 
@@ -150,10 +150,12 @@ def test_a_unit_that_contradicts_the_file_gets_a_remark(tmp_path):
     path = tmp_path / "named.csv"
     values = gmwm.simulate({"gyro_x": "WN(sigma2=1e-8)"}, rate=100.0, samples=5000, rng=1)["gyro_x"].values
     path.write_text("gyro_x [rad/s]\n" + "\n".join(map(repr, values.tolist())) + "\n", encoding="utf-8")
-    remark = only(gmwm.calibrate(gmwm.read(path, rate=100.0, units={"gyro": "deg/s"}), "WN").remarks, "unit-overruled")
+    remark = only(
+        gmwm.calibrate(gmwm.read(path, rate=100.0, units={"gyro": "deg/s"}), "WN").remarks, "unit-contradicted:declared"
+    )
     assert (remark.facts["unit"], remark.facts["stated"]) == ("deg/s", "rad/s")
     same = gmwm.calibrate(gmwm.read(path, rate=100.0, units={"gyro": "rad/s"}), "WN")
-    assert "unit-overruled" not in codes(same.remarks)
+    assert "unit-contradicted:declared" not in codes(same.remarks)
 
 
 def judged(found, largest):
@@ -169,10 +171,10 @@ def test_a_rejected_model_that_is_close_is_used(calibration):
     remark = only(near.remarks, "model-close", "gyro_x")
     assert remark.severity is Severity.INFO
     assert remark.facts["largest"] == pytest.approx(99 * CLOSE)
-    assert not {"model-rejected", "model-misfit"} & set(codes(near.remarks))
+    assert not {"model-rejected:calibration", "model-misfit"} & set(codes(near.remarks))
     far = judged(calibration, 1.01 * CLOSE)
     assert "model-close" not in [remark.code for remark in far.remarks if remark.subject == "gyro_x"]
-    assert only(far.remarks, "model-rejected", "gyro_x").severity is Severity.BIASED
+    assert only(far.remarks, "model-rejected:calibration", "gyro_x").severity is Severity.BIASED
     assert "model-close" not in [remark.code for remark in calibration.remarks if remark.subject == "gyro_x"]
 
 

@@ -11,7 +11,7 @@ from gmwm.base.errors import OptionError, UnitError
 from gmwm.files.importers import given_noise
 from gmwm.showing.exporters.given import given_calibration
 from tests.exporters.consumers import CONSUMERS
-from tests.helpers import only, raises
+from tests.helpers import code_of, only, raises
 
 RATE = 100.0
 N = {"gyro": 1e-4, "accel": 1e-3}
@@ -58,7 +58,7 @@ def test_the_factor_is_that_of_the_file_in_any_convention(calibration, format, s
                 read = dict(zip(("N", "K"), _consumed(format, replaced)[row.axis[:-2]], strict=True))[row.symbol][0]
                 wanted = row.measured.high if row.measured.upper_only else row.measured.value
                 assert read == pytest.approx(wanted, rel=1e-5)
-    codes = {remark.code for remark in found.remarks}
+    codes = {code_of(remark) for remark in found.remarks}
     assert codes == {"reference-verdict"}
 
 

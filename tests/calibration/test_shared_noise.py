@@ -17,7 +17,7 @@ from gmwm.calibration import Calibration
 from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.exporters import export_formats
 from gmwm.showing.exporters.text import plain
-from tests.helpers import only
+from tests.helpers import code_of, only
 
 AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 RATE, SAMPLES = 100.0, 20_000
@@ -35,7 +35,7 @@ def signals(values, **more):
 
 
 def codes(calibration):
-    return [remark.code for remark in calibration.recording_remarks]
+    return [code_of(remark) for remark in calibration.recording_remarks]
 
 
 @pytest.fixture(scope="module")
@@ -45,12 +45,14 @@ def shared():
 
 @pytest.mark.slow
 def test_one_remark_names_the_pairs(shared):
-    facts = only(shared.recording_remarks, "noise-shared").facts
+    facts = only(shared.recording_remarks, "noise-shared:calibration").facts
     assert facts["pairs"] == ("gyro_x/gyro_y",)
     # The shared share of the white noise is 0.25/1.25; its largest estimate is not far from it at a well-known scale.
     assert 0.1 < facts["correlation"] < 0.9
     restored = Calibration.from_dict(shared.to_dict())
-    assert only(restored.recording_remarks, "noise-shared") == only(shared.recording_remarks, "noise-shared")
+    assert only(restored.recording_remarks, "noise-shared:calibration") == only(
+        shared.recording_remarks, "noise-shared:calibration"
+    )
 
 
 @pytest.mark.slow
@@ -66,12 +68,12 @@ def test_every_file_says_that_the_axes_are_independent(shared):
 @pytest.mark.slow
 def test_a_stream_and_independent_axes_have_no_remark(tmp_path):
     own = arrays(np.random.default_rng(2), axes=AXES[:2])
-    assert "noise-shared" not in codes(gmwm.calibrate(Imu(signals(own)), within="WN + RW"))
+    assert "noise-shared:calibration" not in codes(gmwm.calibrate(Imu(signals(own)), within="WN + RW"))
     both = arrays(np.random.default_rng(2), share=0.5, axes=AXES[:2])
     Imu(signals(both)).write(tmp_path / "both.csv")
     read = gmwm.calibrate(gmwm.read(tmp_path / "both.csv"), within="WN + RW")
-    assert "noise-shared" in codes(read)
-    assert "noise-shared" not in codes(gmwm.calibrate(gmwm.stream(tmp_path / "both.csv"), within="WN + RW"))
+    assert "noise-shared:calibration" in codes(read)
+    assert "noise-shared:calibration" not in codes(gmwm.calibrate(gmwm.stream(tmp_path / "both.csv"), within="WN + RW"))
 
 
 @pytest.mark.slow
@@ -82,7 +84,7 @@ def test_knocks_and_temperature_of_all_axes_are_no_shared_noise():
         knock[at : at + 60] = 0.2 * np.random.default_rng(at).normal(size=60)
     raw = signals({axis: x + knock + 2e-3 * course for axis, x in own.items()})
     assert shared_noise(raw)
-    assert "noise-shared" not in codes(gmwm.calibrate(Imu(raw, temperature=course), within="WN + RW"))
+    assert "noise-shared:calibration" not in codes(gmwm.calibrate(Imu(raw, temperature=course), within="WN + RW"))
 
 
 @pytest.mark.slow
@@ -92,7 +94,7 @@ def test_each_of_several_recordings_is_tested():
         "tuesday": Imu(signals(arrays(np.random.default_rng(5), share=0.5, axes=AXES[:2]))),
     }
     found = gmwm.calibrate(parts, within="WN + RW")
-    assert only(found.recording_remarks, "noise-shared").subject == "tuesday"
+    assert only(found.recording_remarks, "noise-shared:calibration").subject == "tuesday"
 
 
 def test_all_samples_give_the_result_of_cross():
@@ -155,7 +157,7 @@ def test_many_pairs_are_counted_and_the_strongest_named():
 
     names = list(combinations(AXES, 2))
     shared = [one(*pair, 0.02 * (k + 1) * (-1) ** k) for k, pair in enumerate(names)]
-    remark = only(list(SharedNoiseAddition().remarks(shared, AXES, 0.05)), "noise-shared")
+    remark = only(list(SharedNoiseAddition().remarks(shared, AXES, 0.05)), "noise-shared:calibration")
     assert remark.facts["count"] == len(names) == len(remark.facts["pairs"])
     text = " ".join(texts([remark]))
     assert "15 pairs of axes share noise" in text

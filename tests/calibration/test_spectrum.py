@@ -7,6 +7,7 @@ import gmwm
 from gmwm.base.remarks import Severity
 from gmwm.calibration.findings import line_share
 from gmwm.measuring.spectrum import Line
+from tests.helpers import code_of
 
 RATE, SAMPLES = 100.0, 60_000
 
@@ -19,7 +20,7 @@ def recording(amplitude: float, frequency: float = 1.7, seed: int = 1) -> gmwm.I
 
 
 def codes(calibration: gmwm.Calibration) -> list[str]:
-    return [remark.code for remark in calibration.remarks]
+    return [code_of(remark) for remark in calibration.remarks]
 
 
 @pytest.mark.slow
@@ -27,7 +28,7 @@ def test_a_strong_line_is_a_caution():
     found = gmwm.calibrate(recording(5e-4), within="WN + RW")
     (line,) = found.axes["gyro_x"].spectrum.lines
     assert line.frequency == pytest.approx(1.7, abs=3 * line.frequency_error)
-    (remark,) = [remark for remark in found.remarks if remark.code == "lines-found"]
+    (remark,) = [remark for remark in found.remarks if code_of(remark) == "lines:found"]
     assert remark.severity is Severity.BIASED
     assert remark.subject == "gyro_x"
     assert remark.facts["frequencies"][0].value == line.frequency
@@ -40,10 +41,10 @@ def test_a_strong_line_is_a_caution():
 @pytest.mark.slow
 def test_a_line_in_the_model_and_a_weak_line_are_information():
     modelled = gmwm.calibrate(recording(5e-4), within=gmwm.WN() + gmwm.SIN(frequency=gmwm.fixed(1.7)))
-    assert "lines-known" in codes(modelled)
-    assert "lines-found" not in codes(modelled)
+    assert "lines:known" in codes(modelled)
+    assert "lines:found" not in codes(modelled)
     weak = gmwm.calibrate(recording(5e-5, frequency=20.0), within="WN + RW")
-    (remark,) = [remark for remark in weak.remarks if remark.code == "lines-known"]
+    (remark,) = [remark for remark in weak.remarks if code_of(remark) == "lines:known"]
     assert remark.severity is Severity.INFO
     assert remark.facts["share"] < 0.05
 
@@ -88,4 +89,4 @@ def test_a_calibration_keeps_its_spectrum(tmp_path):
 def test_no_spectrum_of_a_wavelet_variance():
     found = gmwm.calibrate({"gyro_x": gmwm.wavelet_variance(recording(5e-4)["gyro_x"])}, within="WN + RW")
     assert found.axes["gyro_x"].spectrum is None
-    assert "lines-found" not in codes(found)
+    assert "lines:found" not in codes(found)

@@ -38,7 +38,7 @@ def test_a_stream_is_calibrated_as_the_recording(path, monkeypatch, size):
     whole = gmwm.calibrate(gmwm.read(path), **options)
     chunks = gmwm.calibrate(gmwm.stream(path), progress=lambda *step: calls.append(step), **options)
     assert whole.to_dict() == chunks.to_dict()
-    assert only(whole.remarks, "knocks-replaced", "gyro_y").facts["count"] == 1
+    assert only(whole.remarks, "samples-replaced:knocks", "gyro_y").facts["count"] == 1
     assert whole.recording_remarks
     assert calls[0][0] == 0
     told = [text for _, _, text in calls]

@@ -102,7 +102,7 @@ def test_outliers_get_a_remark_with_their_size(calibration):
 @pytest.mark.slow
 def test_outliers_that_are_kept_get_a_remark(imu):
     found = gmwm.calibrate(imu, WITHIN, robust=False, axes=["gyro_y"])
-    remark = only(found.remarks, "outliers-kept", "gyro_y")
+    remark = only(found.remarks, "outliers-found:fit", "gyro_y")
     assert (remark.severity, remark.facts["line"]) == (Severity.BIASED, "no")
     assert "yes: kept" in found.summary(details=True)
 
@@ -120,12 +120,12 @@ def test_a_drift_gets_a_remark():
     found = gmwm.calibrate(imu, "WN + RW + DR")
     value, _, _, unit = found.datasheets["gyro_x"]["R"].in_units("datasheet")
     assert value < 0
-    assert only(found.remarks, "drift", "gyro_x").facts["rate"] == Quantity(value, unit)
+    assert only(found.remarks, "drift:drift", "gyro_x").facts["rate"] == Quantity(value, unit)
 
 
 @pytest.mark.slow
 def test_a_rejected_model_gets_a_remark(calibration):
-    assert not {"model-misfit", "model-rejected"} & {*codes(calibration.remarks)}
+    assert not {"model-misfit", "model-rejected:calibration"} & {*codes(calibration.remarks)}
     imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=2e-11)"}, rate=100.0, samples=100_000, rng=4)
     found = gmwm.calibrate(imu, "WN")
     assert only(found.remarks, "model-misfit", "gyro_x").severity is Severity.UNUSABLE
@@ -144,11 +144,11 @@ def test_the_same_remark_on_several_axes_is_one_line(calibration):
         for axis, found in calibration.axes.items()
     }
     text = " ".join(replace(calibration, axes=axes).summary(every=True).split())
-    assert text.count("[weights-not-converged]") == 1
+    assert text.count("[weights-from-data]") == 1
     assert "gyro_x, gyro_y and accel_x: " in text
 
 
-REMARK = Remark.of("weights-not-converged")
+REMARK = Remark.of("weights-from-data", case="iteration")
 
 
 def test_rows_keep_the_order_of_every_axis():

@@ -138,7 +138,7 @@ def test_wrong_gravity_is_no_good_calibration(gmwm, doubled, tmp_path):
     found = Calibration.load(tmp_path / "calibration.json")
     verdict = report_data(found)["verdict"]
     assert verdict["state"] == "bad"
-    norm = only(found.recording_remarks, "gravity-wrong").facts["norm"]
+    norm = only(found.recording_remarks, "unit-doubtful:gravity").facts["norm"]
     assert (round(norm.value, 2), norm.unit) == (19.61, "m/s²")
     (point,) = [point for point in verdict["points"] if "19.61 m/s²" in point["text"]]
     assert point["state"] == "bad"
@@ -153,7 +153,7 @@ def test_no_imu_yaml_of_an_earlier_run_stays(gmwm, recording, calibrated, tmp_pa
     assert outcome.code == 0
     assert not (tmp_path / "imu.yaml").exists()
     assert "imu.yaml" not in outcome.out
-    (line,) = (line for line in outcome.err.splitlines() if line.endswith(" [old-file-removed]"))
+    (line,) = (line for line in outcome.err.splitlines() if line.endswith(" [other-results]"))
     assert line.startswith("warning: imu.yaml ")
 
 

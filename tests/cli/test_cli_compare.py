@@ -79,11 +79,11 @@ def test_wv_robust(gmwm, recording):
 def test_zeros_are_remarked(gmwm, coarse):
     outcome = gmwm("wv", coarse, "--robust", "--json")
     assert outcome.json["axes"]["gyro_x"]["variance"][0] == 0
-    (remark,) = (one for one in outcome.json["remarks"] if one["code"] == "robust-zero")
+    (remark,) = (one for one in outcome.json["remarks"] if one["code"] == "robust-too-large")
     assert remark["subject"] == "gyro_x"
     assert 1 in remark["facts"]["levels"]
-    assert f"warning: {remark['text']} [robust-zero]" in outcome.err.splitlines()
-    assert "[robust-zero]" in gmwm("compare", coarse).err
+    assert f"warning: {remark['text']} [robust-too-large]" in outcome.err.splitlines()
+    assert "[robust-too-large]" in gmwm("compare", coarse).err
     refused = gmwm("fit", coarse, "--model", "WN", "--robust")
     assert refused.code == 2
     assert refused.err.splitlines()[-1].startswith("error: gyro_x: ")

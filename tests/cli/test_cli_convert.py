@@ -38,7 +38,7 @@ def test_json_says_what_was_written(gmwm, survey, tmp_path):
     assert (content["rate"], content["samples"], content["segments"]) == (62.5, 3750, [[0, 3750]])
     assert content["axes"] == list(AXES)
     assert content["units"]["accel_z"] == "m/s²"
-    scaled = [remark["facts"]["type"] for remark in content["remarks"] if remark["code"] == "scaled"]
+    scaled = [remark["facts"]["type"] for remark in content["remarks"] if "factor" in remark["facts"]]
     assert scaled == ["LN200", "LN200"]
 
 
@@ -64,8 +64,8 @@ def test_a_temperature_that_is_left_out_is_remarked(gmwm, tmp_path):
     source.write_text(",".join(["time [s]", *(f"{a} [rad/s]" for a in AXES[:3]), *(f"{a} [m/s²]" for a in AXES[3:]),
                                 "temperature [°C]"]) + "\n" + rows)  # fmt: skip
     outcome = gmwm("convert", source, out, "--to", "imu:IXSEA", "--json")
-    (remark,) = (one for one in outcome.json["remarks"] if one["code"] == "temperature-left-out")
-    assert (remark["subject"], remark["facts"]) == (str(out), {"format": ".imu"})
+    (remark,) = (one for one in outcome.json["remarks"] if one["code"] == "not-in-file")
+    assert (remark["subject"], remark["facts"]) == (str(out), {"case": "temperature", "format": ".imu"})
 
 
 @pytest.mark.slow

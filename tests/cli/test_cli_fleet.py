@@ -74,10 +74,10 @@ def test_the_same_again_does_nothing_anew_and_json_says_so(gmwm, run, folder):
     assert content["written"] == [str(target / name) for name in names]
     assert content["statistics"]["units"] == 8
     remarks = {one["code"]: one for one in content["remarks"]}
-    assert list(remarks) == ["not-calibrated", "files-left-out"]
+    assert list(remarks) == ["not-calibrated", "left-out"]
     assert remarks["not-calibrated"]["subject"] == "broken.parquet"
     assert remarks["not-calibrated"]["facts"]["reason"] == content["failed"]["broken.parquet"]
-    assert remarks["files-left-out"]["facts"]["files"] == ["photo.jpg"]
+    assert remarks["left-out"]["facts"]["files"] == ["photo.jpg"]
 
 
 @pytest.mark.slow

@@ -87,7 +87,7 @@ def test_terms_that_the_likelihood_does_not_support_are_remarked(gmwm, recording
     for axis, terms in gone.items():
         assert {(f"{axis}, by maximum likelihood", term) for term in terms} <= found
         for term in terms:
-            assert Remark.of("term-zero", axis, term=term).text(Dialect.SHELL).split(":")[0] in text
+            assert Remark.of("term-zero", axis, case="fit", term=term).text(Dialect.SHELL).split(":")[0] in text
 
 
 def test_gaps_are_missing_samples(gmwm, broken):
@@ -110,7 +110,7 @@ def test_a_summary_without_the_record_says_what_is_missing(recording):
     signal = read(recording)["gyro_x"]
     with pytest.warns(library.errors.FitWarning) as warned:
         fit = library.fit_ml("WN + QN", signal, start="WN(sigma2=4e-7) + QN(q2=1e-9)")
-    assert only([one.message.remark for one in warned], "term-zero").facts["term"] == "QN"
+    assert only([one.message.remark for one in warned], "term-zero:fit").facts["term"] == "QN"
     read_again = library.likelihood.LikelihoodFit.from_dict(fit.to_dict())
     assert fit.confidence_intervals()["QN.q2"][0] == 0.0
     assert "at most" in fit.summary()

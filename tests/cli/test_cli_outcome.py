@@ -10,7 +10,7 @@ from gmwm.cli.option_names import named_as_options
 from gmwm.cli.output import NewFile, Outcome, collect_warnings, finish, tell, text_file
 
 SHAKEN = Remark.of("gravity-removed", "a.csv")
-LISTED = Remark.of("no-line-end", "a.csv")
+LISTED = Remark.of("last-line", "a.csv", case="read")
 
 
 def finished(outcome, *, as_json=False, every=False, warnings=()):
@@ -60,14 +60,14 @@ def test_remarks_on_reading_are_shown_only_on_request(capsys):
 
 
 def test_the_five_most_severe_warnings_are_printed(capsys):
-    known = [Remark.of(code, "a", **one.example) for code, one in messages().items()
-             if one.severity is not Severity.INFO and "subject" not in one.example][:9]  # fmt: skip
+    known = [Remark.of(code, "a", **one.examples[0]) for code, one in messages().items()
+             if one.severity in ("wrong", "biased", "uncertain") and "subject" not in one.examples[0]][:9]  # fmt: skip
     assert len(known) == 9
     outcome = Outcome(command="x", document={}, text="result")
     finished(outcome, warnings=known)
     lines = capsys.readouterr().err.splitlines()
     shown = [line.rpartition("[")[2].rstrip("]") for line in lines[:-1]]
-    severities = [messages()[code].severity for code in shown]
+    severities = [messages()[code].severity_for({}) for code in shown]
     assert severities == sorted(remark.severity for remark in known)[:5]
     assert "4 more" in lines[5]
     assert "--all-remarks" in lines[5]

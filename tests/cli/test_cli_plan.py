@@ -56,7 +56,7 @@ def test_json_is_the_library_s(gmwm):
     assert content["accuracy"] == 0.1
     assert {name: content[name] for name in plan.to_dict()} == plan.to_dict()
     assert content["remarks"] == [remark.to_dict() for remark in plan.remarks]
-    (uncertain,) = (one for one in content["remarks"] if one["code"] == "plan-uncertain")
+    (uncertain,) = (one for one in content["remarks"] if one["code"] == "poorly-known")
     assert "GM.beta" in uncertain["facts"]["parameters"]
     assert uncertain["facts"]["duration"] == {"value": 60.0, "unit": "s"}
 
@@ -101,17 +101,17 @@ def test_terms_that_the_pilot_does_not_show_are_remarked(gmwm, fits, tmp_path):
     outcome = gmwm("plan", "--from-fits", path, "--duration", "1h", "--json")
     assert outcome.code == 0
     remarks = {one["code"]: one["facts"] for one in outcome.json["remarks"]}
-    assert remarks["pilot-left-out"] == {"terms": ["QN"]}
-    assert remarks["pilot-acts-as"]["term"] == "GM"
-    assert remarks["pilot-acts-as"]["process"].startswith("WN(sigma2=")
+    assert remarks["term-zero"] == {"case": "pilot", "terms": ["QN"]}
+    assert remarks["correlation-time-unknown"]["term"] == "GM"
+    assert remarks["correlation-time-unknown"]["process"].startswith("WN(sigma2=")
     # A correlation time of 0.1 ms is white at 100 Hz: its variance is that of the samples.
     assert outcome.json["parameters"] == pytest.approx({"WN.sigma2": 4.01e-7, "RW.gamma2": 1e-11}, rel=1e-6)
     one["acts_as"] = {"GM": "UNKNOWN"}
     path.write_text(json.dumps(content), encoding="utf-8")
     outcome = gmwm("plan", "--from-fits", path, "--duration", "1h", "--json")
-    (remark,) = (one for one in outcome.json["remarks"] if one["code"] == "pilot-undetermined")
-    assert remark["facts"] == {"term": "GM", "process": "UNKNOWN"}
-    assert f"warning: {remark['text']} [pilot-undetermined]" in outcome.err.splitlines()
+    (remark,) = (one for one in outcome.json["remarks"] if one["code"] == "correlation-time-unknown")
+    assert remark["facts"] == {"case": "undetermined", "term": "GM", "process": "UNKNOWN"}
+    assert f"warning: {remark['text']} [correlation-time-unknown]" in outcome.err.splitlines()
 
 
 @pytest.mark.slow

@@ -99,7 +99,7 @@ def test_the_end_of_the_file_is_remarked(tmp_path, gmwm):
     path = tmp_path / "log.csv"
     path.write_text(HEAD + "".join(rows()) + "40.00,0.0")
     found = gmwm("watch", path, "--idle", "0.2s", "--all-remarks")
-    assert "[last-line-left-out]" in found.err
+    assert "[last-line]" in found.err
     assert "4000 samples" in found.out
     cut = threading.Timer(0.8, lambda: path.write_text("time\n"))
     cut.start()
@@ -147,7 +147,7 @@ def test_what_is_wrong_before_anything_came(tmp_path, gmwm):
 def test_a_model_with_too_many_parameters_is_remarked_and_the_curve_shown():
     found = piped(HEAD + "".join(rows(0, 20)), "--model", "2*GM + WN + RW")
     assert found.exit_code == 0
-    assert "[not-fitted]" in found.stderr
+    assert "[not-calibrated]" in found.stderr
     assert "Allan deviation" in found.stdout
 
 

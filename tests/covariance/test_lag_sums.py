@@ -14,7 +14,7 @@ from gmwm import AR, ARMA, FN, GM, MA, MAT, PL, QN, RW, SARMA, WN
 from gmwm.base import _core
 from gmwm.measuring.covariance import Design, covariance, variances
 from gmwm.theory.processes import self_similar
-from gmwm.theory.processes.exponential_sum import ExponentialSum, lag_sums
+from gmwm.theory.processes.exponential_sum import ExponentialSum, lag_sums, lag_table
 from gmwm.theory.processes.model import as_model
 
 _spec = importlib.util.spec_from_file_location("lag_sums_oracle", Path(__file__).parent.parent / "oracles/lag_sums.py")
@@ -92,24 +92,63 @@ def test_against_sums_lag_by_lag(name):
     levels, samples = np.arange(1, 7), 77
     terms = oracle.Terms(**CASES[name])
     first, second = oracle.lag_sums(levels.tolist(), samples, terms, terms)
-    found = lag_sums(levels, samples, exponentials(**CASES[name]), None, diagonal=False)
+    found = lag_sums(levels, samples, exponentials(**CASES[name]), diagonal=False)
     assert error(found[1], second, levels.size) < 1e-11
     size = np.sqrt(samples * np.array(second, dtype=np.float64))
     np.testing.assert_array_less(np.abs(found[0] - np.array(first, dtype=np.float64)), 1e-12 * size + 1e-13)
-    diagonal = lag_sums(levels, samples, exponentials(**CASES[name]), None, diagonal=True)
+    diagonal = lag_sums(levels, samples, exponentials(**CASES[name]), diagonal=True)
     coarser, finer = np.tril_indices(levels.size)
     np.testing.assert_array_equal(diagonal[1], found[1][coarser == finer])
 
 
-def test_products_of_two_processes():
-    levels, samples = np.arange(1, 7), 77
-    one, two = CASES["all"], CASES["resonance"] | {"walk": 1e-3, "spikes": [0.5]}
-    expected = oracle.lag_sums(levels.tolist(), samples, oracle.Terms(**one), oracle.Terms(**two))[1]
-    left, right = exponentials(**one), exponentials(**two)
-    own = [lag_sums(levels, samples, each, None, diagonal=True)[1] for each in (left, right)]
-    for a, b in ((left, right), (right, left)):
-        found = lag_sums(levels, samples, a, b, diagonal=False)[1]
-        assert error(found, expected, levels.size, np.sqrt(own[0] * own[1])) < 1e-11
+def with_table(levels, samples, one, other):
+    """Σ n C D of two processes, from a table of the second one."""
+    table = lag_table(levels, samples, other, diagonal=False)
+    own = lag_sums(levels, samples, one, diagonal=False)
+    first, second = lag_sums(levels, samples, one, [(table, 3.0)], diagonal=False)
+    np.testing.assert_array_equal(first, own[0])
+    return (second - own[1]) / 6
+
+
+SMOOTH = {
+    "white": {"white": 1.0},
+    "walk": {"walk": 1.0, "white": 0.5},
+    "fast": {"amplitudes": [1.0, 0.5], "decays": [1.3, 20.0]},
+    "both sides of a series": {"amplitudes": [1.0, 1.0], "decays": [0.0626, 0.124]},
+    "many": {"amplitudes": np.geomspace(1, 40, 30)[::-1].tolist(), "decays": np.geomspace(1e-7, 4.0, 30).tolist()},
+    "as the other": {"amplitudes": [1.0, 1.0, 0.3], "decays": [0.02, 0.3, 0.301], "white": 0.1},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("other", SMOOTH)
+@pytest.mark.parametrize("name", ["walk", "spikes", "period of four", "lasting resonance", "all"])
+def test_products_with_a_table(name, other):
+    levels, samples = np.array([1, 4, 6]), 130
+    expected = oracle.lag_sums(levels.tolist(), samples, oracle.Terms(**CASES[name]), oracle.Terms(**SMOOTH[other]))[1]
+    one, two = exponentials(**CASES[name]), exponentials(**SMOOTH[other])
+    own = [lag_sums(levels, samples, each, diagonal=True)[1] for each in (one, two)]
+    assert error(with_table(levels, samples, one, two), expected, levels.size, np.sqrt(own[0] * own[1])) < 1e-11
+
+
+def test_levels_are_the_first_ones_of_a_table():
+    one, other = exponentials(**CASES["all"]), exponentials(**SMOOTH["many"])
+    table = lag_table(np.arange(1, 8), 200, other, diagonal=False)
+    found = lag_sums(np.arange(1, 6), 200, one, [(table, 1.0)], diagonal=False)[1]
+    assert np.array_equal(found, lag_sums(np.arange(1, 8), 200, one, [(table, 1.0)], diagonal=False)[1][: found.size])
+    diagonal = lag_table(np.arange(1, 8), 200, other, diagonal=True)
+    coarser, finer = np.tril_indices(5)
+    each = lag_sums(np.arange(1, 6), 200, one, [(diagonal, 1.0)], diagonal=True)[1]
+    np.testing.assert_array_equal(each, found[coarser == finer])
+    for levels, samples, all_pairs in (
+        (np.arange(2, 6), 200, True),
+        (np.arange(1, 6), 201, True),
+        (np.arange(1, 6), 200, False),
+    ):
+        with pytest.raises(ValueError, match="table"):
+            lag_sums(levels, samples, one, [(table, 1.0)], diagonal=not all_pairs)
+    for process in (CASES["resonance"], CASES["spikes"]):
+        with pytest.raises(ValueError, match="real decays"):
+            lag_table(np.arange(1, 6), 200, exponentials(**process), diagonal=False)
 
 
 @pytest.mark.slow
@@ -117,7 +156,7 @@ def test_products_of_two_processes():
 def test_a_million_samples_against_geometric_sums(name):
     levels = np.array([1, 4, 9, 14, 19])
     expected = oracle.closed_sums(levels.tolist(), 10**6, oracle.Terms(**LARGE[name]))
-    found = lag_sums(levels, 10**6, exponentials(**LARGE[name]), None, diagonal=False)[1]
+    found = lag_sums(levels, 10**6, exponentials(**LARGE[name]), diagonal=False)[1]
     assert error(found, expected, levels.size) < 1e-10
 
 
@@ -158,7 +197,7 @@ def test_arma_near_the_unit_circle(lost):
     amplitudes, decays = poles_of(phi, theta, 2.0)
     levels = np.array([1, 6, 12, 19])
     expected = oracle.closed_sums(levels.tolist(), 10**6, oracle.Terms(amplitudes=amplitudes, decays=decays))
-    found = lag_sums(levels, 10**6, process.exponential_sum(RATE), None, diagonal=False)[1]
+    found = lag_sums(levels, 10**6, process.exponential_sum(RATE), diagonal=False)[1]
     assert error(found, expected, levels.size) < 1e-9
 
 
@@ -167,7 +206,7 @@ def test_an_autoregression_that_nearly_alternates():
     amplitudes, decays = poles_of(phi, [], 1.0)
     expected = oracle.closed_sums([1, 2, 4], 100, oracle.Terms(amplitudes=amplitudes, decays=decays))
     terms = AR(phi=phi.tolist(), sigma2=1.0).exponential_sum(RATE)
-    assert error(lag_sums(np.array([1, 2, 4]), 100, terms, None, diagonal=False)[1], expected, 3) < 1e-11
+    assert error(lag_sums(np.array([1, 2, 4]), 100, terms, diagonal=False)[1], expected, 3) < 1e-11
 
 
 def running_sum(terms, m):
@@ -235,14 +274,14 @@ def test_power_laws_are_mixtures(epsilon):
     other = {"amplitudes": [1.0, 0.2], "decays": [0.01 + 0.7j, 0.02], "white": 0.1, "walk": 1e-3}
     mixture = self_similar.mixture(epsilon, samples)
     own = oracle.lag_sums(levels.tolist(), samples, law, law)[1]
-    assert error(lag_sums(levels, samples, mixture, None, diagonal=False)[1], own, levels.size) < 1e-10
+    assert error(lag_sums(levels, samples, mixture, diagonal=False)[1], own, levels.size) < 1e-10
     expected = oracle.lag_sums(levels.tolist(), samples, law, oracle.Terms(**other))[1]
     coarser, finer = np.tril_indices(levels.size)
     scale = np.sqrt(
         np.array(own, dtype=np.float64)[coarser == finer]
-        * lag_sums(levels, samples, exponentials(**other), None, diagonal=True)[1]
+        * lag_sums(levels, samples, exponentials(**other), diagonal=True)[1]
     )
-    found = lag_sums(levels, samples, exponentials(**other), mixture, diagonal=False)[1]
+    found = with_table(levels, samples, exponentials(**other), mixture)
     assert error(found, expected, levels.size, scale) < 1e-10
 
 
@@ -278,4 +317,4 @@ def test_roots_that_nearly_coincide_are_tabulated():
 def test_the_kernel_refuses(levels, rows, text):
     process = (0.0, 0.0, np.empty(0), np.array(rows), np.zeros(1, np.uint8))
     with pytest.raises(ValueError, match=text):
-        _core.lag_sums(np.array(levels, np.int64), 100, False, process, None)
+        _core.lag_sums(np.array(levels, np.int64), 100, False, process, [])

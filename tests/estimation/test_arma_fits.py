@@ -162,11 +162,11 @@ def test_roots_that_cancel_are_told():
     white = np.random.default_rng(0).standard_normal(5000)
     with pytest.warns(FitWarning):
         fit = gmwm.fit(ARMA(1, 1), white, rate=1.0)
-    assert only(fit.remarks, "roots-cancel").about("").text() in fit.summary()
+    assert only(fit.remarks, "roots:cancel").about("").text() in fit.summary()
     assert gmwm.Fit.from_dict(fit.to_dict()).diagnostics.remarks == fit.diagnostics.remarks
     walk = np.cumsum(np.random.default_rng(1).standard_normal(3000))
     with pytest.warns(FitWarning):
-        assert "ar-root-near-one" in codes(gmwm.fit(AR(2), walk, rate=1.0).remarks)
+        assert "roots:ar" in codes(gmwm.fit(AR(2), walk, rate=1.0).remarks)
     assert gmwm.fit(ARMA(2, 1), measured(TRUTHS[1], 8)).diagnostics.remarks == ()
 
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 import gmwm
 from gmwm import AR1, DR, GM, QN, RW, WN, Model, WaveletVariance
 from gmwm.base.remarks import texts
+from tests.helpers import code_of
 
 RATE = 100.0
 CHAIN = ("WN", "GM + WN", "GM + WN + RW", "2*GM + WN + RW", "2*GM + WN + RW + QN", "3*GM + WN + RW + QN + DR")
@@ -173,7 +174,9 @@ def test_held_values_stay_and_the_rest_is_the_best_given_them() -> None:
 def acting(caught: pytest.WarningsRecorder) -> list[tuple[object, object]]:
     """Each term that acts as another process, and that process."""
     remarks = [warning.message.remark for warning in caught]
-    return [(one.facts["term"], one.facts["process"]) for one in remarks if one.code == "acts-as"]
+    return [
+        (one.facts["term"], one.facts["process"]) for one in remarks if code_of(one) == "correlation-time-unknown:fit"
+    ]
 
 
 def test_a_term_at_the_edge_says_what_it_acts_as() -> None:
@@ -193,7 +196,7 @@ def test_an_unsupported_term_is_zero_and_has_a_remark() -> None:
     white = WN(1.0).simulate(50_000, RATE, np.random.default_rng(9))
     with pytest.warns(gmwm.errors.FitWarning):
         fit = gmwm.fit(WN() + DR() + QN() + RW(), white, RATE)
-    zero = [remark for remark in fit.remarks if remark.code == "term-zero"]
+    zero = [remark for remark in fit.remarks if code_of(remark) == "term-zero:fit"]
     assert tuple(remark.facts["term"] for remark in zero) == fit.diagnostics.not_supported != ()
     for term in fit.diagnostics.not_supported:
         assert not fit.decomposition[term].any()

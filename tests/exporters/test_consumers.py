@@ -14,7 +14,7 @@ from gmwm.base.remarks import Quantity
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from gmwm.showing.exporters import export_formats
 from gmwm.theory.processes import Model
-from tests.helpers import only, raises
+from tests.helpers import code_of, only, raises
 
 from .conftest import RATE, SAMPLES, TRUTHS, as_golden, calibrated, remarks_in, words
 from .consumers import BIASES, CONSUMERS, MARKOV, PER_AXIS, yaml
@@ -164,7 +164,7 @@ def test_a_walk_that_is_not_there_is_the_upper_limit_of_the_wider_model(units):
     walk = CONSUMERS["matlab"](units["no-walk"].export(format="matlab"))["accel"][1]
     assert walk[1] == pytest.approx(limit, rel=1e-3)
     text = units["no-walk"].export(format="matlab")
-    found = [remark for remark in remarks_in(units["no-walk"], "matlab") if remark.code == "upper-limit"]
+    found = [remark for remark in remarks_in(units["no-walk"], "matlab") if code_of(remark) == "upper-limit:axis"]
     assert [remark.subject for remark in found] == ["K of gyro_x, gyro_y, gyro_z", "K of accel_x, accel_y, accel_z"]
     assert {remark.facts["level"] for remark in found} == {Quantity(97.5, "%")}
     assert "UPPER LIMIT, not a measured value (97.5 %): K of gyro_x, gyro_y, gyro_z, K of accel_x" in words(text)
@@ -175,7 +175,7 @@ def test_white_noise_that_is_not_there_is_an_upper_limit_too(units):
     truths = {**TRUTHS["quantized"], "gyro_x": "RW(gamma2=1e-9)", "gyro_y": "RW(gamma2=1e-9)"}
     calibration = calibrated({**truths, "gyro_z": "RW(gamma2=1e-9)"})
     text = calibration.export()
-    assert only(remarks_in(calibration, "kalibr"), "upper-limit").code == "upper-limit"
+    assert only(remarks_in(calibration, "kalibr"), "upper-limit:axis").code == "upper-limit"
     white, walk = CONSUMERS["kalibr"](text)["gyro"]
     assert 0 < white[0] < walk[0]
     assert walk == pytest.approx(math.sqrt(1e-9 * RATE), rel=2e-6)

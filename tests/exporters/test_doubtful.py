@@ -15,7 +15,7 @@ from gmwm.calibration.misfit import misfit_of
 from gmwm.calibration.number_verdicts import Usability
 from gmwm.showing.exporters import export_all, export_formats
 from gmwm.showing.exporters.base import find_exporter
-from tests.helpers import only
+from tests.helpers import code_of, only
 
 from .conftest import TRUTHS, calibrated, exact_curve, remarks_in, words
 from .consumers import CONSUMERS, MARKOV, PER_AXIS
@@ -33,7 +33,7 @@ def bad():
 @pytest.mark.parametrize("format", sorted(set(export_formats()) - {"dlio"}))
 def test_axes_that_do_not_fit_their_models_are_in_every_file(bad, format):
     found = [remark for remark in remarks_in(bad, format) if remark.severity is Severity.UNUSABLE]
-    assert [(remark.code, remark.subject) for remark in found] == [
+    assert [(code_of(remark), remark.subject) for remark in found] == [
         ("model-misfit", "gyro_z"),
         ("model-misfit", "accel_x"),
     ]
@@ -89,7 +89,7 @@ def among(remarks):
     """Axis, kind and value of the remarks on numbers of measured values and upper limits, by number."""
     found = {}
     for remark in remarks:
-        if remark.code == "upper-limit-among":
+        if code_of(remark) == "upper-limit:mean":
             value = remark.facts["value"]
             one = (remark.subject, remark.facts["kind"], value.unit, value.value)
             found.setdefault(remark.facts["number"], []).append(one)
@@ -103,7 +103,7 @@ def test_a_limit_among_measured_values_names_its_axis(mixed, format):
     limit = float(mixed.export(format="matlab").split("'RandomWalk', [")[1].split("]")[0].split()[2])
     found = [one for one in remarks_in(mixed, format, axes="worst") if one.code != "bias-not-known"]
     # The limit of gyro_z is the largest K, and its white noise the largest N.
-    assert only(found, "upper-limit").subject == "K of gyro_z"
+    assert only(found, "upper-limit:axis").subject == "K of gyro_z"
     assert words(text).count("UPPER LIMIT, not a measured value (97.5 %): K of gyro_z.") == 1
     assert "N of gyro_z, K of gyro_z (upper limit)" in words(text)
     white, walk = CONSUMERS[format](text)["gyro"]
@@ -127,21 +127,21 @@ def test_a_mean_with_a_limit_names_the_axes(mixed, format):
     }
     value = among(found)["K of the accelerometers"][1]
     assert value[2:] == ("m/s²/√s", pytest.approx(1.414e-4, rel=5e-3))
-    assert "upper-limit" not in {remark.code for remark in found}
+    assert "upper-limit:axis" not in {code_of(remark) for remark in found}
 
 
 @pytest.mark.slow
 def test_limits_of_all_axes_and_of_some_are_told_apart():
     unit = calibrated({**MIXED, "accel_y": "WN(sigma2=3e-5)", "accel_z": "WN(sigma2=4e-5)"})
     found = remarks_in(unit, "kalibr", axes="mean")
-    assert only(found, "upper-limit").subject == "K of the accelerometers"
+    assert only(found, "upper-limit:axis").subject == "K of the accelerometers"
     assert list(among(found)) == ["K of the gyroscopes"]
 
 
 @pytest.mark.parametrize("format", PER_AXIS)
 def test_each_axis_has_its_own_limit(mixed, format):
     found = remarks_in(mixed, format, axes="each")
-    limits = [remark for remark in found if remark.code == "upper-limit"]
+    limits = [remark for remark in found if code_of(remark) == "upper-limit:axis"]
     assert [remark.subject for remark in limits] == ["K of gyro_z", "K of accel_x"]
     assert among(found) == {}
     text = words(mixed.export(format=format, axes="each"))

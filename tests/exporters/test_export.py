@@ -14,7 +14,7 @@ from gmwm.base.remarks import Quantity, Remark
 from gmwm.calibration.recording_info import Recording
 from gmwm.showing.exporters import export_all, export_formats
 from gmwm.showing.exporters.text import plain, unended
-from tests.helpers import only, raises, warns
+from tests.helpers import code_of, only, raises, warns
 
 from .conftest import RATE, TRUTHS, calibrated, exact_curve, remarks_in, words
 from .consumers import CONSUMERS, PER_AXIS, yaml
@@ -67,7 +67,7 @@ def test_an_axis_that_failed_is_told_and_left_out(units):
     two = with_axes(units["quantized"], *(a for a in TRUTHS["quantized"] if a != "gyro_y"), failed=["gyro_y"])
     text = two.export()
     assert "of gyro_x, gyro_z" in words(text)
-    assert [r.subject for r in remarks_in(two, "kalibr") if r.code == "not-calibrated"] == ["gyro_y"]
+    assert [r.subject for r in remarks_in(two, "kalibr") if code_of(r) == "not-calibrated:calibration"] == ["gyro_y"]
     walk = CONSUMERS["kalibr"](text)["gyro"][1]
     assert walk == pytest.approx((2e-11 * RATE) ** 0.5, rel=0.01)
     for format in ("ros", *PER_AXIS):
@@ -195,14 +195,16 @@ def test_only_xml_breaks_double_hyphens(units):
 
 def test_doubts_of_the_recording_stand_in_every_head(units):
     off = {"norm": Quantity(9.52, "m/s²"), "expected": Quantity(9.80665, "m/s²"), "share": -2.9}
-    doubt = Remark.of("gravity-off", "accel -->", **off)
+    doubt = Remark.of("unit-contradicted", "accel -->", case="gravity", **off)
     knocks = Remark.of("knocks", count=2, first=Quantity(7.0, "s"))
     told = replace(units["quantized"], recording_remarks=(doubt, knocks))
     for format in set(export_formats()) - {"dlio"}:
-        assert [r.code for r in remarks_in(told, format) if r.code in ("gravity-off", "knocks")] == ["gravity-off"]
+        assert [
+            code_of(r) for r in remarks_in(told, format) if code_of(r) in ("unit-contradicted:gravity", "knocks")
+        ] == ["unit-contradicted:gravity"]
         text = words(told.export(format=format))
         assert f"CAUTION: {words(doubt.text())}".replace("--", "- -" if format == "gazebo" else "--") in text or (
-            format == "json" and "gravity-off" in text
+            format == "json" and "unit-contradicted" in text
         ), format
         assert "knocks" not in text, format
     ElementTree.fromstring(told.export(format="gazebo"))
@@ -245,7 +247,7 @@ def test_sensors_of_two_rates_are_told(units):
 def test_terms_that_act_as_others_are_counted_to_these(units):
     curve = exact_curve("gyro_x", "WN(sigma2=6e-7) + RW(gamma2=1e-11)")
     found = calibrated(TRUTHS["quantized"])
-    with warns("acts-as", process="RW"):
+    with warns("correlation-time-unknown:fit", process="RW"):
         fit = gmwm.fit("GM + WN", curve)
     axes = {**found.axes, "gyro_x": replace(found.axes["gyro_x"], fit=fit, datasheet=fit.datasheet())}
     walk = CONSUMERS["matlab"](replace(found, axes=axes).export(format="matlab"))["gyro"][1]

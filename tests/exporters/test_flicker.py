@@ -12,6 +12,7 @@ from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from gmwm.showing.exporters import export_formats
 from gmwm.showing.exporters.api import _options
 from gmwm.showing.exporters.base import find_exporter
+from tests.helpers import code_of
 
 from .conftest import RATE, SAMPLES, calibrated, remarks_in, words
 from .consumers import CONSUMERS, MARKOV
@@ -83,7 +84,7 @@ def test_matlab_has_a_parameter_for_it(unit):
     assert code.count("fractalcoef(poles, 1)") == 2
     assert "poles = 20000;" in code
     assert "N and K do not include it" in words(text)
-    assert not {"upper-limit", "upper-limit-among"} & {remark.code for remark in remarks_in(unit, "matlab")}
+    assert not {"upper-limit:axis", "upper-limit:mean"} & {code_of(remark) for remark in remarks_in(unit, "matlab")}
 
 
 @pytest.mark.slow
@@ -98,7 +99,7 @@ def test_the_filter_of_matlab_holds_flicker_noise_as_long_as_is_said():
 
 
 def test_ros_leaves_it_out_and_says_so(unit):
-    found = [remark for remark in remarks_in(unit, "ros") if remark.code == "no-variance"]
+    found = [remark for remark in remarks_in(unit, "ros") if code_of(remark) == "not-in-file:variance"]
     assert [(remark.subject, remark.facts["terms"]) for remark in found] == [(axis, ("FN",)) for axis in TRUTHS]
 
 

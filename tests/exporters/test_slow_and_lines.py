@@ -5,6 +5,8 @@ import re
 
 import pytest
 
+from tests.helpers import code_of
+
 from .conftest import RATE, calibrated, remarks_in, words
 from .consumers import CONSUMERS, MARKOV
 
@@ -51,7 +53,7 @@ def test_lines_are_named_and_not_counted(lines, format):
     assert white == pytest.approx(math.sqrt(6e-7 / RATE), rel=1e-3 if format in MARKOV else 1e-4)
     if format not in (*MARKOV, "glim"):
         assert walk == pytest.approx(math.sqrt(1e-11 * RATE), rel=1e-3)
-    found = [remark for remark in remarks_in(lines, format) if remark.code == "line-left-out"]
+    found = [remark for remark in remarks_in(lines, format) if code_of(remark) == "lines:file"]
     of_axes = {axis: [r.facts for r in found if r.subject == axis] for axis in ("gyro_x", "accel_y")}
     assert [facts["frequency"].value for facts in of_axes["gyro_x"]] == pytest.approx([0.7], rel=1e-3)
     assert of_axes["gyro_x"][0]["amplitude"].value == pytest.approx(math.sqrt(8e-8), rel=1e-3)
@@ -64,7 +66,7 @@ def test_ros_leaves_lines_out(lines):
     text = lines.export(format="ros")
     (variance,) = re.findall(r"^angular_velocity_covariance: \[(\S+),", text, re.MULTILINE)
     assert float(variance) == pytest.approx(6e-7, rel=1e-4)
-    axes = [remark.subject for remark in remarks_in(lines, "ros") if remark.code == "line-left-out"]
+    axes = [remark.subject for remark in remarks_in(lines, "ros") if code_of(remark) == "lines:file"]
     assert axes == [*(f"gyro_{k}" for k in "xyz"), *(f"accel_{k}" for k in "xyz" for _ in range(2))]
 
 

@@ -13,6 +13,7 @@ from gmwm.recording.batches import Batch, Batches, join_batches
 from gmwm.recording.chunks import Chunk
 from gmwm.recording.gaps import filled, gaps
 from gmwm.recording.gaps.gaps import joined_ranges
+from tests.helpers import code_of
 
 RATE = 100.0
 
@@ -106,7 +107,7 @@ def test_gaps_of_unknown_length_stay():
     assert not signal.gaps_known
     assert signal.fill_gaps() is signal
     assert gmwm.wavelet_variance(signal).segments == (9000, 11_000)
-    assert "gaps-filled" not in {remark.code for remark in gmwm.inspect(Imu({"gyro_x": signal})).remarks}
+    assert "gaps-filled:filled" not in {code_of(remark) for remark in gmwm.inspect(Imu({"gyro_x": signal})).remarks}
 
 
 @pytest.mark.slow
@@ -129,7 +130,7 @@ def test_a_file_has_the_curve_of_memory_in_batches_of_any_size(tmp_path, monkeyp
 def test_a_calibration_is_the_same_from_memory_and_from_chunks(tmp_path, monkeypatch):
     Imu({x.axis: x for x in recording(6)}).write(tmp_path / "a.csv")
     expected = gmwm.calibrate(gmwm.read(tmp_path / "a.csv"), within="WN + RW")
-    assert "gaps-filled" in {remark.code for remark in expected.recording_remarks}
+    assert "gaps-filled:filled" in {code_of(remark) for remark in expected.recording_remarks}
     for size, chunk in ((1 << 21, 501), (7000, 100_000)):
         monkeypatch.setattr(batches, "BATCH", size)
         found = gmwm.calibrate(gmwm.stream(tmp_path / "a.csv", chunk=chunk), within="WN + RW")

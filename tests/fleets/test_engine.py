@@ -15,12 +15,12 @@ from gmwm.applications.fleets import Fleet, unit_job
 from gmwm.applications.fleets.discovery import find_units
 from gmwm.applications.fleets.table import RUN_AGAIN
 from gmwm.applications.fleets.unit_job import UnitJob, UnitOptions
-from gmwm.applications.fleets.workers import allowing_lost_workers, on_cluster
+from gmwm.applications.fleets.workers import Cluster, allowing_lost_workers, run_jobs
 from gmwm.base.errors import DataError, GmwmWarning, OptionError, ReadError
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.files.readers.api import read_file
 from gmwm.recording.options import ReadOptions
-from tests.helpers import raises
+from tests.helpers import code_of, raises
 
 pytestmark = pytest.mark.slow
 
@@ -194,7 +194,8 @@ def test_a_unit_that_kills_its_workers_fails_and_takes_nobody_along(client, few)
     asked = asked_for(WITHIN)
     jobs = [UnitJob(path.name, str(path), asked, 1) for path in sorted(few.iterdir())]
     jobs.insert(2, UnitJob("deadly", jobs[0].path, asked, Deadly(1)))
-    outcomes = list(on_cluster(jobs, client, retries=1))
+    with Cluster(client) as cluster:
+        outcomes = list(run_jobs(jobs, cluster, retries=1))
     assert sorted(one.unit for one in outcomes) == sorted(job.unit for job in jobs)
     assert [one.unit for one in outcomes if one.document is None] == ["deadly"]
     assert "its worker process died" in next(one.reason for one in outcomes if one.unit == "deadly")
@@ -237,7 +238,7 @@ def test_another_recording_is_done_anew_a_touched_one_is_not(few, tmp_path):
         found = fleet(few, output, within=WITHIN, workers=0)
     (remark,) = (one.message.remark for one in warned if isinstance(one.message, GmwmWarning))
     facts = {"folder": str(output / "units"), "count": 1, "units": ("4.parquet",)}
-    assert (remark.code, remark.facts) == ("foreign-results", facts)
+    assert (code_of(remark), remark.facts) == ("other-results:units", {"case": "units", **facts})
     assert (found.kept, found.done) == (4, 3)
     samples = dict(found.table.select("unit", "samples").iter_rows())
     units = [*(f"{k}.parquet" for k in (0, 1, 2, 3, 5)), "6.csv", "new/4.parquet"]

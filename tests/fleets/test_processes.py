@@ -9,8 +9,8 @@ from multiprocessing import active_children
 import pytest
 
 from gmwm import fleet, simulate
-from gmwm.applications.fleets.processes import Processes
 from gmwm.applications.fleets.unit_job import UnitJob, UnitOptions
+from gmwm.applications.fleets.workers import Processes, run_jobs
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.recording.options import ReadOptions
 
@@ -72,7 +72,7 @@ def test_a_unit_that_kills_its_process_fails_and_one_that_does_so_once_does_not(
     jobs.insert(2, UnitJob("deadly", jobs[0].path, asked, Deadly(1)))
     jobs.insert(4, UnitJob("once", jobs[0].path, asked, Deadly(1, tmp_path / "died")))
     with Processes(2) as processes:
-        outcomes = list(processes.outcomes(jobs, retries=1))
+        outcomes = list(run_jobs(jobs, processes, retries=1))
     assert sorted(one.unit for one in outcomes) == sorted(job.unit for job in jobs)
     (failed,) = (one for one in outcomes if one.document is None)
     assert (failed.unit, (tmp_path / "died").exists()) == ("deadly", True)

@@ -10,6 +10,7 @@ import gmwm
 from gmwm import fleet
 from gmwm.cli.main import app
 from gmwm.files.readers.topics import sensor_topics
+from tests.helpers import code_of
 from tests.readers.test_dataflash import ACC, GYR, IMU, VALUES, imu, log, message
 
 pytestmark = pytest.mark.slow
@@ -82,7 +83,7 @@ def test_units_with_lost_samples_have_the_calibrations_of_calibrate(tmp_path):
             assert curve.filled > 0
             for other in (single, chunked):
                 assert found[unit][axis].to_dict() == other[axis].to_dict()
-        codes = {remark.code for remark in found[unit].recording_remarks}
-        assert "gaps-filled" in codes
+        codes = {code_of(remark) for remark in found[unit].recording_remarks}
+        assert "gaps-filled:filled" in codes
         assert ("gaps" in codes) == (unit != "0.csv")
     assert found.table.height == 6

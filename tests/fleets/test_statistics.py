@@ -201,20 +201,20 @@ def test_among_few_units_none_is_looked_for():
     found = fleet_statistics(fleet(7, shifts={(3, "gyro_x"): 100.0}))
     assert not found.outliers
     assert not any(row.searched for row in found.rows)
-    remark = only(found.remarks, "outliers-not-sought")
+    remark = only(found.remarks, "not-compared:few")
     assert (remark.subject, remark.facts["fewest"]) == ("N of gyro", 8)
-    assert "no-outlier-units" not in codes(found.remarks)
+    assert "check-passed:fleet" not in codes(found.remarks)
     assert looked_for(np.array([7, 8])).tolist() == [0, 1]
 
 
 def test_too_few_units_for_a_spread_are_a_remark():
     two, three = (fleet_statistics(fleet(n)) for n in (2, 3))
     assert (two["gyro_x.N"].units, two["gyro_x.N"].spread, two["gyro_x.N"].predicted_high) == (2, None, None)
-    remark = only(two.remarks, "few-units-compared")
-    assert (remark.subject, remark.facts) == ("N of gyro", {"units": 2, "least": 3, "fewest": 8})
-    assert [only(found.remarks, "small-fleet").facts["units"] for found in (two, three)] == [2, 3]
-    assert "few-units-compared" not in codes(three.remarks)
-    assert "small-fleet" not in codes(fleet_statistics(fleet(4)).remarks)
+    remark = only(two.remarks, "few-units:number")
+    assert (remark.subject, remark.facts) == ("N of gyro", {"case": "number", "units": 2, "least": 3, "fewest": 8})
+    assert [only(found.remarks, "few-units:fleet").facts["units"] for found in (two, three)] == [2, 3]
+    assert "few-units:number" not in codes(three.remarks)
+    assert "few-units:fleet" not in codes(fleet_statistics(fleet(4)).remarks)
 
 
 # --- what is compared -------------------------------------------------------------------------------
@@ -231,8 +231,8 @@ def test_upper_limits_are_counted_but_not_compared():
     assert found.below == ("2.csv",)
     assert not found.shown_by
     remarks = fleet_statistics(with_number(table, "K", value, low, high, "rad/s/√s")).remarks
-    assert only(remarks, "limits-not-compared").subject == "K of gyro"
-    assert only(remarks, "limits-below").facts["units"] == ("2.csv",)
+    assert only(remarks, "not-compared:limits").subject == "K of gyro"
+    assert only(remarks, "shown-by-few:below").facts["units"] == ("2.csv",)
 
 
 def test_the_few_that_show_what_the_others_do_not_are_named():
@@ -240,8 +240,8 @@ def test_the_few_that_show_what_the_others_do_not_are_named():
     value, low, high = [None] * 11 + [1e-5], [0.0] * 11 + [0.8e-5], [1e-6] * 11 + [1.2e-5]
     found = fleet_statistics(with_number(table, "K", value, low, high, "rad/s/√s"))
     assert found["gyro_x.K"].shown_by == ("11.csv",)
-    remark = only(found.remarks, "shown-by-few")
-    assert (remark.subject, remark.facts) == ("K of gyro_x", {"shown": ("11.csv",), "limited": 11})
+    remark = only(found.remarks, "shown-by-few:few")
+    assert (remark.subject, remark.facts) == ("K of gyro_x", {"case": "few", "shown": ("11.csv",), "limited": 11})
 
 
 def test_the_ramp_is_compared_with_its_sign_and_a_limit_is_about_zero():
@@ -270,7 +270,7 @@ def test_numbers_of_the_model_are_compared_within_the_commonest_model():
     row = fleet_statistics(table)["gyro_x.T_c"]
     assert (row.model, row.units, row.left_out) == ("GM + WN", 10, 2)
     assert fleet_statistics(table)["gyro_x.N"].units == 12
-    remark = only(fleet_statistics(table).remarks, "one-model-compared")
+    remark = only(fleet_statistics(table).remarks, "not-compared:model")
     assert (remark.subject, remark.facts["model"]) == ("T_c of gyro", "GM + WN")
 
 
@@ -281,7 +281,7 @@ def test_numbers_without_an_interval_or_of_other_units_are_left_out():
     table = table.with_columns(N_unit=pl.when(pl.col("unit") == "5.csv").then(pl.lit("u/√Hz")).otherwise("N_unit"))
     row = fleet_statistics(table)["gyro_x.N"]
     assert (row.units, row.left_out) == (9, 3)
-    assert only(fleet_statistics(table).remarks, "units-without-interval").subject == "N of gyro"
+    assert only(fleet_statistics(table).remarks, "not-compared:interval").subject == "N of gyro"
 
 
 def test_failed_units_are_not_counted():
@@ -365,19 +365,23 @@ def test_the_summary_has_units_failures_outliers_and_remarks():
     assert "and 3 more" in flat
     assert "2.csv, gyro_x N:" in flat
     assert "deg/√h" in flat
-    assert only(remarks, "units-failed").facts == {"failed": 13, "units": 33}
-    assert only(remarks, "fits-rejected").facts == {"rejected": 60, "tested": 60}
-    assert "fleet-outliers" not in codes(remarks)
-    outlier = only(remarks, "units-outlying")
+    assert only(remarks, "not-calibrated:fleet").facts == {"case": "fleet", "failed": 13, "units": 33}
+    assert only(remarks, "model-rejected:fleet").facts == {"case": "fleet", "rejected": 60, "tested": 60}
+    assert "outliers-found:fleet" not in codes(remarks)
+    outlier = only(remarks, "units-outlying:units")
     assert (outlier.subject, outlier.facts["count"], outlier.severity) == ("2.csv", 1, Severity.BIASED)
 
 
 def test_outliers_in_samples_are_a_remark():
     table = fleet(4).with_columns(contaminated=pl.col("unit") == "2.csv")
-    assert only(of_units(table, 4, 0), "fleet-outliers").facts == {"contaminated": 3, "tested": 12}
+    assert only(of_units(table, 4, 0), "outliers-found:fleet").facts == {
+        "case": "fleet",
+        "contaminated": 3,
+        "tested": 12,
+    }
 
 
 def test_a_healthy_fleet_has_no_grave_remark():
     remarks = fleet_statistics(fleet(20)).remarks
-    assert only(remarks, "no-outlier-units").facts["size"] == 0.05
+    assert only(remarks, "check-passed:fleet").facts["size"] == 0.05
     assert {remark.severity for remark in remarks} == {Severity.INFO}

@@ -11,7 +11,7 @@ from gmwm.fitting.estimation.summary import IntervalMethod, inference, short_val
 from gmwm.theory.filters import HAAR
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Parameter
-from tests.helpers import codes, only, raises
+from tests.helpers import code_of, codes, only, raises
 
 RATE = 100.0
 pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
@@ -141,19 +141,19 @@ def test_a_term_that_acts_as_another_says_what_it_amounts_to():
     x = truth.simulate(20_000, RATE, 1)
     fit, plain = gmwm.fit("GM + WN", x, RATE), gmwm.fit("RW + WN", x, RATE)
     assert fit.diagnostics.acts_as == {"GM": "RW"}
-    facts = only(fit.remarks, "acts-as").facts
+    facts = only(fit.remarks, "correlation-time-unknown:fit").facts
     assert (facts["term"], facts["process"], facts["parameter"]) == ("GM", "RW", "RW.gamma2")
     assert facts["amount"].unit.endswith("per sample")
     assert facts["amount"].value == pytest.approx(plain.parameters["RW.gamma2"], rel=1e-3)
     assert facts["amount"].value == pytest.approx(
         2 * fit.parameters["GM.beta"] * fit.parameters["GM.sigma2"] / RATE, rel=1e-3
     )
-    assert only(fit.remarks, "acts-as").text() in fit.summary()
+    assert only(fit.remarks, "correlation-time-unknown:fit").text() in fit.summary()
     short = short_values(fit, IntervalMethod())
     assert short["GM.beta"] == short["GM.sigma2"] == "as RW"
     assert "±" in short["WN.sigma2"]
     white = gmwm.fit("GM + RW", x, RATE)
-    facts = only(white.remarks, "acts-as").facts
+    facts = only(white.remarks, "correlation-time-unknown:fit").facts
     assert facts["parameter"] == "WN.sigma2"
     assert facts["amount"].value == pytest.approx(plain.parameters["WN.sigma2"], rel=1e-3)
 
@@ -177,8 +177,8 @@ def test_summary_says_the_lot(fit):
 def test_summary_of_what_is_not_there():
     fit = gmwm.fit("2*GM + WN + RW", WN(sigma2=4.0).simulate(30_000, RATE, 6), RATE)
     text = fit.summary()
-    assert all(remark.about("").text() in text for remark in fit.remarks if remark.code == "term-zero")
-    assert len(fit.diagnostics.not_supported) == codes(fit.remarks).count("term-zero") > 0
+    assert all(remark.about("").text() in text for remark in fit.remarks if code_of(remark) == "term-zero:fit")
+    assert len(fit.diagnostics.not_supported) == codes(fit.remarks).count("term-zero:fit") > 0
     assert "undetermined" in text
     assert "at most" in text
 
@@ -217,7 +217,7 @@ def test_a_process_without_covariance_is_fitted_with_weights_of_the_data():
 
     fit = gmwm.fit(gmwm.Model((Pure(),)), WN(sigma2=4.0).simulate(30_000, RATE, 6), RATE)
     assert fit.parameters["P.q"] == pytest.approx(4.0, rel=0.05)
-    assert "weights-from-data" in codes(fit.remarks)
+    assert "weights-from-data:no-autocovariance" in codes(fit.remarks)
     assert inference(fit, IntervalMethod())["confidence_intervals"] == {}
     with pytest.raises(gmwm.errors.MissingTheoryError):
         gmwm.fit(gmwm.Model((Pure(),)), WN(sigma2=4.0).simulate(30_000, RATE, 6), RATE, weighting="optimal")

@@ -111,7 +111,7 @@ def test_an_uncertain_parameter_has_a_remark():
     plan = gmwm.plan(MODELS["walk"], duration=60.0, rate=RATE, unit="rad/s")
     assert 0.5 < plan.at(60.0)["RW.gamma2"] < math.inf
     text = plan.summary(0.2)
-    remark = only(plan.remarks, "plan-uncertain")
+    remark = only(plan.remarks, "poorly-known:plan")
     assert (remark.facts["parameters"], remark.facts["duration"].value) == (("RW.gamma2",), 60.0)
     assert remark.text() in text
     assert "(rad/s)² per sample" in text
@@ -130,7 +130,7 @@ def test_parameters_with_the_same_effect_have_a_remark():
     assert math.isfinite(errors["RW.gamma2"])
     assert math.isinf(plan.needed()["WN.sigma2"])
     text = plan.summary()
-    remark = only(plan.remarks, "plan-undetermined")
+    remark = only(plan.remarks, "poorly-known:impossible")
     assert remark.facts["parameters"] == ("GM.beta", "GM.sigma2", "WN.sigma2")
     assert remark.facts["duration"].value == 600.0
     assert remark.text() in text

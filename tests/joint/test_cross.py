@@ -17,7 +17,7 @@ from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.variance import wavelet_variance
 from gmwm.recording import batches
 from gmwm.theory.processes.model import Model
-from tests.helpers import raises
+from tests.helpers import code_of, raises
 
 RATE = 50.0
 
@@ -89,7 +89,7 @@ def test_independent_noise_is_not_shared_and_shared_noise_is():
     assert {one.axes for one in found.shared} == set(found.pairs)
     assert found.shared[0].pvalue == min(one.pvalue for one in found.shared)
     assert all(one.lower < one.correlation < one.upper and one.pvalue <= found.size for one in found.shared)
-    assert [remark.code for remark in found.remarks] == ["axes-share-noise"]
+    assert [code_of(remark) for remark in found.remarks] == ["noise-shared:cross"]
     assert np.linalg.eigvalsh(found.matrices).min() >= -1e-9 * found.matrices.max()
 
 

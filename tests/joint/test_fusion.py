@@ -13,6 +13,7 @@ from gmwm.applications.several.fusion import best_weights
 from gmwm.applications.several.matrices import wavelet_matrices
 from gmwm.base.errors import DataError, OptionError, ReadError
 from gmwm.files.readers import read_array
+from tests.helpers import code_of
 from validation.study_fusion import exact, simulated, units
 
 
@@ -218,7 +219,7 @@ def test_a_kalman_filter_keeps_the_motion_and_its_promise():
 @pytest.mark.slow
 def test_a_model_that_does_not_fit_is_reported():
     virtual = fuse(array(n=1 << 14), 1.0, model="WN")
-    assert [remark.code for remark in virtual.remarks] == ["array-model-rejected"]
+    assert [code_of(remark) for remark in virtual.remarks] == ["model-rejected:array"]
 
 
 def test_no_negative_weights_need_a_horizon():
@@ -276,4 +277,4 @@ def test_a_recording_in_motion_has_a_remark():
     rng = np.random.default_rng(1)
     motion = 0.05 * np.sin(np.arange(20_000) / 500)
     found = fuse({f"gyro_x[{k}]": motion + 1e-3 * rng.normal(size=20_000) for k in range(3)}, 100.0)
-    assert "array-model-rejected" in [remark.code for remark in found.remarks]
+    assert "model-rejected:array" in [code_of(remark) for remark in found.remarks]

@@ -8,6 +8,7 @@ import pytest
 import gmwm
 from gmwm.applications.several import same
 from gmwm.base.errors import DataError, OptionError
+from tests.helpers import code_of
 
 RATE = 50.0
 
@@ -81,7 +82,7 @@ def test_axes_of_two_recordings():
     found = gmwm.same(monday, tuesday)
     assert found.axes == tuple(monday)
     assert not found.differs
-    assert [remark.code for remark in found.remarks] == ["noise-same"]
+    assert [code_of(remark) for remark in found.remarks] == ["recordings-agree:noise"]
     assert json.loads(json.dumps(found.to_dict()))["differs"] is False
     assert found.to_frame().shape[0] == len(found.levels) == 6 * len(found["gyro_x"])
     assert all(axis in found.summary() for axis in monday)
@@ -90,10 +91,10 @@ def test_axes_of_two_recordings():
     )
     changed = gmwm.same(monday, louder)
     assert changed.axes == ("gyro_x", "gyro_y", "gyro_z")
-    differ = [(remark.code, remark.facts["more"]) for remark in changed.remarks[:3]]
-    assert differ == [("noise-differs", "lower")] * 3
+    differ = [(code_of(remark), remark.facts["more"]) for remark in changed.remarks[:3]]
+    assert differ == [("recordings-differ:noise", "lower")] * 3
     assert changed.left_out == ("accel_x", "accel_y", "accel_z")
-    assert [remark.code for remark in changed.remarks[3:]] == ["axes-not-compared"] * 3
+    assert [code_of(remark) for remark in changed.remarks[3:]] == ["not-compared:axis"] * 3
 
 
 @pytest.mark.parametrize(
@@ -124,7 +125,7 @@ def test_the_parameters_of_a_model_are_compared():
     x, y, z = noise(20_000, 1, walk=0.02), noise(30_000, 2, walk=0.02), noise(20_000, 3, scale=1.1, walk=0.05)
     alike = same(x, y, rate=RATE, model="WN + RW")
     assert not alike.differs
-    assert [remark.code for remark in alike.remarks] == ["parameters-same"]
+    assert [code_of(remark) for remark in alike.remarks] == ["recordings-agree:parameters"]
     found = same(z, x, rate=RATE, model="WN + RW", labels=["loud", "quiet"])
     assert found.differs
     assert found.pvalue < 1e-6
@@ -143,7 +144,7 @@ def test_the_parameters_of_a_model_are_compared():
 def test_a_wrong_model_is_rejected_and_a_tolerance_needs_no_model():
     x, y = noise(20_000, 1, walk=0.05), noise(20_000, 2, walk=0.05)
     found = same(x, y, rate=RATE, model="WN")
-    assert "compared-model-rejected" in [remark.code for remark in found.remarks]
+    assert "model-rejected:same" in [code_of(remark) for remark in found.remarks]
     assert "p = 0)" not in found.summary()
     with pytest.raises(OptionError):
         same(x, y, rate=RATE, model="WN + RW", tolerance=0.1)

@@ -270,9 +270,7 @@ def test_sums_of_exponentials_have_the_variances_of_the_shape(process):
         expected = (
             example.wavelet_variance(8, RATE) - np.square(example.mean(1.0) - example.mean(0.0)) * 4.0**levels / 16
         )
-        found = [
-            lag_sums(levels[[k]], 2 ** (k + 1), terms, None, diagonal=True)[0][0] / 4.0 ** (k + 1) for k in range(8)
-        ]
+        found = [lag_sums(levels[[k]], 2 ** (k + 1), terms, diagonal=True)[0][0] / 4.0 ** (k + 1) for k in range(8)]
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * np.abs(expected).max())
 
 

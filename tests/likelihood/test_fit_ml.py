@@ -150,7 +150,7 @@ def test_an_unsupported_term_is_zero_and_has_a_remark():
         seen += 1
         assert found.diagnostics.not_supported == ("RW",)
         warned = [w.message.remark for w in said if isinstance(w.message, FitWarning)]
-        assert only(warned, "term-zero").facts["term"] == "RW"
+        assert only(warned, "term-zero:fit").facts["term"] == "RW"
         assert found.parameters["WN.sigma2"] == pytest.approx(bare.parameters["WN.sigma2"], rel=1e-4)
         assert "RW.gamma2" not in found.standard_errors
         low, high = found.confidence_intervals()["RW.gamma2"]
@@ -167,7 +167,7 @@ def test_a_process_too_slow_for_the_record_is_said_to_be_a_walk():
         x = Model.parse("RW(gamma2=1e-2) + WN(sigma2=1.0)").simulate(4000, RATE, rng=seed)
         with pytest.warns(FitWarning) as caught:
             found = fit_ml("GM + WN", x, RATE)
-        facts = only((w.message.remark for w in caught), "acts-as").facts
+        facts = only((w.message.remark for w in caught), "correlation-time-unknown:fit").facts
         assert (facts["term"], facts["process"]) == ("GM", "RW")
         assert found.diagnostics.acts_as == {"GM": "RW"}
         assert found.diagnostics.converged
@@ -296,7 +296,7 @@ def test_a_zero_and_an_infinity_survive_plain_numbers():
     x = Model.parse("RW(gamma2=1e-2) + WN(sigma2=1.0)").simulate(2000, RATE, rng=3)
     with pytest.warns(FitWarning):
         found = fit_ml("GM + WN", x, RATE)
-    assert only(found.remarks, "acts-as").facts["process"] == "RW"
+    assert only(found.remarks, "correlation-time-unknown:fit").facts["process"] == "RW"
     back = LikelihoodFit.from_dict(json.loads(json.dumps(found.to_dict(), allow_nan=False)))
     assert back.diagnostics == found.diagnostics
     np.testing.assert_array_equal(back.covariance, found.covariance)

@@ -58,7 +58,7 @@ def test_knocks_are_found_where_they_are(efficiency: float) -> None:
     # Of white noise for two seconds: felt by the finest levels, not by those beyond its length.
     assert verdict.exceeding[:4].all()
     assert not verdict.exceeding[10:].any()
-    remark = only(verdict.remarks, "outliers-found")
+    remark = only(verdict.remarks, "outliers-found:test")
     assert remark.severity is Severity.BIASED
     assert [tau.value for tau in remark.facts["taus"]] == verdict.tau[verdict.exceeding].tolist()
     assert remark.facts["tau"].value == verdict.tau[np.argmax(np.where(verdict.exceeding, verdict.excess, -1.0))]
@@ -105,7 +105,7 @@ def test_coarse_steps_are_left_out_and_raise_no_alarm() -> None:
         assert not verdict.contaminated
         assert list(verdict.left_out.values()).count("rounded") == ruled
     assert verdict.pvalue == 1
-    assert codes(verdict.remarks) == ["outlier-test-impossible"]
+    assert codes(verdict.remarks) == ["outliers-not-tested:test"]
     # What the test would say if the steps were not seen: that they are left out is what keeps it from a false alarm.
     classical, robust = measured(4.0 * np.rint(x / 4.0))
     assert contamination((classical, replace(robust, diagnostics={}))).contaminated
@@ -118,13 +118,13 @@ def test_the_steps_of_an_angle_are_seen_at_the_level_that_shows_them() -> None:
     assert not verdict.contaminated
     rounded = list(verdict.left_out.values()).count("rounded")
     assert rounded > 0
-    assert only(verdict.remarks, "levels-rounded").facts["count"] == rounded
+    assert only(verdict.remarks, "outliers-not-tested:levels").facts["count"] == rounded
 
 
 def test_rounding_makes_the_robust_one_larger() -> None:
     verdict = contamination(clean(text="QN(q2=1.0)"), RATE)
     assert verdict.lighter[:3].all()
-    remark = only(verdict.remarks, "robust-larger")
+    remark = only(verdict.remarks, "robust-too-large:larger")
     assert [tau.value for tau in remark.facts["taus"]] == verdict.tau[verdict.lighter].tolist()
     assert remark.facts["share"] == -verdict.excess[verdict.lighter].min()
     assert not contamination(clean(), RATE).lighter.any()
@@ -135,9 +135,9 @@ def test_recordings_that_cannot_be_tested_say_why() -> None:
     assert not few.contaminated
     assert few.pvalue == 1
     assert set(few.left_out.values()) == {"few"}
-    assert only(few.remarks, "outlier-test-impossible").facts["reason"] == "few"
+    assert only(few.remarks, "outliers-not-tested:test").facts["reason"] == "few"
     assert set(nothing.left_out.values()) == {"nothing"}
-    assert only(nothing.remarks, "outlier-test-impossible").facts["reason"] == "nothing"
+    assert only(nothing.remarks, "outliers-not-tested:test").facts["reason"] == "nothing"
     assert not contamination(np.arange(5000.0), RATE).contaminated
 
 

@@ -309,7 +309,7 @@ def test_no_coefficient_leaves_its_room(roots):
             assert np.all(np.isfinite(rational.coordinates(moved)))
 
 
-@pytest.mark.parametrize(("distance", "expected"), [(0.9 * CANCELLING, ["roots-cancel"]), (1.1 * CANCELLING, [])])
+@pytest.mark.parametrize(("distance", "expected"), [(0.9 * CANCELLING, ["roots:cancel"]), (1.1 * CANCELLING, [])])
 def test_roots_nearly_cancel_below_a_distance(distance, expected):
     # The root of 1 − φB is φ, and that of 1 + θB is −θ.
     process = ARMA(1, 1, phi1=0.5, theta1=-(0.5 + distance), sigma2=1.0)

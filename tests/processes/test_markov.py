@@ -41,4 +41,4 @@ def test_a_fit_says_it_once_and_not_of_a_term_that_acts_as_another():
     with pytest.warns(FitWarning):
         wandering = fit("GM + WN", walk, RATE)
     assert wandering.diagnostics.acts_as == {"GM": "RW"}
-    assert codes(wandering.remarks) == ["acts-as"]
+    assert codes(wandering.remarks) == ["correlation-time-unknown:fit"]

@@ -7,7 +7,7 @@ from gmwm import SIN, WN, fit, fixed
 from gmwm.base.errors import MissingTheoryError, ModelError
 from gmwm.theory.filters import FILTERS, find_filter
 from gmwm.theory.processes import Model
-from tests.helpers import raises
+from tests.helpers import code_of, raises
 
 RATE = 100.0
 
@@ -99,9 +99,9 @@ def test_remarks_where_the_phase_stands_still():
     half = RATE / 2
     for frequency in (half, 3 * half, half * (1 + 1e-7)):
         (remark,) = SIN(frequency, 8.0).remarks("SIN", 10_000, RATE)
-        assert (remark.code, remark.facts["half"].value) == ("line-at-half-rate", half)
+        assert (code_of(remark), remark.facts["half"].value) == ("line-invisible:half", half)
     (remark,) = SIN(RATE, 8.0).remarks("SIN", 10_000, RATE)
-    assert (remark.code, remark.facts["frequency"].value) == ("line-invisible", RATE)
+    assert (code_of(remark), remark.facts["frequency"].value) == ("line-invisible:rate", RATE)
     # With half a turn of the phase over the record, the mean of sin² is one half again.
     for frequency in (half * (1 + 1e-4), 0.7, 0.9 * half, RATE / 1e6):
         assert SIN(frequency, 8.0).remarks("SIN", 10_000, RATE) == ()

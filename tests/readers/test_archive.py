@@ -61,8 +61,8 @@ def test_sensor_logger_columns_run_backwards_and_both_sensors_are_one_recording(
     assert table(imu).tolist() == VALUES[3:195].tolist()
     assert imu.rate == pytest.approx(100, rel=1e-3)
     assert imu["gyro_x"].start == pytest.approx(START / 1e9 + 0.03, abs=1e-3)
-    assert only(imu.remarks, "rows-paired").facts["left"] == 8
-    assert Remark.of("left-out", kind="tables", names=("Accelerometer",)) in imu.remarks
+    assert only(imu.remarks, "file-content:pairs").facts["left"] == 8
+    assert Remark.of("left-out", case="names", kind="tables", names=("Accelerometer",)) in imu.remarks
 
 
 @pytest.mark.slow
@@ -99,7 +99,7 @@ def test_linear_acceleration_of_phyphox_is_not_joined_either(tmp_path, name):
     assert only(read(path, topic=name).remarks, "gravity-removed").subject == name
     own = PHYPHOX.format("Acceleration", "m/s^2") + rows(ACCEL)
     imu = read(zipped(tmp_path, Gyroscope=gyro, **{"Linear Acceleration": linear, "Raw Acceleration": own}))
-    assert Remark.of("left-out", kind="tables", names=("Linear Acceleration",)) in imu.remarks
+    assert Remark.of("left-out", case="names", kind="tables", names=("Linear Acceleration",)) in imu.remarks
     assert table(imu).tolist() == VALUES.tolist()
     ros = linear.replace("Linear Acceleration ", "linear_acceleration.")
     assert table(read(zipped(tmp_path, gyro=gyro, accel=ros))).tolist() == VALUES.tolist()

@@ -77,7 +77,7 @@ def test_several_sensors_and_raw_samples(file):
     file.write_bytes(log(parts, (IMU, ACC, GYR)))
     found = read(file)
     np.testing.assert_array_equal(table(found), VALUES)
-    chosen = only(found.remarks, "topic-chosen")
+    chosen = only(found.remarks, "topic-chosen:chosen")
     assert "IMU_0 (" in chosen.facts["topic"]
     assert [name.partition(" ")[0] for name in chosen.facts["others"]] == ["IMU_1", "ACC_0", "GYR_0"]
     np.testing.assert_array_equal(table(read(file, topic="IMU_1")), VALUES + np.float32(0.5))

@@ -49,7 +49,7 @@ def test_pandas():
     many.columns = pd.MultiIndex.from_tuples([axis.split("_") for axis in AXES])
     same(Imu.from_arrays(many, 50), 50)
     frame.iloc[7, 2] = np.nan
-    with warns("samples-lost", count=1):
+    with warns("samples-lost:lost", count=1):
         assert Imu.from_arrays(frame, 200).segments == ((0, 7), (7, ROWS - 1))
 
 
@@ -119,7 +119,7 @@ def test_mappings_and_records():
         records[name] = column
     same(Imu.from_arrays(records))
     masked = {"gyro_x": np.ma.masked_invalid(np.where(np.arange(ROWS) == 9, np.nan, VALUES[:, 0]))}
-    with warns("samples-lost", count=1):
+    with warns("samples-lost:lost", count=1):
         assert Imu.from_arrays(masked, 100).segments == ((0, 9), (9, ROWS - 1))
 
 

@@ -144,7 +144,11 @@ def test_stamps_of_another_length_are_told_with_both(path):
     with raises(ReadError, "a.h5", "61", "imu/time", "60", "imu/gyro", advises=["rate="]):
         read(path, units=UNITS)
     imu = read(path, units=UNITS, rate=100)
-    assert only(imu.remarks, "left-out").facts == {"kind": "arrays", "names": ("gps/height", "gps/time", "imu/time")}
+    assert only(imu.remarks, "left-out:names").facts == {
+        "case": "names",
+        "kind": "arrays",
+        "names": ("gps/height", "gps/time", "imu/time"),
+    }
     with h5py.File(path, "a") as file:
         del file["imu/time"]
     assert read(path, units=UNITS).rate == 100
@@ -157,5 +161,5 @@ def test_units_that_a_description_states(tmp_path):
         file.attrs["sampling_rate"] = 100.0
         file.attrs["info"] = "A device at rest: `imu_gyr` in deg/s, and opt_pos in m."
     imu = read(tmp_path / "a.h5")
-    assert only(imu.remarks, "unit-named", "gyro").facts == {"unit": "deg/s", "source": "file"}
+    assert only(imu.remarks, "unit-named:unit", "gyro").facts == {"case": "unit", "unit": "deg/s", "source": "file"}
     np.testing.assert_allclose(imu["gyro_y"].values, np.radians(values[:, 1]))

@@ -60,13 +60,13 @@ def test_random_losses_are_found_under_jitter(tmp_path, share, jitter):
 def test_the_declared_rate_decides_between_rounding_and_regular_losses(tmp_path):
     rows = np.delete(np.arange(ROWS), np.s_[7::10])
     path = table(tmp_path / "static.csv", rows / 100)
-    with warns("rate-ambiguous"):
-        remark = only(gmwm.read(path).remarks, "rate-ambiguous")
+    with warns("rate-ambiguous:complete"):
+        remark = only(gmwm.read(path).remarks, "rate-ambiguous:complete")
     assert (remark.facts["rate"].value, remark.facts["other"].value) == (pytest.approx(90), pytest.approx(100))
     assert remark.facts["every"] == 10
     assert len(gmwm.read(path, rate=100).time_base.gaps) == ROWS // 10
     assert gmwm.read(path, rate=90).time_base.gaps == ()
-    assert codes(gmwm.read(path, rate=100).remarks) == ["unit-named"]
+    assert codes(gmwm.read(path, rate=100).remarks) == ["unit-named:unit"]
 
 
 @pytest.mark.parametrize("jitter", [0.0, 1e-4])
@@ -86,10 +86,10 @@ def test_values_of_no_sensor_are_lost_samples(tmp_path, value):
     values = np.random.default_rng(1).normal(size=1000)
     values[500] = value
     path = table(tmp_path / "static.csv", np.arange(1000) / 100, values)
-    with warns("values-impossible", count=1):
+    with warns("samples-lost:impossible", count=1):
         imu = gmwm.read(path)
     assert imu.segments == ((0, 500), (500, 999))
-    with warns("values-impossible", count=1):
+    with warns("samples-lost:impossible", count=1):
         chunks = list(gmwm.stream(path, chunk=100))
     assert np.concatenate([chunk["gyro_x"] for chunk in chunks]).tolist() == imu["gyro_x"].values.tolist()
 

@@ -51,8 +51,8 @@ def test_scales_and_increments_as_the_header_says(file, order, angle, velocity):
         sensor, flag, scale = ("gyro", angle, np.radians(1e-6)) if k < 3 else ("accel", velocity, 2e-5)
         expected = table()[1][:, k] * scale * (125 if flag else 1)
         np.testing.assert_allclose(imu[axis].values, expected, rtol=1e-14, err_msg=sensor)
-    assert only(imu.remarks, "sensor-named").facts["name"] == "A sensor"
-    assert only(imu.remarks, "time-read").facts == {"form": "week", "clock": "GPS"}
+    assert only(imu.remarks, "file-content:sensor").facts["name"] == "A sensor"
+    assert only(imu.remarks, "time-read:read").facts == {"case": "read", "form": "week", "clock": "GPS"}
 
 
 def test_it_is_known_by_its_signature(tmp_path):
@@ -64,7 +64,7 @@ def test_it_is_known_by_its_signature(tmp_path):
 
 def test_a_contradiction_of_rates_is_noted(file):
     file.write_bytes(imr(rate=250.0))
-    facts = only(read(file).remarks, "rate-stated").facts
+    facts = only(read(file).remarks, "rate-stated:stated").facts
     assert (facts["rate"], facts["used"]) == (Quantity(250.0, "Hz"), "no")
     assert facts["stamps"].value == pytest.approx(125.0, rel=1e-6)
 

@@ -6,15 +6,18 @@ Each layout names its source. The numbers are converted to the unit of the file 
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import reduce
 
 import numpy as np
 import pytest
 
 import gmwm
-from gmwm.base.errors import GmwmWarning
+from gmwm.base.errors import GmwmWarning, ReadError
 from gmwm.base.units import find_unit
+from tests.helpers import only, raises
 
 DEG, G = math.pi / 180, 9.80665
 RATE, SIZE = 100.0, 64
@@ -34,6 +37,7 @@ class Layout:
     remarks: tuple[str, ...] = ()  # codes of remarks that say how the file was read
     sensors: tuple[str, ...] = ("gyro", "accel")
     options: dict[str, object] = field(default_factory=dict)
+    tolerance: float = 1e-9
 
 
 def table(header: str, row: str = "{t:.3f},{g},{a}", *, deg=False, g=False, head="", scale=(1.0, 1.0)):
@@ -85,15 +89,15 @@ NAMES = [
            table("time [s],ω_x [rad s⁻¹],ω_y [rad s⁻¹],ω_z [rad s⁻¹],a_x [m·s⁻²],a_y [m·s⁻²],a_z [m·s⁻²]")),
     Layout("p, q, r", "state names of Etkin, Dynamics of Flight; JSBSim output",
            table("sys_time [s],p [deg/s],q [deg/s],r [deg/s],Ax [m/s2],Ay [m/s2],Az [m/s2]", deg=True),
-           remarks=("short-names",)),
+           remarks=("left-out",)),
     Layout("tx, ty, tz beside wx", "issue of an Allan variance tool: a table of t and w",
-           table("time_s,wx_rad_s,wy_rad_s,wz_rad_s,tx_m_s2,ty_m_s2,tz_m_s2"), remarks=("short-names",)),
+           table("time_s,wx_rad_s,wy_rad_s,wz_rad_s,tx_m_s2,ty_m_s2,tz_m_s2"), remarks=("left-out",)),
     Layout("roll, pitch and yaw rate", "MAVLink ATTITUDE: rollspeed, pitchspeed, yawspeed (rad/s)",
            table("time_boot_ms,rollspeed (rad/s),pitchspeed (rad/s),yawspeed (rad/s),xacc (m/s2),yacc (m/s2),"
-                 "zacc (m/s2)", "{ms},{g},{a}"), remarks=("short-names",)),
+                 "zacc (m/s2)", "{ms},{g},{a}"), remarks=("left-out",)),
     Layout("axes by number", "pandas columns of a split array",
            table("time_s,gyro_0 (rad/s),gyro_1 (rad/s),gyro_2 (rad/s),acc_0 (m/s2),acc_1 (m/s2),acc_2 (m/s2)"),
-           remarks=("short-names",)),
+           remarks=("left-out",)),
     Layout("x-IMU with its packet number", "x-io x-IMU GUI, CalInertialAndMag.csv",
            table("Packet number,Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),Accelerometer X (g),"
                  "Accelerometer Y (g),Accelerometer Z (g)", "{k},{g},{a}", deg=True, g=True, head="Sample rate: 100\n"),
@@ -108,7 +112,100 @@ NAMES = [
            lambda: table("GPS time,gx (deg/s),gy (deg/s),gz (deg/s),ax (g),ay (g),az (g)",
                          "2190:34560{t:.3f},{g},{a}", deg=True, g=True)(), remarks=("time-read",)),
 ]  # fmt: skip
-LAYOUTS = [*NAMES]
+
+
+def sentences(body: Callable[[int, str, str], str], *, deg=False, sign="$", before="", crc=False):
+    """Return the text of a log of sentences. `body` returns a sentence for a sample without its checksum."""
+
+    def write() -> str:
+        lines = []
+        for k in range(SIZE):
+            gyro, accel = GYRO[k] / (DEG if deg else 1.0), ACCEL[k]
+            text = body(k, ",".join(map(repr, gyro.tolist())), ",".join(map(repr, accel.tolist())))
+            xor = reduce(lambda total, letter: total ^ ord(letter), text, 0)
+            check = f"{zlib.crc32(text.encode(), 0xFFFFFFFF) ^ 0xFFFFFFFF:08x}" if crc else f"{xor:02X}"
+            lines.append(before.format(t=f"{k / RATE:05.2f}") + sign + text + "*" + check)
+            if k % 20 == 0:
+                lines.append("$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47")
+        return "\r\n".join(lines) + "\r\n"
+
+    return write
+
+
+def novatel(name: str, kind: str, *, types=("1e-9", "2e-8")):
+    """Return a log of NovAtel with the increments of an ISA-100C in counts, in the order z, −y, x."""
+    short = name.startswith("RAWIMUS")
+    head = "1692,484620.664" if short else "COM1,0,81.5,FINESTEERING,1672,249869.003,02040000,3fdf,43495"
+
+    def body(k: int, gyro: str, accel: str) -> str:
+        counts = [
+            np.rint(values[k] / RATE / float(size)).astype(int)
+            for values, size in zip((ACCEL, GYRO), reversed(types), strict=True)
+        ]
+        values = ",".join(f"{row[2]},{-row[1]},{row[0]}" for row in counts)
+        return f"{name},{head};{kind}1692,{484620 + k / RATE:.9f},00801503,{values}"
+
+    return sentences(body, sign="%" if short else "#", crc=True)
+
+
+def _clock(k: int) -> str:
+    """Return the time of day of a sample; midnight is in the recording."""
+    return f"2359{59.7 + k / RATE:06.3f}" if k < 30 else f"0000{k / RATE - 0.3:06.3f}"
+
+
+SENTENCES = [
+    Layout("VNYMR", "VectorNav VN-100 user manual: VNYMR",
+           sentences(lambda k, g, a: f"VNYMR,+012.5,-000.4,-000.9,-00.15,+00.16,+00.30,{a},{g}"), "log.txt",
+           remarks=("file-content", "left-out"), options={"rate": RATE}),
+    Layout("VNIMU with the time of the logger", "VectorNav VN-100 user manual: VNIMU",
+           sentences(lambda k, g, a: f"VNIMU,-00.03,+00.42,-00.66,{a},{g},+20.7,+084.322",
+                     before="2024-05-01 12:00:{t} "), "log.txt", remarks=("file-content", "time-read")),
+    Layout("VNQMR with seconds of the logger", "VectorNav VN-100 user manual: VNQMR",
+           sentences(lambda k, g, a: f"VNQMR,-0.01,-0.00,+0.05,+0.99,+1.06,-0.25,+3.06,{a},{g}",
+                     before="17000000{t},"), "log.txt", remarks=("file-content",)),
+    Layout("PSBGI", "SBG Systems, sbgECom logs: SBG_ECOM_LOG_NMEA_1_PSBGI",
+           sentences(lambda k, g, a: f"PSBGI,{_clock(k)},{g},{a},", deg=True), "log.txt",
+           remarks=("file-content", "time-read")),
+    Layout("PSONCMS", "Xsens MT low-level documentation: string output",
+           sentences(lambda k, g, a: f"PSONCMS,0.0905,0.4217,0.9020,-0.0196,{a},{g},0.0581,0.3846,0.7421,33.1"),
+           "log.txt", remarks=("file-content",), options={"rate": RATE}),
+    Layout("PIMU", "Inertial Sense documentation: NMEA protocol, PIMU",
+           sentences(lambda k, g, a: f"PIMU,{3218.5 + k / RATE:.3f},{g},{a}"), "log.txt", remarks=("file-content",)),
+    Layout("GPSXT", "HiPNUC products: hipnuc_nmea_parser.py",
+           sentences(lambda k, g, a: f"GPSXT,202303100905{29 + k / RATE:05.2f},116.4,39.9,158.2,359.8,-4.9,359.8,0.001,"
+                     f"171.2,1,0,15,15,{g},-0.001,-0.000,0.002,8,0", deg=True), "log.txt", sensors=("gyro",),
+           remarks=("file-content",), options={"units": {"gyro": "deg/s"}}),
+    *(
+        Layout(name, f"NovAtel OEM7 reference manual: {name}; factors in oem7_imu.cpp of novatel_oem7_driver",
+               novatel(name + "A", "00,26," if name.endswith("X") else ""), "log.asc", remarks=("file-content",),
+               options={} if name.endswith("X") else {"format": "novatel:ISA100C"}, tolerance=1e-5)
+        for name in ("RAWIMU", "RAWIMUS", "RAWIMUX", "RAWIMUSX")
+    ),
+]  # fmt: skip
+EXPORTS = [
+    Layout("write.table of R", "R manual, write.table: a header one field short, and quoted names with blanks",
+           lambda: r_table(['"gyro x [rad/s]"', '"gyro y [rad/s]"', '"gyro z [rad/s]"', '"acc x [g]"', '"acc y [g]"',
+                            '"acc z [g]"'], g=True), "log.txt", options={"rate": RATE}),
+    Layout("write.table of R with V1 to V6", "R manual, write.table: names of a matrix",
+           lambda: r_table([f'"V{k}"' for k in range(1, 7)]), "log.txt",
+           options={"rate": RATE, "units": {"gyro": "rad/s", "accel": "m/s2"},
+                    "columns": ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]}),
+    Layout("save -ascii of MATLAB", "MATLAB documentation, save: ASCII format in a file named .mat",
+           lambda: "".join(
+               "".join(f"  {v: .16e}" for v in (k / RATE, *GYRO[k], *ACCEL[k])) + "\n" for k in range(SIZE)
+           ),
+           "data.mat", options={"units": {"gyro": "rad/s", "accel": "m/s2"},
+                    "columns": ["time", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]}),
+]  # fmt: skip
+
+
+def r_table(names: list[str], g=False) -> str:
+    """Return the output of `write.table` of R with its defaults."""
+    rows = ((*GYRO[k].tolist(), *(ACCEL[k] / (G if g else 1.0)).tolist()) for k in range(SIZE))
+    return " ".join(names) + "\n" + "".join(f'"{k}" {" ".join(map(repr, row))}\n' for k, row in enumerate(rows, 1))
+
+
+LAYOUTS = [*NAMES, *SENTENCES, *EXPORTS]
 
 
 @pytest.mark.parametrize("layout", LAYOUTS, ids=lambda layout: layout.name)
@@ -121,7 +218,7 @@ def test_a_layout_is_read_without_options(tmp_path, layout, recwarn):
     assert list(imu) == [f"{sensor}_{axis}" for sensor in layout.sensors for axis in "xyz"]
     for sensor in layout.sensors:
         values = np.column_stack([imu[f"{sensor}_{axis}"].values for axis in "xyz"])
-        np.testing.assert_allclose(values, truth[sensor], rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(values, truth[sensor], rtol=layout.tolerance, atol=1e-12 * layout.tolerance / 1e-9)
     codes = [remark.code for remark in imu.remarks]
     assert [code for code in layout.remarks if code not in codes] == []
     assert not recwarn.list
@@ -134,7 +231,7 @@ QUESTIONS = [
      "accel_x:4,accel_y:5,accel_z:6,gyro_x:1,gyro_y:2,gyro_z:3,time:0"),
     ("mega-g is not milli-g", "time_s,gyro_x [dps],gyro_y [dps],gyro_z [dps],acc_x [Mg],acc_y [Mg],acc_z [Mg]",
      "unit-unknown", "units=accel:m/s²"),
-    ("p and q without r", "time_s,p,q,wind", "no-inertial-data", "gyro_x:1"),
+    ("p and q without r", "time_s,p,q,wind", "no-inertial-data", "time,gyro_x,gyro_y,gyro_z"),
 ]  # fmt: skip
 
 
@@ -150,6 +247,18 @@ def test_what_a_file_does_not_say_is_one_question(tmp_path, header, code, answer
     assert answer in "".join(f"{key}={value}" for key, value in caught.value.facts.items()) + caught.value.advice
 
 
+def test_the_example_of_the_option_counts_columns_of_numbers(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("".join(f"IMU,{k / RATE},{','.join(map(str, [*ACCEL[k], *GYRO[k]]))},ok\n" for k in range(SIZE)))
+    with raises(ReadError, code="columns-unnamed") as caught:
+        gmwm.read(path)
+    assert caught.value.facts["example"] == ",time,accel_x,accel_y,accel_z,gyro_x,gyro_y,gyro_z,"
+    path.write_text(r_table([f'"V{k}"' for k in range(1, 7)]))
+    with raises(ReadError, code="no-inertial-data") as caught:
+        gmwm.read(path)
+    assert caught.value.facts["example"] == "gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z"
+
+
 def test_one_axis_that_is_not_read_is_a_warning(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text(table("time_s,gyro_x [dps],gyro_y [dps],gyro_z_furlong,ax [g],ay [g],az [g]", deg=True, g=True)())
@@ -158,6 +267,50 @@ def test_one_axis_that_is_not_read_is_a_warning(tmp_path):
     assert "gyro_x" in imu
     assert "gyro_z" not in imu
     gmwm.read(path, columns={"gyro_z": None})  # the user has decided: no warning
+
+
+def test_a_damaged_sentence_is_a_lost_sample(tmp_path):
+    text = SENTENCES[0].text().replace("+012.5", "+012.6", 3)  # wrong checksums
+    lines = text.split("\r\n")
+    lines[40] = lines[40][:30]  # cut
+    lines[50] = lines[50][:20] + lines[51]  # two sentences in one line, the first without its end
+    del lines[51]
+    path = tmp_path / "log.txt"
+    path.write_text("\r\n".join(lines))
+    with pytest.warns(GmwmWarning, match="5 lost samples"):
+        imu = gmwm.read(path, rate=RATE)
+    assert only(imu.remarks, "sentences-damaged").facts == {"name": "VNYMR", "count": 5}
+    assert len(imu) == SIZE - 5
+
+
+def test_the_type_of_an_imu_is_one_question(tmp_path):
+    path = tmp_path / "log.asc"
+    path.write_text(novatel("RAWIMUSA", "")())
+    with raises(ReadError, code="sensor-ambiguous", advises=["novatel:ISA100C"]):
+        gmwm.read(path)
+    path.write_text(novatel("RAWIMUSXA", "00,99,")())
+    with raises(ReadError, "99", code="sensor-ambiguous", advises=["novatel:ISA100C"]):
+        gmwm.read(path)
+
+
+def test_attitude_alone_is_no_recording(tmp_path):
+    path = tmp_path / "log.txt"
+    path.write_text(
+        sentences(lambda k, g, a: f"PASHR,123816.{k:02d},312.95,T,-000.83,-000.42,-000.01,0.2,0.2,0.3,1,0")()
+    )
+    with raises(ReadError, "PASHR", code="no-inertial-data"):
+        gmwm.read(path)
+
+
+def test_checksums_of_public_examples():
+    """Examples of the OEM7 manual and of the documentation of sbgECom and go-nmea."""
+    from gmwm.files.formats.sentences import _checksum
+
+    example = (
+        b"RAWIMUSXA,1692,484620.664;00,11,1692,484620.664389000,00801503,43110635,-817242,-202184,-215194,-41188,-9895"
+    )
+    assert _checksum(example, 8) == 0xA5DB8C7B
+    assert _checksum(b"PSBGI,003944.74,-0.08,0.07,0.00,-0.02,0.06,-9.72,", 2) == 0x42
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from gmwm.files.clock.lost_samples import gaps_of
 from gmwm.files.formats import parquet, text
 from gmwm.files.readers import interpretation, read, stream
 from gmwm.files.readers.parts import PartReader
-from tests.helpers import raises, warns
+from tests.helpers import code_of, raises, warns
 
 ROWS = 6000
 VALUES = np.random.default_rng(1).normal(size=(ROWS, 2)).round(6)
@@ -53,7 +53,7 @@ def joined(source):
 
 @pytest.mark.parametrize("cell", ["nan", "", "NA", "NaN", "-inf", "1e999", "null", "N/A"])
 def test_a_missing_value_is_a_gap(tmp_path, cell):
-    with warns("samples-lost", count=1):
+    with warns("samples-lost:lost", count=1):
         imu = read(saved(tmp_path, changed(_17=f"0.17,{cell},1\n")))
     assert imu.segments == ((0, 17), (17, ROWS - 1))
     assert imu["gyro_y"].starts == pytest.approx((0.0, 0.18))
@@ -88,7 +88,7 @@ def test_a_bad_line_is_an_error_or_a_gap(tmp_path, kind):
     path.write_bytes((HEADER + "".join(changed(_17=BAD[kind]))).encode(errors="surrogateescape"))
     with raises(ReadError, "line 19", advises=["bad_lines='skip'"]):
         read(path)
-    with warns("samples-lost", count=1):
+    with warns("samples-lost:lost", count=1):
         imu = read(path, bad_lines="skip")
     assert imu.segments == ((0, 17), (17, ROWS - 1))
     assert imu.time_base.lost == 1
@@ -230,7 +230,7 @@ def test_rows_of_other_messages_are_left_out(tmp_path, small_blocks):
     imu = read(path)
     assert (imu.rate, imu.segments) == (100.0, ((0, ROWS),))
     assert imu.time_base.lost == 0
-    assert [r.facts["count"] for r in imu.remarks if r.code == "rows-of-others"] == [600]
+    assert [r.facts["count"] for r in imu.remarks if code_of(r) == "file-content:other-rows"] == [600]
     # Their temperature is interpolated to the samples.
     assert imu.temperature[10:-10] == pytest.approx(20 + np.arange(10, ROWS - 10) / 100 - 0.004, abs=1e-6)
     assert sum(map(len, stream(path))) == ROWS

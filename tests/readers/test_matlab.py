@@ -63,7 +63,7 @@ def test_units_that_a_description_states(tmp_path, kind, order):
     path = saved(tmp_path, kind, imu_gyr=VALUES[:, :3], imu_acc=VALUES[:, 3:] / 10, sampling_rate=200.0, info=info)
     imu = read(path)
     np.testing.assert_allclose(table(imu), VALUES * np.repeat([np.pi / 180, 0.980665], 3), rtol=1e-12)
-    assert only(imu.remarks, "unit-named", "gyro").facts == {"unit": "deg/s", "source": "file"}
+    assert only(imu.remarks, "unit-named:unit", "gyro").facts == {"case": "unit", "unit": "deg/s", "source": "file"}
     with raises(UnitError):
         read(saved(tmp_path, kind, imu_gyr=VALUES[:, :3], sampling_rate=200.0, info="imu_gyr in 2021, gyr in deg/s"))
 
@@ -74,7 +74,7 @@ def test_the_table_of_kalibr_allan(tmp_path, kind):
     imu = read(saved(tmp_path, kind, data_imu=content))
     assert table(imu).tolist() == VALUES.tolist()
     assert imu.rate == pytest.approx(200, rel=1e-6)
-    assert only(imu.remarks, "layout-known").facts["format"] in ("NaveGo", "kalibr_allan")
+    assert only(imu.remarks, "file-content:layout").facts["format"] in ("NaveGo", "kalibr_allan")
 
 
 def test_the_structure_of_navego(tmp_path):
@@ -159,7 +159,7 @@ def test_a_recording_of_a_device_is_read_as_its_library_does(suffix):
         with h5py.File(path) as file:
             content = {name: np.asarray(file[name]) for name in ("imu_gyr", "imu_acc")}
     imu = read(path)
-    assert only(imu.remarks, "unit-named", "gyro").facts == {"unit": "rad/s", "source": "file"}
+    assert only(imu.remarks, "unit-named:unit", "gyro").facts == {"case": "unit", "unit": "rad/s", "source": "file"}
     assert imu.rate == pytest.approx(2000 / 7)
     for sensor, table in (("gyro", content["imu_gyr"]), ("accel", content["imu_acc"])):
         for k, axis in enumerate("xyz"):

@@ -76,8 +76,12 @@ def test_single_columns_a_rate_and_what_is_left_out(tmp_path):
     path = npz(tmp_path, gx=VALUES[:, 0], az=VALUES[:, 5], fs=250, serial=np.array([7, 8, 9]), seen=np.ones(60, bool))
     imu = read(path, units=UNITS)
     assert (imu.axes, imu.rate) == (("gyro_x", "accel_z"), 250)
-    assert only(imu.remarks, "rate-stated").facts == {"rate": Quantity(250.0, "Hz"), "used": "yes"}
-    assert only(imu.remarks, "left-out").facts == {"kind": "arrays", "names": ("serial",)}
+    assert only(imu.remarks, "rate-stated:stated").facts == {
+        "case": "stated",
+        "rate": Quantity(250.0, "Hz"),
+        "used": "yes",
+    }
+    assert only(imu.remarks, "left-out:names").facts == {"case": "names", "kind": "arrays", "names": ("serial",)}
 
 
 def test_sensors_at_two_rates_are_two_recordings(tmp_path):

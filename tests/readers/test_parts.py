@@ -183,7 +183,7 @@ def test_counted_packets_are_one_part(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text(f"// Update Rate: 100.0Hz\nPacketCounter,Gyr_X,Gyr_Y,Gyr_Z\n{rows}\n")
     source = stream(path)
-    assert only(source.remarks, "time-read").facts["form"] == "packets"
+    assert only(source.remarks, "time-read:read").facts["form"] == "packets"
     assert same(source, 2)[0].whole
 
 

@@ -10,7 +10,7 @@ import gmwm
 from gmwm.base.errors import ReadError
 from gmwm.files.formats import parquet, text
 from gmwm.files.readers import interpretation, temperature
-from tests.helpers import only, raises
+from tests.helpers import code_of, only, raises
 
 ROWS = 9000
 
@@ -56,7 +56,9 @@ def both(path, **options):
     if "stop" in options:  # a stream ends there
         return imu
     assert source.time_base == imu.time_base
-    assert [repr(r) for r in source.remarks if r.code != "cut"] == [repr(r) for r in imu.remarks if r.code != "cut"]
+    assert [repr(r) for r in source.remarks if code_of(r) != "cut:cut"] == [
+        repr(r) for r in imu.remarks if code_of(r) != "cut:cut"
+    ]
     return imu
 
 
@@ -140,7 +142,7 @@ def test_rows_of_others_are_counted_in_the_whole_file(tmp_path):
             columns[name] = np.where(other, np.nan, columns[name])
     columns["time [s]"] = np.cumsum(~other) / 100
     imu = both(written(tmp_path, columns))
-    assert only(imu.remarks, "rows-of-others").facts == {"count": 900, "rows": ROWS}
+    assert only(imu.remarks, "file-content:other-rows").facts == {"case": "other-rows", "count": 900, "rows": ROWS}
 
 
 @pytest.mark.slow

@@ -35,7 +35,9 @@ def test_the_same_recording_as_parquet_and_as_text():
 def test_inspection_of_a_coarse_static_recording(number):
     found = inspect(read(DATA / f"adis16405_static_{number}.parquet", rate=100, units=UNITS))
     assert found.static
-    assert not {"gravity-wrong", "gyro-too-noisy", "unit-overruled"} & set(codes(found.remarks))
+    assert not {"unit-doubtful:gravity", "unit-doubtful:density", "unit-contradicted:declared"} & set(
+        codes(found.remarks)
+    )
     assert found.gravity == pytest.approx(9.97, abs=0.05)
     for axis, step in (("gyro_x", np.radians(0.05)), ("accel_y", 0.00333 * 9.80665)):
         assert found.axes[axis].lsb == pytest.approx(step, rel=1e-6)

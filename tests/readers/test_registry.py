@@ -39,7 +39,12 @@ def increments(monkeypatch):
             channels = (Channel("dtheta", "deg/s", "gyro_x", increments=True), Channel("dv", "g", "accel_y"))
             topics = path.read_text().split()[1:]
             return tuple(
-                Layout(channels, topic=topic, rate=50.0, remarks=(Remark.of("layout-known", format="made up"),))
+                Layout(
+                    channels,
+                    topic=topic,
+                    rate=50.0,
+                    remarks=(Remark.of("file-content", case="layout", format="made up"),),
+                )
                 for topic in topics
             )
 
@@ -57,7 +62,7 @@ def test_a_format_carries_units_increments_rate_and_remarks(tmp_path, increments
     assert imu.rate == 50
     np.testing.assert_allclose(imu["gyro_x"].values, np.radians(np.arange(12.0)) * 50, rtol=1e-15)
     np.testing.assert_allclose(imu["accel_y"].values, np.arange(12) * 2 * 9.80665, rtol=1e-15)
-    assert imu.remarks[0] == Remark.of("layout-known", format="made up")
+    assert imu.remarks[0] == Remark.of("file-content", case="layout", format="made up")
     path.write_text("INCR imu0 imu1")
     with raises(ReadError, "2 recordings", "imu0", "imu1", advises=["topic="]):
         read(path)

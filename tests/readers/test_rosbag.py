@@ -45,8 +45,8 @@ def test_every_container_gives_the_numbers_bit_for_bit(tmp_path, container):
     assert [found[axis].values.tolist() for axis in AXES] == data.T.tolist()
     assert found.rate == 200
     assert found["gyro_x"].start == START / 1e9
-    assert found.remarks[0] == Remark.of("topic-read", topic="/imu/data", type="sensor_msgs/msg/Imu")
-    assert only(found.remarks, "unit-named", "gyro").facts == {"unit": "rad/s", "source": "ros"}
+    assert found.remarks[0] == Remark.of("topic-chosen", case="read", topic="/imu/data", type="sensor_msgs/msg/Imu")
+    assert only(found.remarks, "unit-named:unit", "gyro").facts == {"case": "unit", "unit": "rad/s", "source": "ros"}
 
 
 @pytest.mark.slow
@@ -92,7 +92,7 @@ def test_stamps_of_zero_give_way_to_the_time_of_recording(tmp_path, container):
     found = read(written(tmp_path, container, {"/imu": (IMU, messages)}))
     assert found.rate == 200
     assert found["gyro_x"].start == START / 1e9
-    assert only(found.remarks, "time-read").facts["form"] == "log"
+    assert only(found.remarks, "time-read:read").facts["form"] == "log"
 
 
 def test_the_time_of_recording_on_demand(tmp_path):
@@ -173,7 +173,7 @@ def test_gyroscope_and_accelerometer_on_topics_of_their_own(tmp_path, marked):
     assert (first.rate, second.rate) == (200, 100)
     assert second["accel_z"].values.tolist() == data[:, 5].tolist()
     facts = {"reason": "absent"} if marked else {"reason": "zero", "count": 60}
-    assert only(first.remarks, "sensor-left-out").facts == facts
+    assert only(first.remarks, "file-content:absent").facts == {"case": "absent", **facts}
 
 
 @pytest.mark.parametrize("container", ["ros1", "db3", "mcap-zstd"])

@@ -90,7 +90,7 @@ def test_a_temperature_topic_beside_the_imu(tmp_path, container):
     path = written(tmp_path, container, topics)
     found = read(path, topic="/imu1/data")
     assert found.temperature == pytest.approx(20 + np.arange(400) / 100, abs=1e-9)
-    assert "temperature-read" in codes(found.remarks)
+    assert "file-content:temperature" in codes(found.remarks)
     other = read(path, topic="/imu0/data")
     assert other.temperature is None
     np.testing.assert_array_equal(values(found), values(other))

@@ -38,7 +38,11 @@ def test_one_recording(tmp_path, form, lost):
     np.testing.assert_array_equal(imu["gyro_x"].values, VALUES)
     assert imu.rate == 100
     assert imu.segments == (((0, 800), (800, ROWS)) if lost else ((0, ROWS),))
-    assert only(imu.remarks, "files-joined").facts["files"] == ("hour_1." + form, "hour_2." + form, "hour_10." + form)
+    assert only(imu.remarks, "file-content:files").facts["files"] == (
+        "hour_1." + form,
+        "hour_2." + form,
+        "hour_10." + form,
+    )
     by_pattern = read(tmp_path / f"hour_*.{form}")
     np.testing.assert_array_equal(by_pattern["gyro_x"].values, VALUES)
     assert by_pattern.source.endswith(f"hour_*.{form}")

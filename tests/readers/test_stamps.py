@@ -190,9 +190,10 @@ def test_what_a_stamp_is(cell, yes):
     ],
 )
 def test_the_remarks_say_how_it_was_understood(tmp_path, cell, facts):
+    facts = {"case": "read", **facts}
     assert form_remark(cell).facts == facts
     cells = [cell.replace("12:00:00", f"12:00:{k // 10:02d}.{k % 10}") for k in range(60)]
-    remark = only(read(saved(tmp_path, cells)).remarks, "time-read")
+    remark = only(read(saved(tmp_path, cells)).remarks, "time-read:read")
     assert remark.facts == facts
     inspection = gmwm.inspect(read(saved(tmp_path, cells)))
     assert remark in inspection.remarks
@@ -273,7 +274,7 @@ def test_a_stamp_that_was_cut_off(tmp_path):
     for cut in (1, 2, 9):
         path.write_text(("gyro_x [rad/s],time\n" + lines)[:-cut])
         if cut == 1:
-            assert only(read(path).remarks, "no-line-end")
+            assert only(read(path).remarks, "last-line:read")
             continue
         with raises(ReadError, "line 41", code="row-invalid", advises=["bad_lines='skip'"]):
             read(path)
@@ -317,7 +318,7 @@ def test_a_date_and_a_time_in_two_columns(tmp_path):
     path.write_text("date time gyro_x_[rad/s]\n" + rows)
     imu = read(path)
     assert (imu.rate, imu.segments, imu.time_base.start) == (100, ((0, 1200),), 86_395)
-    assert only(imu.remarks, "left-out").facts == {"kind": "columns", "names": ("date",)}
+    assert only(imu.remarks, "left-out:names").facts == {"case": "names", "kind": "columns", "names": ("date",)}
     with raises(ReadError, code="dates-without-times", advises=["columns="]):
         read(path, columns={"time": "date"})
 

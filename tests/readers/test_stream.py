@@ -170,7 +170,11 @@ def test_it_can_be_read_again(tmp_path):
     path = written(tmp_path / "a.csv", {"time": stamps("even", None)} | columns())
     source = stream(path, units={"gyro": "deg/s", "accel": "g"})
     assert "gyro_x" in repr(source)
-    assert only(source.remarks, "unit-named", "gyro").facts == {"unit": "deg/s", "source": "declared"}
+    assert only(source.remarks, "unit-named:unit", "gyro").facts == {
+        "case": "unit",
+        "unit": "deg/s",
+        "source": "declared",
+    }
     sums = [sum(float(chunk["gyro_x"].sum()) for chunk in source) for _ in range(2)]
     assert sums[0] == sums[1] != 0
 
@@ -211,7 +215,7 @@ def test_repeated_stamps_are_counted_over_all_blocks(tmp_path):
         drained(path)
     with pytest.warns(TimeBaseWarning) as at_once:
         gmwm.read(path, units={"gyro": "deg/s", "accel": "g"})
-    repeated = Remark.of("stamps-repeated", str(path), count=2)
+    repeated = Remark.of("stamps-irregular", str(path), case="repeated", count=2)
     assert [one.message.remark for one in (*streamed, *at_once)] == [repeated, repeated]
 
 
@@ -308,7 +312,7 @@ def test_parts_between_times(tmp_path, kind, cut):
         for _ in range(2):
             list(source)
             assert [gap for gap, _ in source.time_base.gaps] == [gap for gap, _ in imu.time_base.gaps]
-        assert only(source.remarks, "cut").facts["known"] == "no"
+        assert only(source.remarks, "cut:cut").facts["known"] == "no"
         with raises(OptionError, advises=["start=", "stop=", "skip="]):
             source.parts(2)
 

@@ -109,7 +109,7 @@ def test_kalibr_header(tmp_path):
     imu = read(path)
     assert (imu.rate, imu.axes) == (200, NAMES[1:])
     assert table(imu).tolist() == VALUES.tolist()
-    assert only(imu.remarks, "layout-known").facts["format"] == "Kalibr's imu0.csv"
+    assert only(imu.remarks, "file-content:layout").facts["format"] == "Kalibr's imu0.csv"
 
 
 def test_ros_fields_are_si_and_said_so(tmp_path):
@@ -117,7 +117,7 @@ def test_ros_fields_are_si_and_said_so(tmp_path):
     imu = read(saved(tmp_path, ",".join(["time", *fields]) + "\n" + rows()))
     assert table(imu).tolist() == VALUES.tolist()
     for sensor in ("gyro", "accel"):
-        assert only(imu.remarks, "unit-named", sensor).facts["source"] == "ros"
+        assert only(imu.remarks, "unit-named:unit", sensor).facts["source"] == "ros"
 
 
 def test_integers_first_then_floats(tmp_path):

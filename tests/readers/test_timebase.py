@@ -16,7 +16,7 @@ from gmwm.files.clock.clock import clock_of
 from gmwm.files.clock.running_clock import Pace, RunningClock
 from gmwm.files.clock.time_stamps import as_stamps
 from gmwm.files.readers import read
-from tests.helpers import only, raises
+from tests.helpers import code_of, only, raises
 
 FIXED = settings(derandomize=True, max_examples=60, deadline=None)
 
@@ -133,7 +133,7 @@ def test_rounded_stamps_are_no_lost_samples(rate, late):
 def test_rounded_stamps_use_the_mean_and_say_so():
     found = base(np.round(np.arange(3000) / 128, 2))
     assert found.base.rate == pytest.approx(128, rel=1e-3)
-    assert only(found.remarks, "rate-from-mean").facts["rate"].value == found.base.rate
+    assert only(found.remarks, "rate-stated:mean").facts["rate"].value == found.base.rate
     assert found.base.duplicates > 0
     assert found.segments == ((0, 3000),)
 
@@ -143,7 +143,7 @@ def test_one_row_written_twice_does_not_move_the_rate():
     found = base(stamps)
     assert found.base.rate == pytest.approx(100, rel=1e-12)
     assert found.base.duplicates == 1
-    assert only(found.remarks, "stamps-repeated").facts == {"count": 1}
+    assert only(found.remarks, "stamps-irregular:repeated").facts == {"case": "repeated", "count": 1}
 
 
 def test_a_backward_step_starts_a_segment():
@@ -193,9 +193,9 @@ def test_jitter_is_measured_and_told():
     expected = np.sqrt(2) * 0.9 / np.sqrt(12)
     assert found.base.jitter == pytest.approx(expected, rel=0.05)
     assert found.base.rate == pytest.approx(1, rel=1e-3)
-    assert [one.code for one in base(jittered(5000, 0.2)).remarks] == ["rate-from-mean"]
+    assert [code_of(one) for one in base(jittered(5000, 0.2)).remarks] == ["rate-stated:mean"]
     strong = np.arange(5000) + np.random.default_rng(1).normal(0, 0.45, 5000)
-    assert only(base(np.sort(strong)).remarks, "stamps-jitter").facts["share"] > 0.5
+    assert only(base(np.sort(strong)).remarks, "stamps-irregular:jitter").facts["share"] > 0.5
 
 
 def test_declared_rate_against_the_stamps():
@@ -210,10 +210,10 @@ def test_declared_rate_against_the_stamps():
     for rate, grave in ((100.05, False), (99.95, False), (100.2, False), (100.3, True), (99.1, True)):
         # 0.2 % of 500 samples is one sample, which the first or the last stamp may be off by.
         found = base(stamps, rate=rate)
-        assert [one.code for one in found.remarks] == ["rate-contradicted" if grave else "rate-declared"]
+        assert [code_of(one) for one in found.remarks] == ["rate-contradicted" if grave else "rate-stated:declared"]
     long = np.arange(5000) * 0.01
     assert [one.code for one in base(long, rate=100.2).remarks] == ["rate-contradicted"]
-    assert [one.code for one in base(long, rate=100.05).remarks] == ["rate-declared"]
+    assert [code_of(one) for one in base(long, rate=100.05).remarks] == ["rate-stated:declared"]
     with raises(ReadError, "200 Hz", "100 Hz", argument="rate", advises=["rate=", "None"]):
         base(stamps, rate=200)
     with raises(ReadError, "0.0001 Hz", argument="rate", advises=["'time'", "'us'"]):
@@ -230,7 +230,7 @@ def test_declared_rate_against_the_stamps():
 def test_unit_by_size_and_interval(first, step, unit):
     found, remark = as_stamps(first + step * np.arange(100), "", None)
     assert found.unit == unit
-    assert remark == Remark.of("time-unit-inferred", unit=unit)
+    assert remark == Remark.of("time-read", case="unit", unit=unit)
 
 
 @pytest.mark.parametrize("step", [1, 5, 10, 2500, 5_000_000, 0.5])
@@ -256,10 +256,13 @@ def test_read_warns_keeps_segments_and_cuts_on_request(tmp_path):
     cut = read(saved(tmp_path, gap), gaps="longest")
     assert cut.segments == ((0, 70),)
     assert cut["gyro_x"].start == pytest.approx(0.5, abs=1e-12)
-    assert cut.remarks[-1] == Remark.of("longest-segment", segments=2, first=30, last=99)
+    assert cut.remarks[-1] == Remark.of("cut", case="segment", segments=2, first=30, last=99)
     with pytest.warns(TimeBaseWarning) as warned:
         read(saved(tmp_path, np.concatenate([np.arange(50), np.arange(50)]) * 0.01))
-    assert only([one.message.remark for one in warned], "stamps-backward").facts == {"count": 1}
+    assert only([one.message.remark for one in warned], "stamps-irregular:backward").facts == {
+        "case": "backward",
+        "count": 1,
+    }
 
 
 @pytest.mark.parametrize(("name", "factor"), [("time_us", 1e6), ("t (ms)", 1e3), ("timestamp [ns]", 1e9), ("time", 1)])
@@ -290,7 +293,7 @@ def test_named_units_of_time_are_taken_at_their_word(tmp_path, name, seconds):
     imu = read(path)
     assert imu.rate == pytest.approx(100, rel=1e-6)
     assert imu["gyro_x"].start == pytest.approx(7 * seconds, rel=1e-12)
-    assert not any(remark.code == "time-unit-inferred" for remark in imu.remarks)
+    assert not any(code_of(remark) == "time-read:unit" for remark in imu.remarks)
 
 
 def test_long_units_of_time_declared_or_in_a_comment(tmp_path):
@@ -302,7 +305,7 @@ def test_long_units_of_time_declared_or_in_a_comment(tmp_path):
     assert read(path).rate == pytest.approx(6000, rel=1e-9)
     imu = read(path, units={"time": "min"})
     assert imu.rate == pytest.approx(100, rel=1e-9)
-    assert only(imu.remarks, "unit-overruled").facts == {"unit": "min", "stated": "s"}
+    assert only(imu.remarks, "unit-contradicted:declared").facts == {"case": "declared", "unit": "min", "stated": "s"}
     with raises(ReadError, argument="rate", advises=["'time'", "'min'"]):
         read(path, rate=100)
 
@@ -315,7 +318,11 @@ def test_a_time_unit_that_is_named_but_not_known_is_an_error(tmp_path, unit):
         read(path)
     imu = read(path, units={"time": "s"})
     assert imu.rate == 100
-    assert only(imu.remarks, "unit-overruled", "time").facts == {"unit": "s", "stated": unit}
+    assert only(imu.remarks, "unit-contradicted:declared", "time").facts == {
+        "case": "declared",
+        "unit": "s",
+        "stated": unit,
+    }
     assert read(path, columns={"time": None}, rate=50).rate == 50
 
 
@@ -331,7 +338,7 @@ def test_losses_at_regular_distances_are_ambiguous_and_the_rate_decides():
     found = base(stamps)
     assert found.base.rate == pytest.approx(100, rel=1e-5)
     assert len(found.segments) == 2000
-    facts = only(found.remarks, "losses-regular").facts
+    facts = only(found.remarks, "rate-ambiguous:losses").facts
     assert (facts["every"], facts["other"].value) == (10, pytest.approx(90, rel=1e-3))
     assert len(base(stamps, rate=100).segments) == 2000
     lower = base(stamps, rate=90)
@@ -341,11 +348,11 @@ def test_losses_at_regular_distances_are_ambiguous_and_the_rate_decides():
 def test_a_counter_of_32_bits_and_summer_time_are_no_gaps():
     found = base((np.arange(5000) * 4000 + 2**32 - 10_000_000) % 2**32, "us")
     assert (found.base.rate, found.segments, found.base.backward) == (250, ((0, 5000),), 0)
-    assert only(found.remarks, "stamps-wrapped").facts["length"].value == pytest.approx(2**32 / 1e6)
+    assert only(found.remarks, "time-read:wrapped").facts["length"].value == pytest.approx(2**32 / 1e6)
     for sign, direction in ((1, "forward"), (-1, "back")):
         leaps = base(1.7e9 + np.arange(5000) * 0.01 + sign * 3600 * (np.arange(5000) > 2000))
         assert leaps.segments == ((0, 5000),)
-        assert only(leaps.remarks, "stamps-hour").facts == {"count": 1, "direction": direction}
+        assert only(leaps.remarks, "time-read:hour").facts == {"case": "hour", "count": 1, "direction": direction}
 
 
 def test_one_stamp_out_of_order_is_no_gap():

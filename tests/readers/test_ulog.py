@@ -13,7 +13,7 @@ from gmwm.files.formats import ulog as ulog_module
 from gmwm.files.formats import ulog_messages
 from gmwm.files.formats.ulog import UlogReader
 from gmwm.files.readers import find_reader, read
-from tests.helpers import device, raises
+from tests.helpers import code_of, device, raises
 
 pyulog = pytest.importorskip("pyulog")
 
@@ -267,7 +267,7 @@ def test_sensor_combined_is_preferred_and_has_the_temperature_of_its_gyroscope(f
     imu = read(file)
     assert (imu.axes, imu.rate, len(imu)) == (AXES, 250, 1000)
     assert imu.temperature == pytest.approx(30 + np.arange(1000) / 250, abs=1e-6)
-    chosen = next(remark for remark in imu.remarks if remark.code == "topic-chosen")
+    chosen = next(remark for remark in imu.remarks if code_of(remark) == "topic-chosen:chosen")
     assert "250 Hz, 4 s" in chosen.text()
     assert "sensor_gyro_1 (gyro_x, gyro_y, gyro_z; 1 Hz, 4 s)" in chosen.text()
     assert read(file, topic="sensor_combined").rate == 250

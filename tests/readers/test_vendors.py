@@ -47,7 +47,7 @@ def test_xsens_by_its_counter(tmp_path):
     assert imu.rate == pytest.approx(100, rel=1e-12)
     assert [b - a for a, b in imu.segments] == [30, 10]
     assert imu.time_base.gaps[0][1] == pytest.approx(0.06, rel=1e-9)
-    assert only(imu.remarks, "time-read").facts["form"] == "packets"
+    assert only(imu.remarks, "time-read:read").facts["form"] == "packets"
 
 
 def test_xsens_increments(tmp_path):
@@ -58,7 +58,7 @@ def test_xsens_increments(tmp_path):
         rows += "\t".join(map(str, cells)) + "\n"
     imu = read(saved(tmp_path, XSENS.format("400.0") + names + rows))
     np.testing.assert_allclose(table(imu), VALUES, rtol=1e-14)
-    assert only(imu.remarks, "increments", "VelInc_X").facts == {"source": "file"}
+    assert only(imu.remarks, "unit-named:increments", "VelInc_X").facts == {"case": "increments", "source": "file"}
 
 
 def test_what_xsens_dot_writes_is_not_taken_for_it(tmp_path):
@@ -87,7 +87,7 @@ def test_epson_scaled(tmp_path):
     assert imu.rate == 200
     np.testing.assert_allclose(table(imu), values * ([np.pi / 180] * 3 + [9.80665e-3] * 3), rtol=1e-15)
     assert imu.temperature[0] == 25
-    assert only(imu.remarks, "unit-named", "accel").facts == {"unit": "mg", "source": "header"}
+    assert only(imu.remarks, "unit-named:unit", "accel").facts == {"case": "unit", "unit": "mg", "source": "header"}
 
 
 @pytest.mark.parametrize(("power", "shift"), [(" / 2^16 ", 2**16), (" ", 1)])
@@ -138,7 +138,7 @@ def test_factors_for_raw_counts(tmp_path):
     np.testing.assert_allclose(imu["gyro_x"].values, np.radians((k % 5 - 2) / 131), rtol=1e-14)
     np.testing.assert_allclose(imu["gyro_y"].values, np.radians(k % 7 / 65.5), rtol=1e-14)
     np.testing.assert_allclose(imu["accel_z"].values, (1 + k % 3 / 16384) * 9.80665, rtol=1e-14)
-    assert only(imu.remarks, "scaled", "gyro_y").facts["factor"] == pytest.approx(1 / 65.5, rel=1e-12)
+    assert only(imu.remarks, "unit-named:factor", "gyro_y").facts["factor"] == pytest.approx(1 / 65.5, rel=1e-12)
 
 
 def test_declared_increments(tmp_path):

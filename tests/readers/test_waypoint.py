@@ -54,9 +54,9 @@ def test_numbers_are_counts_times_scale_times_rate(file, kind):
         scale = kind.gyro if axis.startswith("gyro") else kind.accel
         np.testing.assert_allclose(imu[axis].values, table[:, k + 1] * scale * RATE, rtol=4e-15)
     for sensor, factor in (("gyro", kind.gyro), ("accel", kind.accel)):
-        facts = only(imu.remarks, "scaled", sensor).facts
+        facts = only(imu.remarks, "unit-named:factor", sensor).facts
         assert (facts["factor"], facts["type"]) == (factor, kind.name)
-        assert only(imu.remarks, "increments", sensor).facts == {"source": "file"}
+        assert only(imu.remarks, "unit-named:increments", sensor).facts == {"case": "increments", "source": "file"}
 
 
 def test_scales_of_a_data_sheet():
@@ -93,7 +93,7 @@ def test_an_unnamed_type_is_never_guessed(file, kind):
         # Of 56 bytes there is one scale only, whichever of the two it is.
         imu = read(file)
         assert imu["gyro_x"].values.tolist() == read(file, format=kind.format)["gyro_x"].values.tolist()
-        assert only(imu.remarks, "scaled", "gyro").facts["type"] == "IXSEA or NAVCHIP_FLT"
+        assert only(imu.remarks, "unit-named:factor", "gyro").facts["type"] == "IXSEA or NAVCHIP_FLT"
         return
     with raises(ReadError, "32 bytes", "IMAR", "LN200", argument="format") as error:
         read(file)

@@ -147,13 +147,13 @@ def test_a_temperature_below_its_reading_error_is_refused():
     with raises(DataError, "temperature", argument="against", advises=["none"]):
         fitted(noise(rng), {"temperature": seen})
     found = gmwm.inspect(recording({"gyro_x": 1e-3 * noise(rng)}, seen))
-    assert only(found.remarks, "temperature-unknown").facts["reason"]
+    assert only(found.remarks, "conditions:unknown").facts["reason"]
 
 
 def test_a_constant_temperature_needs_no_remark():
     imu = recording({"gyro_x": 1e-3 * noise(np.random.default_rng(16))}, np.full(N, 25.0))
     found = gmwm.inspect(imu)
-    assert not {"temperature-unknown", "conditions-removed", "conditions-without-effect"} & set(codes(found.remarks))
+    assert not {"conditions:unknown", "conditions:removed", "conditions:none"} & set(codes(found.remarks))
     assert found.regressions == {}
 
 
@@ -165,8 +165,8 @@ def test_inspect_tests_each_axis():
     )
     found = gmwm.inspect(imu)
     assert [one.applied for one in found.regressions.values()] == [True, False]
-    assert only(found.remarks, "conditions-removed").subject == "gyro_x"
-    assert only(found.remarks, "conditions-without-effect").subject == "gyro_y"
+    assert only(found.remarks, "conditions:removed").subject == "gyro_x"
+    assert only(found.remarks, "conditions:none").subject == "gyro_y"
     assert not {"warm-up", "trend", "linear-trend"} & set(codes(found.remarks))
     left = gmwm.inspect(imu, against="none")
     assert {"warm-up", "trend", "linear-trend"} & set(codes(left.remarks))
@@ -182,7 +182,7 @@ def test_calibrate_removes_the_temperature_and_keeps_the_regression():
     assert found["gyro_x"].parameters.get("RW.gamma2", 0.0) < 1e-3 * left["gyro_x"].parameters["RW.gamma2"]
     assert found["gyro_x"].regression["temperature"].value == pytest.approx(2e-3, rel=0.02)
     assert found.axes["gyro_x"].left_in > 0
-    assert "K would be" in only(found.remarks, "conditions-removed").facts["left_in"]
+    assert "K would be" in only(found.remarks, "conditions:removed").facts["left_in"]
     assert gmwm.Calibration.from_dict(found.to_dict()).to_dict() == found.to_dict()
     assert left["gyro_x"].regression is None
     assert left.axes["gyro_x"].regression is None

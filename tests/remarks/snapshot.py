@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from docs.messages import examples
 from gmwm.base.remarks import Dialect, messages
+from gmwm.base.remarks.explanation import examples
 
 FOLDER = Path(__file__).parent
 

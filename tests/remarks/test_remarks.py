@@ -5,7 +5,6 @@ import re
 
 import pytest
 
-from docs.messages import examples
 from gmwm.base.remarks import (
     Dialect,
     Quantity,
@@ -18,7 +17,8 @@ from gmwm.base.remarks import (
     sorted_remarks,
     texts,
 )
-from gmwm.base.remarks.registry import SECTIONS, Choice
+from gmwm.base.remarks.explanation import examples
+from gmwm.base.remarks.registry import CASE, OTHERWISE, SECTIONS, Choice
 from gmwm.base.remarks.registry import message as message_of
 from tests.remarks.snapshot import file_of, rendered
 
@@ -38,6 +38,27 @@ def test_a_message_is_complete(message):
     assert message.meaning, "the documentation needs to say what it means for the numbers"
     for text in (message.sentence, message.advice):
         assert not isinstance(text, Choice) or len(text.templates) > 1
+
+
+def test_messages_with_the_same_advice_have_one_code():
+    assert len(messages()) <= 110
+
+
+ANSWERS = ("verdict", "results", "check-passed")
+"""Messages whose sentence is the answer itself."""
+
+
+@pytest.mark.parametrize("message", ALL)
+def test_every_remark_ends_with_what_to_do(message):
+    for remark in examples(message):
+        assert remark.advice or message.code in ANSWERS
+
+
+@pytest.mark.parametrize("message", ALL)
+def test_there_is_an_example_of_each_case(message):
+    texts_by_case = (text for text in (message.severity, message.sentence, message.advice) if isinstance(text, Choice))
+    cases = {case for text in texts_by_case if text.by == CASE for case in text.templates} - {OTHERWISE}
+    assert {example.get(CASE, "") for example in message.examples} >= cases
 
 
 @pytest.mark.parametrize("message", ALL)
@@ -63,13 +84,16 @@ def test_sentences_are_short_and_end(message):
 
 def test_the_registry_says_which_fact_is_missing():
     with pytest.raises(KeyError, match="count"):
-        Remark.of("stamps-repeated")
+        Remark.of("stamps-irregular", case="repeated")
     with pytest.raises(KeyError, match="no-such-code"):
         Remark.of("no-such-code")
 
 
 def test_severities_order_from_the_gravest():
-    low, high = Remark.of("stamps-repeated", count=1), Remark.of("not-calibrated", "gyro_x", reason="it is constant")
+    low, high = (
+        Remark.of("stamps-irregular", case="repeated", count=1),
+        Remark.of("not-calibrated", "gyro_x", case="calibration", reason="it is constant"),
+    )
     assert sorted_remarks([low, high, low]) == [high, low]
     assert gravest([low, high]) is Severity.UNUSABLE
     assert gravest([]) is None
@@ -85,21 +109,23 @@ def test_the_same_remark_about_several_axes_is_one_text():
 
 
 def test_remarks_that_differ_in_what_is_said_of_all_stay_apart():
-    remarks = [Remark.of("term-zero", axis, term=term) for axis, term in (("gyro_x", "QN"), ("gyro_y", "RW"))]
+    remarks = [
+        Remark.of("term-zero", axis, case="fit", term=term) for axis, term in (("gyro_x", "QN"), ("gyro_y", "RW"))
+    ]
     assert [len(group) for group in merged(remarks)] == [1, 1]
     assert [len(group) for group in merged([remarks[0], remarks[0].about("gyro_z")])] == [2]
 
 
 def test_a_terminal_shows_five_remarks_and_counts_the_others():
-    remarks = [Remark.of("stamps-repeated", f"file {k}.csv", count=k) for k in range(1, 10)]
+    remarks = [Remark.of("stamps-irregular", f"file {k}.csv", case="repeated", count=k) for k in range(1, 10)]
     lines = brief(remarks, rest="report.html")
     assert len(lines) == 6
     assert lines[-1] == "and 4 more in report.html"
-    assert lines[0].endswith("[stamps-repeated]")
+    assert lines[0].endswith("[stamps-irregular]")
 
 
 def test_names_from_files_are_escaped_in_html():
-    remark = Remark.of("not-calibrated", "<b>", reason="a < b")
+    remark = Remark.of("not-calibrated", "<b>", case="calibration", reason="a < b")
     text = remark.text(Dialect.HTML)
     assert "&lt;b&gt;" in text
     assert "a &lt; b" in text

@@ -57,7 +57,7 @@ def test_one_fit_with_a_certificate(equal):
 def test_equal_recordings_agree(equal):
     found = equal.replicates
     assert not found.differs
-    assert codes(found.remarks) == ["recordings-agree"]
+    assert codes(found.remarks) == ["recordings-agree:numbers"]
     assert found["N"].apart < 0.03
     assert found["N"].spread < 0.01
     assert found.recordings == ("1", "2", "3")
@@ -83,7 +83,7 @@ def test_different_recordings_differ_and_the_size_is_said_first(different):
     assert found.differs
     assert found.parameter_pvalue < 1e-6
     assert found.model_free_pvalue < 1e-6
-    assert codes(found.remarks) == ["recordings-differ"]
+    assert codes(found.remarks) == ["recordings-differ:numbers"]
     n = found["N"]
     assert found.spread["N"] == n.spread
     assert n.spread == pytest.approx(0.1, rel=0.2)

@@ -33,5 +33,7 @@ def hostile(imu):
     """Names, unit, source and remarks with text that tries to run as HTML, script or template."""
     values = imu["gyro_x"].values
     signals = {name: gmwm.Signal(values, 100.0, f"V {HOSTILE}", name) for name in (f"a {HOSTILE}", f"b {TEMPLATE}")}
-    named = gmwm.Imu(signals, f"{HOSTILE}{TEMPLATE}.csv", (Remark.of("sensor-named", "file.csv", name=HOSTILE),))
+    named = gmwm.Imu(
+        signals, f"{HOSTILE}{TEMPLATE}.csv", (Remark.of("file-content", "file.csv", case="sensor", name=HOSTILE),)
+    )
     return gmwm.calibrate(named, "WN + RW")

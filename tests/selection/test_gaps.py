@@ -53,4 +53,4 @@ def test_a_drift_of_the_whole_recording_stays_a_candidate():
     assert without_drift(general, [wv]) is general
     calibration = gmwm.calibrate(recording(3e-4, 0.0, 1), "WN + RW + DR")
     assert calibration["gyro_x"].parameters["DR.omega"] == pytest.approx(3e-4, rel=0.1)
-    assert "drift" in codes(calibration.remarks)
+    assert "drift:drift" in codes(calibration.remarks)

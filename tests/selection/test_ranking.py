@@ -13,7 +13,7 @@ from gmwm.base.errors import DataError, ModelError, OptionError
 from gmwm.base.remarks import Remark
 from gmwm.choosing.selection.structure import structure_of
 from gmwm.measuring.covariance.api import wavelet_covariance
-from tests.helpers import codes, only, raises
+from tests.helpers import code_of, codes, only, raises
 
 RATE = 100.0
 TRUE = "GM(beta=0.5, sigma2=1.0) + WN(sigma2=4.0)"
@@ -96,15 +96,17 @@ def test_candidates_by_place_text_and_model(ranking):
 
 
 def test_the_remarks_say_what_the_table_marks(ranking):
-    assert only(ranking.remarks, "recommended").facts["model"] == "GM + WN"
+    assert only(ranking.remarks, "recommended:model").facts["model"] == "GM + WN"
     others = [c.structure for c in ranking.equivalent if not c.recommended]
-    assert ("as-good" in codes(ranking.remarks)) == bool(others)
-    assert [list(r.facts["models"]) for r in ranking.remarks if r.code == "as-good"] == ([others] if others else [])
+    assert ("recommended:equal" in codes(ranking.remarks)) == bool(others)
+    assert [list(r.facts["models"]) for r in ranking.remarks if code_of(r) == "recommended:equal"] == (
+        [others] if others else []
+    )
     reduced = len(ranking) - len(ranking.distinct)
     assert only(ranking.remarks, "candidates-reduced").facts["count"] == reduced
-    assert "recommended-rejected" not in codes(ranking.remarks)
+    assert "model-rejected:ranking" not in codes(ranking.remarks)
     assert {remark.subject for remark in ranking.remarks} == {"gyro_x"}
-    assert "recommended-rejected" in codes(gmwm.rank(["WN", "RW"], simulated(), RATE).remarks)
+    assert "model-rejected:ranking" in codes(gmwm.rank(["WN", "RW"], simulated(), RATE).remarks)
 
 
 @pytest.mark.slow
@@ -150,7 +152,7 @@ def test_a_comparison_is_antisymmetric(ranking):
     assert (one.first, one.second) == (other.second, other.first)
     assert one.difference < -2 * one.error < 0
     assert one.remark == other.remark
-    assert one.remark.code == "criteria-differ"
+    assert code_of(one.remark) == "criteria-differ:differ"
     facts = one.remark.facts
     assert (facts["better"], facts["worse"], facts["clear"]) == ("GM + WN", "WN", "yes")
     assert (facts["difference"], facts["error"]) == (-one.difference, pytest.approx(one.error))
@@ -161,7 +163,7 @@ def test_a_model_does_not_differ_from_itself_or_from_one_that_comes_down_to_it(r
     for other in ("GM + WN", smaller.model):
         comparison = ranking.compare("GM + WN", other)
         assert comparison.difference == comparison.error == 0
-        assert comparison.remark.code == "criteria-equal"
+        assert code_of(comparison.remark) == "criteria-differ:equal"
 
 
 def test_the_error_of_a_difference_is_that_of_theory():

@@ -34,7 +34,7 @@ def told(**other: Any) -> dict[str, Any]:
     return {
         "truth": {"N": 1.0, "K": 2.0, "lowest": 3.0, "B": 5.0, "gm": [[1.0, 4.0]], "structure": "GM + WN + RW"},
         "model": "WN + GM + RW", "equivalent": ["GM + WN", "2*GM + WN + RW"], "pvalue": 0.5, "robust": False,
-        "verdict": "verdict-clean", "codes": [], "numbers": {"N": entry(0.9, 1.1)}, **other,
+        "verdict": "verdict:clean", "codes": [], "numbers": {"N": entry(0.9, 1.1)}, **other,
     }  # fmt: skip
 
 

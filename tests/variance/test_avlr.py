@@ -82,7 +82,7 @@ def test_a_curve_that_still_falls_gives_a_bound():
     assert "B <=" in found.summary()
     assert found["B"].coefficient == pytest.approx(found.allan.deviation[-1] / 0.6642824702679600)
     rising = avlr(exact(K=1.0))
-    assert only(rising.remarks, "slope-line-missing", "B").facts["reason"] == "rising"
+    assert only(rising.remarks, "no-number:slope", "B").facts["reason"] == "rising"
     with raises(OptionError, "B", argument="term", got="B"):
         rising["B"]
 

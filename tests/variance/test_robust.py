@@ -302,7 +302,7 @@ def test_coarse_quantisation(unit, offset):
     assert wv.variance[0] == wv.lower[0] == wv.upper[0] == 0
     assert outcomes(wv)[5:] == ["root"] * (len(wv) - 5)
     np.testing.assert_allclose(wv.variance[5:8], gmwm.wavelet_variance(x, 1.0).variance[5:8], rtol=0.05)
-    assert 1 in only(wv.remarks, "robust-zero").facts["levels"]
+    assert 1 in only(wv.remarks, "robust-too-large:zero").facts["levels"]
     assert wv.remarks[0].text() in wv.summary()
 
 

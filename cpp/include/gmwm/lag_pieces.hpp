@@ -26,6 +26,20 @@ inline constexpr std::size_t degree_most = 11;
 // |ln z^h|, or |ln z^g|, below which an exponential that is not slow is an echo. Above, three digits are lost at most.
 inline constexpr double periodic = 0.05;
 
+// n(start + i) = at_start + step i pairs of coefficients.
+struct LagCount {
+  double at_start, step;
+};
+
+// The lags start … start + count - 1 between two kinks; empty if `count` is not positive.
+struct LagInterval {
+  std::int64_t start, count;
+  LagCount pairs;
+};
+
+// The intervals of a pair of levels in a record of `samples` samples.
+std::array<LagInterval, 5> intervals(std::int64_t h, std::int64_t g, std::int64_t samples);
+
 // Re e^(-i angle l) Σ_r series[r] (l / count)^r at the lag start + l: an exponential whose period nearly divides h. It nearly
 // cancels in the coefficients, as a slow one does: with λ = ρ + iθ, where θ is a multiple of 2π/h, ρ takes the place of λ.
 struct Echo {

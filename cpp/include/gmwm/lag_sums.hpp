@@ -22,15 +22,23 @@ struct LagProcess {
   std::span<const std::uint8_t> bare;
 };
 
+class LagTable;
+
+// A process with real decays, whose covariances are in a table, and the factor of its covariances.
+struct TableFactor {
+  const LagTable* table;
+  double factor;
+};
+
 // For each pair of levels, sorted by the coarser level, then the finer (or for each level, if `diagonal`):
-// first = Σ_u n(u) C(u) and second = Σ_u n(u) C(u) D(u). C(u) and D(u) are 2^(j+k) Cov(W_{j,t}, W_{k,t+u}) of the
-// processes `left` and `right`, and n(u) is the number of pairs of coefficients with the lag u in a record of `samples`
-// samples. Levels ascend, and the coarsest has a coefficient.
+// first = Σ_u n(u) C(u) and second = Σ_u n(u) (C(u)² + 2 C(u) D(u)). C(u) and D(u) are 2^(j+k) Cov(W_{j,t}, W_{k,t+u}) of
+// the process and of the tables together, and n(u) is the number of pairs of coefficients with the lag u in a record of
+// `samples` samples. Levels ascend, and the coarsest has a coefficient. They are the first levels of each table.
 struct LagSums {
   std::span<double> first, second;
 };
 
-void lag_sums(std::span<const std::int64_t> levels, std::int64_t samples, bool diagonal, const LagProcess& left,
-              const LagProcess& right, const LagSums& out);
+void lag_sums(std::span<const std::int64_t> levels, std::int64_t samples, bool diagonal, const LagProcess& process,
+              std::span<const TableFactor> tables, const LagSums& out);
 
 }  // namespace gmwm

@@ -51,6 +51,7 @@ _PYTHON_COMMANDS: Mapping[str, str] = {
     "gmwm agree": "gmwm.agree(calibrations)",
     "gmwm fit": "gmwm.fit(model, curve)",
     "gmwm fit --likelihood": "gmwm.fit_ml(model, signal)",
+    "gmwm fit --bootstrap-draws 500": "fit.confidence_intervals(method='bootstrap')",
     "gmwm calibrate": "gmwm.calibrate(recording)",
     "gmwm calibrate --chunked no": "gmwm.calibrate(gmwm.read(path))",
     "gmwm compare": "gmwm.compare(curves)",

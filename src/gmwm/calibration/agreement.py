@@ -37,12 +37,9 @@ Recording = Calibration | Mapping[str, Datasheet]
 
 
 def agree(
-    calibrations: Sequence[Recording],
-    *,
-    size: float = 0.05,
-    labels: Sequence[str] | None = None,
+    calibrations: Sequence[Recording], *, size: float = 0.05, labels: Sequence[str] | None = None,
     reference: Mapping[str, tuple[float, str]] | None = None,
-) -> Agreement:
+) -> Agreement:  # fmt: skip
     """Test which numbers of several calibrations of one unit differ by more than chance.
 
     Let x_r be the logarithm of a number in recording r of n (for the rate ramp R, the number itself), and s_r its
@@ -109,14 +106,9 @@ def agree(
     models = {axis: tuple(sheet[axis].model if axis in sheet else None for sheet in sheets) for axis in axes}
     rejections, failures = (_where(calibrations, names, of) for of in (rejected_axes, lambda found: found.failed))
     return Agreement(
-        labels=names,
-        rows=tuple(rows),
-        models=models,
-        rejected=rejections,
-        size=float(size),
-        unmatched=unmatched,
+        labels=names, rows=tuple(rows), models=models, rejected=rejections, size=float(size), unmatched=unmatched,
         failed=failures,
-    )
+    )  # fmt: skip
 
 
 def _sheets(calibrations: Sequence[Recording]) -> list[Mapping[str, Datasheet]]:
@@ -188,15 +180,10 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
         pvalue = None if reason else _pvalue(usable, symbol == _SIGNED)
         rows.append(
             SharedNumber(
-                axis=axis,
-                symbol=symbol,
-                title=first.title,
-                unit=first.unit,
-                entries=entries,
-                pvalue=pvalue,
+                axis=axis, symbol=symbol, title=first.title, unit=first.unit, entries=entries, pvalue=pvalue,
                 reason=reason,
             )
-        )
+        )  # fmt: skip
     return rows
 
 
@@ -256,12 +243,9 @@ def _point(entry: Entry, z: float, signed: bool) -> tuple[float, float]:
 
 
 def _below(limit: Entry, z: float, x: float, s: float, signed: bool) -> float:
-    """Return the p-value for the difference between an upper limit and a larger value x with the standard error s.
-
-    Both intervals are widened by the same number of standard errors until they meet. This is an upper bound, because
-    the sum of two independent errors is larger than the root of their sum of squares. The limit of an amplitude is
-    widened on the scale of the variance, a number from the Allan deviation on a logarithmic scale.
-    """
+    """Return the p-value for the difference between an upper limit and a larger value x with the standard error s. Both
+    intervals are widened by the same number of standard errors until they meet: an upper bound, because errors add by
+    squares. An amplitude is widened on the scale of the variance, an Allan number on a logarithmic scale."""
 
     def apart(width: float) -> bool:
         value, high, share = abs(limit.value), limit.high or 0.0, width / z

@@ -177,20 +177,22 @@ def _remarks(found: Agreement) -> Iterator[Remark]:
         yield _difference(row)
     for axis, labels in found.rejected.items():
         everywhere = len(labels) == sum(model is not None for model in found.models[axis])
-        yield Remark.of("axis-rejected", axis, recordings=("all recordings",) if everywhere else labels)
+        yield Remark.of(
+            "model-rejected", axis, case="recording", recordings=("all recordings",) if everywhere else labels
+        )
     for row in found.disagreeing:
         if row.symbol == _RAMP:
-            yield Remark.of("ramps-differ", _name(row))
+            yield Remark.of("drift", _name(row), case="ramps")
     for axis, models in found.models.items():
         if len({model for model in models if model is not None}) > 1:
-            yield Remark.of("models-differ", axis, numbers=tuple(LAWS))
+            yield Remark.of("not-compared", axis, case="models", numbers=tuple(LAWS))
     for row in found.rows:
         if row.reason == "kinds":
-            yield Remark.of("bias-instability-kinds", _name(row))
+            yield Remark.of("not-compared", _name(row), case="kinds")
         if row.reason == "one recording":
-            yield Remark.of("single-recording", _name(row))
+            yield Remark.of("not-compared", _name(row), case="single")
     for key in found.unmatched:
-        yield Remark.of("reference-unused", key)
+        yield Remark.of("not-compared", key, case="reference")
 
 
 def _name(row: SharedNumber) -> str:
@@ -202,7 +204,7 @@ def _difference(row: SharedNumber) -> Remark:
     entries = [entry for entry in row.entries if entry is not None]
     unit = entries[0].in_units("datasheet")[3]
     return Remark.of(
-        "numbers-differ", _name(row), values=tuple(number(entry) for entry in entries), unit=unit,
+        "recordings-differ", _name(row), case="agreement", values=tuple(number(entry) for entry in entries), unit=unit,
         p=row.adjusted if row.adjusted is not None else 1.0, sizes="no" if row.apart is None else "yes",
         apart="" if row.apart is None else apart_text(row.apart),
     )  # fmt: skip

@@ -38,10 +38,8 @@ def summary(found: Agreement, dialect: Dialect = Dialect.PYTHON) -> str:
 
 
 def _heads(found: Agreement) -> tuple[list[str], list[str]]:
-    """Return the column headings, and lines that explain them.
-
-    If the names of the recordings are too long for a table, the headings are numbers, and the lines list the names.
-    """
+    """Return the column headings, and lines that explain them. If the names of the recordings are too long for a table,
+    the headings are numbers, and the lines list the names."""
     if sum(len(label) + 2 for label in found.labels) <= WIDTH - 24:
         return list(found.labels), []
     numbers = [f"({k})" for k in range(1, len(found.labels) + 1)]

@@ -19,27 +19,14 @@ if TYPE_CHECKING:
 
 
 def calibrate(
-    data: Data | Several,
-    within: ModelLike = SEARCHED,
-    *,
-    robust: Literal["auto"] | bool = "auto",
-    weighting: Literal["diagonal", "optimal"] = "optimal",
-    criterion: Literal["asymptotic", "bootstrap"] = "asymptotic",
-    confidence: float = 0.95,
-    efficiency: float = 0.6,
-    draws: int = 1000,
-    rng: int | np.random.Generator = 0,
-    against: Against = AUTO,
-    gravity: float | None = None,
-    tilt: float | None = None,
+    data: Data | Several, within: ModelLike = SEARCHED, *, robust: Literal["auto"] | bool = "auto",
+    weighting: Literal["diagonal", "optimal"] = "optimal", criterion: Literal["asymptotic", "bootstrap"] = "asymptotic",
+    confidence: float = 0.95, efficiency: float = 0.6, draws: int = 1000, rng: int | np.random.Generator = 0,
+    against: Against = AUTO, gravity: float | None = None, tilt: float | None = None,
     warmup: Literal["omit", "keep"] = "omit",
-    axes: str | Sequence[str] | None = None,
-    models: Mapping[str, ModelLike] | None = None,
-    threads: int | None = None,
-    scheduler: str | Client | None = None,
-    workers: int | None = None,
-    progress: Progress | None = None,
-) -> Calibration:
+    axes: str | Sequence[str] | None = None, models: Mapping[str, ModelLike] | None = None, threads: int | None = None,
+    scheduler: str | Client | None = None, workers: int | None = None, progress: Progress | None = None,
+) -> Calibration:  # fmt: skip
     """Calibrate every axis of an inertial sensor: choose a noise model, fit it and compute its datasheet numbers.
 
     For each axis, the function estimates the wavelet variance, selects a model, fits it, certifies the optimum given
@@ -127,21 +114,11 @@ def calibrate(
     'WN + RW'
     """
     options = CalibrationOptions(
-        within=within,
-        robust=robust,
-        weighting=weighting,
-        criterion=criterion,
-        confidence=confidence,
-        efficiency=efficiency,
-        draws=draws,
-        seed=as_seed(rng),
-        against=against,
-        gravity=gravity,
-        tilt=tilt,
-        warmup=warmup,
-        axes=axes,
+        within=within, robust=robust, weighting=weighting, criterion=criterion, confidence=confidence,
+        efficiency=efficiency, draws=draws, seed=as_seed(rng), against=against, gravity=gravity, tilt=tilt,
+        warmup=warmup, axes=axes,
         models={} if models is None else models,
-    )
+    )  # fmt: skip
     from gmwm.calibration.calibrate_recordings import calibrate_recording
 
     return calibrate_recording(data, options, threads=threads, scheduler=scheduler, workers=workers, progress=progress)

@@ -129,10 +129,8 @@ def weighted_candidates(ranking: Ranking) -> list[tuple[float, Candidate]]:
 
 def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Datasheet:
     """Return the datasheet of the recommended model, with intervals that include the uncertainty of the model choice.
-
     Each interval is the union of the one in the recommended model and the average over all models. The number becomes
-    an upper limit if the models without it have more than (1 − level) / 2 of the total weight.
-    """
+    an upper limit if the models without it have more than (1 − level) / 2 of the total weight."""
     others = []
     for weight, candidate in weighted_candidates(ranking):
         if candidate.recommended:

@@ -35,29 +35,11 @@ STAGES = ("measured", "model chosen", "fitted", "judged")
 
 
 def calibrate_axis(
-    measured: MeasuredAxis,
-    options: CalibrationOptions,
-    *,
-    advance: Callable[[str], None] = lambda _: None,
+    measured: MeasuredAxis, options: CalibrationOptions, *, advance: Callable[[str], None] = lambda _: None,
     check: Callable[[], None] = lambda: None,
-) -> AxisCalibration:
-    """Choose the model of an axis, fit it, and judge the fit.
-
-    Parameters
-    ----------
-    measured : MeasuredAxis
-    options : CalibrationOptions
-        Options of all axes.
-    advance : function
-        Called with the name of each finished stage.
-    check : function
-        Called often. It may raise to end the work.
-
-    Raises
-    ------
-    GmwmError
-        If the axis cannot be calibrated, for example because the recording is too short.
-    """
+) -> AxisCalibration:  # fmt: skip
+    """Choose the model of an axis, fit it, and judge the fit. `advance` is called with the name of each finished stage,
+    `check` often; it may raise to end the work. Raises a GmwmError if, for example, the recording is too short."""
     options = options.of_axis(measured.axis)
     curve, level = measured.curve(options), options.confidence
     require_scales(curve)
@@ -73,23 +55,15 @@ def calibrate_axis(
     means, beginnings = list(measured.means.values()), list(measured.beginnings.values())
     additions = {item.name: item.of_axis(fit, beginnings) for item in axis_additions() if beginnings}
     axis = AxisCalibration(
-        fit=fit,
-        intervals=averaged_intervals(fit, fit.confidence_intervals(level), sheet),
-        test=_test(replace(fit, wavelet_variance=choice.wavelet_variance)),
-        datasheet=with_limits(sheet, fit),
-        ranking=ranking,
-        verdict=measured.verdict(robust=curve.robust),
-        needed=needed_lengths(_as_one_recording(fit), options.weighting),
-        spectrum=measured.spectrum,
-        misfit=relative_misfit(fit),
-        model_error=choice.error,
-        tried=choice.tried,
-        search=choice.steps,
-        regression=measured.regression,
-        left_in=None if raw is None else _left_in(fit, raw, options),
+        fit=fit, intervals=averaged_intervals(fit, fit.confidence_intervals(level), sheet),
+        test=_test(replace(fit, wavelet_variance=choice.wavelet_variance)), datasheet=with_limits(sheet, fit),
+        ranking=ranking, verdict=measured.verdict(robust=curve.robust),
+        needed=needed_lengths(_as_one_recording(fit), options.weighting), spectrum=measured.spectrum,
+        misfit=relative_misfit(fit), model_error=choice.error, tried=choice.tried, search=choice.steps,
+        regression=measured.regression, left_in=None if raw is None else _left_in(fit, raw, options),
         rest=bias_at_rest(fit, ranking, means, level=level) if means else None,
         additions={name: value for name, value in additions.items() if value is not None},
-    )
+    )  # fmt: skip
     # The cached values behind these are computed here, where axes are processed in parallel.
     _ = fit.replicates, ranking.remarks
     advance(STAGES[3])
@@ -160,11 +134,9 @@ def _test(fit: Fit) -> GoodnessOfFit | None:
 
 
 def needed_lengths(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[str, float | None]:
-    """Return the recording length (s) that gives each poorly known parameter a relative standard error of 20 %.
-
-    These parameters have one above 50 %. The length is doubled up to ten times, then it is infinite. It is None if the
-    data cannot distinguish a term from a simpler process, because theory cannot predict the error.
-    """
+    """Return the recording length (s) that gives each poorly known parameter a relative standard error of 20 %. These
+    parameters have one above 50 %. The length is doubled up to ten times, then it is infinite. It is None if the data
+    cannot distinguish a term from a simpler process, because theory cannot predict the error."""
     shares = zip(fit.sandwich.names, np.sqrt(np.diag(fit.sandwich.relative)).tolist(), strict=True)
     poor = [name for name, share in shares if share > SEEN]
     if not poor or fit.diagnostics.acts_as:

@@ -40,15 +40,10 @@ the last step."""
 
 
 def calibrate_recording(
-    data: Data | Several,
-    options: CalibrationOptions,
-    *,
-    threads: int | None = None,
-    scheduler: str | Client | None = None,
-    workers: int | None = None,
-    progress: Progress | None = None,
+    data: Data | Several, options: CalibrationOptions, *, threads: int | None = None,
+    scheduler: str | Client | None = None, workers: int | None = None, progress: Progress | None = None,
     helpers: Helpers | None = None,
-) -> Calibration:
+) -> Calibration:  # fmt: skip
     """Calibrate like `calibrate`, with options that are already validated, and in helper processes if there are any."""
     if threads is not None:
         as_whole_number(threads, "threads", 1)
@@ -108,11 +103,9 @@ def _not_inspected(recordings: Recordings, axes: Mapping[str, AxisCalibration]) 
 
 
 def _recording_remarks(
-    inspections: Mapping[str, Sequence[Inspection]],
-    axes: Mapping[str, AxisCalibration],
-    verdicts: Mapping[str, Mapping[str, Verdict]],
-    findings: Mapping[str, Sequence[Sequence[object]]],
-) -> Iterator[Remark]:
+    inspections: Mapping[str, Sequence[Inspection]], axes: Mapping[str, AxisCalibration],
+    verdicts: Mapping[str, Mapping[str, Verdict]], findings: Mapping[str, Sequence[Sequence[object]]],
+) -> Iterator[Remark]:  # fmt: skip
     """Yield the remarks on the recordings from inspections, outlier tests and additions. Remarks that do not apply to
     all recordings name theirs."""
     by_recording: dict[str, list[Remark]] = {}

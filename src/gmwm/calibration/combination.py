@@ -54,5 +54,9 @@ def combine(calibrations: Sequence[Calibration]) -> Calibration:
 
 def _name(calibration: Calibration) -> str:
     """Return a name for the recording of a calibration: its topic, its source, or its axes."""
-    topics = [str(r.facts["topic"]) for r in calibration.recording_remarks if r.code == "topic-read"]
+    topics = [
+        str(r.facts["topic"])
+        for r in calibration.recording_remarks
+        if r.code == "topic-chosen" and r.facts["case"] == "read"
+    ]
     return topics[0] if len(topics) == 1 else calibration.source or " ".join(calibration.axes)

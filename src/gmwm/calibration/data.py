@@ -31,27 +31,14 @@ Part = Imu | Streamed
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recordings:
-    """The data to calibrate, in one form whatever the user gave. The name of a single recording is "".
+    """The data to calibrate, in one form whatever the user gave. The name of a single recording is ""."""
 
-    Attributes
-    ----------
-    parts : mapping of name to tuple of Imu or Stream
-        The samples of each recording. Signals that were not sampled at the same times are in several parts.
-    curves : mapping of name to mapping of axis to curves
-        The axes of each recording that the user gave as curves.
-    axes : tuple of str
-        The axes to calibrate, which all recordings have.
-    missing : mapping of axis to str
-        The reason why each other axis is not calibrated.
-    comparisons : int
-        Number of axes and recordings that are tested for outliers together.
-    """
-
+    # The samples of each recording. Signals that were not sampled at the same times are in several parts.
     parts: Mapping[str, tuple[Part, ...]]
-    curves: Mapping[str, Mapping[str, Curve]]
-    axes: tuple[str, ...]
-    missing: Mapping[str, str]
-    comparisons: int
+    curves: Mapping[str, Mapping[str, Curve]]  # the axes of each recording that the user gave as curves
+    axes: tuple[str, ...]  # the axes to calibrate, which all recordings have
+    missing: Mapping[str, str]  # the reason why each other axis is not calibrated
+    comparisons: int  # number of axes and recordings that are tested for outliers together
 
     @classmethod
     def of(cls, data: Any, options: CalibrationOptions) -> Recordings:

@@ -51,20 +51,14 @@ _NUMBERS = {"Infinity": math.inf, "-Infinity": -math.inf, "NaN": math.nan}
 def document(calibration: Calibration) -> dict[str, Any]:
     """Return a calibration as the dicts, lists, numbers and strings that are written to calibration.json."""
     content = {
-        "format": FORMAT,
-        "version": VERSION,
-        "gmwm": metadata.version("gmwm"),
-        "source": calibration.source,
+        "format": FORMAT, "version": VERSION, "gmwm": metadata.version("gmwm"), "source": calibration.source,
         "settings": calibration.settings.to_dict(),
-        "axes": {axis: _of_axis(entry) for axis, entry in calibration.axes.items()},
-        "failed": dict(calibration.failed),
+        "axes": {axis: _of_axis(entry) for axis, entry in calibration.axes.items()}, "failed": dict(calibration.failed),
         "recording_remarks": plain(calibration.recording_remarks, finite=False),
-        "verdict": plain(calibration.verdict, finite=False),
-        "use": plain(calibration.number_verdicts, finite=False),
-        "remarks": plain(calibration.remarks, finite=False),
-        "recording": plain(calibration.recording, finite=False),
+        "verdict": plain(calibration.verdict, finite=False), "use": plain(calibration.number_verdicts, finite=False),
+        "remarks": plain(calibration.remarks, finite=False), "recording": plain(calibration.recording, finite=False),
         "recordings": plain(calibration.recordings, finite=False),
-    }
+    }  # fmt: skip
     finite: dict[str, Any] = _plain(content)
     return finite
 
@@ -158,18 +152,16 @@ _AXIS_PARTS = (
     _AxisEntry("confidence_intervals", "intervals", Mapping, _intervals),
     _AxisEntry("goodness_of_fit", "test", _OPTIONAL, GoodnessOfFit.from_dict),
     _AxisEntry("datasheet", "datasheet", Mapping, Datasheet.from_dict),
-    _AxisEntry("contamination", "verdict", _OPTIONAL, Verdict.from_dict),
-    _AxisEntry("needed", "needed", Mapping, dict),
+    _AxisEntry("contamination", "verdict", _OPTIONAL, Verdict.from_dict), _AxisEntry("needed", "needed", Mapping, dict),
     _AxisEntry("ranking", "ranking", Mapping, lambda content: content),
     _AxisEntry("spectrum", "spectrum", _OPTIONAL, PowerSpectrum.from_dict),
     _AxisEntry("misfit", "misfit", _OPTIONAL, RelativeMisfit.from_dict),
-    _AxisEntry("model_error", "model_error", float, lambda error: error),
-    _AxisEntry("tried", "tried", list, tuple),
+    _AxisEntry("model_error", "model_error", float, lambda error: error), _AxisEntry("tried", "tried", list, tuple),
     _AxisEntry("search", "search", list, lambda steps: tuple(map(SearchStep.from_dict, steps)), later=True),
     _AxisEntry("regression", "regression", _OPTIONAL, Regression.from_dict),
     _AxisEntry("left_in", "left_in", float | NoneType, lambda value: value),
     _AxisEntry("rest", "rest", _OPTIONAL, BiasAtRest.from_dict, later=True),
-)
+)  # fmt: skip
 
 
 def _require_parts(content: Mapping[str, Any], parts: Mapping[str, type | UnionType], where: str) -> None:

@@ -71,7 +71,7 @@ def verdict_of(calibration: Calibration) -> Remark:
     axes = len(verdicts)
     lost = unusable(calibration)
     if len(lost) == axes:
-        return Remark.of("verdict-unusable", axes=axes, one="yes" if axes == 1 else "no")
+        return Remark.of("verdict", case="unusable", axes=axes, one="yes" if axes == 1 else "no")
     facts: dict[str, Fact] = {"axes": axes}
     for symbol in MAIN:
         facts[f"{symbol}_use"], facts[f"{symbol}_bound"] = counts(verdicts, symbol)
@@ -79,13 +79,13 @@ def verdict_of(calibration: Calibration) -> Remark:
     reasons = dict.fromkeys(verdict.reason.code for verdict in main if verdict.reason is not None)
     facts |= {"why": "yes" if reasons else "no", "reasons": tuple(reasons)}
     if lost:
-        return Remark.of("verdict-some-unusable", names=tuple(lost), unusable=len(lost), **facts)
+        return Remark.of("verdict", case="partly", names=tuple(lost), unusable=len(lost), **facts)
     refused = {verdict.symbol for verdict in main if verdict.usability is Usability.DO_NOT_USE}
     if refused.intersection(OF_FILTER):
-        return Remark.of("verdict-wrong", **facts)
+        return Remark.of("verdict", case="wrong", **facts)
     worst = gravest(calibration.remarks)
     clean = not refused and not reasons and (worst is None or worst is Severity.INFO)
-    return Remark.of("verdict-clean" if clean else "verdict-usable", **facts)
+    return Remark.of("verdict", case="clean" if clean else "usable", **facts)
 
 
 def unusable(calibration: Calibration) -> list[str]:
@@ -114,12 +114,12 @@ def certificate_of(fits: Collection[Fit]) -> Remark | None:
     if len(certified) < len(gaps):
         return None
     held = any(fit.model.fixed_names for fit in fits)
-    return Remark.of("optimal", gap=100 * max(certified), of="shape" if held else "all")
+    return Remark.of("check-passed", case="optimum", gap=100 * max(certified), of="shape" if held else "all")
 
 
 def _of_failed(calibration: Calibration) -> Iterator[Remark]:
     for axis, why in calibration.failed.items():
-        yield Remark.of("not-calibrated", axis, reason=why)
+        yield Remark.of("not-calibrated", axis, case="calibration", reason=why)
 
 
 def _of_recording(calibration: Calibration) -> Iterator[Remark]:
@@ -157,7 +157,7 @@ def _of_axis(
     ramp = axis_calibration.datasheet.get(_RAMP)
     if ramp is not None and ramp.value and not ramp.upper_only:
         value, _, _, unit = ramp.in_units("datasheet")
-        yield Remark.of("drift", axis, rate=Quantity(value, unit))
+        yield Remark.of("drift", axis, case="drift", rate=Quantity(value, unit))
     yield from spectrum_remarks(axis, axis_calibration)
     time = markov_instead_of_walk(axis_calibration.datasheet, axis_calibration.ranking)
     if time is not None:
@@ -175,7 +175,7 @@ def _rejection(axis: str, axis_calibration: AxisCalibration) -> Remark:
     has_line = "yes" if sinusoid is None or line_in(axis_calibration.fit.model) is not None else "no"
     far = misfit_of(axis_calibration)
     if far is None or far.times <= LARGE:
-        return Remark.of("model-rejected", axis, line=has_line, sinusoid=sinusoid or "")
+        return Remark.of("model-rejected", axis, case="calibration", line=has_line, sinusoid=sinusoid or "")
     side = "above" if far.ratio > 1 else "below"
     numbers = far.numbers or ("the numbers of this axis",)
     return Remark.of(
@@ -207,10 +207,10 @@ def _of_outliers(axis: str, axis_calibration: AxisCalibration, calibration: Cali
     if verdict is None:
         return
     if not np.any(verdict.tested):
-        yield Remark.of("outliers-not-tested", axis, reason=verdict.reason)
+        yield Remark.of("outliers-not-tested", axis, case="fit", reason=verdict.reason)
     yield from _of_replaced(axis, verdict.replaced, axis_calibration.fit.wavelet_variance)
     if verdict.heavy_tailed and not axis_calibration.fit.wavelet_variance.robust:
-        yield Remark.of("noise-heavy-tailed", axis)
+        yield Remark.of("heavy-tails", axis, case="fit")
     if not verdict.contaminated:
         return
     facts = _excess(verdict)
@@ -220,10 +220,12 @@ def _of_outliers(axis: str, axis_calibration: AxisCalibration, calibration: Cali
             yield _dependence(axis, verdict.dependence, axis_calibration.fit.wavelet_variance.unit)
         if np.any(verdict.lighter):
             taus = tuple(Quantity(float(tau), "s") for tau in verdict.tau[verdict.lighter])
-            yield Remark.of("robust-above-classical", axis, taus=taus)
+            yield Remark.of("robust-too-large", axis, case="above", taus=taus)
     else:
         # With robust="auto", the classical estimate is fitted only if the model has a sinusoid.
-        yield Remark.of("outliers-kept", axis, line="yes" if calibration.settings.robust == "auto" else "no", **facts)
+        yield Remark.of(
+            "outliers-found", axis, case="fit", line="yes" if calibration.settings.robust == "auto" else "no", **facts
+        )
 
 
 def _dependence(axis: str, dependence: Dependence, unit: str) -> Remark:
@@ -237,10 +239,11 @@ def _dependence(axis: str, dependence: Dependence, unit: str) -> Remark:
 
 def _of_replaced(axis: str, replaced: Replaced, wv: WaveletVariance) -> Iterator[Remark]:
     if replaced.spikes:
-        yield Remark.of("spikes-repaired", axis, count=replaced.spikes, largest=replaced.largest)
+        yield Remark.of("samples-replaced", axis, case="spikes", count=replaced.spikes, largest=replaced.largest)
     if replaced.knocks:
         yield Remark.of(
-            "knocks-replaced", axis, count=len(replaced.knocks), share=100 * replaced.in_knocks / wv.samples,
+            "samples-replaced", axis, case="knocks", count=len(replaced.knocks),
+            share=100 * replaced.in_knocks / wv.samples,
             first=Quantity(replaced.knocks[0][0], "s"),
         )  # fmt: skip
 
@@ -268,7 +271,9 @@ def _poorly_known(axis: str, axis_calibration: AxisCalibration) -> Remark:
         lengths = first if first == last else f"{first} to {last}"
     endless = any(seconds == math.inf for seconds in needed.values())
     way = "none" if not finite and not endless else "hold" if not finite else "both" if endless else "record"
-    return Remark.of("poorly-known", axis, parameters=parameters, seen=SEEN, wanted=WANTED, lengths=lengths, way=way)
+    return Remark.of(
+        "poorly-known", axis, case="fit", parameters=parameters, seen=SEEN, wanted=WANTED, lengths=lengths, way=way
+    )
 
 
 def _longest_scale(wv: WaveletVariance) -> Remark:
@@ -302,12 +307,10 @@ def spectrum_remarks(axis: str, found: AxisCalibration) -> Iterator[Remark]:
         yield _lines(axis, found, spectrum.lines)
     if spectrum.bumps:
         yield Remark.of(
-            "resonance-found",
-            axis,
-            frequencies=tuple(Quantity(bump.frequency, "Hz") for bump in spectrum.bumps),
+            "resonance-found", axis, frequencies=tuple(Quantity(bump.frequency, "Hz") for bump in spectrum.bumps),
             widths=tuple(Quantity(bump.width, "Hz") for bump in spectrum.bumps),
             heights=tuple(bump.height for bump in spectrum.bumps),
-        )
+        )  # fmt: skip
 
 
 def _lines(axis: str, found: AxisCalibration, lines: tuple[Line, ...]) -> Remark:
@@ -317,16 +320,12 @@ def _lines(axis: str, found: AxisCalibration, lines: tuple[Line, ...]) -> Remark
     modelled = line_in(found.fit.model) is not None
     # 5 % of the wavelet variance at any level change a density such as N, the root of a variance, by 2.5 %.
     return Remark.of(
-        "lines-found" if share >= 0.05 and not modelled else "lines-known",
-        axis,
+        "lines", axis, case="found" if share >= 0.05 and not modelled else "known",
         frequencies=tuple(Quantity(line.frequency, "Hz") for line in strongest),
         amplitudes=tuple(Quantity(line.amplitude, wv.unit) for line in strongest),
-        widths=tuple(Quantity(line.width, "Hz") for line in strongest),
-        share=share,
-        tau=Quantity(tau, "s"),
-        modelled="yes" if modelled else "no",
-        sinusoid=line_process() or "",
-    )
+        widths=tuple(Quantity(line.width, "Hz") for line in strongest), share=share, tau=Quantity(tau, "s"),
+        modelled="yes" if modelled else "no", sinusoid=line_process() or "",
+    )  # fmt: skip
 
 
 def line_share(wv: WaveletVariance, lines: tuple[Line, ...]) -> tuple[float, float]:

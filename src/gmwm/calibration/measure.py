@@ -48,37 +48,23 @@ from gmwm.recording.signals import Imu, Signal
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredAxis:
-    """One axis of one or several recordings of a unit, before a model is chosen.
-
-    The mappings have one entry for each recording, by its name; the name of a single recording is "".
-
-    Attributes
-    ----------
-    axis : str
-    classical, robust : mapping of name to WaveletVariance
-        The two wavelet variances. A curve that the user gave is in one of them only.
-    verdicts : mapping of name to Verdict
-        Test for outliers; empty for a curve that the user gave.
-    spectrum : PowerSpectrum or None
-        Power spectrum of all recordings together, smoothed except at lines; None for a curve or for few samples.
-    regressions : mapping of name to Regression
-        Regression on the conditions, even if the axis does not follow them.
-    raw : mapping of name to WaveletVariance
-        Wavelet variance before the effect of the conditions is removed, if it is removed and if this curve is known.
-    means : mapping of name to AxisMean
-        Mean of the samples and the gravity in it.
-    beginnings : mapping of name to Signal
-        First samples for the additions, with isolated wrong samples and knocks replaced.
-    """
+    """One axis of one or several recordings of a unit, before a model is chosen. The mappings have one entry for each
+    recording, by its name; the name of a single recording is ""."""
 
     axis: str
+    # The two wavelet variances. A curve that the user gave is in one of them only.
     classical: Mapping[str, WaveletVariance] = field(default_factory=dict)
     robust: Mapping[str, WaveletVariance] = field(default_factory=dict)
+    # test for outliers; empty for a curve that the user gave
     verdicts: Mapping[str, Verdict] = field(default_factory=dict)
+    # power spectrum of all recordings together, smoothed except at lines; None for a curve or for few samples
     spectrum: PowerSpectrum | None = None
+    # regression on the conditions, even if the axis does not follow them
     regressions: Mapping[str, Regression] = field(default_factory=dict)
+    # wavelet variance before the effect of the conditions is removed, if it is removed and if this curve is known
     raw: Mapping[str, WaveletVariance] = field(default_factory=dict)
-    means: Mapping[str, AxisMean] = field(default_factory=dict)
+    means: Mapping[str, AxisMean] = field(default_factory=dict)  # mean of the samples and the gravity in it
+    # first samples for the additions, with isolated wrong samples and knocks replaced
     beginnings: Mapping[str, Signal] = field(default_factory=dict)
 
     @property
@@ -102,17 +88,10 @@ class MeasuredAxis:
         )
 
     def curve(self, options: CalibrationOptions) -> WaveletVariance:
-        """Return the wavelet variance to fit: the mean over the recordings, without the effect of the conditions.
-
-        With robust="auto", it is the robust one if remaining bursts (motion, or too many knocks) raise the classical
-        curve of any recording. A classical curve includes the additional covariance from heavy tails.
-
-        Raises
-        ------
-        DataError
-            If the axis is constant in a recording, if the recordings cannot be pooled, or if the options require the
-            robust curve and the user gave the classical one.
-        """
+        """Return the wavelet variance to fit: the mean over the recordings, without the effect of the conditions. With
+        robust="auto", it is the robust one if remaining bursts (motion, or too many knocks) raise the classical curve
+        of any recording. A classical curve includes the additional covariance from heavy tails. Raises a DataError if
+        the axis is constant, the recordings cannot be pooled, or the curve to fit was not given."""
         removed = {name: item for name, item in self.regressions.items() if item.applied}
         curves = self._curves(options)
         return pool({name: removed[name].corrected(wv) if name in removed else wv for name, wv in curves.items()})
@@ -163,23 +142,8 @@ class Measurements(NamedTuple):
 
 
 def measure(recordings: Recordings, options: CalibrationOptions, run: Execution = IN_THIS_PROCESS) -> Measurements:
-    """Measure the axes of one or several recordings.
-
-    Parameters
-    ----------
-    recordings : Recordings
-        Recordings in memory or streams, and curves by axis.
-    options : CalibrationOptions
-        `against`, `efficiency`, `gravity` and `tilt` are used here.
-    run : Execution
-        Threads and processes that read.
-
-    Raises
-    ------
-    OptionError
-        If worker processes are asked for and a recording is not a stream, or if `against` needs samples that are not
-        there.
-    """
+    """Measure the axes of one or several recordings, with the options `against`, `efficiency`, `gravity` and `tilt`.
+    Raises an OptionError if workers cannot read a recording, or if `against` needs samples that are not there."""
     if run.remote:
         _require_one_stream(recordings, "workers" if run.scheduler is None else "scheduler")
     parts: dict[str, list[MeasuredAxis | GmwmError]] = {axis: [] for axis in recordings.axes}
@@ -324,12 +288,9 @@ def _raw(axis: str, part: Part, conditions: Conditions) -> WaveletVariance | Non
 
 
 def _beginnings(part: Part, items: Mapping[str, AxisAccumulator], conditions: Conditions) -> dict[str, Signal]:
-    """Return the first samples of each axis of a recording for the additions.
-
-    Isolated wrong samples and knocks are replaced. They are not part of the normal noise, and a monitor must report
-    them. The effect of conditions is not removed, because a monitor does not remove it either. If it was removed while
-    the recording was read, the beginning is read again.
-    """
+    """Return the first samples of each axis for the additions, without isolated wrong samples and knocks, which a
+    monitor must report. The effect of conditions is not removed, because a monitor does not remove it either; if it was
+    removed while the recording was read, the beginning is read again."""
     beginnings = {
         axis: item.beginning
         for axis, item in items.items()

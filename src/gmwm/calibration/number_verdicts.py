@@ -114,7 +114,8 @@ def _touches(remark: Remark, symbols: tuple[str, ...], symbol: str) -> bool:
     if _FACTS in symbols:
         numbers = remark.facts["numbers"]
         named = tuple(map(str, numbers)) if isinstance(numbers, tuple) else ()
-        symbols = named if _SHORT.intersection(named) else (_ALL,)  # a phrase stands for all numbers of the axis
+        # A phrase stands for all numbers of the axis.
+        symbols = named if not named or _SHORT.intersection(named) else (_ALL,)
     return _ALL in symbols or symbol in symbols
 
 

@@ -75,28 +75,10 @@ def needed_beginning() -> int:
 
 
 class AxisAccumulator:
-    """Wavelet variances, outliers, distribution tails and spectrum of one axis of one recording.
-
-    Parameters
-    ----------
-    rate : float
-        Sampling rate (Hz).
-    unit, axis : str
-    curves : AxisCurves or None
-        Accumulators of the wavelet variances, which may need a second pass; None if another process has them.
-    turn : context manager
-        Context in which the wavelet variances are computed. The axes of a stream share a lock as context, so that only
-        one axis at a time needs the memory for this.
-    beginning : int
-        Number of samples at the beginning of the recording to keep.
-    keep : bool
-        Whether to keep all samples until `samples` is called.
-
-    Attributes
-    ----------
-    beginning : Signal or None
-        The first samples, with isolated wrong samples and knocks replaced; None before the first batch.
-    """
+    """Wavelet variances (`curves`; None if another process has them), outliers, tails and spectrum of one axis. The
+    wavelet variances are computed in the context `turn`, a lock that the axes of a stream share to save memory. The
+    first `beginning` samples are kept without knocks in `beginning`, and all samples until `samples` is called if
+    `keep`."""
 
     def __init__(
         self, rate: float, unit: str, axis: str, curves: AxisCurves | None = None, *,
@@ -170,20 +152,9 @@ def read_recording(
     recording: Imu | Streamed, axes: Sequence[str], efficiency: float, conditions: Conditions = NOTHING,
     run: Execution = IN_THIS_PROCESS,
 ) -> Passes:  # fmt: skip
-    """Accumulate some axes of a recording and inspect all of its axes, in the same passes over the samples.
-
-    Parameters
-    ----------
-    recording : Imu or Stream
-    axes : sequence of str
-        Axes to calibrate.
-    efficiency : float
-        Efficiency of the robust wavelet variance.
-    conditions : Conditions
-        Effects that are removed from the samples before they are measured. The inspection uses the samples without this
-        removal, except in its test for trends.
-    run : Execution
-    """
+    """Accumulate some axes of a recording and inspect all of its axes, in the same passes over the samples. The effects
+    in `conditions` are removed before the samples are measured, but not before the inspection, except in its test for
+    trends."""
     if run.remote:
         from gmwm.files.readers.streams import Stream
 
@@ -200,14 +171,9 @@ def read_recording(
 
 
 def curves_and_inspection(
-    stream: Stream,
-    axes: Sequence[str],
-    *,
-    robust: bool,
-    efficiency: float,
-    conditions: Conditions = NOTHING,
+    stream: Stream, axes: Sequence[str], *, robust: bool, efficiency: float, conditions: Conditions = NOTHING,
     run: Execution = IN_THIS_PROCESS,
-) -> tuple[dict[str, WaveletVariance], Inspection]:
+) -> tuple[dict[str, WaveletVariance], Inspection]:  # fmt: skip
     """Compute the wavelet variance of some axes of a stream and inspect all axes, in the same passes."""
     if run.remote:
         curves, (inspection, _) = _measure_remotely(
@@ -247,13 +213,9 @@ def _first_pass(
 
 
 def _second_pass(
-    batches: Batches,
-    curves: Mapping[str, AxisCurves],
-    threads: int | None = None,
-    also: Callable[[Batch], None] | None = None,
-    *,
-    conditions: Conditions = NOTHING,
-) -> None:
+    batches: Batches, curves: Mapping[str, AxisCurves], threads: int | None = None,
+    also: Callable[[Batch], None] | None = None, *, conditions: Conditions = NOTHING,
+) -> None:  # fmt: skip
     """Run the second pass for the wavelet variances that need one, and call `also`, if given, with each batch."""
     again: dict[str, Measurement] = {axis: item for axis, item in curves.items() if item.begin_again()}
     if again or also:

@@ -28,11 +28,9 @@ def ranking_document(ranking: Ranking) -> dict[str, Any]:
         values["asked"] = str(candidate.model)  # This text includes fixed values.
         values["fit"] = place[id(candidate.fit)]
     return {
-        **content,
-        "fits": [_short(fit) for fit in fits.values()],
-        "weighting_matrix": ranking.weighting_matrix.tolist(),
-        "wavelet_covariance": ranking.wavelet.tolist(),
-    }
+        **content, "fits": [_short(fit) for fit in fits.values()],
+        "weighting_matrix": ranking.weighting_matrix.tolist(), "wavelet_covariance": ranking.wavelet.tolist(),
+    }  # fmt: skip
 
 
 def _short(fit: Fit) -> dict[str, Any]:
@@ -51,47 +49,33 @@ def ranking_from(content: Mapping[str, Any], wv: WaveletVariance) -> Ranking:
     if sum(candidate.recommended for candidate in candidates) != 1:
         raise ReadError("not a ranking: one candidate must be recommended", advice=AGAIN)
     return Ranking(
-        candidates=candidates,
-        within=Model.parse(content["within"]),
-        general=fits[0],
-        weighting=weighting,
-        weighting_matrix=matrix,
-        wavelet=wavelet,
-        confidence=float(content["confidence"]),
-    )
+        candidates=candidates, within=Model.parse(content["within"]), general=fits[0], weighting=weighting,
+        weighting_matrix=matrix, wavelet=wavelet, confidence=float(content["confidence"]),
+    )  # fmt: skip
 
 
 def _candidate(values: Mapping[str, Any], fit: Fit) -> Candidate:
     wic = values["wic"]
     return Candidate(
-        model=Model.parse(values["asked"]),
-        fit=fit,
+        model=Model.parse(values["asked"]), fit=fit,
         wic=Criterion(loss=float(wic["loss"]), optimism=float(wic["optimism"]), method=wic["method"]),
-        out_of_sample=values["out_of_sample"],
-        difference=float(values["difference"]),
-        parameters=int(values["parameters"]),
-        equivalent=bool(values["equivalent"]),
-        recommended=bool(values["recommended"]),
-        same_as=values["same_as"],
-    )
+        out_of_sample=values["out_of_sample"], difference=float(values["difference"]),
+        parameters=int(values["parameters"]), equivalent=bool(values["equivalent"]),
+        recommended=bool(values["recommended"]), same_as=values["same_as"],
+    )  # fmt: skip
 
 
 def _fit(values: Mapping[str, Any], wv: WaveletVariance, weighting: str, matrix: Matrix) -> Fit:
     model = Model.parse(values["model"])
     lower = values["lower_bound"]
     return Fit(
-        wavelet_variance=wv,
-        model=model,
+        wavelet_variance=wv, model=model,
         parameters={name: value for name, value in model.parameters.items() if value is not None},
-        objective=float(values["objective"]),
-        lower_bound=None if lower is None else float(lower),
-        relaxed_bound=float(values["relaxed_bound"]),
-        implied=model.wavelet_variance(wv.levels, wv.rate, wv.filter),
-        decomposition=model.decomposition(wv.levels, wv.rate, wv.filter),
-        weighting=weighting,
-        weighting_matrix=matrix,
+        objective=float(values["objective"]), lower_bound=None if lower is None else float(lower),
+        relaxed_bound=float(values["relaxed_bound"]), implied=model.wavelet_variance(wv.levels, wv.rate, wv.filter),
+        decomposition=model.decomposition(wv.levels, wv.rate, wv.filter), weighting=weighting, weighting_matrix=matrix,
         diagnostics=Diagnostics.from_dict(values),
-    )
+    )  # fmt: skip
 
 
 def _square(values: Any, size: int) -> Matrix:

@@ -23,27 +23,26 @@ _RAMP = "R"
 def recording_remarks(
     inspection: Inspection, axes: Mapping[str, AxisCalibration], verdicts: Sequence[Verdict]
 ) -> Iterator[Remark]:
-    """Yield the remarks of an inspection that matter for the calibration.
-
-    Remarks on trends and quantization name the affected numbers. A linear trend that the model describes as a drift is
-    left out, and so are knocks, and motion that was replaced like a knock.
-    """
+    """Yield the remarks of an inspection that matter for the calibration. Remarks on trends and quantization name the
+    affected numbers. A linear trend that the model describes as a drift is left out, and so are knocks, and motion that
+    was replaced like a knock."""
     for remark in inspection.remarks:
-        if remark.code == "knocks" or (remark.code == "recording-moved" and _is_replaced(remark, verdicts)):
+        if remark.code == "knocks" or _is_replaced(remark, verdicts):
             continue
         axis_calibration = axes.get(remark.subject)
         if (
-            remark.code == "conditions-removed"
+            remark.code == "conditions"
+            and remark.facts["case"] == "removed"
             and axis_calibration is not None
             and axis_calibration.regression is not None
         ):
             yield removal_remark(remark.subject, axis_calibration.regression, _left_in(axis_calibration))
             continue
-        if remark.code == "gyro-too-noisy" and axis_calibration is not None:
+        if remark.facts.get("case") == "density" and axis_calibration is not None:
             yield from of_units({remark.subject: axis_calibration.datasheet["N"].value})
             continue
         affected = remark.facts.get("numbers")
-        if axis_calibration is None or not isinstance(affected, tuple):
+        if axis_calibration is None or not isinstance(affected, tuple) or not affected:
             yield remark
             continue
         sheet = axis_calibration.datasheet
@@ -64,7 +63,9 @@ def pairs_facts(pairs: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _is_replaced(remark: Remark, verdicts: Sequence[Verdict]) -> bool:
-    """Return whether the samples of the motion in a remark were replaced and no axis has outliers that remain."""
+    """Return whether a remark is about motion whose samples were replaced, and no axis has outliers that remain."""
+    if remark.code != "recording-moved" or remark.facts["case"] != "moved":
+        return False
     start, window = remark.facts["time"], remark.facts["window"]
     assert isinstance(start, Quantity)
     assert isinstance(window, Quantity)

@@ -64,17 +64,11 @@ class Recording(Documented):
         base = inspection.time_base
         missing = sum(duration - 1 / inspection.rate for _, duration in base.gaps)
         return cls(
-            samples=inspection.samples,
-            rate=inspection.rate,
-            duration=inspection.duration,
-            segments=inspection.segments,
-            missing=float(missing),
-            jitter=float(base.jitter) if base.stamped else None,
-            static=bool(inspection.static),
-            knocks=len(inspection.knocks),
-            gravity=inspection.gravity,
+            samples=inspection.samples, rate=inspection.rate, duration=inspection.duration,
+            segments=inspection.segments, missing=float(missing), jitter=float(base.jitter) if base.stamped else None,
+            static=bool(inspection.static), knocks=len(inspection.knocks), gravity=inspection.gravity,
             temperature=inspection.temperature,
-        )
+        )  # fmt: skip
 
     def of_file(self, path: str | os.PathLike[str]) -> Recording:
         """Return the description with the name, size and SHA-256 of a file. For a folder, only the name is set."""

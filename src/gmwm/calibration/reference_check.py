@@ -289,10 +289,8 @@ def _verdict(reference: float, measured: Entry | None) -> Verdict:
 
 
 def _cause(row: ReferenceNumber, rate: float) -> str | None:
-    """Return the name of the unit conversion that the ratio of a row looks like; None for no conversion.
-
-    The conversions are "rate" (√rate), "hour" (√3600) and "degree" (180/π), or their inverses.
-    """
+    """Return the name of the unit conversion that the ratio of a row looks like; None for no conversion. The
+    conversions are "rate" (√rate), "hour" (√3600) and "degree" (180/π), or their inverses."""
     if row.factor is None or max(row.factor, 1 / row.factor) < LEAST:
         return None
     distance = abs(math.log(row.factor))

@@ -216,11 +216,9 @@ def bias_at_rest(fit: Fit, ranking: Ranking, means: Sequence[AxisMean], *, level
 
 
 def reach_of(models: Sequence[tuple[float, Variance]], level: float) -> float:
-    """Return half the width of the confidence interval of a mean, averaged over models with weights.
-
-    In each model, the mean has Student's distribution. If its variance has the relative error r, there are 2/r² degrees
-    of freedom, at least 1. The tail areas are averaged (docs/validation/rest.md).
-    """
+    """Return half the width of the confidence interval of a mean, averaged over models with weights. In each model, the
+    mean has Student's distribution. If its variance has the relative error r, there are 2/r² degrees of freedom, at
+    least 1. The tail areas are averaged (docs/validation/rest.md)."""
     from scipy.special import stdtr
 
     spreads = [
@@ -239,11 +237,9 @@ def reach_of(models: Sequence[tuple[float, Variance]], level: float) -> float:
 
 
 def gravity_of(means: Mapping[str, float], options: CalibrationOptions) -> dict[str, tuple[float, float] | None]:
-    """Return the gravity along each axis with its standard error; None if it is not known.
-
-    It is √(g² − h²) along a nearly vertical axis, where h is the norm of the mean of the level axes, whose biases have
-    only a second-order effect. Along a level axis it is g times its tilt, which only the option `tilt` tells.
-    """
+    """Return the gravity along each axis with its standard error; None if it is not known. It is √(g² − h²) along a
+    nearly vertical axis, where h is the norm of the mean of the level axes, whose biases have only a second-order
+    effect. Along a level axis it is g times its tilt, which only the option `tilt` tells."""
     gravity: dict[str, tuple[float, float] | None] = dict.fromkeys(means, (0.0, 0.0))
     accel = {axis: mean for axis, mean in means.items() if sensor_of(axis) == "accel"}
     gravity |= dict.fromkeys(accel)

@@ -392,16 +392,9 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
             raise error.at(str(path)) from error
 
     def export(
-        self,
-        path: str | os.PathLike[str] | None = None,
-        format: str = "kalibr",
-        *,
-        axes: Rule | None = None,
-        inflation: float = 1.0,
-        horizon: float = 1.0,
-        rate: float | None = None,
-        duration: float | None = None,
-    ) -> str:
+        self, path: str | os.PathLike[str] | None = None, format: str = "kalibr", *, axes: Rule | None = None,
+        inflation: float = 1.0, horizon: float = 1.0, rate: float | None = None, duration: float | None = None,
+    ) -> str:  # fmt: skip
         """Write the noise of the unit in the format of another program.
 
         Most programs use two numbers of a sensor: the white noise N and the random walk K of the bias. They are those

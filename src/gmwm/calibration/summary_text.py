@@ -24,10 +24,8 @@ if TYPE_CHECKING:
     from gmwm.choosing.datasheets import Datasheet, Entry
 
 REST: Mapping[Dialect, str] = {
-    Dialect.PYTHON: "calibration.remarks",
-    Dialect.SHELL: "report.html (or --all-remarks)",
-    Dialect.HTML: "",
-}
+    Dialect.PYTHON: "calibration.remarks", Dialect.SHELL: "report.html (or --all-remarks)", Dialect.HTML: "",
+}  # fmt: skip
 """Where users find the remarks that the summary does not show."""
 
 MOST_LINES = 10
@@ -43,7 +41,7 @@ def summary(
     calibration: Calibration, dialect: Dialect = Dialect.PYTHON, *, every: bool = False, details: bool = False
 ) -> str:
     """Return a calibration as text of at most 80 columns; `Calibration.summary` describes the parameters."""
-    equality = equality_remarks(calibration)
+    equality, shell = equality_remarks(calibration), dialect is Dialect.SHELL
     parts = [wrap_text(calibration.verdict.text(dialect)), _head(calibration)]
     parts += [wrap_text(text) for text in texts(equality, dialect, codes=True)]
     parts += _details(calibration) if details else [axis_lines(calibration), wrap_text(LEGEND)]
@@ -52,7 +50,8 @@ def summary(
         remarks_shown = [remark for remark in remarks_shown if remark.severity is not Severity.INFO]
     remarks = texts(remarks_shown, dialect, codes=True) if every else brief(remarks_shown, dialect, rest=REST[dialect])
     if remarks:
-        parts.append(["What to know before using the numbers:", *(line for text in remarks for line in bullet(text))])
+        head = f"What to know before using the numbers{' (gmwm explain CODE says more)' if shell else ''}:"
+        parts.append([head, *(line for text in remarks for line in bullet(text))])
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
 
@@ -84,7 +83,7 @@ def _head(calibration: Calibration) -> list[str]:
     searched = "searched for the model" if settings.searched else f"best model within {settings.within}"
     if settings.models:
         searched += f"; models given for {', '.join(settings.models)}"
-    omitted = {r.facts["first"] for r in calibration.recording_remarks if r.code == "warm-up-omitted"}
+    omitted = {r.facts["first"] for r in calibration.recording_remarks if r.facts.get("case") == "omitted"}
     spans = [duration_text(first.value) for first in omitted if isinstance(first, Quantity)]
     cut = f", without the first {_range(sorted(spans))} (warm-up)" if spans else ""
     lines.append(f"{samples} samples at {rate} Hz, {duration}{cut}; {searched}")

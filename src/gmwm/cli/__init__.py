@@ -2,10 +2,8 @@
 
 
 def start() -> None:
-    """Import the commands and run the command line; the entry point of the script `gmwm`.
-
-    Ctrl-C during the imports ends the process without a traceback.
-    """
+    """Import the commands and run the command line; the entry point of the script `gmwm`. Ctrl-C during the imports
+    ends the process without a traceback."""
     import gc
     import os
     import signal

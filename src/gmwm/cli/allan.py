@@ -115,11 +115,9 @@ def _measure(
 
 
 def _variance(
-    signal: Signal,
-    kind: Kind,
-    clusters: Literal["octave", "decade", "all"],
+    signal: Signal, kind: Kind, clusters: Literal["octave", "decade", "all"],
     progress: Callable[[int, int], object] | None = None,
-) -> ClusterVariance:
+) -> ClusterVariance:  # fmt: skip
     from gmwm.measuring.variance.allan import allan_variance
     from gmwm.measuring.variance.hadamard import hadamard_variance
     from gmwm.measuring.variance.total import total_variance
@@ -134,11 +132,8 @@ def _variance(
 
 
 def _print_cost(signals: Mapping[str, Signal], kind: Kind) -> None:
-    """Print the number of cluster sizes and the expected time.
-
-    On average, a cluster size takes half the time of the smallest cluster size, because the number of differences
-    decreases linearly with the cluster size, down to zero.
-    """
+    """Print the number of cluster sizes and the expected time. The number of differences falls linearly to zero with
+    the cluster size, so a size takes half the time of the smallest one on average."""
     first = next(iter(signals.values()))
     sizes = len(first) // 2
     octaves = _variance(first, kind, "decade").clusters.size

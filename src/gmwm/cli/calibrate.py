@@ -205,18 +205,11 @@ def calibration_options(*, within: str, robust: str, efficiency: float | None, *
 
 
 def _unite(
-    groups: Sequence[Sequence[Imu | Stream]],
-    files: Sequence[Path],
-    options: CalibrationOptions,
-    *,
-    scheduler: str | None,
-    workers: int | None,
-    helpers: Helpers,
-) -> Calibration:
+    groups: Sequence[Sequence[Imu | Stream]], files: Sequence[Path], options: CalibrationOptions, *,
+    scheduler: str | None, workers: int | None, helpers: Helpers,
+) -> Calibration:  # fmt: skip
     """Calibrate a unit, and combine the results if its gyroscopes and accelerometers are in separate recordings.
-
-    `groups` has one group of recordings with all axes, or one group for each of the two sensors.
-    """
+    `groups` has one group of recordings with all axes, or one group for each of the two sensors."""
     calibrations = []
     for group in groups:
         axes = tuple(axis for axis in options.wanted or () if any(axis in recording.axes for recording in group))
@@ -233,15 +226,9 @@ def _unite(
 
 
 def _outcome(
-    found: Calibration,
-    files: Sequence[Path],
-    output: Path | None,
-    *,
-    view: Literal["wavelet", "allan"],
-    datasheet: bool,
-    details: bool,
-    helpers: Helpers,
-) -> Outcome:
+    found: Calibration, files: Sequence[Path], output: Path | None, *, view: Literal["wavelet", "allan"],
+    datasheet: bool, details: bool, helpers: Helpers,
+) -> Outcome:  # fmt: skip
     """Return the outcome of the command, with the files to write."""
     plots = None if output is None else helpers.begin(pictures, found, view, datasheet)
     document, text = found.to_dict(), summary(found, Dialect.SHELL, details=True, every=True)
@@ -258,13 +245,9 @@ def _outcome(
 
 
 def run_calibration(
-    recording: Imu | Stream | Mapping[str, Imu | Stream],
-    options: CalibrationOptions,
-    helpers: Helpers,
-    *,
-    scheduler: str | None = None,
-    workers: int | None = None,
-) -> Calibration:
+    recording: Imu | Stream | Mapping[str, Imu | Stream], options: CalibrationOptions, helpers: Helpers, *,
+    scheduler: str | None = None, workers: int | None = None,
+) -> Calibration:  # fmt: skip
     """Calibrate a recording, or several recordings of one unit by name, with a progress bar."""
     from gmwm.calibration.calibrate_axis import STAGES
     from gmwm.calibration.calibrate_recordings import calibrate_recording

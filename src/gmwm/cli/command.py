@@ -15,12 +15,9 @@ from gmwm.recording.options import ReadOptions
 
 
 def command(function: Callable[..., Outcome]) -> Callable[..., None]:
-    """Turn a function that returns an Outcome into a shell command.
-
-    A parameter of type `ReadOptions` is replaced by the options of `ReadOptionTexts`. The command gets the options
-    --all-remarks and, unless the function has a parameter `json`, --json. It writes the files of the outcome, prints
-    the outcome as text or as JSON, and prints warnings on stderr.
-    """
+    """Turn a function that returns an Outcome into a shell command that prints it, as text or as JSON, writes its
+    files, and prints warnings on stderr. A parameter of type `ReadOptions` becomes the options of `ReadOptionTexts`.
+    The command also gets --all-remarks and, unless the function has a parameter `json`, --json."""
     hints = get_type_hints(function, include_extras=True)
     texts = get_type_hints(ReadOptionTexts, include_extras=True)
     parameters: list[Parameter] = []

@@ -37,6 +37,7 @@ NAMES = {
     "agree": "Test whether calibrations of one unit agree with each other, or with a reference.",
     "budget": "Compute how attitude, velocity and position errors of unaided inertial navigation grow.",
     "export": "Write the noise of a calibrated unit in the format of another program.",
+    "explain": "Explain a message: what it means for the results, and what to do.",
     "plan": "Plan how long to record: print the standard error of each parameter for several durations.",
     "convert": "Convert a recording to Parquet, CSV or .imu.",
     "simulate": "Simulate a static recording with known noise.",
@@ -47,13 +48,8 @@ command. The function of a command is in the module with its name."""
 
 
 class Commands(Mapping[str, Any]):
-    """The commands by name, which are imported when they are looked up.
-
-    Parameters
-    ----------
-    others : mapping of name to command
-        Further commands, which a script has added.
-    """
+    """The commands by name, which are imported when they are looked up, and the commands `others` that a script has
+    added."""
 
     def __init__(self, others: Mapping[str, Any]) -> None:
         self._loaded = dict(others)

@@ -25,17 +25,10 @@ _EXPECTED = "a table with the columns start, stop and the condition, for example
 
 @dataclass(frozen=True)
 class ConditionTable:
-    """The parts of a recording during which a condition, such as the temperature or the rate, had a known value.
+    """The parts of a recording during which a condition, such as the temperature or the rate, had a known value."""
 
-    Attributes
-    ----------
-    condition : str
-        Name of the condition.
-    parts : mapping of float to list of (start, stop)
-        For each value of the condition, the times (s from the first sample) between which it had this value.
-    """
-
-    condition: str
+    condition: str  # name of the condition
+    # for each value of the condition, the times (s from the first sample) between which it had this value
     parts: Mapping[float, list[tuple[float, float]]]
 
     @classmethod

@@ -63,5 +63,5 @@ def convert(
         text="\n".join([*texts(imu.remarks, Dialect.SHELL), wrote]),
         written=(output,),
         listed=False,
-        remarks=(Remark.of("temperature-left-out", str(output), format=RECORDS),) if lost else (),
+        remarks=(Remark.of("not-in-file", str(output), case="temperature", format=RECORDS),) if lost else (),
     )  # fmt: skip

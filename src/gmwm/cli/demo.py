@@ -107,10 +107,8 @@ def _silent(_: str) -> None:
 
 
 def _comparison(truth: Mapping[str, Model], found: Calibration) -> list[dict[str, Any]]:
-    """Return a row for each simulated parameter, with its true value, estimate and confidence interval.
-
-    Estimate and interval are None if the recommended model does not have the parameter.
-    """
+    """Return a row for each simulated parameter, with its true value, estimate and confidence interval. Estimate and
+    interval are None if the recommended model does not have the parameter."""
     rows = []
     for axis, fit in found.items():
         units, intervals = truth[axis].units(fit.wavelet_variance.unit), found.axes[axis].intervals
@@ -162,7 +160,9 @@ def _comparison_text(rows: Sequence[Mapping[str, Any]], truth: Mapping[str, Mode
             )
     gaps = [fit.gap for fit in found.values() if fit.gap is not None]
     if gaps:
-        lines += wrap_text(Remark.of("optimal", gap=100 * max(gaps), exact="no").text(Dialect.SHELL))
+        lines += wrap_text(
+            Remark.of("check-passed", case="optimum", gap=100 * max(gaps), exact="no").text(Dialect.SHELL)
+        )
     return "\n".join(lines)
 
 
@@ -175,10 +175,8 @@ def _allan(found: Calibration, folder: Path) -> NewFile:
 
 
 def _activation() -> str:
-    """Return the command that activates the virtual environment, or "" if the shell already finds `gmwm`.
-
-    The command is needed after `make demo`, which creates the environment without activating it.
-    """
+    """Return the command that activates the virtual environment, or "" if the shell already finds `gmwm`. The command
+    is needed after `make demo`, which creates the environment without activating it."""
     if shutil.which("gmwm") or sys.prefix == sys.base_prefix or os.name == "nt":
         return ""
     return f"  source {os.path.relpath(Path(sys.prefix, 'bin', 'activate'))}\n"

@@ -18,12 +18,9 @@ from gmwm.base.template import Dialect
 from gmwm.cli.output import one_line
 
 _EXPECTED = {
-    "float_parsing": "a number, without a unit",
-    "int_parsing": "a whole number",
-    "int_from_float": "a whole number",
-    "float": "a number, without a unit",
-    "integer": "a whole number",
-}
+    "float_parsing": "a number, without a unit", "int_parsing": "a whole number", "int_from_float": "a whole number",
+    "float": "a number, without a unit", "integer": "a whole number",
+}  # fmt: skip
 """Description of the expected value of an option. The key is the error type of Pydantic in new versions of Typer, and
 the name of the Click type in old versions."""
 
@@ -40,25 +37,16 @@ _UsageError: type[Any] = typer.BadParameter.__mro__[1]
 
 
 class OneLineErrors(TyperGroup):
-    """A group of commands that prints each error in one line on stderr.
-
-    Exit codes: 0 if the command succeeded, 2 after an error that the user can correct, 130 after Ctrl-C, 143 after
-    SIGTERM, 129 after SIGHUP. A bug in gmwm shows a traceback.
-    """
+    """A group of commands that prints each error in one line on stderr. Exit codes: 0 success, 2 an error that the user
+    can correct, 130 Ctrl-C, 143 SIGTERM, 129 SIGHUP. A bug in gmwm shows a traceback."""
 
     def main(
-        self,
-        args: Sequence[str] | None = None,
-        prog_name: str | None = None,
-        complete_var: str | None = None,
-        standalone_mode: bool = True,
-        windows_expand_args: bool = False,
-        **extra: Any,
-    ) -> NoReturn:
+        self, args: Sequence[str] | None = None, prog_name: str | None = None, complete_var: str | None = None,
+        standalone_mode: bool = True, windows_expand_args: bool = False, **extra: Any,
+    ) -> NoReturn:  # fmt: skip
         """Run the command that the arguments name, and exit with its code. Errors that are bugs in gmwm propagate.
-
-        Windows shells leave patterns as they are, and so does this, because gmwm takes `hour_*.csv` for one recording.
-        """
+        Windows shells leave patterns as they are, and so does this, because gmwm takes `hour_*.csv` for one
+        recording."""
         try:
             code = super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
             sys.stdout.flush()
@@ -112,10 +100,8 @@ class OnceCommand(TyperCommand):
 
 
 def _leave_threads_behind(code: int) -> None:
-    """Exit at once if worker threads are running, because the interpreter would wait for them, possibly for minutes.
-
-    No file is left incomplete: only the main thread writes files, and it has stopped.
-    """
+    """Exit at once if worker threads are running, because the interpreter would wait for them, possibly for minutes. No
+    file is left incomplete: only the main thread writes files, and it has stopped."""
     if any("ThreadPool" in thread.name for thread in threading.enumerate()):
         _flush()
         os._exit(code)

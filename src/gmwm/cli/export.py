@@ -229,5 +229,5 @@ def kalibr_file(found: Calibration, folder: Path) -> KalibrFile:
     if not target.is_file():
         return KalibrFile(remarks=tuple(remarks))
     # A user would mistake the file of an earlier run for a result of this calibration.
-    remarks.append(Remark.of("old-file-removed", target.name))
+    remarks.append(Remark.of("other-results", target.name, case="old"))
     return KalibrFile(obsolete=(target,), remarks=tuple(remarks))

@@ -245,13 +245,9 @@ def _axes_document(
 
 
 def _files(
-    fits: Mapping[str, Fit],
-    content: Mapping[str, Any],
-    folder: Path | None,
-    plot: Path | None,
-    view: Literal["wavelet", "allan"],
-    datasheet: bool,
-) -> Iterator[NewFile]:
+    fits: Mapping[str, Fit], content: Mapping[str, Any], folder: Path | None, plot: Path | None,
+    view: Literal["wavelet", "allan"], datasheet: bool,
+) -> Iterator[NewFile]:  # fmt: skip
     """Yield the files to write: fits.json and a plot of each fit for --output, and the plot for --plot."""
     if folder is not None:
         yield text_file(folder / "fits.json", json_text("fit", content) + "\n")
@@ -273,17 +269,11 @@ def _interval_method(confidence: float, draws: int | None, seed: int) -> Interva
 
 
 def fit_axes(
-    models: Mapping[str, Any],
-    signals: Mapping[str, Any],
-    *,
-    weighting: Literal["diagonal", "optimal", "identity"] | None = None,
-    robust: bool = False,
-    efficiency: float = 0.6,
-    certify: bool = True,
-    filter: str = "haar",
-    transform: Literal["modwt", "dwt"] = "modwt",
+    models: Mapping[str, Any], signals: Mapping[str, Any], *,
+    weighting: Literal["diagonal", "optimal", "identity"] | None = None, robust: bool = False, efficiency: float = 0.6,
+    certify: bool = True, filter: str = "haar", transform: Literal["modwt", "dwt"] = "modwt",
     start: Sampled | None = None,
-) -> dict[str, Fit]:
+) -> dict[str, Fit]:  # fmt: skip
     """Fit the model of each axis to its signal or wavelet variance, in parallel."""
     import gmwm
     from gmwm.cli.parallel import over_axes

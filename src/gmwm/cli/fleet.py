@@ -173,9 +173,9 @@ def _document(found: Fleet) -> dict[str, object]:
 def _trouble(found: Fleet) -> Iterator[Remark]:
     """Yield remarks about units that could not be calibrated, and about files that were left out."""
     for unit, reason in found.failed.items():
-        yield Remark.of("not-calibrated", unit, reason=reason)
+        yield Remark.of("not-calibrated", unit, case="calibration", reason=reason)
     if found.left_out:
-        yield Remark.of("files-left-out", files=tuple(found.left_out))
+        yield Remark.of("left-out", case="files", files=tuple(found.left_out))
 
 
 @contextmanager

@@ -47,7 +47,7 @@ def growing_source(file: str) -> Iterator[tuple[GrowingFile | GrowingPipe, Path]
 def remarks_on_end(take: GrowingFile | GrowingPipe, name: Path, lines: Lines) -> tuple[Remark, ...]:
     """Return remarks if reading ended because of a problem, or if the last line was incomplete."""
     remarks = [Remark.of("watch-ended", str(name), reason=take.trouble)] if take.trouble else []
-    return (*remarks, *([Remark.of("last-line-left-out", str(name))] if lines.rest else []))
+    return (*remarks, *([Remark.of("last-line", str(name), case="left-out")] if lines.rest else []))
 
 
 @contextmanager

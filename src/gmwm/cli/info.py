@@ -21,12 +21,10 @@ if TYPE_CHECKING:
     from gmwm.fitting.inference import NoiseAgainst
 
 EXAMPLES = (
-    "gmwm info static.csv",
-    "gmwm info log.txt --rate 100 --units gyro=deg/s,accel=g",
-    "gmwm info static.csv --against warmup",
-    "gmwm info static.csv --noise-against temperature",
+    "gmwm info static.csv", "gmwm info log.txt --rate 100 --units gyro=deg/s,accel=g",
+    "gmwm info static.csv --against warmup", "gmwm info static.csv --noise-against temperature",
     "gmwm info static.csv --plot recording.png",
-)
+)  # fmt: skip
 
 
 @command

@@ -25,10 +25,8 @@ LIKELIHOOD = ("--likelihood", "--ml")
 
 @dataclass(frozen=True, eq=False)
 class LikelihoodResult:
-    """A maximum-likelihood fit with its residuals and its confidence intervals.
-
-    If there are no intervals, `missing` is a remark with the reason.
-    """
+    """A maximum-likelihood fit with its residuals and its confidence intervals. If there are no intervals, `missing` is
+    a remark with the reason."""
 
     fit: LikelihoodFit
     level: float
@@ -38,16 +36,11 @@ class LikelihoodResult:
 
 
 def likelihood_fits(
-    fits: Mapping[str, Fit],
-    signals: Mapping[str, Signal],
-    given: Model | None = None,
+    fits: Mapping[str, Fit], signals: Mapping[str, Signal], given: Model | None = None,
     asked: Mapping[str, Asked | None] | None = None,
-) -> dict[str, LikelihoodFit]:
-    """Fit each axis by maximum likelihood, in parallel.
-
-    A fit starts from the wavelet fit of its axis, or from the model `given` if all of its parameters have values.
-    `asked` has the regression to include in the likelihood of each axis.
-    """
+) -> dict[str, LikelihoodFit]:  # fmt: skip
+    """Fit each axis by maximum likelihood, in parallel, from its wavelet fit or from the model `given` with all values.
+    `asked` has the regression to include in the likelihood of each axis."""
     complete = given if given is not None and given.is_complete else None
     from gmwm import fit_ml
     from gmwm.base.threads import in_threads
@@ -110,12 +103,9 @@ def likelihoods_text(found: Mapping[str, LikelihoodResult]) -> str:
     if len(found) == 1:
         judged_fit = next(iter(found.values()))
         return in_words(
-            judged_fit.fit,
-            judged_fit.level,
-            intervals=judged_fit.intervals,
-            residuals=judged_fit.residuals,
+            judged_fit.fit, judged_fit.level, intervals=judged_fit.intervals, residuals=judged_fit.residuals,
             missing=judged_fit.missing,
-        )
+        )  # fmt: skip
     first = next(iter(found.values()))
     sensors = by_sensor(found)
     parts = [

@@ -16,13 +16,9 @@ from gmwm.cli.commands import Program, help_text
 from gmwm.cli.errors import Terminated
 
 app = typer.Typer(
-    name="gmwm",
-    cls=Program,
-    rich_markup_mode="rich",
-    pretty_exceptions_enable=False,
-    add_completion=False,
+    name="gmwm", cls=Program, rich_markup_mode="rich", pretty_exceptions_enable=False, add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
-)
+)  # fmt: skip
 
 
 def _print_version(wanted: bool) -> None:
@@ -60,11 +56,8 @@ def _gmwm(
 
 
 def accept_all_characters(stream: io.TextIOWrapper) -> None:
-    """Make a standard stream accept every character.
-
-    Files and pipes are written as UTF-8 on any system, unless PYTHONIOENCODING or PYTHONUTF8 is set. A terminal keeps
-    its encoding. Characters that the encoding lacks, such as σ or ², become question marks instead of errors.
-    """
+    """Make a standard stream accept every character. Files and pipes are UTF-8, unless PYTHONIOENCODING or PYTHONUTF8
+    is set. A terminal keeps its encoding, and characters that it lacks, such as σ, become question marks."""
     requested = os.environ.get("PYTHONIOENCODING", "").partition(":")[0] or os.environ.get("PYTHONUTF8")
     keep = requested or stream.isatty()
     stream.reconfigure(encoding=None if keep else "utf-8", errors="replace")
@@ -76,11 +69,8 @@ def _terminate(number: int, _frame: FrameType | None) -> None:
 
 
 def run(on_interrupt: Any = signal.default_int_handler) -> None:
-    """Run the command line. `gmwm.cli.start` calls this function.
-
-    `on_interrupt` is the handler of Ctrl-C while a command runs. Before and after it, signals end the process at once,
-    because an exception there would show a traceback.
-    """
+    """Run the command line, as `gmwm.cli.start` does. `on_interrupt` handles Ctrl-C while a command runs. Before and
+    after it, signals end the process at once, because an exception there would show a traceback."""
     # A stream that the caller has closed is None. It is replaced, so that nothing is read from it or printed to it.
     sys.stdin = sys.stdin or open(os.devnull, encoding="utf-8")  # noqa: SIM115
     sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115

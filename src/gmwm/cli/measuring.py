@@ -79,19 +79,11 @@ def needs_memory(filter: str, transform: str) -> str:
 
 
 def stream_curves(
-    stream: Stream,
-    axes: Sequence[str],
-    *,
-    robust: bool,
-    efficiency: float,
-    scheduler: str | None = None,
-    workers: int | None = None,
-    against: str = NONE,
-) -> dict[str, WaveletVariance]:
-    """Compute the wavelet variances of a recording that is read in chunks.
-
-    The remarks of its inspection become warnings of the command.
-    """
+    stream: Stream, axes: Sequence[str], *, robust: bool, efficiency: float, scheduler: str | None = None,
+    workers: int | None = None, against: str = NONE,
+) -> dict[str, WaveletVariance]:  # fmt: skip
+    """Compute the wavelet variances of a recording that is read in chunks. The remarks of its inspection become
+    warnings of the command."""
     from gmwm.calibration.passes import Execution, curves_and_inspection
     from gmwm.cli.output import progress, tell
     from gmwm.measuring.regression.conditions import Conditions
@@ -119,11 +111,8 @@ def memory_for(against: str, other: str = "") -> str:
 def signals_or_curves(
     recording: Imu | Stream, wanted: Sequence[str] | None, *, robust: bool, efficiency: float, against: str = NONE
 ) -> Mapping[str, Signal | WaveletVariance]:
-    """Return the data of the axes that --axis selects.
-
-    These are wavelet variances if the recording is read in chunks or --against is given, otherwise signals. The
-    remarks of the inspection become warnings of the command.
-    """
+    """Return the data of the axes that --axis selects: wavelet variances if the recording is read in chunks or
+    --against is given, otherwise signals. The remarks of the inspection become warnings of the command."""
     from gmwm.recording.signals import Imu
 
     if isinstance(recording, Imu):
@@ -156,20 +145,11 @@ def axes_together(recordings: Mapping[str, Imu | Stream], wanted: Sequence[str] 
 
 
 def measure_together(
-    recordings: Mapping[str, Imu | Stream],
-    wanted: Sequence[str] | None,
-    *,
-    robust: bool,
-    efficiency: float,
-    against: str = NONE,
-    filter: str = "haar",
-    transform: Literal["modwt", "dwt"] = "modwt",
-) -> Mapping[str, Signal | WaveletVariance]:
-    """Return the data to fit for each axis.
-
-    For one recording, these are signals or wavelet variances. For several recordings, they are pooled wavelet
-    variances.
-    """
+    recordings: Mapping[str, Imu | Stream], wanted: Sequence[str] | None, *, robust: bool, efficiency: float,
+    against: str = NONE, filter: str = "haar", transform: Literal["modwt", "dwt"] = "modwt",
+) -> Mapping[str, Signal | WaveletVariance]:  # fmt: skip
+    """Return the data to fit for each axis: signals or wavelet variances of one recording, or pooled ones of
+    several."""
     from gmwm.measuring.variance.api import wavelet_variance
     from gmwm.measuring.variance.pooling import pool
     from gmwm.measuring.variance.result import WaveletVariance

@@ -48,21 +48,11 @@ ByLikelihood = Annotated[
 
 @dataclass(frozen=True, eq=False)
 class AxisModel:
-    """The model of one axis.
+    """The model of one axis."""
 
-    Attributes
-    ----------
-    model : Fit, LikelihoodFit or Model
-        The fit, or the model if its values were given.
-    origin : str
-        Description of where the values come from, which the output shows.
-    own : bool
-        Whether the values were estimated from the recording that the command reads.
-    """
-
-    model: Fit | LikelihoodFit | Model
-    origin: str
-    own: bool
+    model: Fit | LikelihoodFit | Model  # the fit, or the model if its values were given
+    origin: str  # description of where the values come from, which the output shows
+    own: bool  # whether the values were estimated from the recording that the command reads
 
     @property
     def values(self) -> Model:
@@ -78,11 +68,8 @@ class AxisModel:
 
 @dataclass(frozen=True, kw_only=True)
 class ModelSource:
-    """The options that define the model. They are checked before the recording is read.
-
-    Either `model` is given, or `fits` has the fit of each axis from `fits_file`. `fitted_file` is the recording to
-    which these fits belong, if it is known.
-    """
+    """The options that define the model, checked before the recording is read: `model`, or the fit of each axis from
+    `fits_file`. `fitted_file` is the recording of these fits, if it is known."""
 
     likelihood: bool
     robust: bool
@@ -119,10 +106,8 @@ def model_source(
 
 
 def axis_models(source: ModelSource, signals: Mapping[str, Signal], file: Path) -> dict[str, AxisModel]:
-    """Return the model of each axis with its values, and fit the model if it has none.
-
-    The remarks of new fits become warnings of the command.
-    """
+    """Return the model of each axis with its values, and fit the model if it has none. The remarks of new fits become
+    warnings of the command."""
     from gmwm.cli.fit import fit_axes
     from gmwm.cli.output import tell
 
@@ -143,11 +128,8 @@ def axis_models(source: ModelSource, signals: Mapping[str, Signal], file: Path) 
 
 
 def axes_of(source: ModelSource, signals: Mapping[str, Signal], chosen: bool) -> Mapping[str, Signal]:
-    """Return the signals to use.
-
-    With --from-fits and without --axis (`chosen` is False), these are the axes for which the file has a fit; otherwise
-    all given signals.
-    """
+    """Return the signals to use: all given ones or, with --from-fits and without --axis, those for which the file has a
+    fit."""
     if source.model is not None or chosen:
         return signals
     fitted = {axis: signal for axis, signal in signals.items() if axis in source.fits}

@@ -106,15 +106,9 @@ def monitor(
     (file,) = files
     with _open(file, reading, follow, patience) as (stream, ended):
         trace = _trace(
-            origin,
-            stream,
-            reference=reference,
-            reading=reading,
-            every=seconds,
-            axes=axis,
-            pictures=plot is not None or output is not None,
-            source="standard input" if file == "-" else file,
-        )
+            origin, stream, reference=reference, reading=reading, every=seconds, axes=axis,
+            pictures=plot is not None or output is not None, source="standard input" if file == "-" else file,
+        )  # fmt: skip
         _print_events(_watch(stream, trace), json)
     remarks = ended()
     new = plot_file(plot, lambda path: trace.plot(path=path))
@@ -236,10 +230,8 @@ class Origin:
 
 
 def _models(origin: Origin, rate: float) -> tuple[Mapping[str, Any], float]:
-    """Return the calibration, the fits or the models by axis, and their sampling rate (Hz).
-
-    Noise from --from has no rate of its own, so it gets the rate of the recording.
-    """
+    """Return the calibration, the fits or the models by axis, and their sampling rate (Hz). Noise from --from has no
+    rate of its own, so it gets the rate of the recording."""
     if origin.source is not None:
         return read_given(origin.source, rate).models, rate
     assert origin.fits is not None
@@ -261,10 +253,8 @@ def _fit_models(path: Path) -> Mapping[str, Any]:
 
 
 def _watch(stream: Stream, trace: Trace) -> Iterator[Event]:
-    """Yield the events of a stream, with times from the first sample of the recording, as in the other commands.
-
-    Ctrl-C while Polars reads raises KeyboardInterrupt, which ends the stream without an error.
-    """
+    """Yield the events of a stream, with times from the first sample of the recording, as in the other commands. Ctrl-C
+    while Polars reads raises KeyboardInterrupt, which ends the stream without an error."""
     origin = stream.time_base.start - stream.time_base.left
     try:
         for chunk in stream:

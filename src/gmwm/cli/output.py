@@ -34,56 +34,27 @@ class NewFile:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """The result of a command, before it is printed and its files are written.
+    """The result of a command, before it is printed and its files are written."""
 
-    Attributes
-    ----------
-    command : str
-        Name of the command.
-    document : mapping
-        The result for --json, without the remarks.
-    text : str
-        The result as text.
-    all_text : str
-        The text with all remarks, for --all-remarks; "" if `text` has all of them.
-    files : tuple of NewFile
-        Files to write.
-    together : bool
-        Whether all files are in one folder and are written together: if one fails, none is written.
-    obsolete : tuple of Path
-        Files of an earlier run, which are removed after the new files are written.
-    written : tuple of Path
-        Files that the command has already written. The list of files starts with them.
-    listed : bool
-        Whether the paths of the files are printed after the text.
-    closing : str
-        Text to print after the list of files.
-    remarks : tuple of Remark
-        Remarks of the command to print as warnings, in addition to the warnings of the library.
-    in_text : tuple of Remark
-        Remarks that the text already contains. They are not printed as warnings; --json lists them with the others.
-    failure : GmwmError or None
-        The error to raise after the result is printed.
-    status : int
-        Exit code if there is no failure.
-    in_one_line : bool
-        Whether --json prints the document in one line, because the command has printed other lines of JSON before.
-    """
-
-    command: str
-    document: Mapping[str, Any]
-    text: str = ""
-    all_text: str = ""
-    files: tuple[NewFile, ...] = ()
+    command: str  # name of the command
+    document: Mapping[str, Any]  # the result for --json, without the remarks
+    text: str = ""  # the result as text
+    all_text: str = ""  # the text with all remarks, for --all-remarks; "" if `text` has all of them
+    files: tuple[NewFile, ...] = ()  # files to write
+    # whether all files are in one folder and are written together: if one fails, none is written
     together: bool = False
-    obsolete: tuple[Path, ...] = ()
+    obsolete: tuple[Path, ...] = ()  # files of an earlier run, which are removed after the new files are written
+    # Files that the command has already written. The list of files starts with them.
     written: tuple[Path, ...] = ()
-    listed: bool = True
-    closing: str = ""
+    listed: bool = True  # whether the paths of the files are printed after the text
+    closing: str = ""  # text to print after the list of files
+    # remarks of the command to print as warnings, in addition to the warnings of the library
     remarks: tuple[Remark, ...] = ()
+    # Remarks that the text already contains. They are not printed as warnings; --json lists them with the others.
     in_text: tuple[Remark, ...] = ()
-    failure: GmwmError | None = None
-    status: int = 0
+    failure: GmwmError | None = None  # the error to raise after the result is printed
+    status: int = 0  # exit code if there is no failure
+    # whether --json prints the document in one line, because the command has printed other lines of JSON before
     in_one_line: bool = False
 
     @property
@@ -93,10 +64,8 @@ class Outcome:
 
 
 def finish(outcome: Outcome, warned: Warned, *, json: bool, every: bool = False) -> None:
-    """Write the files of a result, and print the result as text, or as JSON with the remarks.
-
-    Raises the failure of the outcome, or `typer.Exit` if the exit code is not 0.
-    """
+    """Write the files of a result, and print the result as text, or as JSON with the remarks. Raises the failure of the
+    outcome, or `typer.Exit` if the exit code is not 0."""
     for remark in outcome.remarks:
         tell(remark)
     _write_files(outcome)
@@ -170,9 +139,7 @@ def print_json(
     command: str, content: Mapping[str, Any], remarks: Iterable[Remark], *, in_one_line: bool = False
 ) -> None:
     """Print the result of a command as JSON. If the encoding of stdout is not UTF-8, only ASCII characters are used.
-
-    The list of remarks starts with those in the document, followed by the other remarks without duplicates.
-    """
+    The list of remarks starts with those in the document, followed by the other remarks without duplicates."""
     escaped = codecs.lookup(sys.stdout.encoding or "utf-8").name != "utf-8"
     entries = list(content.get("remarks", ()))
     entries += [entry for entry in (remark.to_dict() for remark in dict.fromkeys(remarks)) if entry not in entries]
@@ -266,24 +233,20 @@ class Warned:
         most = len(remarks) if self._every else MOST_REMARKS
         for text in brief(remarks, Dialect.SHELL, rest="--all-remarks", most=most):
             print(f"warning: {one_line(text)}", file=sys.stderr)
+        if remarks and sys.stderr.isatty():
+            print("gmwm explain CODE says more about a message.", file=sys.stderr)
 
 
 @contextmanager
 def collect_warnings(*, every: bool = False) -> Iterator[Warned]:
-    """Collect the remarks of all GmwmWarnings in the block, and print them at its end, even if the block fails.
-
-    A FitWarning is not collected, because the text of the command already shows its remark.
-    """
+    """Collect the remarks of all GmwmWarnings in the block, and print them at its end, even if the block fails. A
+    FitWarning is not collected, because the text of the command already shows its remark."""
     warned = Warned(every=every)
 
     def show(
-        message: Warning | str,
-        category: type[Warning],
-        filename: str,
-        lineno: int,
-        file: TextIO | None = None,
+        message: Warning | str, category: type[Warning], filename: str, lineno: int, file: TextIO | None = None,
         line: str | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         if not isinstance(message, GmwmWarning):
             print(f"{category.__name__}: {message} ({filename}:{lineno})", file=sys.stderr)
         elif not isinstance(message, FitWarning):

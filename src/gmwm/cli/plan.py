@@ -114,10 +114,8 @@ def plan(
 
 
 def _given_axis(source: str, axis: str | None, rate: float | None) -> tuple[str, str, float]:
-    """Return the axis, its model and the rate from a datasheet or a file of another program.
-
-    `axis` can be None if all axes have the same model.
-    """
+    """Return the axis, its model and the rate from a datasheet or a file of another program. `axis` can be None if all
+    axes have the same model."""
     noise = read_given(source, rate)
     models = {name: str(model) for name, model in noise.models.items()}
     if axis is None and len(set(models.values())) == 1:
@@ -139,14 +137,9 @@ def _pilot_rate(found: Mapping[str, Any], rate: float | None, file: Path) -> flo
 
 
 def _plan(
-    model: str,
-    seconds: float,
-    rate: float | None,
-    accuracy: float,
-    weighting: Literal["diagonal", "optimal"] | None,
-    unit: str,
-    curve: Mapping[str, Any] | None,
-) -> tuple[Plan, dict[str, float]]:
+    model: str, seconds: float, rate: float | None, accuracy: float, weighting: Literal["diagonal", "optimal"] | None,
+    unit: str, curve: Mapping[str, Any] | None,
+) -> tuple[Plan, dict[str, float]]:  # fmt: skip
     from gmwm import WaveletVariance
     from gmwm import plan as planned
     from gmwm.base.arrays import as_rate
@@ -160,10 +153,8 @@ def _plan(
 
 
 def pilot(path: Path, axis: str | None) -> tuple[str, dict[str, Any]]:
-    """Return the name of an axis and its fit from a fits.json or calibration.json.
-
-    `axis` can be None if the file has only one axis.
-    """
+    """Return the name of an axis and its fit from a fits.json or calibration.json. `axis` can be None if the file has
+    only one axis."""
     _, fits = fits_in(path)
     name = axis if axis is not None or len(fits) > 1 else next(iter(fits))
     if name not in fits:
@@ -243,18 +234,16 @@ def _fits(content: Any) -> tuple[str | None, dict[str, Any]]:
 
 
 def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
-    """Return the model to plan with, derived from a pilot fit, and remarks about the changes.
-
-    Terms that were estimated as zero are left out. A term that the data do not distinguish from a simpler process, such
-    as a slow Gauss-Markov process from a random walk, is replaced by this process.
-    """
+    """Return the model to plan with, derived from a pilot fit, and remarks about the changes. Terms that were estimated
+    as zero are left out. A term that the data do not distinguish from a simpler process, such as a slow Gauss-Markov
+    process from a random walk, is replaced by this process."""
     from gmwm import Model
     from gmwm.theory.processes.equivalence import likeness
 
     model, remarks = Model.parse(found["model"]), []
     processes = dict(zip(model.terms, model.processes, strict=True))
     if zero := [term for term, process in processes.items() if process.scale == 0]:
-        remarks.append(Remark.of("pilot-left-out", terms=tuple(zero)))
+        remarks.append(Remark.of("term-zero", case="pilot", terms=tuple(zero)))
     processes = {term: process for term, process in processes.items() if term not in zero}
     levels, rate, filter, matrix = _measure(found)
     for term, name in found["acts_as"].items():
@@ -264,11 +253,11 @@ def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
             else None
         )
         if like is None:
-            remarks.append(Remark.of("pilot-undetermined", term=term, process=name))
+            remarks.append(Remark.of("correlation-time-unknown", case="undetermined", term=term, process=name))
             continue
         del processes[term]
         value = ", ".join(f"{parameter}={value:.4g}" for parameter, value in like.values.items())
-        remarks.append(Remark.of("pilot-acts-as", term=term, process=f"{name}({value})"))
+        remarks.append(Remark.of("correlation-time-unknown", case="pilot", term=term, process=f"{name}({value})"))
         processes[name] = _add(processes[name], like) if name in processes else like
     return (str(Model(tuple(processes.values()))) if processes else found["model"]), remarks
 

@@ -100,12 +100,9 @@ def select(
 
 
 def _rank(
-    largest: Model,
-    measured: Mapping[str, Signal | WaveletVariance],
-    options: RankingOptions,
-    robust: bool,
+    largest: Model, measured: Mapping[str, Signal | WaveletVariance], options: RankingOptions, robust: bool,
     efficiency: float,
-) -> dict[str, Ranking]:
+) -> dict[str, Ranking]:  # fmt: skip
     from gmwm.choosing.selection.api import select_within
     from gmwm.cli.parallel import over_axes
 

@@ -40,16 +40,17 @@ def each_topic(
         obsolete=tuple(old for outcome in outcomes for old in outcome.obsolete),
         remarks=(
             *(remark for outcome in outcomes for remark in outcome.remarks),
-            *(Remark.of("not-calibrated", topic, reason=reason) for topic, reason in failed.items()),
+            *(
+                Remark.of("not-calibrated", topic, case="calibration", reason=reason)
+                for topic, reason in failed.items()
+            ),
         ),
     )
 
 
 def separate_topics(files: Sequence[Path], reading: ReadOptions) -> tuple[str, ...]:
     """Return the topic of the gyroscopes and the topic of the accelerometers if one file has exactly one of each.
-
-    Otherwise the result is empty, and also if there are several files or the user selected a topic or columns.
-    """
+    Otherwise the result is empty, and also if there are several files or the user selected a topic or columns."""
     from gmwm.files.readers.topics import separate_sensors
 
     if len(files) != 1 or reading.topic is not None or reading.columns is not None:

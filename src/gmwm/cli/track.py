@@ -138,11 +138,9 @@ def track(
 
 
 def _tracks(
-    models: Mapping[str, AxisModel],
-    signals: Mapping[str, Signal],
-    kind: Literal["smooth", "filter"],
+    models: Mapping[str, AxisModel], signals: Mapping[str, Signal], kind: Literal["smooth", "filter"],
     ahead: float | None,
-) -> dict[str, Tracks]:
+) -> dict[str, Tracks]:  # fmt: skip
     from gmwm.cli.parallel import over_axes
     from gmwm.fitting.likelihood import filter_tracks, predict_tracks, smooth_tracks
 

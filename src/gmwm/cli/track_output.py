@@ -20,10 +20,8 @@ band."""
 
 
 def as_dict(model: AxisModel, found: Tracks, level: float) -> dict[str, Any]:
-    """Return a summary of the tracks of an axis and their model, as plain values for JSON.
-
-    The complete tracks are written by --output.
-    """
+    """Return a summary of the tracks of an axis and their model, as plain values for JSON. The complete tracks are
+    written by --output."""
     return {
         **model.to_dict(), "kind": found.kind, "rate": found.rate, "unit": found.unit, "samples": len(found),
         "missing": _missing(found), "first_time": float(found.times[0]), "last_time": float(found.times[-1]),
@@ -36,11 +34,9 @@ def _missing(found: Tracks) -> int:
 
 
 def _brief(found: Tracks, label: str, level: float) -> dict[str, float | None]:
-    """Return the numbers of `NUMBERS` for a track; None for a number that is unknown.
-
-    They are its mean, its root mean square about the mean, the root mean square of its standard deviation, and its
-    first and last values with half the width of their confidence bands.
-    """
+    """Return the numbers of `NUMBERS` for a track; None for a number that is unknown. They are its mean, its root mean
+    square about the mean, the root mean square of its standard deviation, and its first and last values with half the
+    width of their confidence bands."""
     path, error = found.mean[label], found.error[label]
     finite = np.isfinite(error)
     low, _ = found.band(label, level)
@@ -75,11 +71,8 @@ def tracks_text(name: str, model: AxisModel, found: Tracks, level: float, datash
 
 
 def _row(label: str, brief: Mapping[str, float | None], ahead: bool, factor: float) -> list[str]:
-    """Format the table row of a process.
-
-    For a prediction (`ahead`), the row has the first and last value; otherwise the mean, deviation, error and last
-    value.
-    """
+    """Format the table row of a process. For a prediction (`ahead`), the row has the first and last value; otherwise
+    the mean, deviation, error and last value."""
 
     def number(key: str) -> str:
         value = brief.get(key)

@@ -50,9 +50,7 @@ def watch(
     model: Annotated[
         str | None,
         typer.Option(
-            "--model",
-            "-m",
-            help="Sum of processes, as for gmwm fit. It is fitted again at each update.",
+            "--model", "-m", help="Sum of processes, as for gmwm fit. It is fitted again at each update.",
             metavar="MODEL",
         ),
     ] = None,
@@ -63,7 +61,7 @@ def watch(
     idle: Idle = None,
     datasheet: Datasheet = False,
     json: Json = False,
-) -> Outcome:
+) -> Outcome:  # fmt: skip
     """Watch a recording while it is written, and show when it is long enough.
 
     The command shows the Allan deviation of each axis with its standard error. With --model, it also shows the
@@ -100,17 +98,14 @@ def watch(
         text=whole_text(curves, fits, failed=failed, accuracy=share, datasheet=datasheet),
         remarks=(
             *remarks_on_end(take, name, lines),
-            *(Remark.of("not-fitted", axis_name, reason=reason) for axis_name, reason in failed.items()),
+            *(Remark.of("not-calibrated", axis, case="fit", reason=reason) for axis, reason in failed.items()),
         ), failure=failure,
     )  # fmt: skip
 
 
 def _feed(source: Stream, measured: Mapping[str, WaveletAccumulator], view: _StatusDisplay) -> GmwmError | None:
-    """Feed the accumulators until the source ends.
-
-    Returns the error that ended the source, or None. Raises the error if the samples before it are too few for a
-    result.
-    """
+    """Feed the accumulators until the source ends. Returns the error that ended the source, or None. Raises the error
+    if the samples before it are too few for a result."""
     from gmwm.measuring.streaming.passes import feed_chunks
 
     failures: list[GmwmError] = []
@@ -134,14 +129,9 @@ class _StatusDisplay:
     """The status display of a running watch. It shows the status at regular times, on a terminal or in lines."""
 
     def __init__(
-        self,
-        every: float,
-        stopped: Callable[[], bool],
-        model: Model | None,
-        accuracy: float,
-        datasheet: bool,
+        self, every: float, stopped: Callable[[], bool], model: Model | None, accuracy: float, datasheet: bool,
         json: bool,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._every, self._stopped = every, stopped
         self._model, self._accuracy, self._datasheet = model, accuracy, datasheet
         self._out = sys.stderr if json else sys.stdout

@@ -16,10 +16,8 @@ if TYPE_CHECKING:
 
 
 def fit_curves(model: Model | None, curves: Mapping[str, WaveletVariance]) -> tuple[dict[str, Fit], dict[str, str]]:
-    """Fit a model to the wavelet variance of each axis.
-
-    Returns the fits, and for each axis that could not be fitted the reason. Both are empty without a model.
-    """
+    """Fit a model to the wavelet variance of each axis. Returns the fits, and for each axis that could not be fitted
+    the reason. Both are empty without a model."""
     from gmwm import fit
 
     fits: dict[str, Fit] = {}
@@ -87,10 +85,8 @@ def whole_text(
 
 
 def _relative(wv: WaveletVariance) -> Any:
-    """Return the relative standard error of the deviation at each scale.
-
-    The error is ½ √(2/η), because the square of the deviation has a χ² distribution with η degrees of freedom.
-    """
+    """Return the relative standard error of the deviation at each scale. The error is ½ √(2/η), because the square of
+    the deviation has a χ² distribution with η degrees of freedom."""
     return 0.5 * (2.0 / wv.degrees_of_freedom) ** 0.5
 
 

@@ -32,11 +32,9 @@ if TYPE_CHECKING:
     from gmwm.showing.plots.view import UnitSystem, ViewName
 
 EXAMPLES = (
-    "gmwm wv static.csv --plot wv.png",
-    "gmwm wv static.csv --axis gyro --view allan --datasheet",
-    "gmwm wv static.csv --robust",
-    "gmwm wv static.csv --filter la8 --transform dwt",
-)
+    "gmwm wv static.csv --plot wv.png", "gmwm wv static.csv --axis gyro --view allan --datasheet",
+    "gmwm wv static.csv --robust", "gmwm wv static.csv --filter la8 --transform dwt",
+)  # fmt: skip
 
 
 @command
@@ -98,16 +96,9 @@ def wv(
 
 
 def _measure(
-    recording: Imu | Stream,
-    axis: list[str] | None,
-    *,
-    filter: str,
-    transform: Literal["modwt", "dwt"],
-    robust: bool,
-    efficiency: float,
-    scheduler: str | None,
-    workers: int | None,
-) -> dict[str, WaveletVariance]:
+    recording: Imu | Stream, axis: list[str] | None, *, filter: str, transform: Literal["modwt", "dwt"], robust: bool,
+    efficiency: float, scheduler: str | None, workers: int | None,
+) -> dict[str, WaveletVariance]:  # fmt: skip
     """Compute the wavelet variance of each axis. The remarks of the inspection become warnings of the command."""
     from gmwm import wavelet_variance
     from gmwm.cli.parallel import over_axes

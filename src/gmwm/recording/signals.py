@@ -509,7 +509,7 @@ class Imu(Plotted):
         if len(self.segments) == 1:
             return self
         first, last = longest = max(self.segments, key=lambda s: s[1] - s[0])
-        remark = Remark.of("longest-segment", segments=len(self.segments), first=first, last=last - 1)
+        remark = Remark.of("cut", case="segment", segments=len(self.segments), first=first, last=last - 1)
         signals = {axis: signal.longest() for axis, signal in self.signals.items()}
         base, start = self.time_base, next(iter(signals.values())).start
         leading = self[self.axes[0]]

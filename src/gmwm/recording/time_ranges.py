@@ -53,6 +53,7 @@ def between_times(
     }
     remark = Remark.of(
         "cut",
+        case="cut",
         known="yes",
         kept=Quantity(len(part) / imu.rate, "s"),
         whole=Quantity(imu.duration, "s"),
@@ -191,7 +192,7 @@ def require_inside(kept: Sequence[tuple[float, float]], end: float, rate: float)
                 advice="Times are measured from the first sample; check {--skip}.",
             )
     if kept and end + 1 / rate < kept[-1][1] < math.inf:
-        remark = Remark.of("stop-outside", stop=Quantity(kept[-1][1], "s"), end=Quantity(end, "s"))
+        remark = Remark.of("cut", case="stop", stop=Quantity(kept[-1][1], "s"), end=Quantity(end, "s"))
         warnings.warn(GmwmWarning(remark), stacklevel=3)
 
 

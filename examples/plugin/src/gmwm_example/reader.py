@@ -34,7 +34,11 @@ class LogReader(Reader):
             raise ReadError(f"{path} ends within a sample", code="cut-off", advice="Copy the file again.")
         channels = [Channel(a, unit="deg/s", axis=a, scale=gyro) for a in AXES[:3]]
         channels += [Channel(a, unit="g", axis=a, scale=accel) for a in AXES[3:]]
-        return (Layout(tuple(channels), rate=rate, remarks=(Remark.of("layout-known", format="my own logger"),)),)
+        return (
+            Layout(
+                tuple(channels), rate=rate, remarks=(Remark.of("file-content", case="layout", format="my own logger"),)
+            ),
+        )
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Yield the wanted columns, a million rows at a time."""

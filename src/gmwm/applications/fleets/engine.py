@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from gmwm.applications.fleets.discovery import FleetUnits, Recordings, find_units
-from gmwm.applications.fleets.processes import Processes
 from gmwm.applications.fleets.result import Fleet
 from gmwm.applications.fleets.rows import Row, failed_row
 from gmwm.applications.fleets.storage import (
@@ -27,7 +26,7 @@ from gmwm.applications.fleets.storage import (
 )
 from gmwm.applications.fleets.table import RUN_AGAIN, as_table, write_table
 from gmwm.applications.fleets.unit_job import UnitJob, UnitOptions, UnitOutcome
-from gmwm.applications.fleets.workers import allowing_lost_workers, in_process, on_cluster
+from gmwm.applications.fleets.workers import Cluster, Here, Place, Processes, allowing_lost_workers, run_jobs
 from gmwm.base.axis_names import AXES
 from gmwm.base.errors import GmwmWarning, OptionError
 from gmwm.base.helpers import Helpers
@@ -50,26 +49,14 @@ last unit."""
 
 
 def fleet(
-    recordings: Recordings,
-    output: str | os.PathLike[str],
-    *,
-    within: ModelLike = SEARCHED,
-    robust: Literal["auto"] | bool = "auto",
-    weighting: Literal["diagonal", "optimal"] = "optimal",
-    criterion: Literal["asymptotic", "bootstrap"] = "asymptotic",
-    confidence: float = 0.95,
-    efficiency: float = 0.6,
-    draws: int = 1000,
-    rng: int | np.random.Generator = 0,
-    against: str = AUTO,
-    axes: str | Sequence[str] | None = None,
-    reading: Mapping[str, Any] | ReadOptions | None = None,
-    pattern: str | None = None,
-    scheduler: str | Client | None = None,
-    workers: int | None = None,
-    retries: int = 2,
+    recordings: Recordings, output: str | os.PathLike[str], *, within: ModelLike = SEARCHED,
+    robust: Literal["auto"] | bool = "auto", weighting: Literal["diagonal", "optimal"] = "optimal",
+    criterion: Literal["asymptotic", "bootstrap"] = "asymptotic", confidence: float = 0.95, efficiency: float = 0.6,
+    draws: int = 1000, rng: int | np.random.Generator = 0, against: str = AUTO, axes: str | Sequence[str] | None = None,
+    reading: Mapping[str, Any] | ReadOptions | None = None, pattern: str | None = None,
+    scheduler: str | Client | None = None, workers: int | None = None, retries: int = 2,
     progress: Progress | None = None,
-) -> Fleet:
+) -> Fleet:  # fmt: skip
     """Calibrate the recordings of many units, and collect the estimated noise parameters in one table.
 
     The calibration of each unit is written as soon as it is finished. A second run with the same output folder
@@ -150,18 +137,10 @@ def fleet(
 
 
 def calibrate_fleet(
-    recordings: Recordings,
-    output: str | os.PathLike[str],
-    options: CalibrationOptions,
-    reading: ReadOptions,
-    *,
-    pattern: str | None = None,
-    scheduler: str | Client | None = None,
-    workers: int | None = None,
-    retries: int = 2,
-    progress: Progress | None = None,
-    helpers: Helpers | None = None,
-) -> Fleet:
+    recordings: Recordings, output: str | os.PathLike[str], options: CalibrationOptions, reading: ReadOptions, *,
+    pattern: str | None = None, scheduler: str | Client | None = None, workers: int | None = None, retries: int = 2,
+    progress: Progress | None = None, helpers: Helpers | None = None,
+) -> Fleet:  # fmt: skip
     """Calibrate a fleet; see `fleet`. The options are already checked. Helpers that are idle calibrate units."""
     _check_axes(options.wanted)
     if reading.format is not None:
@@ -179,7 +158,7 @@ def calibrate_fleet(
         folder.mkdir(parents=True, exist_ok=True)
         if others := foreign_units(folder, units.paths):
             where = str(folder / UNITS)
-            remark = Remark.of("foreign-results", folder=where, count=len(others), units=tuple(others))
+            remark = Remark.of("other-results", case="units", folder=where, count=len(others), units=tuple(others))
             warnings.warn(GmwmWarning(remark), stacklevel=2)
         write_facts(folder, units, unit_options)
         with run.telling():
@@ -250,35 +229,27 @@ class _FleetRun:
 
 @contextmanager
 def _outcomes(
-    jobs: Sequence[UnitJob],
-    scheduler: str | Client | None,
-    workers: int | None,
-    retries: int,
-    *,
+    jobs: Sequence[UnitJob], scheduler: str | Client | None, workers: int | None, retries: int, *,
     helpers: Helpers | None,
-) -> Iterator[Iterable[UnitOutcome]]:
+) -> Iterator[Iterable[UnitOutcome]]:  # fmt: skip
     """Provide an iterator over the outcomes of the jobs, which run in this process, in others, or on a cluster."""
     count = min(processors() if workers is None else workers, len(jobs))
-    here = count == 0 or (count == 1 and workers is None)
-    if not jobs or (scheduler is None and here):
-        yield in_process(jobs, retries)
-        return
-    # A worker runs one job per thread, so each job calibrates the axes of its unit one after the other.
-    jobs = [replace(job, threads=1) for job in jobs]
-    if scheduler is None:
-        with Processes(count, () if helpers is None else helpers.take_idle()) as processes:
-            yield processes.outcomes(jobs, retries)
-        return
-    from gmwm.measuring.streaming.scheduling import connect, library
-
-    library()
+    here = scheduler is None and (count == 0 or (count == 1 and workers is None))
+    if not here and jobs:
+        # A worker runs one job per thread, so each job calibrates the axes of its unit one after the other.
+        jobs = [replace(job, threads=1) for job in jobs]
     with ExitStack() as stack:
-        stack.enter_context(allowing_lost_workers(retries))
-        client = stack.enter_context(connect(scheduler))
-        outcomes = on_cluster(jobs, client, retries)
-        # The iterator is closed before the client, so that jobs that have not started are cancelled.
-        stack.callback(outcomes.close)
-        yield outcomes
+        if here or not jobs:
+            place: Place = Here()
+        elif scheduler is None:
+            place = Processes(count, () if helpers is None else helpers.take_idle())
+        else:
+            from gmwm.measuring.streaming.scheduling import connect, library
+
+            library()
+            stack.enter_context(allowing_lost_workers(retries))
+            place = Cluster(stack.enter_context(connect(scheduler)))
+        yield run_jobs(jobs, stack.enter_context(place), retries)
 
 
 def _read_options(reading: Mapping[str, Any] | ReadOptions | None) -> ReadOptions:

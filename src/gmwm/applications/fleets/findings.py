@@ -26,15 +26,15 @@ def remarks_of(found: FleetStatistics) -> list[Remark]:
 def of_units(table: DataFrame, units: int, failed: int) -> Iterator[Remark]:
     """Yield remarks on failed units, rejected models and outlying samples, from the table of a fleet."""
     if failed:
-        yield Remark.of("units-failed", failed=failed, units=units)
+        yield Remark.of("not-calibrated", case="fleet", failed=failed, units=units)
     if "p_value" in table.columns:
         tested = table["p_value"].drop_nulls()
         if rejected := int((tested < 0.05 / max(len(tested), 1)).sum()):  # significance level of all tests together
-            yield Remark.of("fits-rejected", rejected=rejected, tested=len(tested))
+            yield Remark.of("model-rejected", case="fleet", rejected=rejected, tested=len(tested))
     if "contaminated" in table.columns:
         tested = table["contaminated"].drop_nulls()
         if contaminated := int(tested.sum()):
-            yield Remark.of("fleet-outliers", contaminated=contaminated, tested=len(tested))
+            yield Remark.of("outliers-found", case="fleet", contaminated=contaminated, tested=len(tested))
 
 
 def _remarks(found: FleetStatistics) -> Iterator[Remark]:
@@ -42,19 +42,21 @@ def _remarks(found: FleetStatistics) -> Iterator[Remark]:
     single = [row for row in found.rows if row.axis not in sensors]
     yield from _of_outliers(found, single)
     if 1 < found.units <= LEAST_UNITS:
-        yield Remark.of("small-fleet", units=found.units)
+        yield Remark.of("few-units", case="fleet", units=found.units)
     for count in range(1, LEAST_UNITS):
         few = [row for row in single if row.units == count]
-        yield from _each("few-units-compared", few, single, units=count, least=LEAST_UNITS, fewest=FEWEST)
+        yield from _each("few-units", few, single, case="number", units=count, least=LEAST_UNITS, fewest=FEWEST)
     few = [row for row in single if not row.searched and row.units >= LEAST_UNITS]
-    yield from _each("outliers-not-sought", few, single, fewest=FEWEST)
+    yield from _each("not-compared", few, single, case="few", fewest=FEWEST)
     yield from _of_limits(single)
-    yield from _each("errors-dominate", [row for row in single if (row.error_share or 0) > 0.5], single)
+    uncertain = [row for row in single if (row.error_share or 0) > 0.5]
+    yield from _each("poorly-known", uncertain, single, case="spread")
     partial = [row for row in single if row.model is not None and row.left_out]
     for model in dict.fromkeys(row.model or "" for row in partial):
-        yield from _each("one-model-compared", [row for row in partial if row.model == model], single, model=model)
+        alike = [row for row in partial if row.model == model]
+        yield from _each("not-compared", alike, single, case="model", model=model)
     unknown = [row for row in single if row.model is None and row.left_out]
-    yield from _each("units-without-interval", unknown, single)
+    yield from _each("not-compared", unknown, single, case="interval")
     for difference in found.differences:
         if difference.differs:
             yield Remark.of("axes-differ", f"{difference.symbol} of {difference.sensor}")
@@ -65,23 +67,23 @@ def _remarks(found: FleetStatistics) -> Iterator[Remark]:
 def _of_outliers(found: FleetStatistics, single: Sequence[FleetNumber]) -> Iterator[Remark]:
     units = list(dict.fromkeys(outlier.unit for outlier in found.outliers))
     for unit in units:
-        yield Remark.of("units-outlying", unit, count=len(units))
+        yield Remark.of("units-outlying", unit, case="units", count=len(units))
     if not units and any(row.searched for row in single):
-        yield Remark.of("no-outlier-units", size=found.size)
+        yield Remark.of("check-passed", case="fleet", size=found.size)
     # If a tenth of the units are outliers, the search ended at its limit (outlier_units.SHARE).
     many = [row for row in single if row.outliers and row.outliers >= max(2, 0.1 * row.units)]
-    yield from _each("many-outliers", many, single)
+    yield from _each("units-outlying", many, single, case="many")
 
 
 def _of_limits(rows: Sequence[FleetNumber]) -> Iterator[Remark]:
     for row in rows:
         if row.shown_by:
-            yield Remark.of("shown-by-few", _name(row), shown=row.shown_by, limited=row.limited)
+            yield Remark.of("shown-by-few", _name(row), case="few", shown=row.shown_by, limited=row.limited)
     limited = [row for row in rows if row.limited and row.units and not row.signed and not row.shown_by]
-    yield from _each("limits-not-compared", limited, rows)
+    yield from _each("not-compared", limited, rows, case="limits")
     for row in rows:
         if row.below:
-            yield Remark.of("limits-below", _name(row), units=row.below)
+            yield Remark.of("shown-by-few", _name(row), case="below", units=row.below)
 
 
 def _each(code: str, rows: Iterable[FleetNumber], every: Iterable[FleetNumber], **facts: str | int) -> Iterator[Remark]:

@@ -157,14 +157,9 @@ def _strip(place: int, sample: ParameterSample, found: FleetStatistics, factor: 
 
 
 def _dots(
-    across: Vector,
-    value: Vector,
-    order: NDArray[np.intp],
-    *,
-    alike: NDArray[np.bool_],
-    colour: str,
+    across: Vector, value: Vector, order: NDArray[np.intp], *, alike: NDArray[np.bool_], colour: str,
     units: Sequence[str],
-) -> list[Mark]:
+) -> list[Mark]:  # fmt: skip
     """Return the dots of the units. If there are few units, each has its own symbol and its name in the legend."""
     if len(units) > len(UNIT_SYMBOLS):
         dots = Stroke(colour, 0.0, symbol="circle")

@@ -15,10 +15,9 @@ _INFINITE = "Infinity"
 
 
 def rows_of(unit: str, path: str, found: Calibration) -> list[Row]:
-    """Return a table row for each axis of a unit, including axes that could not be calibrated.
-
-    Each datasheet parameter has the columns `<symbol>`, `<symbol>_low`, `<symbol>_high` and `<symbol>_unit`, in SI
-    units. If only an upper limit is known, the value is None and the limit is in `<symbol>_high`."""
+    """Return a table row for each axis of a unit, including axes that could not be calibrated. Each datasheet parameter
+    has the columns `<symbol>`, `<symbol>_low`, `<symbol>_high` and `<symbol>_unit`, in SI units. If only an upper limit
+    is known, the value is None and the limit is in `<symbol>_high`."""
     base: Row = {
         "unit": unit,
         "file": printable(path),

@@ -146,13 +146,9 @@ def _outliers(
 
 
 def _rows(
-    read: FleetSamples,
-    samples: Sequence[ParameterSample],
-    x: Matrix,
-    kept: Matrix,
-    s2: Matrix,
+    read: FleetSamples, samples: Sequence[ParameterSample], x: Matrix, kept: Matrix, s2: Matrix,
     searched: NDArray[np.bool_],
-) -> list[FleetNumber]:
+) -> list[FleetNumber]:  # fmt: skip
     """Return the statistics of each parameter of each axis."""
     rows = _describe(read, samples, x=x, kept=kept, s2=s2)
     numbers = []

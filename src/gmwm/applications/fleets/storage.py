@@ -79,14 +79,10 @@ def _is_same(path: Path, made: Mapping[str, Any], recording: Mapping[str, Any]) 
 def write_facts(folder: Path, found: FleetUnits, options: UnitOptions) -> None:
     """Write fleet.json, with the units and the options of the fleet."""
     content = {
-        "format": FORMAT,
-        "version": VERSION,
-        "gmwm": version(),
-        **options.to_dict(),
-        "units": {unit: str(path) for unit, path in found.paths.items()},
-        "topics": dict(found.topics),
+        "format": FORMAT, "version": VERSION, "gmwm": version(), **options.to_dict(),
+        "units": {unit: str(path) for unit, path in found.paths.items()}, "topics": dict(found.topics),
         "left_out": list(found.left_out),
-    }
+    }  # fmt: skip
     write_text(folder / FILE, json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1) + "\n")
 
 
@@ -129,10 +125,8 @@ def read_facts(folder: Path) -> Mapping[str, Any]:
 
 
 _PARTS: Mapping[str, tuple[type, str]] = {
-    "settings": (Mapping, "an object"),
-    "units": (Mapping, "an object of strings"),
-    "left_out": (list, "a list of strings"),
-    "reading": (Mapping, "an object"),
-}
+    "settings": (Mapping, "an object"), "units": (Mapping, "an object of strings"),
+    "left_out": (list, "a list of strings"), "reading": (Mapping, "an object"),
+}  # fmt: skip
 """Keys of fleet.json that are read, with the type of their values and its description in errors."""
 _TEXTS = ("units", "left_out")

@@ -111,15 +111,10 @@ class Monitor(OneAtATime):
     """
 
     def __init__(
-        self,
-        calibration: Mapping[str, Any],
-        every: str | float = "30d",
-        *,
-        rate: float | None = None,
-        baseline: Mapping[str, Baseline] | Literal["auto"] | None = "auto",
-        axes: Sequence[str] | None = None,
+        self, calibration: Mapping[str, Any], every: str | float = "30d", *, rate: float | None = None,
+        baseline: Mapping[str, Baseline] | Literal["auto"] | None = "auto", axes: Sequence[str] | None = None,
         start: float = 0.0,
-    ) -> None:
+    ) -> None:  # fmt: skip
         models = models_of(calibration, axes)
         self.rate = common_rate(calibration, rate)
         self.every = as_every(every)

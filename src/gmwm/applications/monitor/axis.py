@@ -20,26 +20,17 @@ HISTORY = 4096
 
 _EVERYTHING = frozenset({"noise up", "noise down", "level", "spike", "constant"})
 _EXPLAINED: Mapping[str, frozenset[str]] = {
-    "noise-up": _EVERYTHING - {"constant"},
-    "hum": _EVERYTHING - {"constant"},
-    "noise-down": frozenset({"noise down"}),
-    "jump": frozenset({"level", "noise up", "spike"}),
-    "ramp": frozenset({"level", "noise up", "spike"}),
-    "spike": frozenset({"spike"}),
-    "frozen": _EVERYTHING,
-    "saturated": _EVERYTHING,
-    "moved": _EVERYTHING - {"constant"},
-}
+    "noise-up": _EVERYTHING - {"constant"}, "hum": _EVERYTHING - {"constant"}, "noise-down": frozenset({"noise down"}),
+    "jump": frozenset({"level", "noise up", "spike"}), "ramp": frozenset({"level", "noise up", "spike"}),
+    "spike": frozenset({"spike"}), "frozen": _EVERYTHING, "saturated": _EVERYTHING, "moved": _EVERYTHING - {"constant"},
+}  # fmt: skip
 """Families of alarms that a reported fault explains, by kind of the fault."""
 _SILENT = ("frozen", "saturated", "moved")
 """Kinds of faults that explain innovations of any size."""
 _OWN: Mapping[str, frozenset[str]] = {
-    "noise-up": frozenset({"noise up"}),
-    "hum": frozenset({"noise up"}),
-    "noise-down": frozenset({"noise down"}),
-    "ramp": frozenset({"level"}),
-    "spike": frozenset({"spike"}),
-}
+    "noise-up": frozenset({"noise up"}), "hum": frozenset({"noise up"}), "noise-down": frozenset({"noise down"}),
+    "ramp": frozenset({"level"}), "spike": frozenset({"spike"}),
+}  # fmt: skip
 """Families of alarms that show that a fault is still present, by kind of the fault."""
 
 
@@ -132,7 +123,6 @@ class MonitoredAxis:
         self, kind: Kind, alarms: Sequence[Alarm], *, hold: int, remembered: int = 0, magnitude: float = 0.0
     ) -> bool:
         """Register a fault, and return whether it is new or larger than before. A jump or a ramp restarts the level.
-
         Further alarms belong to the fault for at least `hold` samples, and for `remembered` samples the same fault is
         not new."""
         now = self.charts.count

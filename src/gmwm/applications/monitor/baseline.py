@@ -175,9 +175,8 @@ def _mean_squares(sums: _BlockSums) -> tuple[Vector, Vector]:
 
 
 def _shapes(blocks: Vector) -> Iterator[float]:
-    """Yield the Gamma shape 1/Var of relative mean squares for groups of 1, 2, 4, … blocks, scaled to one block.
-
-    Bursts of noise make the shape of larger groups smaller."""
+    """Yield the Gamma shape 1/Var of relative mean squares for groups of 1, 2, 4, … blocks, scaled to one block. Bursts
+    of noise make the shape of larger groups smaller."""
     together = 1
     while together <= 256 and blocks.size >= LEAST_BLOCKS:  # charts raise an alarm within this number of blocks
         yield 1.0 / max(together * float(np.var(blocks, ddof=1)), 1e-300)

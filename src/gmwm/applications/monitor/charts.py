@@ -25,10 +25,8 @@ Family = Literal["noise up", "noise down", "level", "spike", "constant"]
 Integers = NDArray[np.int64]
 
 NOISE: tuple[tuple[Family, int, float], ...] = (
-    ("noise up", 1, 2.0),
-    ("noise up", 1, 1.25),
-    ("noise down", -1, 1.0 / 1.5),
-)
+    ("noise up", 1, 2.0), ("noise up", 1, 1.25), ("noise down", -1, 1.0 / 1.5),
+)  # fmt: skip
 """Family, direction and variance ratio R of the noise charts of each level. A chart has the shortest delay for a change
 of the variance by its R. The first chart detects large changes and slow noise early. The second one also detects an
 increase of the standard deviation by 10 % (docs/validation/monitor.md)."""
@@ -64,10 +62,8 @@ def window(level: int) -> tuple[int, int]:
 
 @lru_cache(maxsize=64)
 def white_shape(level: int) -> float:
-    """Return the shape k = 1/Var y of the mean squares y of a block, for white normal innovations.
-
-    Var y is the variance of the mean over many blocks times their number, because neighbouring blocks are correlated.
-    """
+    """Return the shape k = 1/Var y of the mean squares y of a block, for white normal innovations. Var y is the
+    variance of the mean over many blocks times their number, because neighbouring blocks are correlated."""
     _, m = window(level)
     half = np.repeat([1.0, -1.0], m // 2)
     rho = np.correlate(half, half, "full") / m

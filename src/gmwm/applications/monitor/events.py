@@ -91,17 +91,14 @@ class Event:
         texts: dict[Kind, str] = {
             "noise-up": f"noise rose by a factor of {round_text(self.ratio or 1.0)}{scale}",
             "noise-down": f"noise fell to {round_text(100.0 * (self.ratio or 0.0))} %{scale}",
-            "jump": f"level jumped by {amount} {unit}",
-            "ramp": f"level drifts by {amount} {unit}",
+            "jump": f"level jumped by {amount} {unit}", "ramp": f"level drifts by {amount} {unit}",
             "hum": f"periodic disturbance of {amount} {unit} at {round_text(self.frequency or 0.0, 3)} Hz",
-            "spike": f"spike of {amount} {unit}",
-            "frozen": "value does not change any more",
+            "spike": f"spike of {amount} {unit}", "frozen": "value does not change any more",
             "saturated": "value stays at a limit outside the usual range",
             "lost": f"{int(self.size)} samples lost" if self.size else "samples lost",
             "clock": f"time stamps went back by {amount} {unit}",
-            "moved": "the unit was moved: charts rest until it is still",
-            "still": "the unit is still again",
-        }
+            "moved": "the unit was moved: charts rest until it is still", "still": "the unit is still again",
+        }  # fmt: skip
         return texts[self.kind]
 
     def __str__(self) -> str:

@@ -173,7 +173,6 @@ def _course(history: History, onset: int, gain: Gain) -> _LevelChange:
 
 def _slow_excess(history: History, onset: int) -> tuple[float, int]:
     """Return the largest log-likelihood ratio of an increased variance of block means since the onset, and its level.
-
     It measures slow noise, whose block means do not follow a jump or ramp."""
     values, width, _ = history.since(onset)
     best, level = (0.0, 0), width.bit_length() - 1

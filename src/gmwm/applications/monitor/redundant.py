@@ -42,12 +42,9 @@ class UnitEvent(NamedTuple):
 
 
 def redundant(
-    calibration: Mapping[str, Any],
-    recordings: Mapping[str, Imu | Stream],
-    every: str | float = "30d",
-    *,
+    calibration: Mapping[str, Any], recordings: Mapping[str, Imu | Stream], every: str | float = "30d", *,
     axes: Sequence[str] | None = None,
-) -> Iterator[UnitEvent]:
+) -> Iterator[UnitEvent]:  # fmt: skip
     """Compare at least three units of the same type at rest with each other, and report which unit has changed.
 
     For each of the n units, the monitored signal is the difference between this unit and the mean of the other units,

@@ -24,24 +24,16 @@ def monitor_data(trace: Trace) -> dict[str, Any]:
         for event in trace.events
     ]
     facts = [
-        *([("Source", trace.source)] if trace.source else []),
-        ("Axes", ", ".join(monitor.axes)),
-        ("Duration", duration_text(monitor.samples / monitor.rate)),
-        ("Samples", str(monitor.samples)),
-        ("Sampling rate", f"{monitor.rate:g} Hz"),
-        ("Time between false alarms", duration_text(monitor.every)),
+        *([("Source", trace.source)] if trace.source else []), ("Axes", ", ".join(monitor.axes)),
+        ("Duration", duration_text(monitor.samples / monitor.rate)), ("Samples", str(monitor.samples)),
+        ("Sampling rate", f"{monitor.rate:g} Hz"), ("Time between false alarms", duration_text(monitor.every)),
         ("Baseline", ", ".join(monitor.baselines) or "none: the models alone"),
-    ]
+    ]  # fmt: skip
     models = [["Axis", "Model"], *([axis, model.structure] for axis, model in monitor.models.items())]
     return {
-        "title": "Monitor of a sensor at rest",
-        "gmwm": version(),
-        "state": "bad" if trace.events else "good",
-        "headline": trace.summary(),
-        "facts": facts,
-        "rows": rows,
-        "models": models,
-    }
+        "title": "Monitor of a sensor at rest", "gmwm": version(), "state": "bad" if trace.events else "good",
+        "headline": trace.summary(), "facts": facts, "rows": rows, "models": models,
+    }  # fmt: skip
 
 
 def monitor_report(trace: Trace, path: str | os.PathLike[str]) -> Path:

@@ -17,10 +17,9 @@ error below 4 % from 10⁴ to 10⁸ blocks (tests/monitor/test_charts.py)."""
 
 
 def level_threshold(run_length: float) -> float:
-    """Return the threshold h of the chart S ← max(0, S + z − SHIFT/2) for independent standard normal z.
-
-    The average run length in blocks is (e^{2κb} − 2κb − 1)/(2κ²) with κ = SHIFT/2 and b = h + 1.166, Siegmund's
-    correction for discrete time (Siegmund 1985, Sequential Analysis, section 2.6)."""
+    """Return the threshold h of the chart S ← max(0, S + z − SHIFT/2) for independent standard normal z. The average
+    run length in blocks is (e^{2κb} − 2κb − 1)/(2κ²) with κ = SHIFT/2 and b = h + 1.166, Siegmund's correction for
+    discrete time (Siegmund 1985, Sequential Analysis, section 2.6)."""
     kappa = SHIFT / 2.0
     low, high = 0.0, math.log(run_length + 10.0) / (2.0 * kappa) + 10.0
     while high - low > 1e-9:
@@ -32,12 +31,11 @@ def level_threshold(run_length: float) -> float:
 
 
 def noise_threshold(run_length: float, shape: float, ratio: float) -> float:
-    """Return the threshold h of the chart S ← max(0, S + l) with the increments l = k[y(1 − 1/R) − ln R].
-
-    The values y are independent, with a Gamma distribution of shape k and mean 1. R is the ratio of variances for which
-    the chart has the shortest delay. The average run length is at least e^h (Lorden 1971, Annals of Mathematical
-    Statistics 42, 1897-1908), and C e^h for large h. Page's integral equation, solved for 10⁵ blocks, gives C (Brook
-    and Evans 1972, Biometrika 59, 539-549)."""
+    """Return the threshold h of the chart S ← max(0, S + l) with the increments l = k[y(1 − 1/R) − ln R]. The values y
+    are independent, with a Gamma distribution of shape k and mean 1. R is the ratio of variances for which the chart
+    has the shortest delay. The average run length is at least e^h (Lorden 1971, Annals of Mathematical Statistics 42,
+    1897-1908), and C e^h for large h. Page's integral equation, solved for 10⁵ blocks, gives C (Brook and Evans 1972,
+    Biometrika 59, 539-549)."""
     return max(math.log(run_length) - _advantage(round(shape, 2), ratio), 0.5)
 
 
@@ -54,11 +52,9 @@ def _advantage(shape: float, ratio: float) -> float:
 @lru_cache(maxsize=64)
 def shape_factor(sums: int, ratio: float) -> float:
     """Return the factor for the shape k of a noise chart that corrects for correlated coefficients of `sums` block sums
-    each.
-
-    Mean squares of overlapping coefficients have a longer tail than a Gamma distribution with shape k = 1/Var y: at R =
-    2, up to 1.4 times as many false alarms in 500 blocks. With the factor, E e^l = 1 holds in a long run of blocks, for
-    white normal innovations. Consecutive coefficients of m block sums have the spectral density g(ω) = |Σ ±
+    each. Mean squares of overlapping coefficients have a longer tail than a Gamma distribution with shape k = 1/Var y:
+    at R = 2, up to 1.4 times as many false alarms in 500 blocks. With the factor, E e^l = 1 holds in a long run of
+    blocks, for white normal innovations. Consecutive coefficients of m block sums have the spectral density g(ω) = |Σ ±
     e^{ikω}|²/m. By Szegő's theorem, the shape q per coefficient follows from −½ mean ln(1 − 2q(1 − 1/R)g(ω)) = q ln R,
     over all ω."""
     from scipy.optimize import brentq

@@ -125,10 +125,8 @@ class Gain:
 
 
 def _sections(zeros: NDArray[Any], poles: NDArray[Any]) -> Matrix:
-    """Return second-order sections with the given zeros and the same number of poles.
-
-    The poles nearest to the unit circle come last, each pair with the nearest zeros, so that no section has a large
-    gain."""
+    """Return second-order sections with the given zeros and the same number of poles. The poles nearest to the unit
+    circle come last, each pair with the nearest zeros, so that no section has a large gain."""
     pairs = _roots(zeros)
     rows = []
     for pole in _roots(poles):
@@ -154,11 +152,9 @@ def _polynomial(roots: tuple[complex, complex]) -> list[float]:
 
 def _riccati(F: Matrix, H: Vector, Q: Matrix, R: float) -> Matrix:
     """Return the steady-state covariance of the predicted state, by a doubling algorithm (Anderson 1978, Second-order
-    convergent algorithms for the steady-state Riccati equation, Int. J. Control 28, 295-306).
-
-    The recursion is for the filtered state. Given this state, the noise of the next sample is H w + v, with process
-    noise w and measurement noise v. Its variance is never small, but that of v is zero for moving averages and
-    autoregressions."""
+    convergent algorithms for the steady-state Riccati equation, Int. J. Control 28, 295-306). The recursion is for the
+    filtered state. Given this state, the noise of the next sample is H w + v, with process noise w and measurement
+    noise v. Its variance is never small, but that of v is zero for moving averages and autoregressions."""
     eye = np.eye(H.size)
     seen, common = H @ F, Q @ H
     variance = float(H @ common) + R

@@ -33,29 +33,20 @@ does not depend on whether slow noise is called flicker noise, a random walk or 
 _DEGREE = math.pi / 180
 
 _ERRORS = {
-    "tilt_x": ("tilt about x", "deg", {"gyro_x"}),
-    "tilt_y": ("tilt about y", "deg", {"gyro_y"}),
-    "heading": ("heading", "deg", {"gyro_z"}),
-    "velocity_x": ("velocity along x", "m/s", {"gyro_y", "accel_x"}),
+    "tilt_x": ("tilt about x", "deg", {"gyro_x"}), "tilt_y": ("tilt about y", "deg", {"gyro_y"}),
+    "heading": ("heading", "deg", {"gyro_z"}), "velocity_x": ("velocity along x", "m/s", {"gyro_y", "accel_x"}),
     "velocity_y": ("velocity along y", "m/s", {"gyro_x", "accel_y"}),
     "velocity_z": ("vertical velocity", "m/s", {"accel_z"}),
     "position_x": ("position along x", "m", {"gyro_y", "accel_x"}),
-    "position_y": ("position along y", "m", {"gyro_x", "accel_y"}),
-    "position_z": ("height", "m", {"accel_z"}),
-}
+    "position_y": ("position along y", "m", {"gyro_x", "accel_y"}), "position_z": ("height", "m", {"accel_z"}),
+}  # fmt: skip
 """Title and unit of each error, and the axes of which at least one is needed, in the order of the error equations."""
 
 
 def budget(
-    noise: Mapping[str, Fit | Model | Process | str],
-    duration: float | str,
-    *,
-    rate: float | None = None,
-    rest: float | str = REST,
-    latitude: float = LATITUDE,
-    gravity: float = GRAVITY,
-    level: float = 0.95,
-) -> Budget:
+    noise: Mapping[str, Fit | Model | Process | str], duration: float | str, *, rate: float | None = None,
+    rest: float | str = REST, latitude: float = LATITUDE, gravity: float = GRAVITY, level: float = 0.95,
+) -> Budget:  # fmt: skip
     """Compute how attitude, velocity and position errors of unaided inertial navigation grow.
 
     The vehicle is level and at rest, with x north, y east and z down. One rule holds for all terms: the biases at the

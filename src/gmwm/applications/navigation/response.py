@@ -83,10 +83,8 @@ def _cross_matrix(v: Vector) -> Matrix:
 
 def mean_squares(process: Process, rate: float, motion: Response, steps: Sequence[int], *, rest: int = 0) -> Matrix:
     """Return the mean squares (T, q) of the errors that a process causes after each number of samples, in ascending
-    order.
-
-    Stationary processes start in their stationary distribution. Random walks start at zero, and so does flicker noise
-    if there is no rest. After a rest whose mean is removed, the time at which flicker noise starts has no effect,
+    order. Stationary processes start in their stationary distribution. Random walks start at zero, and so does flicker
+    noise if there is no rest. After a rest whose mean is removed, the time at which flicker noise starts has no effect,
     except on the tilt from levelling. For this tilt, it is assumed to start at zero at the beginning of the rest."""
     if rest and process.approximate and not process.stationary:
         old = _mean_squares(process.state_space(rate), rate, motion, steps, rest=rest)
@@ -114,10 +112,8 @@ def _mean_squares(space: StateSpace, rate: float, motion: Response, steps: Seque
 
 
 def _resting(space: StateSpace, rest: int, q: int) -> tuple[Matrix, Matrix]:
-    """Return the transition matrix and noise covariance of (x, m, n) for one sample of the rest.
-
-    x are the states of the process, m is its mean over the rest so far, and n are the q navigation errors, still zero.
-    """
+    """Return the transition matrix and noise covariance of (x, m, n) for one sample of the rest. x are the states of
+    the process, m is its mean over the rest so far, and n are the q navigation errors, still zero."""
     p = space.states
     transition, noise = np.eye(p + 1 + q), np.zeros((p + 1 + q, p + 1 + q))
     transition[:p, :p], transition[p, :p] = space.F, space.H[0] / rest

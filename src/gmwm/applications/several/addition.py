@@ -28,18 +28,16 @@ class SharedNoiseAddition(RecordingAddition):
         return shared_noise(signals, threads=threads)
 
     def remarks(self, finding: Sequence[SharedNoise], axes: Collection[str], size: float) -> Iterator[Remark]:
-        """Yield one remark if any of these axes share noise at this significance level.
-
-        Axes with remaining motion or knocks must be left out. These affect several axes at once without being shared
-        noise.
-        """
+        """Yield one remark if any of these axes share noise at this significance level. Axes with remaining motion or
+        knocks must be left out. These affect several axes at once without being shared noise."""
         pairs = [pair for pair in finding if pair.pvalue <= size and set(pair.axes) <= set(axes)]
         if pairs:
             pairs.sort(key=lambda pair: -abs(pair.correlation))
             strongest = pairs[0]
             first, second = strongest.axes
             yield Remark.of(
-                "noise-shared", **pairs_facts(tuple(dict.fromkeys("/".join(pair.axes) for pair in pairs))),
+                "noise-shared", case="calibration",
+                **pairs_facts(tuple(dict.fromkeys("/".join(pair.axes) for pair in pairs))),
                 first=first, second=second, correlation=strongest.correlation, tau=Quantity(strongest.tau, "s"),
                 size=SIZE,
             )  # fmt: skip

@@ -25,11 +25,10 @@ MOST = 1 << 20
 def shared_noise(
     signals: Mapping[str, Signal], *, size: float = 0.05, threads: int | None = None
 ) -> tuple[SharedNoise, ...]:
-    """Return the scales at which two axes share noise according to the test of `cross`, sorted by p-value.
-
-    Of more than `MOST` samples, the means of blocks of 2^k samples are tested, with the smallest sufficient k; the k
-    finest scales are then not tested. Linear trends are removed first, because two axes with unrelated drifts are
-    correlated at the largest scales. Axes without noise at some scale are left out."""
+    """Return the scales at which two axes share noise according to the test of `cross`, sorted by p-value. Of more than
+    `MOST` samples, the means of blocks of 2^k samples are tested, with the smallest sufficient k; the k finest scales
+    are then not tested. Linear trends are removed first, because two axes with unrelated drifts are correlated at the
+    largest scales. Axes without noise at some scale are left out."""
     try:
         filled = synchronous_signals(signals, None)
         k = max(0, (len(next(iter(filled.values()))) - 1).bit_length() - MOST.bit_length() + 1)

@@ -187,9 +187,7 @@ class Prover:
 
     def bound(self, node: Intervals, enough: float) -> tuple[float, Vector]:
         """Return a lower bound for a node, and the search coordinate of the largest shape of each term in its relaxed
-        solution.
-
-        The iteration stops when the bound reaches `enough`."""
+        solution. The iteration stops when the bound reaches `enough`."""
         problem = self.problem
         chosen = [np.linspace(low, high, 7) for low, high in node]
         best, parts = 0.0, np.array([float(np.mean(interval)) for interval in node])

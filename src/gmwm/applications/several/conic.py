@@ -68,10 +68,8 @@ class Conic:
 def least_squares(
     design: Matrix, target: Vector, cone: Cone, *, gap: float = 1e-9, warm: Matrix | None = None
 ) -> Conic:
-    """Minimise |b − A s|² subject to Σ_p ⪰ 0, until the relative gap to the optimum is small enough.
-
-    `design` is A (n, k), with a column for each free entry, `target` is b (n,), and `warm` the result of a similar
-    problem."""
+    """Minimise |b − A s|² subject to Σ_p ⪰ 0, until the relative gap to the optimum is small enough. `design` is A (n,
+    k), with a column for each free entry, `target` is b (n,), and `warm` the result of a similar problem."""
     if warm is not None:
         try:
             return _least_squares(design, target, cone, gap=gap, warm=warm)

@@ -34,15 +34,10 @@ LEAST_FREEDOM_ROBUST = 8.0
 
 
 def cross(
-    x: Imu | Stream | Mapping[str, Signal | ArrayLike],
-    rate: float | None = None,
-    *,
-    axes: str | Sequence[str] | None = None,
-    robust: bool = False,
-    efficiency: float = 0.6,
-    size: float = 0.05,
+    x: Imu | Stream | Mapping[str, Signal | ArrayLike], rate: float | None = None, *,
+    axes: str | Sequence[str] | None = None, robust: bool = False, efficiency: float = 0.6, size: float = 0.05,
     confidence: float = 0.95,
-) -> CrossCovariance:
+) -> CrossCovariance:  # fmt: skip
     """Estimate the correlation of the noise of several axes at each scale, and test whether it is 0.
 
     The estimate of the cross-covariance at level j is the mean product of the Haar wavelet coefficients W_a and W_b of
@@ -150,13 +145,9 @@ def cross_covariance(
 
 
 def _curves(
-    x: Imu | Stream | Mapping[str, Signal | ArrayLike],
-    rate: float | None,
-    axes: str | Sequence[str] | None,
-    *,
-    robust: bool,
-    efficiency: float,
-) -> Curves:
+    x: Imu | Stream | Mapping[str, Signal | ArrayLike], rate: float | None, axes: str | Sequence[str] | None, *,
+    robust: bool, efficiency: float,
+) -> Curves:  # fmt: skip
     """Estimate the wavelet variances and cross-covariances of the chosen signals."""
     if isinstance(x, Stream):
         chosen = chosen_names(x.axes, axes)
@@ -172,9 +163,8 @@ def _curves(
 
 
 class _UnitNoise(NamedTuple):
-    """The noise model of one signal, its wavelet variance (J,) scaled to the geometric mean 1, and Var ν̂² (J,).
-
-    The degrees of freedom do not depend on the scale. Without it, differences of variances could lose precision."""
+    """The noise model of one signal, its wavelet variance (J,) scaled to the geometric mean 1, and Var ν̂² (J,). The
+    degrees of freedom do not depend on the scale. Without it, differences of variances could lose precision."""
 
     model: Model
     curve: Vector

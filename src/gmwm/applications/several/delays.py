@@ -20,9 +20,8 @@ GAIN_IN_ERRORS = 5.0
 
 
 def delays_of(signals: Mapping[str, Signal]) -> AxisPairs[int]:
-    """Return the delay d (samples) of each pair (a, b) in which b lags behind a; pairs without a delay are left out.
-
-    If one of two signals with shared noise is delayed, their correlation at fine scales is small or negative, and the
+    """Return the delay d (samples) of each pair (a, b) in which b lags behind a; pairs without a delay are left out. If
+    one of two signals with shared noise is delayed, their correlation at fine scales is small or negative, and the
     correlation between samples that are d apart is larger."""
     longest = max(next(iter(signals.values())).segments, key=lambda ends: ends[1] - ends[0])
     first, last = longest[0], min(longest[1], longest[0] + (1 << 20))

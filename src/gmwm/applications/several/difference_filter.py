@@ -52,10 +52,9 @@ class DifferenceFilter:
                 "K": self.K.tolist(), "C": self.C.tolist()}  # fmt: skip
 
     def run(self, x: Matrix) -> Vector:
-        """Return the fused signal (N,) of the samples (d, N) of one segment.
-
-        The mean of the differences over the first time constant of the filter is subtracted first, so that the initial
-        transient is small. This changes the result only by a constant."""
+        """Return the fused signal (N,) of the samples (d, N) of one segment. The mean of the differences over the first
+        time constant of the filter is subtracted first, so that the initial transient is small. This changes the result
+        only by a constant."""
         base = self.weights @ x
         if not self.C.size:
             return np.asarray(base)
@@ -143,11 +142,10 @@ class ArrayNoise:
         return F, Q, H, C
 
     def fused_space(self, filter: DifferenceFilter) -> StateSpace:
-        """Return the state space of the fused signal of an array at rest, for any difference filter.
-
-        Random walks z make the filter states ξ non-stationary. They are therefore written as ξ = G z + e, where G is
-        the steady-state response to a constant z. The remainder e is stationary: e_t = A e_{t−1} − A G w_{t−1} + K B
-        n_t, with the increments w of z and all other noise n."""
+        """Return the state space of the fused signal of an array at rest, for any difference filter. Random walks z
+        make the filter states ξ non-stationary. They are therefore written as ξ = G z + e, where G is the steady-state
+        response to a constant z. The remainder e is stationary: e_t = A e_{t−1} − A G w_{t−1} + K B n_t, with the
+        increments w of z and all other noise n."""
         from scipy.linalg import block_diag
 
         parts = [(space, factor(sigma)) for space, sigma in zip(self.spaces, self.sigmas, strict=True) if space.states]

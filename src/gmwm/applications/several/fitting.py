@@ -90,10 +90,9 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> JointSolu
 
 @dataclass(frozen=True, eq=False)
 class _Mixed:
-    """The parameter values from which the weights of the next round are computed.
-
-    They are extrapolated from the estimates of the last two rounds by the secant method (Anderson 1965, Iterative
-    procedures for nonlinear integral equations, J. ACM 12, 547-560, with one step of memory)."""
+    """The parameter values from which the weights of the next round are computed. They are extrapolated from the
+    estimates of the last two rounds by the secant method (Anderson 1965, Iterative procedures for nonlinear integral
+    equations, J. ACM 12, 547-560, with one step of memory)."""
 
     u: Vector  # (K,) search coordinates of the shapes
     sigmas: Matrix  # (P, d, d) covariance matrices of the terms

@@ -30,13 +30,9 @@ SPARE = 2.0
 
 
 def fuse(
-    x: Sequence[Imu] | Mapping[str, Imu | Signal | ArrayLike] | Imu,
-    rate: float | None = None,
-    *,
-    horizon: float | None = None,
-    model: ModelLike | None = None,
-    nonnegative: bool = False,
-) -> VirtualSensor:
+    x: Sequence[Imu] | Mapping[str, Imu | Signal | ArrayLike] | Imu, rate: float | None = None, *,
+    horizon: float | None = None, model: ModelLike | None = None, nonnegative: bool = False,
+) -> VirtualSensor:  # fmt: skip
     """Fuse an array of sensors of the same type into one virtual sensor with less noise.
 
     The signals of each axis are averaged with weights whose sum is 1, so that the motion is not changed. By default, a
@@ -207,7 +203,6 @@ def best_weights(gamma: Matrix, *, nonnegative: bool = False) -> Vector:
 
 def _optimism(measured: WaveletMatrices, variance: Vector, shares: Vector, d: int) -> Vector:
     """Return the factor (J,) from the wavelet variance in the recording itself to the expected one in other recordings.
-
     If the estimate Γ̂ has η degrees of freedom, E 1/(1ᵀΓ̂⁻¹1) = (η − d + 1)/η · 1/(1ᵀΓ⁻¹1) and E wᵀΓw = (η − 1)/(η − d)
     · 1/(1ᵀΓ⁻¹1), with the true matrix Γ (Basak, Jagannathan and Ma 2009, Management Science 55, 990-1002)."""
     design = measured.design

@@ -124,12 +124,10 @@ class VirtualAxis:
         return {
             **plain_fields(self, "axis unit rate"),
             "weights": dict(zip(self.members, self.weights.tolist(), strict=True)),
-            **plain_fields(self, "model pvalue filter tau deviation"),
-            "average": np.sqrt(self.average).tolist(),
-            **plain_fields(self, "gain gain_over_best"),
-            "measured": np.sqrt(self.measured).tolist(),
+            **plain_fields(self, "model pvalue filter tau deviation"), "average": np.sqrt(self.average).tolist(),
+            **plain_fields(self, "gain gain_over_best"), "measured": np.sqrt(self.measured).tolist(),
             "optimism": self.optimism.tolist(),
-        }
+        }  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -202,7 +200,7 @@ class VirtualSensor(Summarised, Plotted):
                 ratio = fusion.measured / fusion.variance
                 at = int(np.argmax(np.abs(np.log(ratio)) * (fusion.seen > 10.0)))
                 size, tau = float(np.sqrt(ratio[at])), Quantity(float(fusion.tau[at]), "s")
-                remarks.append(Remark.of("array-model-rejected", axis, model=fusion.model, ratio=size, tau=tau))
+                remarks.append(Remark.of("model-rejected", axis, case="array", model=fusion.model, ratio=size, tau=tau))
         return tuple(remarks)
 
     def to_dict(self) -> dict[str, Any]:

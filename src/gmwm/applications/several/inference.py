@@ -42,10 +42,9 @@ class Errors:
 
 def errors(settled: JointSolution, *, inside: bool = False) -> Errors:
     """Return the covariance of the estimates, B V Bᵀ, with V the covariance of the moments and B the derivatives of the
-    estimates with respect to the moments.
-
-    Estimated matrices may be singular. The estimates then vary only in directions that keep the rank of each matrix;
-    with `inside`, all entries vary, as without the condition that the matrices are positive semidefinite."""
+    estimates with respect to the moments. Estimated matrices may be singular. The estimates then vary only in
+    directions that keep the rank of each matrix; with `inside`, all entries vary, as without the condition that the
+    matrices are positive semidefinite."""
     problem, estimate = settled.problem, settled.estimate
     blocks = problem.blocks(problem.shapes(estimate.u))
     bases = tuple(
@@ -92,12 +91,10 @@ def _tangent(cone: Cone, place: int, sigma: Matrix, single: bool) -> Matrix:
 
 
 def misfit(settled: JointSolution) -> GoodnessOfFit:
-    """Compute the goodness-of-fit test of the model.
-
-    The moments of coarse levels are skewed, so the variance of the statistic is larger than that of a chi-square
-    variable. For η independent coefficients of d signals, S = W/η has a Wishart distribution, and the part (η/2) tr(S −
-    I)² of a level has the mean d(d + 1)/2 and the variance d(d + 1) + d(2d² + 5d + 5)/η. The estimated parameters
-    reduce this part by the mean leverage h_j of the level."""
+    """Compute the goodness-of-fit test of the model. The moments of coarse levels are skewed, so the variance of the
+    statistic is larger than that of a chi-square variable. For η independent coefficients of d signals, S = W/η has a
+    Wishart distribution, and the part (η/2) tr(S − I)² of a level has the mean d(d + 1)/2 and the variance d(d + 1) +
+    d(2d² + 5d + 5)/η. The estimated parameters reduce this part by the mean leverage h_j of the level."""
     from scipy.special import gammaincc
 
     problem = settled.problem
@@ -141,10 +138,8 @@ def _regression(columns: Matrix, target: Vector) -> tuple[Matrix, Vector]:
 
 
 def sharing(null: JointSolution, place: int) -> tuple[float, int]:
-    """Return the statistic of the test that term number `place` is not shared, and its degrees of freedom.
-
-    It is the decrease of the weighted residuals of `null`, where the term is independent, when its other entries are
-    added."""
+    """Return the statistic of the test that term number `place` is not shared, and its degrees of freedom. It is the
+    decrease of the weighted residuals of `null`, where the term is independent, when its other entries are added."""
     rows, columns = entries(null.problem.d)
     off = np.eye(rows.size)[rows != columns]
     shape = null.problem.shapes(null.estimate.u)[place]

@@ -19,14 +19,9 @@ from gmwm.theory.processes.model import ModelLike
 
 
 def fit_joint(
-    model: ModelLike,
-    x: Imu | Mapping[str, Signal | ArrayLike],
-    rate: float | None = None,
-    *,
-    axes: str | Sequence[str] | None = None,
-    levels: int | Sequence[int] | None = None,
-    certify: bool | float = False,
-) -> JointFit:
+    model: ModelLike, x: Imu | Mapping[str, Signal | ArrayLike], rate: float | None = None, *,
+    axes: str | Sequence[str] | None = None, levels: int | Sequence[int] | None = None, certify: bool | float = False,
+) -> JointFit:  # fmt: skip
     """Fit a sum of noise processes to several signals at once, including the noise that they share.
 
     Each term p of the model has a shape κ_p(τ), the wavelet variance of its process at unit scale, and a covariance

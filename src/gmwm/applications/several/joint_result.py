@@ -158,7 +158,7 @@ class JointFit(Summarised, Plotted):
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """A remark if the weights did not converge."""
-        return () if self.converged else (Remark.of("weights-not-converged", ", ".join(self.axes)),)
+        return () if self.converged else (Remark.of("weights-from-data", ", ".join(self.axes), case="iteration"),)
 
     @property
     def proved(self) -> bool:

@@ -93,12 +93,9 @@ def measure(signal: Signal, robust: bool, efficiency: float) -> WaveletVariance:
 
 
 def product_moment(
-    signals: Mapping[str, Signal],
-    singles: Mapping[str, WaveletVariance],
-    unit: Mapping[str, float],
-    *,
+    signals: Mapping[str, Signal], singles: Mapping[str, WaveletVariance], unit: Mapping[str, float], *,
     pair: tuple[str, str],
-) -> Vector:
+) -> Vector:  # fmt: skip
     """Return the cross-covariance γ̂_j (J,) of a pair of signals, from the variance of their sum and difference."""
     a, b = pair
     robust = singles[a].robust
@@ -111,12 +108,9 @@ def product_moment(
 
 
 def moment_of(
-    curves: Sequence[Vector],
-    singles: Mapping[str, WaveletVariance],
-    unit: Mapping[str, float],
-    *,
+    curves: Sequence[Vector], singles: Mapping[str, WaveletVariance], unit: Mapping[str, float], *,
     pair: tuple[str, str],
-) -> Vector:
+) -> Vector:  # fmt: skip
     """Return γ̂_j (J,) from the variances of the sum of the scaled signals and, if measured, of their difference."""
     a, b = pair
     if len(curves) == 2:

@@ -78,7 +78,6 @@ def noise_of(settled: JointSolution, sigmas: Matrix | None = None) -> ArrayNoise
 
 def shrunk(settled: JointSolution, sigmas: Matrix, scatter: Vector) -> Matrix:
     """Return the covariance matrices with those of shared and common terms shrunk towards a multiple of the identity.
-
     Weights depend on the inverse matrices, and shrinkage makes them more stable. Its share is the estimation variance
     of the entries over their squared distance from the multiple of the identity, at most 1 (Ledoit and Wolf 2004,
     Journal of Multivariate Analysis 88, 365-411)."""
@@ -113,10 +112,9 @@ def unit_of(settled: JointSolution) -> float:
 
 def optimism(settled: JointSolution, design: Design, levels: NDArray[np.int64]) -> Vector:
     """Return the factor (J,) by which the variance in other recordings is larger than predicted, by a parametric
-    bootstrap.
-
-    Moments are drawn under the fitted model, and a filter is designed for the matrices estimated from them. The factor
-    is the mean variance under the fitted model over the mean variance under these estimates, and at least 1."""
+    bootstrap. Moments are drawn under the fitted model, and a filter is designed for the matrices estimated from them.
+    The factor is the mean variance under the fitted model over the mean variance under these estimates, and at least
+    1."""
     problem, scatter = settled.problem, scatters(settled)
     centre = shrunk(settled, settled.estimate.sigmas, scatter)
     truth = noise_of(settled, centre)

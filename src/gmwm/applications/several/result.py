@@ -159,10 +159,12 @@ class CrossCovariance(Summarised, Plotted):
             for (a, b), d in self.delays.items()
         ]
         if most is None:
-            return (Remark.of("axes-independent", **counts), *late)
+            return (Remark.of("check-passed", case="independent", **counts), *late)
         a, b = most.axes
         tau = Quantity(most.tau, "s")
-        shared = Remark.of("axes-share-noise", **counts, first=a, second=b, correlation=most.correlation, tau=tau)
+        shared = Remark.of(
+            "noise-shared", case="cross", **counts, first=a, second=b, correlation=most.correlation, tau=tau
+        )
         return (shared, *late)
 
     def to_dict(self) -> dict[str, Any]:
@@ -187,9 +189,7 @@ class CrossCovariance(Summarised, Plotted):
         return concat(
             DataFrame(
                 {
-                    "first": [a] * self.levels.size,
-                    "second": [b] * self.levels.size,
-                    "level": self.levels,
+                    "first": [a] * self.levels.size, "second": [b] * self.levels.size, "level": self.levels,
                     "tau": self.tau,
                 }
                 | {
@@ -198,7 +198,7 @@ class CrossCovariance(Summarised, Plotted):
                 }
             )
             for a, b in self.pairs
-        )
+        )  # fmt: skip
 
     def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
         """Format the largest correlation of each pair that shares noise, and the remarks in a `dialect`."""

@@ -29,14 +29,9 @@ from gmwm.theory.processes.parameter import Parameter
 
 
 def same(
-    *recordings: Imu | Signal | ArrayLike,
-    rate: float | None = None,
-    labels: Sequence[str] | None = None,
-    model: ModelLike | None = None,
-    tolerance: float = 0.0,
-    size: float = 0.05,
-    confidence: float = 0.95,
-) -> SameNoise:
+    *recordings: Imu | Signal | ArrayLike, rate: float | None = None, labels: Sequence[str] | None = None,
+    model: ModelLike | None = None, tolerance: float = 0.0, size: float = 0.05, confidence: float = 0.95,
+) -> SameNoise:  # fmt: skip
     """Test whether recordings have the same noise at each scale, or the same parameters of a model.
 
     The wavelet variances ν² of two recordings are compared at each level j. With more than two recordings, each one is
@@ -209,7 +204,6 @@ def _ratios(apart: Deviations, parameters: Mapping[str, Parameter], confidence: 
 
 def _on_logarithm(step: float, precision: float, scale: bool) -> tuple[float, float] | None:
     """Return the logarithm of a parameter over its pool value, and its standard error; None if it is not determined.
-
     The curve is linear in variances, so one step is exact."""
     size = 1.0 + step if scale else 1.0
     error = 1 / math.sqrt(precision) / size if size > 0 else math.inf

@@ -135,14 +135,23 @@ class SameNoise(RecordingComparison):
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """Remarks on the differences of each axis and recording, or one remark that no difference was found."""
-        missing = [Remark.of("axes-not-compared", axis) for axis in self.left_out]
+        missing = [Remark.of("not-compared", axis, case="axis") for axis in self.left_out]
         return (*(self._parameter_remarks() if self.parameters else self._level_remarks()), *missing)
 
     def _level_remarks(self) -> tuple[Remark, ...]:
         if not self.differs:
             tests = sum(row.pvalue is not None for row in self.levels)
             within = "yes" if self.tolerance else "no"
-            return (Remark.of("noise-same", tests=tests, size=self.size, tolerance=self.tolerance, within=within),)
+            return (
+                Remark.of(
+                    "recordings-agree",
+                    case="noise",
+                    tests=tests,
+                    size=self.size,
+                    tolerance=self.tolerance,
+                    within=within,
+                ),
+            )
         remarks = []
         for recording in self.compared:
             for axis in self.axes:
@@ -150,7 +159,8 @@ class SameNoise(RecordingComparison):
                 if rows:
                     most = max(rows, key=lambda row: abs(row.ratio - 1))
                     remarks.append(Remark.of(
-                        "noise-differs", axis, percent=abs(most.ratio - 1), tau=Quantity(most.tau, "s"),
+                        "recordings-differ", axis, case="noise",
+                        percent=abs(most.ratio - 1), tau=Quantity(most.tau, "s"),
                         more="higher" if most.ratio > 1 else "lower", levels=len(rows),
                         p=max(smallest(rows), SMALLEST), recording=recording, other=self._other,
                     ))  # fmt: skip
@@ -162,18 +172,19 @@ class SameNoise(RecordingComparison):
             if test.differs and test.ratios:
                 most = test.largest
                 yield Remark.of(
-                    "parameters-differ", test.axis, name=most.name, recording=most.recording, other=self._other,
+                    "recordings-differ", test.axis, case="parameters",
+                    name=most.name, recording=most.recording, other=self._other,
                     ratio=most.ratio, lower=most.lower, upper=most.upper, confidence=self.confidence,
                     p=max(test.pvalue, SMALLEST),
                 )  # fmt: skip
         for test in self.parameters:
             if not test.differs:
-                yield Remark.of("parameters-same", test.axis, size=self.size)
+                yield Remark.of("recordings-agree", test.axis, case="parameters", size=self.size)
         adjusted = holm([test.fit_pvalue for test in self.parameters]).tolist()
         rejected = [test for test, p in zip(self.parameters, adjusted, strict=True) if p <= self.size]
         for test in rejected:
             least = max(min(other.fit_pvalue for other in rejected), SMALLEST)
-            yield Remark.of("compared-model-rejected", test.axis, p=least)
+            yield Remark.of("model-rejected", test.axis, case="same", p=least)
 
     @property
     def _other(self) -> str:

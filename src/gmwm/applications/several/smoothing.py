@@ -112,9 +112,7 @@ def _tracks(
 
 def _white(smoother: _Smoother, record: Record, space: JointStateSpace, k: int) -> tuple[Vector, Vector]:
     """Return the mean and variance (N,) of the white noise of a signal: what the other terms do not explain of a
-    sample.
-
-    For a missing sample, the mean is 0 with the variance of the model."""
+    sample. For a missing sample, the mean is 0 with the variance of the model."""
     mean, variance = smoother.track(space.H[k], k)
     present = np.isfinite(record.values)
     noise = np.where(present, record.values, 0.0) - np.where(present, mean + record.centre, 0.0)

@@ -35,11 +35,10 @@ class Curves(NamedTuple):
 
 
 def streamed_curves(stream: Stream, axes: Sequence[str], *, robust: bool, efficiency: float) -> Curves:
-    """Read a recording, and return the wavelet variances of its axes and the cross-covariances of all pairs.
-
-    The axes are scaled to similar size before they are added. Classical estimates do not depend on the scales and need
-    one pass. Robust estimates do, so the axes are measured first, and their sums and differences afterwards, in up to
-    four passes."""
+    """Read a recording, and return the wavelet variances of its axes and the cross-covariances of all pairs. The axes
+    are scaled to similar size before they are added. Classical estimates do not depend on the scales and need one pass.
+    Robust estimates do, so the axes are measured first, and their sums and differences afterwards, in up to four
+    passes."""
     pairs, signs = pairs_of(list(axes)), (1.0, -1.0) if robust else (1.0,)
     sums = {f"{a} {sign:+g} {b}": (a, b, sign) for a, b in pairs for sign in signs}
     count, held = exact_levels(len(axes) + len(sums)), held_samples(len(axes) + len(sums))

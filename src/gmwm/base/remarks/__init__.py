@@ -1,5 +1,6 @@
 """Remarks: information about a result that a user should know, as data, and their conversion to sentences."""
 
+from gmwm.base.remarks.explanation import codes_text, explanation
 from gmwm.base.remarks.registry import Message, messages
 from gmwm.base.remarks.remark import Remark, sorted_remarks
 from gmwm.base.remarks.rendering import brief, gravest, merged, texts, with_groups
@@ -14,6 +15,8 @@ __all__ = [
     "Remark",
     "Severity",
     "brief",
+    "codes_text",
+    "explanation",
     "gravest",
     "merged",
     "messages",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from string import Formatter
@@ -45,18 +45,23 @@ class Choice:
     by : str
         Name of the fact.
     templates : mapping of value to template
-        Template for each value of the fact, in lower case.
+        Template for each value of the fact, in lower case. "otherwise" has the template for all other values.
     """
 
     by: str
-    templates: Mapping[str, str]
+    templates: Mapping[str, Text]
 
     def of(self, facts: Mapping[str, Fact]) -> str:
         """Return the template for these facts."""
-        return self.templates[str(facts[self.by]).lower()]
+        value = str(facts[self.by]).lower()
+        return _resolved(self.templates[value if value in self.templates else OTHERWISE], facts)
 
 
 Text = str | Choice
+OTHERWISE = "otherwise"
+"""Key of the template for all values of a fact that have no template of their own."""
+CASE = "case"
+"""Fact that tells apart the situations of a code."""
 
 
 @dataclass(frozen=True)
@@ -69,18 +74,18 @@ class Message:
         Identifier of the remark.
     section : str
         One of the keys of `SECTIONS`.
-    severity : Severity
+    severity : str or Choice
         Severity of the remark.
     sentence, advice : str or Choice
         Templates of the sentence that states what happened, and of the advice on what to do. `{subjects}` is replaced
         by the subjects of the remark. If the sentence does not contain it, the subjects are written before the
         sentence.
-    detail : str
+    detail : str or Choice
         Template of the text in parentheses after the name of each subject.
     meaning : str
         What the remark means for the results, in Markdown, for the documentation.
-    example : mapping of name to fact
-        Facts and subject for the example of the message in the documentation.
+    examples : tuple of mappings of name to fact
+        Facts and subject of an example of each case of the message, for the documentation.
     raises, spoils : tuple of str
         Symbols of the numbers that are too large, so that they are upper limits, and of those that are wrong. "all"
         stands for every number, and "facts" for the numbers in the fact `numbers`.
@@ -88,40 +93,66 @@ class Message:
 
     code: str
     section: str
-    severity: Severity
+    severity: Text
     sentence: Text
     advice: Text = ""
-    detail: str = ""
+    detail: Text = ""
     meaning: str = ""
-    example: Mapping[str, Fact] = field(default_factory=dict)
+    examples: tuple[Mapping[str, Fact], ...] = ({},)
     raises: tuple[str, ...] = ()
     spoils: tuple[str, ...] = ()
 
     def sentence_for(self, facts: Mapping[str, Fact]) -> str:
         """Return the template of the sentence for these facts."""
-        return self.sentence.of(facts) if isinstance(self.sentence, Choice) else self.sentence
+        return _resolved(self.sentence, facts)
 
     def advice_for(self, facts: Mapping[str, Fact]) -> str:
         """Return the template of the advice for these facts."""
-        return self.advice.of(facts) if isinstance(self.advice, Choice) else self.advice
+        return _resolved(self.advice, facts)
+
+    def detail_for(self, facts: Mapping[str, Fact]) -> str:
+        """Return the template of the text after the name of each subject for these facts."""
+        return _resolved(self.detail, facts)
+
+    def severity_for(self, facts: Mapping[str, Fact]) -> Severity:
+        """Return the severity for these facts."""
+        return Severity[_resolved(self.severity, facts).upper()]
 
     def needs(self, facts: Mapping[str, Fact]) -> set[str]:
         """Return the names of all facts that the message needs."""
-        named = {text.by for text in (self.sentence, self.advice) if isinstance(text, Choice)}
-        if named - facts.keys():
-            return named
-        return named | set(_fields(self.sentence_for(facts), self.advice_for(facts), self.detail)) - {"subjects"}
+        deciding = self._deciding_facts(facts)
+        if deciding - facts.keys():
+            return deciding
+        return deciding | set(_fields(self.sentence_for(facts), self.advice_for(facts), self.detail_for(facts)))
 
     def constant_facts(self, facts: Mapping[str, Fact]) -> set[str]:
         """Return the names of the facts that must be equal for all subjects in one sentence."""
-        chosen = {text.by for text in (self.sentence, self.advice) if isinstance(text, Choice)}
-        return chosen | set(_fields(self.sentence_for(facts), self.advice_for(facts))) - {"subjects"}
+        return self._deciding_facts(facts) | set(_fields(self.sentence_for(facts), self.advice_for(facts)))
+
+    def _deciding_facts(self, facts: Mapping[str, Fact]) -> set[str]:
+        """Return the names of the facts that choose the templates, as far as `facts` has them."""
+        return set().union(
+            *(_deciding(text, facts) for text in (self.severity, self.sentence, self.detail, self.advice))
+        )
+
+
+def _resolved(text: Text, facts: Mapping[str, Fact]) -> str:
+    return text.of(facts) if isinstance(text, Choice) else text
+
+
+def _deciding(text: Text, facts: Mapping[str, Fact]) -> set[str]:
+    if not isinstance(text, Choice):
+        return set()
+    if text.by not in facts:
+        return {text.by}
+    value = str(facts[text.by]).lower()
+    return {text.by} | _deciding(text.templates[value if value in text.templates else OTHERWISE], facts)
 
 
 def _fields(*templates: str) -> Iterator[str]:
     for template in templates:
         for _, name, _, _ in Formatter().parse(template):
-            if name is None or name.startswith("gmwm "):
+            if name is None or name == "subjects" or name.startswith("gmwm "):
                 continue
             if not name.startswith("--"):
                 yield name
@@ -159,18 +190,21 @@ def _parse(text: str) -> dict[str, Message]:
 
 def _message(code: str, entry: Mapping[str, Any]) -> Message:
     return Message(
-        code=code, section=entry["section"], severity=Severity[entry["severity"].upper()],
-        sentence=_text(entry["sentence"]), advice=_text(entry.get("advice", "")), detail=entry.get("detail", ""),
+        code=code, section=entry["section"], severity=_text(entry["severity"]),
+        sentence=_text(entry["sentence"]), advice=_text(entry.get("advice", "")), detail=_text(entry.get("detail", "")),
         meaning=entry.get("meaning", "").strip(),
-        example={name: as_fact(value) for name, value in entry.get("example", {}).items()},
+        examples=tuple(
+            {name: as_fact(value) for name, value in example.items()}
+            for example in entry.get("examples", [entry.get("example", {})])
+        ),
         raises=tuple(entry.get("raises", ())), spoils=tuple(entry.get("spoils", ())),
     )  # fmt: skip
 
 
-def _text(value: str | Mapping[str, str]) -> Text:
+def _text(value: str | Mapping[str, Any]) -> Text:
     if isinstance(value, str):
         return value
-    return Choice(value["by"], {name: text for name, text in value.items() if name != "by"})
+    return Choice(value["by"], {name: _text(text) for name, text in value.items() if name != "by"})
 
 
 def as_fact(value: Any) -> Fact:

@@ -30,9 +30,9 @@ class Remark:
 
     Examples
     --------
-    >>> remark = Remark.of("stamps-repeated", "imu.csv", count=3)
+    >>> remark = Remark.of("rows-repeated", "imu.csv", count=3)
     >>> remark.severity.label, remark.facts["count"]
-    ('info', 3)
+    ('wrong', 3)
     """
 
     code: str
@@ -53,7 +53,7 @@ class Remark:
         entry = message(code)
         if missing := entry.needs(facts) - facts.keys():
             raise KeyError(f"{code} needs the facts {', '.join(sorted(missing))}")
-        return cls(code, entry.severity, subject=subject, facts=facts, advice=entry.advice_for(facts))
+        return cls(code, entry.severity_for(facts), subject=subject, facts=facts, advice=entry.advice_for(facts))
 
     @property
     def message(self) -> Message:

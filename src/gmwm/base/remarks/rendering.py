@@ -102,10 +102,8 @@ def _group_text(group: Sequence[Remark], dialect: Dialect) -> str:
     """Return one text for a group of remarks with the same code."""
     first, message = group[0], group[0].message
     facts = dict(first.facts)
-    details = [
-        f"{remark.subject} ({render(message.detail, remark.facts)})" if message.detail else remark.subject
-        for remark in group
-    ]
+    detail = message.detail_for(facts)
+    details = [f"{remark.subject} ({render(detail, remark.facts)})" if detail else remark.subject for remark in group]
     subjects = join_names(list(filter(None, dict.fromkeys(details))), most=8)
     sentence = message.sentence_for(facts)
     text = render(sentence, {**facts, "subjects": subjects}, dialect)

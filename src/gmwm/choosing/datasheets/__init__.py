@@ -211,12 +211,12 @@ def _of_term(judged: _Judged, term: str, process: Process) -> tuple[list[Entry],
     """Return the datasheet numbers of one term, or a remark with the reason why there are none."""
     wv = judged.fit.wavelet_variance
     if process.scale == 0 and free_shape(process):
-        return [], Remark.of("no-numbers", wv.axis, term=term, because="zero", process="")
+        return [], Remark.of("no-number", wv.axis, case="term", term=term, because="zero", process="")
     if other := _acts(judged.fit, term):
-        return [], Remark.of("no-numbers", wv.axis, term=term, because="acts", process=other)
+        return [], Remark.of("no-number", wv.axis, case="term", term=term, because="acts", process=other)
     numbers = process.physical(wv.rate)
     if not numbers:
-        return [], Remark.of("no-numbers", wv.axis, term=term, because="none", process="")
+        return [], Remark.of("no-number", wv.axis, case="term", term=term, because="none", process="")
     weak = judged.weak(term, process)
     return [_entry(judged, term, process=process, number=number, weak=weak) for number in numbers], None
 
@@ -277,7 +277,7 @@ def _bias(judged: _Judged) -> tuple[Entry | None, Remark | None]:
         return bias_instability(judged.fit, None if judged.intervals is None else judged.z)
     except MissingTheoryError as error:
         axis = judged.fit.wavelet_variance.axis
-        return None, Remark.of("no-bias-instability", axis, reason=error.reason)
+        return None, Remark.of("no-number", axis, case="b", reason=error.reason)
 
 
 def _as_bias(entry: Entry) -> Entry:

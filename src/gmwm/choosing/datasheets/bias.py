@@ -73,7 +73,7 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
     noises = tuple(process for process in fit.model.processes if process.line(wv.rate) is None)
     lines = tuple(process for process in fit.model.processes if process.line(wv.rate) is not None)
     if not noises:
-        return None, Remark.of("no-bias-instability", wv.axis, reason=f"{fit.model.structure} has no noise")
+        return None, Remark.of("no-number", wv.axis, case="b", reason=f"{fit.model.structure} has no noise")
     model = Model(noises)
     last = 2 ** (int(wv.levels[-1]) - 1)
     unit, factor = noise_unit(0.0, wv.unit)
@@ -81,7 +81,7 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
     n = lowest(lambda sizes: model.allan_variance(sizes, wv.rate), last)
     least = float(model.allan_variance([n], wv.rate)[0])
     if least == 0:
-        return None, Remark.of("no-bias-instability", wv.axis, reason="all estimates of the model are zero")
+        return None, Remark.of("no-number", wv.axis, case="b", reason="all estimates of the model are zero")
     curve = None if z is None else Curve.of(fit).without_lines()
     judged = None if z is None else Curve.of(fit, sampling=True).without_lines()
     bounded = _bounded(model, n, last=last, rate=wv.rate, curve=judged, z=z)

@@ -197,7 +197,7 @@ class Replicates(RecordingComparison, Plotted):
             code, nothing = "recordings-differ", "only the curves"
             parts = [f"{n.symbol} by {_percent(n.spread)}" for n in main if n.spread]
         return Remark.of(
-            code, self.axis, count=len(self.recordings), numbers=list_text(parts) or nothing,
+            code, self.axis, case="numbers", count=len(self.recordings), numbers=list_text(parts) or nothing,
             p=f"p {p_relation(pvalue)}", few="yes" if len(self.recordings) < FEW else "no", size=SIZE,
         )  # fmt: skip
 

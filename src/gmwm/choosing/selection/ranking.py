@@ -267,13 +267,13 @@ class Ranking(Plotted):
 
     def _remarks(self) -> Iterator[Remark]:
         axis, chosen = self.best.fit.wavelet_variance.axis, self.recommended
-        yield Remark.of("recommended", axis, model=self.label(chosen))
+        yield Remark.of("recommended", axis, case="model", model=self.label(chosen))
         if others := tuple(self.label(c) for c in self.equivalent if not c.recommended):
-            yield Remark.of("as-good", axis, models=others)
+            yield Remark.of("recommended", axis, case="equal", models=others)
         if chosen is not self.best and not self.best.equivalent:
-            yield Remark.of("smallest-criterion", axis, model=self.label(self.best))
+            yield Remark.of("recommended", axis, case="smallest", model=self.label(self.best))
         if chosen.pvalue is not None and chosen.pvalue < REJECTED:
-            yield Remark.of("recommended-rejected", axis, p=chosen.pvalue)
+            yield Remark.of("model-rejected", axis, case="ranking", p=chosen.pvalue)
         if reduced := len(self.candidates) - len(self.distinct):
             yield Remark.of("candidates-reduced", axis, count=reduced)
 
@@ -360,9 +360,9 @@ class Comparison(Summarised, Plotted):
         better, worse = (self.first, self.second) if self.difference <= 0 else (self.second, self.first)
         size = abs(self.difference)
         if size <= SAME * abs(self.first.wic.value):
-            return Remark.of("criteria-equal", first=self.first.structure, second=self.second.structure)
+            return Remark.of("criteria-differ", case="equal", first=self.first.structure, second=self.second.structure)
         return Remark.of(
-            "criteria-differ", better=better.structure, worse=worse.structure, least=better.wic.value,
+            "criteria-differ", case="differ", better=better.structure, worse=worse.structure, least=better.wic.value,
             other=worse.wic.value, difference=size, error=self.error, clear="yes" if size > 2 * self.error else "no",
         )  # fmt: skip
 

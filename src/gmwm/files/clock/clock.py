@@ -217,7 +217,7 @@ def _joint_timing(
         grave = abs(measured / rate - 1) > _RATE_TROUBLE and away > max(interval, 3 * jitter)
         remarks += _about_declared(rate, measured, grave)
     elif remark := _about_regular(rows, lost, count, measured) or _about_rounded(blocks, count, measured, per_second):
-        remarks = [*(entry for entry in remarks if entry.code != "rate-from-mean"), remark]
+        remarks = [*(entry for entry in remarks if entry.facts.get("case") != "mean"), remark]
     gaps = dict(zip(rows.tolist(), lost.tolist(), strict=True))
     times = {row: (origin + tick) / per_second for row, tick in walls.items()}
     clock = SegmentStarts(origin / per_second, used)
@@ -245,7 +245,10 @@ def _interval(
     if abs(interval - median) * longest <= 0.5 * median:
         return interval, None
     remark = Remark.of(
-        "rate-from-mean", rate=Quantity(per_second / interval, "Hz"), median=Quantity(median / per_second, "s")
+        "rate-stated",
+        case="mean",
+        rate=Quantity(per_second / interval, "Hz"),
+        median=Quantity(median / per_second, "s"),
     )
     return interval, remark
 
@@ -270,7 +273,8 @@ def _about_regular(rows: Rows, lost: Rows, count: int, rate: float) -> Remark | 
     if np.std(apart) > _EVEN * np.mean(apart):
         return None
     return Remark.of(
-        "losses-regular",
+        "rate-ambiguous",
+        case="losses",
         every=round(float(np.mean(apart))) + 1,
         rate=Quantity(rate, "Hz"),
         other=Quantity(rate / (1 + share), "Hz"),
@@ -287,7 +291,11 @@ def _about_rounded(blocks: Sequence[_StampBlock], count: int, rate: float, per_s
     if lost < max(_REGULAR, _REGULAR_SHARE * count):
         return None
     return Remark.of(
-        "rate-ambiguous", every=round(count / lost) + 1, rate=Quantity(rate, "Hz"), other=Quantity(other, "Hz")
+        "rate-ambiguous",
+        case="complete",
+        every=round(count / lost) + 1,
+        rate=Quantity(rate, "Hz"),
+        other=Quantity(other, "Hz"),
     )
 
 
@@ -330,4 +338,4 @@ def _about_declared(rate: float, measured: float, grave: bool) -> Iterator[Remar
     if grave:
         yield Remark.of("rate-contradicted", source="declared", rate=declared, stamps=stamps, percent=100 * apart)
     else:
-        yield Remark.of("rate-declared", rate=declared, stamps=stamps, percent=100 * apart)
+        yield Remark.of("rate-stated", case="declared", rate=declared, stamps=stamps, percent=100 * apart)

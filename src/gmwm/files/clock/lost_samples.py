@@ -113,9 +113,9 @@ def as_floats(column: NDArray[np.generic]) -> Vector:
 def about_lost(base: TimeBase, impossible: int) -> Iterator[Remark]:
     """Yield the remarks on lost samples. `impossible` of them are lost because no sensor can measure their values."""
     if base.lost > impossible:
-        yield Remark.of("samples-lost", count=base.lost - impossible)
+        yield Remark.of("samples-lost", case="lost", count=base.lost - impossible)
     if impossible:
-        yield Remark.of("values-impossible", count=impossible, limit=IMPOSSIBLE)
+        yield Remark.of("samples-lost", case="impossible", count=impossible, limit=IMPOSSIBLE)
 
 
 def whole_numbers(column: NDArray[np.generic]) -> NDArray[np.int64]:

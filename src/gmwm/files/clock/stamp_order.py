@@ -48,10 +48,10 @@ class ClockSteps:
         """Yield remarks on these steps."""
         if self.wraps:
             length = Quantity(self.wraps[0][1] / per_second, "s")
-            yield Remark.of("stamps-wrapped", count=len(self.wraps), length=length)
+            yield Remark.of("time-read", case="wrapped", count=len(self.wraps), length=length)
         for sign, direction in ((1, "forward"), (-1, "back")):
             if count := sum(sign == sense for _, sense in self.hours):
-                yield Remark.of("stamps-hour", count=count, direction=direction)
+                yield Remark.of("time-read", case="hour", count=count, direction=direction)
 
 
 @dataclass(frozen=True)

@@ -90,13 +90,13 @@ def form_remark(cell: str) -> Remark:
     'utc'
     """
     if is_time_of_day(cell):
-        return Remark.of("time-read", form="clock")
+        return Remark.of("time-read", case="read", form="clock")
     zone = _zone(cell)
     if zone and zone[0] not in "+-":
-        return Remark.of("time-read", form="utc")
+        return Remark.of("time-read", case="read", form="utc")
     if zone:
-        return Remark.of("time-read", form="offset", offset=zone)
-    return Remark.of("time-read", form="local")
+        return Remark.of("time-read", case="read", form="offset", offset=zone)
+    return Remark.of("time-read", case="read", form="local")
 
 
 def require_readable(cell: str, path: object) -> None:

@@ -88,11 +88,11 @@ def as_stamps(values: NDArray[Any], unit: str, rate: float | None) -> tuple[Stam
         seconds = LONG_TIME_UNITS[unit]
         spacing = float(np.spacing(np.max(np.abs(values.astype(np.float64))))) * seconds
         stamps = Stamps(ticks * seconds, float(values[0]) * seconds, spacing, "s")
-        return stamps, Remark.of("time-read", form="long-unit", unit=unit, seconds=seconds)
+        return stamps, Remark.of("time-read", case="read", form="long-unit", unit=unit, seconds=seconds)
     remark = None
     if not unit:
         unit = _inferred_unit(ticks, float(values[0]), rate)
-        remark = Remark.of("time-unit-inferred", unit=unit)
+        remark = Remark.of("time-read", case="unit", unit=unit)
     return Stamps(ticks, float(values[0]), spacing, unit, integer=integer), remark
 
 
@@ -151,9 +151,9 @@ def beside_stated(found: Timing, stated: float) -> Timing:
 def about_stamps(base: TimeBase) -> Iterator[Remark]:
     """Yield remarks on time stamps that step backward, repeat or jitter."""
     if base.backward:
-        yield Remark.of("stamps-backward", count=base.backward)
+        yield Remark.of("stamps-irregular", case="backward", count=base.backward)
     if base.duplicates:
-        yield Remark.of("stamps-repeated", count=base.duplicates)
+        yield Remark.of("stamps-irregular", case="repeated", count=base.duplicates)
     # Jitter, as a share of the sampling interval, above which the order of neighbouring samples is uncertain
     if base.jitter * base.rate > 0.5:
-        yield Remark.of("stamps-jitter", share=base.jitter * base.rate)
+        yield Remark.of("stamps-irregular", case="jitter", share=base.jitter * base.rate)

@@ -20,6 +20,8 @@ from gmwm.files.clock.text_stamps import UNIT as STAMPS
 from gmwm.files.clock.text_stamps import form_remark, holds_stamps
 from gmwm.files.columns.column_names import named_unit, recognise, unit_of, unknown_unit
 from gmwm.files.columns.columns import ColumnChoice
+from gmwm.files.columns.gyro_unit import unknown_gyro
+from gmwm.files.columns.scale_factors import offset_words
 from gmwm.files.contract import Layout
 from gmwm.recording.options import TIME_NAMES
 
@@ -69,7 +71,9 @@ def time_unit(layout: Layout, choice: ColumnChoice, declared: Mapping[str, str])
     if "time" in declared:
         unit, other = declared["time"], stated or unknown or layout.units.get("time", "")
         overruled = other and other != unit
-        return unit, Remark.of("unit-overruled", "time", unit=unit, stated=other) if overruled else None
+        return unit, Remark.of(
+            "unit-contradicted", "time", case="declared", unit=unit, stated=other
+        ) if overruled else None
     if unknown:
         raise UnitError(
             f"the unit {unknown!r} of the time column {channel.name!r} is unknown; the units are {TIME_NAMES}",
@@ -105,7 +109,7 @@ def resolve(
         names = sorted({entry.unit for entry in stated.values() if entry.unit})
         if not names:
             if quantity == "gyro":
-                raise _unknown_gyro(axes, values, rate)
+                raise unknown_gyro(axes, values, rate)
             name, remark = _by_gravity(axes, values)
             units |= {axis: parse_unit(name, quantity) for axis in axes}
             remarks.append(remark)
@@ -121,10 +125,12 @@ def resolve(
         units |= {axis: parse_unit(stated[axis].unit, quantity) for axis in axes}
         first = stated[axes[0]]
         if first.stated:
-            remarks.append(Remark.of("unit-overruled", quantity, unit=first.unit, stated=first.stated))
+            remarks.append(
+                Remark.of("unit-contradicted", quantity, case="declared", unit=first.unit, stated=first.stated)
+            )
         else:
             shown: Fact = names[0] if len(names) == 1 else tuple(names)
-            remarks.append(Remark.of("unit-named", quantity, unit=shown, source=first.source))
+            remarks.append(Remark.of("unit-named", quantity, case="unit", unit=shown, source=first.source))
         if quantity == "accel":
             remarks += _doubts(axes, values, units)
     return Scales(units, tuple(remarks))
@@ -198,7 +204,7 @@ def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, Rem
             return name, Remark.of("unit-inferred", unit=name, norm=norm, units=f"accel:{name}")
     raise UnitError(
         f"the unit of the accelerometers is unknown, and the norm of their mean, {norm:.4g}, is neither 1 (g) nor 9.8 "
-        "(m/s²)",
+        "(m/s²)" + offset_words(axes, values),
         code="unit-implausible",
         advice=_STATE_ACCEL,
     )
@@ -218,21 +224,7 @@ def _doubts(axes: list[str], values: Mapping[str, Vector], units: Mapping[str, U
         n for n in _INFERRED if abs(norm * parse_unit(n, "accel").factor / STANDARD_GRAVITY - 1) <= _NEAR_GRAVITY / 2
     ]
     return [
-        Remark.of("unit-doubtful", unit=unit.name, norm=norm, likely=name, units=f"accel:{name}")
+        Remark.of("unit-doubtful", case="stated", unit=unit.name, norm=norm, likely=name, units=f"accel:{name}")
         for name in better
         if name != unit.name
     ]
-
-
-def _unknown_gyro(axes: list[str], values: Mapping[str, Vector], rate: float) -> UnitError:
-    """Make the error for a gyroscope without a unit. It states the noise density for both possible units."""
-    # White noise density from first differences, which do not depend on bias and slow drift.
-    density = float(np.median([np.std(np.diff(values[axis])) for axis in axes])) / np.sqrt(2 * rate)
-    in_rad = np.degrees(density)
-    return UnitError(
-        f"the unit of {', '.join(axes)} is neither declared nor named in the file. The noise density is {density:.3g} "
-        f"deg/s/√Hz ({60 * density:.3g} deg/√h) if it is deg/s, and {in_rad:.3g} deg/s/√Hz ({60 * in_rad:.3g} deg/√h) "
-        "if it is rad/s; low-cost gyroscopes have 0.002 to 0.1 deg/s/√Hz",
-        code="unit-unnamed",
-        advice="State it with {--units=gyro:deg/s} or {--units=gyro:rad/s}.",
-    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from gmwm.base.remarks import Remark
 from gmwm.base.template import Fact, join_names
 from gmwm.base.text import counted
 from gmwm.base.units import SI_UNIT, STANDARD_GRAVITY
+from gmwm.files.clock.text_stamps import is_stamp
 from gmwm.files.columns.column_names import clean, mentioned_sensor, role_of
 from gmwm.files.columns.short_names import by_short_names
 from gmwm.files.contract import Layout
@@ -79,7 +81,7 @@ def _check_choice(choice: ColumnChoice, layout: Layout, path: Path, *, exhaustiv
             f"{path} has no column whose name is known as an axis. Its columns: {describe_columns(layout)}",
             code="no-inertial-data",
             advice="Name the columns of the axes with {--columns}, for example {--columns=@example}.",
-            example=f"gyro_x:{min(1, len(layout.channels) - 1)}",
+            example=_guess(layout),
         )
     others = {
         k: channel.name or str(k)
@@ -90,7 +92,7 @@ def _check_choice(choice: ColumnChoice, layout: Layout, path: Path, *, exhaustiv
     remarks = [Remark.of("sensor-columns-left-out", sensor, names=names) for sensor, names in sensors.items()]
     plain = tuple(name for name in others.values() if not any(name in names for names in sensors.values()))
     if plain:
-        remarks.append(Remark.of("left-out", kind="columns", names=plain))
+        remarks.append(Remark.of("left-out", case="names", kind="columns", names=plain))
     return ColumnChoice(choice.columns, (*choice.remarks, *remarks))
 
 
@@ -120,6 +122,9 @@ def _unread_sensors(others: Mapping[int, str], choice: ColumnChoice, path: Path)
 
 def _by_order(layout: Layout, roles: Sequence[str | None], path: Path) -> dict[str, int]:
     """Return the column indices of roles listed in the order of the columns; None or "" skips a column."""
+    named = [k for k, channel in enumerate(layout.channels) if channel.name]
+    if len(roles) == len(named):  # the column of row names has no name
+        return {role: k for k, role in zip(named, roles, strict=True) if role}
     if len(roles) != len(layout.channels):
         raise OptionError(
             f"{counted(len(roles), 'column')} named, but {path} has {len(layout.channels)} columns (first row: "
@@ -175,7 +180,7 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
     for group in (AXES[:3], AXES[3:], ("time",)):
         if roles := tuple(role for role in group if role in short):
             taken = tuple(layout.channels[short[role]].name for role in roles)
-            remarks.append(Remark.of("short-names", names=taken, roles=roles))
+            remarks.append(Remark.of("left-out", case="short", names=taken, roles=roles))
     candidates |= {role: [k] for role, k in short.items()}
     for role, several in candidates.items():
         if len(several) == 1:
@@ -190,7 +195,7 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
                 example=",".join(f"{axis}:{places[0]}" for axis, places in candidates.items()),
             )
         others: Fact = tuple(names[1:])
-        remarks.append(Remark.of("column-chosen", role=role, column=names[0], others=others))
+        remarks.append(Remark.of("left-out", case="column", role=role, column=names[0], others=others))
     return {role: several[0] for role, several in candidates.items()}, tuple(remarks)
 
 
@@ -220,18 +225,33 @@ def _is_gravity(cells: Sequence[str]) -> bool:
 
 def _nameless(layout: Layout, path: Path) -> ReadError:
     """Make the error for columns without names, with the first row and an example of the option."""
-    count = len(layout.channels)
-    usual = {7: ("time", *AXES), 6: AXES, 4: ("time", *AXES[:3]), 3: AXES[:3], 2: ("time", "gyro_x"), 1: ("gyro_x",)}
-    guess = usual.get(count, (*AXES, *[""] * max(0, count - 6)))
-    if count in (6, 7) and _is_gravity(layout.first_row[count - 6 : count - 3]):
-        guess = (*guess[: count - 6], *AXES[3:], *AXES[:3])
     return ReadError(
-        f"{path} has {count} columns without names; the first row is {_first_cells(layout)}",
+        f"{path} has {len(layout.channels)} columns without names; the first row is {_first_cells(layout)}",
         code="columns-unnamed",
         advice="Name the columns in their order, for example {--columns=@example}.",
-        # Largest number of columns that the example of the option lists
-        example=",".join(guess) if count <= 30 else "gyro_x=1,gyro_y=2,gyro_z=3",
+        example=_guess(layout),
     )
+
+
+def _guess(layout: Layout) -> str:
+    """Return an example of the option `columns`, from the number of columns that hold numbers, and from gravity."""
+    count = len(layout.channels)
+    cells = layout.first_row if len(layout.first_row) == count else ("0",) * count
+    numbers = [k for k, cell in enumerate(cells) if layout.channels[k].name or not layout.named if _has_value(cell)]
+    usual = {7: ("time", *AXES), 6: AXES, 4: ("time", *AXES[:3]), 3: AXES[:3], 2: ("time", "gyro_x"), 1: ("gyro_x",)}
+    guess = usual.get(len(numbers), AXES)
+    if len(numbers) in (6, 7) and _is_gravity([cells[k] for k in numbers[-6:-3]]):
+        guess = (*guess[:-6], *AXES[3:], *AXES[:3])
+    if count > 30 or len(numbers) not in usual:
+        return ",".join(f"{axis}:{k}" for axis, k in zip(AXES[:3], numbers[1:] or range(3), strict=False))
+    roles = dict(zip(numbers, guess, strict=True))
+    named = [k for k in range(count) if layout.channels[k].name or not layout.named]
+    return ",".join(roles.get(k, "") for k in named)
+
+
+def _has_value(cell: str) -> bool:
+    """Return whether a cell is a number or a time stamp."""
+    return is_stamp(cell) or re.fullmatch(r"[-+]?[\d.,]+(?:[eE][-+]?\d+)?|nan", cell, re.IGNORECASE) is not None
 
 
 def parse_columns(text: str | None) -> dict[str, str | int | None] | list[str] | None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from gmwm.base.arrays import Vector
 from gmwm.base.axis_names import axis_quantity
 from gmwm.base.errors import OptionError
@@ -11,6 +13,9 @@ from gmwm.base.remarks import Remark
 from gmwm.base.units import SI_UNIT
 from gmwm.files.columns.columns import ColumnChoice
 from gmwm.files.contract import Layout
+
+_MIDDLE = 2**15
+"""Middle of the range of counts of 16 bits."""
 
 
 def multiply(
@@ -36,9 +41,27 @@ def multiply(
             factor *= rate
         if factor != 1:
             raw[axis][...] *= factor
-    remarks = [Remark.of("scaled", key, factor=factor, source="declared") for key, factor in factors.items()]
-    remarks += [Remark.of("increments", key, source="declared") for key in increments if key in read]
+    remarks = [
+        Remark.of("unit-named", key, case="factor", factor=factor, source="declared") for key, factor in factors.items()
+    ]
+    remarks += [Remark.of("unit-named", key, case="increments", source="declared") for key in increments if key in read]
     return tuple(remarks)
+
+
+def offset_counts(axes: Sequence[str], values: Mapping[str, Vector]) -> bool:
+    """Return whether the numbers of a sensor are counts of 16 bits without a sign: integers, of which two axes or more
+    have means within 10 % of the middle of the range."""
+    means = [float(np.mean(values[axis])) for axis in axes]
+    near = sum(abs(mean / _MIDDLE - 1) < 0.1 for mean in means)  # a wide band: the counts of biases are far smaller
+    return near >= min(2, len(axes)) and all(
+        np.array_equal(np.rint(values[axis]), values[axis]) and values[axis].min() >= 0 and values[axis].max() < 2**16
+        for axis in axes
+    )
+
+
+def offset_words(axes: Sequence[str], values: Mapping[str, Vector]) -> str:
+    """Return a sentence for the message on an unknown unit if the numbers are counts with an offset; otherwise ""."""
+    return ". The numbers are counts of 16 bits with an offset of 32768" if offset_counts(axes, values) else ""
 
 
 def parse_scale(text: str | None) -> dict[str, float] | None:

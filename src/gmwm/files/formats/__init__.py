@@ -14,6 +14,7 @@ from gmwm.files.formats import (
     parquet,
     rosbag,
     sensorlogger,
+    sentences,
     text,
     ulog,
     waypoint,
@@ -22,5 +23,5 @@ from gmwm.files.formats import (
 
 __all__ = [
     "archive", "compressed", "dataflash", "dataflash_text", "epson", "hdf5", "imr", "kalibr", "matlab", "npy",
-    "parquet", "rosbag", "sensorlogger", "text", "ulog", "waypoint", "xsens",
+    "parquet", "rosbag", "sensorlogger", "sentences", "text", "ulog", "waypoint", "xsens",
 ]  # fmt: skip

@@ -98,7 +98,7 @@ class ArchiveReader(Reader):
             joined = _pair_tables(gyro, accel)
             if joined is not None:
                 others = [table.layout.topic for table in tables if table not in (gyro, accel)]
-                left_out = (Remark.of("left-out", kind="tables", names=tuple(others)),) if others else ()
+                left_out = (Remark.of("left-out", case="names", kind="tables", names=tuple(others)),) if others else ()
                 return (replace(joined, remarks=(*joined.remarks, *left_out)),)
         return tuple(replace(table.layout, state=table) for table in tables)
 
@@ -193,7 +193,7 @@ def _pair_tables(gyro: _ArchiveTable, accel: _ArchiveTable) -> Layout | None:
         replace(c, axis="", name=f"{accel.layout.topic}: stamps") if role_of(c) == "time" else c
         for c in accel.layout.channels
     ]
-    paired = Remark.of("rows-paired", gyro=gyro.layout.topic, accel=accel.layout.topic, left=unpaired)
+    paired = Remark.of("file-content", case="pairs", gyro=gyro.layout.topic, accel=accel.layout.topic, left=unpaired)
     return Layout(
         (*gyro.layout.channels, *channels),
         (*gyro.layout.first_row, *accel.layout.first_row),

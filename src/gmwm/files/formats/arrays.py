@@ -116,7 +116,7 @@ def layouts_of(arrays: Sequence[Array], path: object, remarks: tuple[Remark, ...
     inertial = [part for part in split if any(axis in AXES for axis in _roles(part))]
     chosen = inertial or [max(split, key=lambda part: (part[0].shape[0], sum(a.columns for a in part)))]
     unused = [a.name for part in split if part not in chosen for a in part]
-    left_out = (Remark.of("left-out", kind="arrays", names=tuple(unused)),) if unused else ()
+    left_out = (Remark.of("left-out", case="names", kind="arrays", names=tuple(unused)),) if unused else ()
     topics = _topics(chosen)
     return tuple(
         _layout(part, _rate(usable, part), topic=topic, remarks=(*remarks, *left_out), stray=_stray_time(part, split))

@@ -12,12 +12,17 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from gmwm.base.errors import ReadError
 from gmwm.base.units import TIME_UNITS, find_time_unit
 from gmwm.files.clock.text_stamps import is_stamp, parted_stamp
 from gmwm.files.columns.column_names import clean, is_unit, recognise, unit_of
+from gmwm.files.formats.decimals import WITHOUT_GROUPS, is_number, require_clear_commas
+from gmwm.files.formats.stamp_parts import StampParts, find_parts
 
+Commas = Literal["", "decimal", "thousands"]
+"""What a comma within a number is; "" if the numbers decide."""
 BLANKS = " "
 """Delimiter that stands for any number of blanks and tabs."""
 
@@ -27,9 +32,6 @@ COMMENT_SIGNS = ("#", "%", "//", "!")
 MISSING_WORDS = ("NA", "N/A", "#N/A", "n/a", "na", "null", "NULL", "Null", "none", "None", "<NA>")
 """Words that programs write instead of a missing number, besides NaN and an empty cell."""
 
-_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
-_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?")
-"""Pattern of a number with points between groups of three digits, as programs with a decimal comma write it."""
 _NAME_IN_BLANKS = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\]()\[]*[\])])?|\([^()]*\)|\[[^\]\[]*\]")
 
 
@@ -59,9 +61,7 @@ class TextDialect:
     sensors: tuple[int, tuple[str, ...]] | None = None
     # index of this column, and its value in the rows to read; None to read all rows
     sensor: tuple[int, str] | None = None
-    # indices of the columns of seconds and nanoseconds if the time stamps have two columns, as in ROS messages; None
-    # otherwise
-    stamp_parts: tuple[int, int] | None = None
+    stamp_parts: StampParts | None = None  # the two columns of the time stamps if they have two; None otherwise
     # Replacements in each line before it is split_line. They remove labels of numbers, and arrows after a time
     cleaning: tuple[tuple[bytes, bytes], ...] = ()
     # the last cell of the file, and the last cell of the line before, if the file ends within a number; empty otherwise
@@ -71,7 +71,9 @@ class TextDialect:
 def split_line(line: str, delimiter: str) -> list[str]:
     """Split a line into cells, without the blanks and quotes around them; quotes protect a delimiter."""
     if delimiter == BLANKS:
-        return [cell.strip("\"'") for cell in line.split()]
+        # Quotes protect blanks, as in the headers of R.
+        cells = re.findall(r'"[^"]*"|\S+', line) if '"' in line else line.split()
+        return [cell.strip("\"'") for cell in cells]
     if '"' in line:
         pattern = rf'\s*(?:"([^"]*)"|([^{re.escape(delimiter)}]*))\s*(?:{re.escape(delimiter)}|$)'
         cells = [(m[1] if m[1] is not None else m[2]).strip() for m in re.finditer(pattern, line)]
@@ -80,28 +82,14 @@ def split_line(line: str, delimiter: str) -> list[str]:
     return [cell.strip() for cell in line.split(delimiter)]
 
 
-def is_number(cell: str, decimal_comma: bool = False) -> bool:
-    """Return whether a cell is a number, NaN or infinity."""
-    return _NUMBER.fullmatch(cell.replace(",", ".", 1) if decimal_comma else cell) is not None
-
-
-def is_grouped(cell: str) -> bool:
-    """Return whether a cell may be a number whose points separate thousands.
-
-    >>> [cell for cell in ("5.000", "1.234.567,8", "0.500", "9.81", "5,000") if is_grouped(cell)]
-    ['5.000', '1.234.567,8']
-    """
-    return _GROUPED.fullmatch(cell) is not None
-
-
 def comment_sign(line: str) -> str:
     """Return the comment sign with which a line begins, or ""."""
     text = line.lstrip()
     return next((sign for sign in COMMENT_SIGNS if text.startswith(sign)), "")
 
 
-def detect(lines: list[str], path: object) -> TextDialect:
-    """Detect the dialect of a file from its first lines."""
+def detect(lines: list[str], path: object, commas: Commas = "") -> TextDialect:
+    """Detect the dialect of a file from its first lines. `commas` states what a comma in a number is."""
     body = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and not comment_sign(line)]
     if not body:
         raise ReadError(
@@ -112,7 +100,10 @@ def detect(lines: list[str], path: object) -> TextDialect:
     cleaning, labels = _cleaning([line for _, line in body])
     for pattern, replacement in cleaning:
         body = [(k, re.sub(pattern.decode(), replacement.decode(), line)) for k, line in body]
-    delimiter, decimal_comma = _delimiter([line for _, line in body])
+    delimiter, decimal_comma = _delimiter([line for _, line in body], commas)
+    if commas == "thousands" and delimiter != ",":
+        cleaning = (*cleaning, WITHOUT_GROUPS)
+        body = [(k, re.sub(WITHOUT_GROUPS[0].decode(), "", line)) for k, line in body]
     rows = [(k, split_line(line, delimiter)) for k, line in body]
     numeric = _numeric_columns([cells for _, cells in rows], decimal_comma)
     start = next((i for i, (_, cells) in enumerate(rows) if _is_row(cells, numeric, decimal_comma)), None)
@@ -130,6 +121,10 @@ def detect(lines: list[str], path: object) -> TextDialect:
     trailing = fields > 1 and not named and all(cells[-1] == "" for cells in data)
     columns = fields - trailing
     header = [(k, _trim(cells, columns)) for k, cells in rows[:start]]
+    numbered = len(data) > 1 and all(cells[0] == str(k) for k, cells in enumerate(data[:9], 1))
+    if numbered and header and len(header[-1][1]) == columns - 1:
+        # `write.table` of R does not name the column of the row names.
+        header[-1] = (header[-1][0], ["", *header[-1][1]])
     # Length of the longest comment (characters) that is searched for names and units
     comments = [line for line in lines[: first_line - 1] if comment_sign(line) and len(line) <= 8192]
     where = (path, first_line)
@@ -143,6 +138,8 @@ def detect(lines: list[str], path: object) -> TextDialect:
     )
     sign = next((comment_sign(line) for line in lines if comment_sign(line)), "")
     complete = [cells for _, cells in rows[start:] if _is_row(cells, numeric, decimal_comma)]
+    if decimal_comma and not commas:
+        require_clear_commas(complete, names, f"{path}, from line {first_line} on")
     filled = [[row[c] for row in complete if row[c]] for c in range(columns)]
     integers = tuple(bool(cells) and all(re.fullmatch(r"[+-]?\d+", cell) for cell in cells) for cells in filled)
     stated = _stated_units(comments)
@@ -154,7 +151,7 @@ def detect(lines: list[str], path: object) -> TextDialect:
         rate=_stated_rate(comments, [line for k, line in body[:start]]), stamps=stamps,
         header=tuple(line for k, line in body[:start] if len(split_line(line, delimiter)) > 1),
         above=tuple(lines[: first_line - 1]), sensors=_sensors(names, complete),
-        stamp_parts=_stamp_parts(names, integers), cleaning=cleaning,
+        stamp_parts=find_parts(names, integers, complete), cleaning=cleaning,
     )  # fmt: skip
 
 
@@ -198,22 +195,12 @@ def _sensors(names: Sequence[str], rows: list[list[str]]) -> tuple[int, tuple[st
 _SENSOR_COLUMNS = ("i", "imu", "imu_id", "sensor", "sensor_id", "device", "device_id", "instance")
 
 
-def _stamp_parts(names: Sequence[str], integers: Sequence[bool]) -> tuple[int, int] | None:
-    """Find the columns of time stamps that consist of seconds and nanoseconds."""
-    keys = {re.sub(r"[^a-z]", "", name.casefold()): k for k, name in enumerate(names)}
-    for seconds, nanoseconds in (("stampsec", "stampnanosec"), ("stampsecs", "stampnsecs")):
-        places = [next((k for key, k in keys.items() if key.endswith(end)), None) for end in (seconds, nanoseconds)]
-        if places[0] is not None and places[1] is not None and integers[places[0]] and integers[places[1]]:
-            return places[0], places[1]
-    return None
-
-
-def _delimiter(lines: list[str]) -> tuple[str, bool]:
+def _delimiter(lines: list[str], commas: Commas) -> tuple[str, bool]:
     """Return the delimiter and decimal sign with most numbers and most lines of the same number of cells."""
     sample = lines[len(lines) // 2 :][-200:] if len(lines) > 4 else lines[-2:]
     best, best_score = (",", False), (-1.0, -1.0, -1)
     for delimiter in (",", ";", "\t", "|", BLANKS):
-        for decimal_comma in (False, True):
+        for decimal_comma in (True,) if commas == "decimal" else (False, True):
             if delimiter == "," and decimal_comma:
                 continue
             rows = [split_line(line, delimiter) for line in sample]

@@ -56,7 +56,8 @@ class EpsonReader(TextReader):
                 Channel(channel.name, unit, axis=_axis(match), increments=match[1].startswith("D"), scale=scale)
             )
         scaled = (
-            Remark.of("scaled", kind, factor=scale, unit=unit, source="file") for kind, (scale, unit) in counts.items()
+            Remark.of("unit-named", kind, case="factor", factor=scale, unit=unit, source="file")
+            for kind, (scale, unit) in counts.items()
         )
         # `units` is emptied, because the line of factors looks like a comment that states units.
         return replace(layout, channels=tuple(channels), remarks=(*layout.remarks, *scaled), units={})

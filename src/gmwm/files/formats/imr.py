@@ -90,10 +90,12 @@ def _header(path: Path) -> _Header:
             )
     sensor = name.split(b"\0")[0].decode("latin-1").strip()
     remarks = [
-        Remark.of("increments", name, source="file") for name, flag in (("gyro", angle), ("accel", velocity)) if flag
+        Remark.of("unit-named", name, case="increments", source="file")
+        for name, flag in (("gyro", angle), ("accel", velocity))
+        if flag
     ]
-    remarks += [Remark.of("sensor-named", name=sensor)] if sensor else []
-    remarks += [Remark.of("time-read", form="week", clock=_CLOCKS[clock])] if clock in _CLOCKS else []
+    remarks += [Remark.of("file-content", case="sensor", name=sensor)] if sensor else []
+    remarks += [Remark.of("time-read", case="read", form="week", clock=_CLOCKS[clock])] if clock in _CLOCKS else []
     return _Header(order, (bool(angle), bool(velocity)), rate=rate, scales=(gyro, accel), remarks=tuple(remarks))
 
 
@@ -105,4 +107,4 @@ def _rate(path: Path, header: _Header) -> tuple[Remark, ...]:
     if abs(interval * header.rate - 1) <= 0.01:
         return ()
     stated, stamps = Quantity(header.rate, "Hz"), Quantity(1 / interval, "Hz")
-    return (Remark.of("rate-stated", rate=stated, used="no", stamps=stamps),)
+    return (Remark.of("rate-stated", case="stated", rate=stated, used="no", stamps=stamps),)

@@ -31,5 +31,5 @@ class KalibrReader(TextReader):
         """Return the columns with Kalibr's units."""
         layout = super().layout(source)
         channels = tuple(Channel(c.name, _UNITS.get(c.name.partition("_")[0], ""), c.axis) for c in layout.channels)
-        remark = Remark.of("layout-known", format="Kalibr's imu0.csv")
+        remark = Remark.of("file-content", case="layout", format="Kalibr's imu0.csv")
         return replace(layout, channels=channels, remarks=(*layout.remarks, remark))

@@ -53,7 +53,7 @@ class MatlabReader(ArraysReader):
         arrays = with_stated_units(arrays, texts)
         if any(array.axes for array in arrays):
             navego = any(array.axes in {axes for axes, _ in _NAVEGO.values()} for array in arrays)
-            remarks = (Remark.of("layout-known", format="NaveGo" if navego else "kalibr_allan"),)
+            remarks = (Remark.of("file-content", case="layout", format="NaveGo" if navego else "kalibr_allan"),)
         return layouts_of(arrays, path, remarks)
 
 

@@ -235,7 +235,7 @@ def _with_temperatures(layouts: Sequence[Layout], topics: Sequence[Topic]) -> li
         layout = out[best[0]]
         has_temperature = any("temperature" in (c.axis, recognise(c.name).axis) for c in layout.channels)
         if len(best) == 1 and not has_temperature:
-            remark = Remark.of("temperature-read", topic=topic.name)
+            remark = Remark.of("file-content", case="temperature", topic=topic.name)
             out[best[0]] = replace(
                 layout,
                 channels=(*layout.channels, Channel(TEMPERATURE, "°C", "temperature")),
@@ -288,13 +288,13 @@ def _layout(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | N
     if STAMP in leaves:
         channels[leaves.index(STAMP)] = Channel(STAMP, "ns", "time")
     inertial = any(channel.axis in AXES for channel in channels)
-    remarks: tuple[Remark, ...] = (Remark.of("topic-read", topic=topic.name, type=topic.type),)
+    remarks: tuple[Remark, ...] = (Remark.of("topic-chosen", case="read", topic=topic.name, type=topic.type),)
     timed = any(channel.axis == "time" or recognise(channel.name).axis == "time" for channel in channels)
     if inertial and STAMP in leaves and not np.any(_first(topic, kind, [STAMP], storages)[STAMP]):
         del channels[leaves.index(STAMP)]
         timed = False
     if not timed:
-        remarks += (Remark.of("time-read", form="log", reason="the messages have no stamp"),)
+        remarks += (Remark.of("time-read", case="read", form="log", reason="the messages have no stamp"),)
     channels.append(Channel(LOG_TIME, "ns", "" if timed else "time"))
     if len(channels) == 1:
         return None
@@ -308,19 +308,21 @@ def _imu_layout(topic: Topic, kind: Definition, leaves: Sequence[str], storages:
     """Return the layout of a sensor_msgs/Imu topic, without sensors that are marked as absent or always zero."""
     names = [leaf for leaf in leaves if leaf == STAMP or leaf.split(".")[0] in _SENSORS]
     first = _first(topic, kind, [*names, *(f"{sensor}_covariance[0]" for sensor in _SENSORS)], storages)
-    remarks = [Remark.of("topic-read", topic=topic.name, type=topic.type)]
+    remarks = [Remark.of("topic-chosen", case="read", topic=topic.name, type=topic.type)]
     absent = set()
     for sensor in _SENSORS:
         axes = [first[name] for name in names if name.startswith(f"{sensor}.")]
         if first[STAMP].size and not any(np.any(values) for values in axes):
             absent.add(sensor)
-            remarks.append(Remark.of("sensor-left-out", sensor, reason="zero", count=int(first[STAMP].size)))
+            remarks.append(
+                Remark.of("file-content", sensor, case="absent", reason="zero", count=int(first[STAMP].size))
+            )
         elif np.any(first[f"{sensor}_covariance[0]"] == -1):
             absent.add(sensor)
-            remarks.append(Remark.of("sensor-left-out", sensor, reason="absent"))
+            remarks.append(Remark.of("file-content", sensor, case="absent", reason="absent"))
     stamped = bool(np.any(first[STAMP]))
     if not stamped and first[STAMP].size:
-        remarks.append(Remark.of("time-read", form="log", reason="the stamps of the messages are zero"))
+        remarks.append(Remark.of("time-read", case="read", form="log", reason="the stamps of the messages are zero"))
     channels = [Channel(STAMP, "ns", "time")] if stamped else []
     for name in names[1:]:
         sensor, axis = name.split(".")

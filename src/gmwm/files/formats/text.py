@@ -13,17 +13,16 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
-from gmwm.files.clock.lost_samples import MISSING, is_missing
-from gmwm.files.clock.text_stamps import UNIT, is_time_of_day
+from gmwm.files.clock.text_stamps import UNIT, is_stamp, is_time_of_day
 from gmwm.files.columns.column_names import recognise, unit_of
 from gmwm.files.columns.known_tables import known_table
 from gmwm.files.contract import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register, without_guests
 from gmwm.files.formats.byte_sources import FileSource
-from gmwm.files.formats.dialect import WEEK, TextDialect, detect, is_number, split_line
+from gmwm.files.formats.decimals import is_number
+from gmwm.files.formats.dialect import WEEK, Commas, TextDialect, detect, split_line
 from gmwm.files.formats.text_rows import OR_SKIP, RowParser
 
 BLOCK_BYTES = 8 << 20
@@ -51,6 +50,7 @@ class TextReader(Reader):
 
     name: ClassVar[str] = "text"
     extensions: ClassVar[tuple[str, ...]] = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
+    commas: ClassVar[Commas] = ""
 
     def sniff(self, path: Path, head: bytes) -> float:
         """Return 0.5 for text with a digit, 0.1 for other text, and 0.05 for text with zero bytes."""
@@ -102,7 +102,7 @@ class TextReader(Reader):
 
     def layout(self, source: FileSource) -> Layout:
         """Return the layout of a file or of unpacked text."""
-        dialect = detect(_head_lines(source), source)
+        dialect = detect(_head_lines(source), source, self.commas)
         names = dialect.names or ("",) * dialect.columns
         time, channels = _time_by_content(dialect), []
         program, roles = known_table(names, source.unpacked_path, dialect.above)
@@ -117,17 +117,21 @@ class TextReader(Reader):
                 channels.append(Channel(name, (unit_of(unit, axis) or unit) if axis else unit))
         # Compressed formats detect by themselves whether they are complete.
         end = _open_end(source, dialect.delimiter) if source.seekable else None
-        remarks: tuple[Remark, ...] = (Remark.of("no-line-end"),) if end is not None else ()
+        remarks: tuple[Remark, ...] = (Remark.of("last-line", case="read"),) if end is not None else ()
         if end:
             dialect = replace(dialect, cut=end)
         units = dialect.units
         if WEEK in dialect.cleaning:
             units = {"time": "s", **units}
-            remarks += (Remark.of("time-read", form="week", clock="GPS"),)
+            remarks += (Remark.of("time-read", case="read", form="week", clock="GPS"),)
         if program:
-            remarks += (Remark.of("layout-known", format=program),)
-        if dialect.stamp_parts is not None:
+            remarks += (Remark.of("file-content", case="layout", format=program),)
+        if (parts := dialect.stamp_parts) is not None:
             channels.append(Channel("header.stamp", "ns", "time"))
+            joined = (names[parts.seconds], names[parts.fraction])
+            remarks += (Remark.of("time-read", case="read", form="parts", columns=joined),)
+        if dialect.comment and (count := _commented_rows(source, dialect)):
+            remarks += (Remark.of("rows-commented", str(source.unpacked_path), count=count, sign=dialect.comment),)
         return Layout(
             tuple(channels), dialect.first_row, rate=dialect.rate, units=units, remarks=remarks, state=dialect
         )
@@ -140,16 +144,15 @@ class TextReader(Reader):
         _require_end(source, layout)
         stamp, read = dialect.columns, list(wanted)
         if stamp in wanted and dialect.stamp_parts is not None:
-            read = [*dict.fromkeys([*(k for k in wanted if k != stamp), *dialect.stamp_parts])]
+            parts = dialect.stamp_parts
+            read = [*dict.fromkeys([*(k for k in wanted if k != stamp), parts.seconds, parts.fraction])]
         parser = RowParser(source, dialect, layout, tuple(read))
         for begin, block in _blocks(source, dialect, place):
             chunk = parser.parse(block, begin.line)
             if chunk is not None:
-                yield (
-                    chunk
-                    if stamp not in wanted
-                    else {k: _stamp(chunk, dialect) if k == stamp else chunk[k] for k in wanted}
-                )
+                if stamp in wanted and dialect.stamp_parts is not None:
+                    chunk = {k: dialect.stamp_parts.join(chunk, source) if k == stamp else chunk[k] for k in wanted}
+                yield chunk
 
 
 def text_reader(path: Path, head: bytes) -> TextReader | None:
@@ -159,14 +162,41 @@ def text_reader(path: Path, head: bytes) -> TextReader | None:
     return best if score > 0 else None
 
 
-def _stamp(chunk: Rows, dialect: TextDialect) -> NDArray[np.int64]:
-    """Return the time stamps (ns) of a table with seconds and nanoseconds in two columns."""
-    assert dialect.stamp_parts is not None
-    parts = [np.asarray(chunk[k]) for k in dialect.stamp_parts]
-    missing = [is_missing(part) for part in parts]
-    away = np.any([np.zeros(parts[0].size, dtype=bool) if mask is None else mask for mask in missing], axis=0)
-    seconds, nanoseconds = (np.where(away, 0, part).astype(np.int64) for part in parts)
-    return np.where(away, MISSING, seconds * 10**9 + nanoseconds)
+class _DecimalCommaReader(TextReader):
+    """Reader of text whose numbers have a decimal comma. The user names it, because `1,004` may be 1004 or 1.004."""
+
+    name: ClassVar[str] = "text:decimal-comma"
+    extensions: ClassVar[tuple[str, ...]] = ()
+    commas: ClassVar[Commas] = "decimal"
+
+    def sniff(self, path: Path, head: bytes) -> float:
+        """Return 0, because the user names this format."""
+        return 0.0
+
+
+class _ThousandsReader(_DecimalCommaReader):
+    """Reader of text whose numbers have commas between thousands."""
+
+    name: ClassVar[str] = "text:thousands"
+    commas: ClassVar[Commas] = "thousands"
+
+
+register(_DecimalCommaReader)
+register(_ThousandsReader)
+
+
+def _commented_rows(source: FileSource, dialect: TextDialect) -> int:
+    """Return the number of rows of numbers below the first one that begin with the comment sign."""
+    sign, count = dialect.comment.encode(), 0
+    for _, block in _blocks(source, dialect):
+        if sign not in block:
+            continue
+        for line in block.split(b"\n"):
+            if line.lstrip().startswith(sign):
+                cells = split_line(line.lstrip()[len(sign) :].decode("latin-1"), dialect.delimiter)
+                numbers = sum(is_number(cell, dialect.decimal_comma) or is_stamp(cell) for cell in cells)
+                count += len(cells) == dialect.fields and 2 * numbers > len(cells)
+    return count
 
 
 def _time_by_content(dialect: TextDialect) -> int | None:

@@ -23,23 +23,16 @@ from gmwm.files.clock.lost_samples import MISSING
 from gmwm.files.clock.text_stamps import Midnights, is_stamp, is_time_of_day, times_of, what_is_wrong
 from gmwm.files.contract import Layout, Rows
 from gmwm.files.formats.byte_sources import FileSource
-from gmwm.files.formats.dialect import (
-    BLANKS,
-    MISSING_WORDS,
-    TextDialect,
-    comment_sign,
-    is_grouped,
-    is_number,
-    split_line,
-)
+from gmwm.files.formats.decimals import is_grouped, is_number
+from gmwm.files.formats.dialect import BLANKS, MISSING_WORDS, TextDialect, comment_sign, split_line
 
 if TYPE_CHECKING:
     import polars as pl
 
 _BIG_INTEGER = 15  # digits that float64 always holds exactly
 # Without a group that repeats, because a file may have millions of blank lines.
-_BLANK_RUN = re.compile(rb"\n[ \t\r\n]*\n")
-_BLANK_BEGIN = re.compile(rb"\A[ \t\r\n]*\n")
+_BLANK_RUN = re.compile(rb"\n[ \t\r\f\v\n]*\n")
+_BLANK_BEGIN = re.compile(rb"\A[ \t\r\f\v\n]*\n")
 _GAP = b"NA"  # text in each cell of a row that replaces a bad line
 _POINT = re.compile(rb"\d\.\d{3}(?!\d)")
 _WORDS = re.compile(rb"(?i)n/?a\b|null|none")
@@ -145,7 +138,10 @@ class RowParser:
             return None
         with suppress(pl.exceptions.PolarsError):  # a line cannot be parsed
             # Polars finds the number of columns in the first line, even if it is blank.
-            frame = self._frame_or_none(_BLANK_BEGIN.sub(b"", block, count=1))
+            odd_blanks = b"\f" in block or b"\v" in block  # Polars reads a line of them as a row
+            frame = self._frame_or_none(
+                _without_blank_lines(block) if odd_blanks else _BLANK_BEGIN.sub(b"", block, count=1)
+            )
             if frame is not None and _has_nulls(frame) and (b"\n\n" in block or b"\n\r\n" in block):
                 frame = self._frame_or_none(_without_blank_lines(block))
             if frame is not None and _has_nulls(frame):
@@ -212,10 +208,10 @@ class RowParser:
     def _plain(self, block: bytes) -> bytes:
         """Return the block without blanks around cells, and with single blanks as delimiters."""
         if self.dialect.delimiter == BLANKS:
-            block = re.sub(rb"[ \t\r]+", b" ", block)
+            block = re.sub(rb"[ \t\r\f\v]+", b" ", block)
             return re.sub(rb"(?m)^ | $", b"", block)
         if b" " in block or (b"\t" in block and self.dialect.delimiter != "\t"):
-            return block.translate(None, b" " if self.dialect.delimiter == "\t" else b" \t")
+            return block.translate(None, b" \f\v" if self.dialect.delimiter == "\t" else b" \t\f\v")
         return block
 
     def _error_in(self, text: str, number: int, block: bytes, line: int) -> ReadError | None:

@@ -157,5 +157,5 @@ def _with_temperature(layout: Layout, found: Mapping[UlogMessage, _SensorSummary
         layout,
         channels=(*layout.channels, Channel("temperature", "°C", "temperature")),
         state=replace(layout.state, temperatures=found[sensors[0]].temperatures()),
-        remarks=(*layout.remarks, Remark.of("temperature-read", topic=sensors[0].topic)),
+        remarks=(*layout.remarks, Remark.of("file-content", case="temperature", topic=sensors[0].topic)),
     )

@@ -185,8 +185,10 @@ def _layout(path: Path, kind: RecordType, name: str) -> Layout:
         remarks.append(doubtful)
         warnings.warn(GmwmWarning(doubtful), stacklevel=2)
     for sensor, factor, unit in (("gyro", kind.gyro, "rad"), ("accel", kind.accel, "m/s")):
-        remarks.append(Remark.of("scaled", sensor, factor=factor, unit=unit, source="format", type=name))
-        remarks.append(Remark.of("increments", sensor, source="file"))
+        remarks.append(
+            Remark.of("unit-named", sensor, case="factor", factor=factor, unit=unit, source="format", type=name)
+        )
+        remarks.append(Remark.of("unit-named", sensor, case="increments", source="file"))
     channels = record_channels(("rad/s", "m/s²"), (kind.gyro, kind.accel))
     return Layout(channels, remarks=tuple(remarks), state=(kind.dtype, 0))
 

@@ -66,9 +66,9 @@ class XsensReader(TextReader):
                 channels.append(Channel(channel.name))
         used = [c.name for c in channels if c.increments]
         if used:
-            remarks += [Remark.of("increments", name, source="file") for name in used]
+            remarks += [Remark.of("unit-named", name, case="increments", source="file") for name in used]
         if time == "PacketCounter" and dialect.rate is not None:
-            remarks.append(Remark.of("time-read", form="packets", rate=Quantity(dialect.rate, "Hz")))
+            remarks.append(Remark.of("time-read", case="read", form="packets", rate=Quantity(dialect.rate, "Hz")))
         return replace(layout, channels=tuple(channels), remarks=tuple(remarks))
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:

@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector, as_rate
+from gmwm.base.axis_names import axis_quantity
 from gmwm.base.errors import DataError, ReadError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import counted
+from gmwm.base.units import SI_UNIT
 from gmwm.files.clock.clock import clock_of
 from gmwm.files.clock.lost_samples import Sifted, as_floats, dead_axes, is_missing, sift
 from gmwm.files.clock.running_clock import Pace
@@ -22,7 +24,7 @@ from gmwm.files.clock.text_stamps import holds_stamps, require_readable
 from gmwm.files.clock.time_stamps import Timing, as_stamps, beside_stated, timing_without_stamps
 from gmwm.files.columns.axis_units import resolve, time_unit
 from gmwm.files.columns.columns import ColumnChoice, describe_columns
-from gmwm.files.columns.scale_factors import multiply
+from gmwm.files.columns.scale_factors import multiply, offset_counts
 from gmwm.files.contract import Layout, Rows
 from gmwm.files.readers.reading_warnings import STAMPS, of_file
 from gmwm.recording.options import ReadOptions
@@ -109,8 +111,10 @@ def understand(
         time, about_time = clock(None)
     rate, integrals = time.base.rate, options.integrals
     ones = {axis: np.ones(1) for axis in choice.axes}
+    counts = _first_samples(rows, choice, axes)
+    offset = [s for s in SI_UNIT if (own := [a for a in axes if axis_quantity(a) == s]) and offset_counts(own, counts)]
     about_scale = multiply(layout, choice, factors=options.scale, increments=integrals, raw=ones, rate=rate)
-    numbers = {axis: values * ones[axis] for axis, values in _first_samples(rows, choice, axes).items()}
+    numbers = {axis: values * ones[axis] for axis, values in counts.items()}
     scales = resolve(layout, choice, declared=options.units, values=numbers, rate=rate, increments=integrals)
     reading = None
     if TEMPERATURE in choice.columns:
@@ -119,8 +123,9 @@ def understand(
     for axis, (value, size) in constants.items():
         kind = "missing" if np.isnan(value) else "constant"
         remarks.append(Remark.of("axis-dead", axis, kind=kind, value=value, rows=size))
+    remarks += [Remark.of("counts-offset", sensor) for sensor in offset]
     if column is not None and column.other:
-        remarks.append(Remark.of("rows-of-others", count=column.other, rows=column.rows))
+        remarks.append(Remark.of("file-content", case="other-rows", count=column.other, rows=column.rows))
     remarks += [*about_scale, *scales.remarks, *about_time]
     # The remarks on all time stamps of a live stream follow at the end of an iteration.
     remarks += [remark for remark in time.remarks if pace is None or remark.code not in STAMPS]
@@ -189,7 +194,7 @@ def _timing(
     if stamps is None:
         if options.rate is not None or layout.rate is None:
             return timing_without_stamps(as_rate(options.rate), samples), ()
-        stated = Remark.of("rate-stated", rate=Quantity(layout.rate, "Hz"), used="yes")
+        stated = Remark.of("rate-stated", case="stated", rate=Quantity(layout.rate, "Hz"), used="yes")
         return timing_without_stamps(as_rate(layout.rate), samples), (stated,)
     unit, about_unit = time_unit(layout, choice, options.units)
     timing, about_form = clock_of(stamps, unit, options.rate)

@@ -8,20 +8,18 @@ from collections.abc import Iterable, Mapping
 from gmwm.base.errors import GmwmWarning, InferredUnitWarning, TimeBaseWarning
 from gmwm.base.remarks import Remark
 
-STAMPS = ("stamps-backward", "stamps-repeated", "stamps-jitter", "samples-lost", "values-impossible")
+STAMPS = ("stamps-irregular", "samples-lost")
 """Codes of remarks that need all rows, and are known only at the end of a live stream."""
 
 _CATEGORIES: Mapping[str, type[GmwmWarning]] = {
     "unit-inferred": InferredUnitWarning,
     "unit-doubtful": GmwmWarning,
     "rate-contradicted": TimeBaseWarning,
-    "losses-regular": TimeBaseWarning,
     "rate-ambiguous": TimeBaseWarning,
     "axis-dead": GmwmWarning,
     "sensor-columns-left-out": GmwmWarning,
-    **dict.fromkeys(STAMPS, TimeBaseWarning),
+    "stamps-irregular": TimeBaseWarning,
     "samples-lost": GmwmWarning,
-    "values-impossible": GmwmWarning,
 }
 """Category of the Python warning, for each remark that is also a warning."""
 

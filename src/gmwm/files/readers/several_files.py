@@ -76,7 +76,7 @@ class SeveralFiles(Reader):
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return the recordings of the first file."""
-        joined = Remark.of("files-joined", files=tuple(file.name for file in self._files))
+        joined = Remark.of("file-content", case="files", files=tuple(file.name for file in self._files))
         return tuple(
             replace(layout, remarks=(*layout.remarks, joined)) for layout in self._readers[0].layouts(self._files[0])
         )

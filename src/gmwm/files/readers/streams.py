@@ -165,7 +165,7 @@ class Stream:
         self.source, self.rate, self.axes = source, found.rate, found.choice.axes
         self.time_base = found.timing.base
         self._found, self._rows, self._size, self._kept = found, rows, size, kept
-        about_cut = [] if kept is None else [Remark.of("cut", known="no", ranges=range_texts(kept))]
+        about_cut = [] if kept is None else [Remark.of("cut", case="cut", known="no", ranges=range_texts(kept))]
         self._remarks = self.remarks = (*found.remarks, *about_cut)
 
     @property

@@ -32,7 +32,7 @@ def one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
     preferred = [layout for layout in fitting if layout.preferred]
     if len(preferred) == 1:
         others = tuple(topic_words(layout) for layout in fitting if not layout.preferred)
-        chosen = Remark.of("topic-chosen", topic=topic_words(preferred[0]), others=others)
+        chosen = Remark.of("topic-chosen", case="chosen", topic=topic_words(preferred[0]), others=others)
         return _readable(replace(preferred[0], remarks=(chosen, *preferred[0].remarks)), path)
     if not fitting:
         raise ReadError(

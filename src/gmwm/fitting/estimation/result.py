@@ -397,12 +397,13 @@ def _of_terms(
             processes[term], name, levels=wv.levels, rate=wv.rate, filter=find_filter(wv.filter), matrix=matrix
         )
         if like is None:
-            yield Remark.of("acts-as", wv.axis, term=term, process=name, known="no")
+            yield Remark.of("correlation-time-unknown", wv.axis, case="fit", term=term, process=name, known="no")
         else:
             parameter = like.scale_parameter()
             yield Remark.of(
-                "acts-as",
+                "correlation-time-unknown",
                 wv.axis,
+                case="fit",
                 term=term,
                 process=name,
                 known="yes",
@@ -410,7 +411,7 @@ def _of_terms(
                 amount=Quantity(like.value(parameter.name), parameter.unit(wv.unit)),
             )
     for term in zero:
-        yield Remark.of("term-zero", wv.axis, term=term)
+        yield Remark.of("term-zero", wv.axis, case="fit", term=term)
     for term, process in processes.items():
         if process.scale > 0 and term not in acts_as:
             yield from (remark.about(wv.axis) for remark in process.remarks(term, wv.samples, wv.rate))

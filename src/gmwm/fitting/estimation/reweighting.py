@@ -104,7 +104,7 @@ def settle(
         iteration = _iterate(problem, solution, wv, weighting, design=design, fixed=fixed)
         problem, solution = iteration.problem, iteration.solution
         if iteration.reason is not None:
-            remark = Remark.of("weights-from-data", wv.axis, reason=iteration.reason)
+            remark = Remark.of("weights-from-data", wv.axis, case="no-autocovariance", reason=iteration.reason)
             return WeightedSolution(problem, finish(problem, solution), (remark,))
         before, solution = _implied_curve(problem, solution, wv), finish(problem, solution)
         change = _change(before, _implied_curve(problem, solution, wv))
@@ -115,7 +115,9 @@ def settle(
     # Two estimates may alternate, each with weights that lead to the other. Weights that do not depend on the model end
     # this.
     problem = problem.under(_weights_of_the_data(weighting, wv, design))
-    return WeightedSolution(problem, finish(problem, solution), (Remark.of("weights-not-converged", wv.axis),))
+    return WeightedSolution(
+        problem, finish(problem, solution), (Remark.of("weights-from-data", wv.axis, case="iteration"),)
+    )
 
 
 @dataclass(frozen=True, eq=False)

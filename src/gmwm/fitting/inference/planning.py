@@ -259,9 +259,13 @@ class Plan(Summarised, Plotted):
             kind = "cut" if self.losses.segments else "filled"
             remarks.append(Remark.of("plan-gaps", share=self.losses.filled, longest=longest, kind=kind))
         if uncertain:
-            remarks.append(Remark.of("plan-uncertain", parameters=tuple(uncertain), duration=duration, seen=SEEN))
+            remarks.append(
+                Remark.of("poorly-known", case="plan", parameters=tuple(uncertain), duration=duration, seen=SEEN)
+            )
         if undetermined:
-            remarks.append(Remark.of("plan-undetermined", parameters=tuple(undetermined), duration=duration))
+            remarks.append(
+                Remark.of("poorly-known", case="impossible", parameters=tuple(undetermined), duration=duration)
+            )
         return tuple(remarks)
 
     def to_dict(self) -> dict[str, Any]:

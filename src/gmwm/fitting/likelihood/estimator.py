@@ -220,9 +220,9 @@ def _remarks(
     """Yield the remarks about the terms of a fit and about the search."""
     axis = problem.record.axis
     for term, name in acts_as.items():
-        yield Remark.of("acts-as", axis, term=term, process=name, known="no")
+        yield Remark.of("correlation-time-unknown", axis, case="fit", term=term, process=name, known="no")
     for term in zero:
-        yield Remark.of("term-zero", axis, term=term)
+        yield Remark.of("term-zero", axis, case="fit", term=term)
     if not converged:
         yield Remark.of("not-converged", axis)
     for term, process in zip(model.terms, model.processes, strict=True):

@@ -10,6 +10,7 @@ kink is then summed individually.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from gmwm.measuring.covariance import nodes
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.robust import hermite_weights
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.exponential_sum import ExponentialSum, lag_sums
+from gmwm.theory.processes.exponential_sum import ExponentialSum, lag_sums, lag_table
 from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.model import Model
 
@@ -124,7 +125,7 @@ def _strided(model: Model, design: Design, place: int, stride: int) -> Vector:
     present = [process for process in model.processes if process.scale > 0]
     split = _split(present, design)
     if split is not None:
-        sums = split.strided(stride).sums(within, diagonal=False)
+        sums = split.strided(stride, design).sums(within, diagonal=False)
         return _of_sums(model, design, pairs, first=sums[0][first], second=sums[1][first], stride=stride)
     at, weight, starts = nodes.lags(present, within, diagonal=False, decays_of=design.rate, stride=stride)
     ends = np.append(starts[1:], weight.size)
@@ -147,16 +148,10 @@ class _Split:
         All processes of this form together.
     smooth : list of Process
         The other processes.
-    mixtures : list of ExponentialSum
-        Approximations of the smooth processes.
-    rate : float
-        Sampling rate (Hz).
     """
 
     terms: ExponentialSum
     smooth: list[Process]
-    mixtures: list[ExponentialSum]
-    rate: float
 
     def sums(self, design: Design, *, diagonal: bool) -> tuple[Vector, Vector]:
         """Compute Σ n Cov and Σ n Cov² for all pairs of levels, or for all levels if `diagonal`.
@@ -164,18 +159,18 @@ class _Split:
         Products of smooth processes are summed over the nodes of Gauss rules. Their products with the exponentials
         oscillate and are computed from the approximation.
         """
-        first, second = lag_sums(design.levels, design.samples, self.terms, None, diagonal=diagonal)
+        tables = [(_table(process, design, diagonal), process.scale) for process in self.smooth]
+        first, second = lag_sums(design.levels, design.samples, self.terms, tables, diagonal=diagonal)
         if self.smooth:
-            mixture = ExponentialSum.joined(self.mixtures)
-            both = lag_sums(design.levels, design.samples, self.terms, mixture, diagonal=diagonal)[1]
             at, weight, starts = nodes.lags(self.smooth, design, diagonal=diagonal)
-            own = nodes.product_sums(self.smooth, at, weight, starts, rate=self.rate)
-            first, second = first + own[0], second + 2 * both + own[1]
+            own = nodes.product_sums(self.smooth, at, weight, starts, rate=design.rate)
+            first, second = first + own[0], second + own[1]
         return first, second
 
-    def strided(self, stride: int) -> _Split:
+    def strided(self, stride: int, design: Design) -> _Split:
         """Return the processes with lags in steps of `stride` samples."""
-        return _Split(ExponentialSum.joined([self.terms, *self.mixtures]).strided(stride), [], [], self.rate)
+        mixtures = [mixture for process in self.smooth if (mixture := _mixture(process, design))]
+        return _Split(ExponentialSum.joined([self.terms, *mixtures]).strided(stride), [])
 
 
 def _split(present: list[Process], design: Design) -> _Split | None:
@@ -191,10 +186,29 @@ def _split(present: list[Process], design: Design) -> _Split | None:
     terms = ExponentialSum.joined([term for term in sums if term is not None])
     if smooth and not terms.oscillates and all(p.memory(design.rate) == 0 for p in present):
         return None
-    mixtures = [process.exponential_mixture(design.rate, design.samples) for process in smooth]
-    if any(mixture is None for mixture in mixtures):
-        return None
-    return _Split(terms, smooth, [mixture for mixture in mixtures if mixture is not None], design.rate)
+    return _Split(terms, smooth) if all(_mixture(process, design) for process in smooth) else None
+
+
+def _mixture(process: Process, design: Design) -> ExponentialSum | None:
+    return process.exponential_mixture(design.rate, design.samples)
+
+
+def _table(process: Process, design: Design, diagonal: bool) -> _core.LagTable:
+    """Return the covariances of a smooth process with scale 1. A table of all levels has those of the first ones."""
+    levels = tuple(design.levels.tolist())
+    every = tuple(range(1, design.samples.bit_length()))
+    shape = (type(process), tuple(process.nonlinear.tolist()), design.rate)
+    return _shape_table(shape, every if every[: len(levels)] == levels else levels, design.samples, diagonal)
+
+
+@lru_cache(maxsize=8)
+def _shape_table(
+    shape: tuple[type[Process], tuple[float, ...], float], levels: tuple[int, ...], samples: int, diagonal: bool
+) -> _core.LagTable:
+    kind, values, rate = shape
+    mixture = kind.standard(np.array(values)).exponential_mixture(rate, samples)
+    assert mixture is not None
+    return lag_table(np.array(levels), samples, mixture, diagonal=diagonal)
 
 
 def _over_lags(

@@ -40,7 +40,7 @@ _FEW = 1e-3
 _LATE = 0.5
 """Largest share of the recording that a warm-up may take; the rest must suffice for a calibration
 (docs/howto/record.md)."""
-OF_STAMPS = ("stamps-backward", "stamps-repeated", "stamps-jitter")
+OF_STAMPS = ("stamps-irregular",)
 """Remarks of a reader on the time stamps. `of_time` makes them again."""
 _COARSE = 2.0
 """Largest quantization step (standard deviations of the noise) at which the rounding error is white noise of variance
@@ -59,17 +59,18 @@ def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
         span = Quantity(max(missing, 0.0), "s")
         yield Remark.of("gaps", segments=len(extent.unbroken), missing=span, length=length)
     if count:
-        yield Remark.of("gaps-filled", share=filled / (extent.samples + filled), count=count)
+        yield Remark.of("gaps-filled", case="filled", share=filled / (extent.samples + filled), count=count)
     if base.lost:
-        yield Remark.of("samples-lost", count=base.lost)
+        yield Remark.of("samples-lost", case="lost", count=base.lost)
     if base.duplicates:
         many = base.duplicates > _FEW * extent.samples
         twice = many and abs(same / base.duplicates - 1) <= _TWICE
-        yield Remark.of("rows-repeated" if twice else "stamps-repeated", count=base.duplicates)
+        repeated = Remark.of("stamps-irregular", case="repeated", count=base.duplicates)
+        yield Remark.of("rows-repeated", count=base.duplicates) if twice else repeated
     if base.backward:
-        yield Remark.of("stamps-backward", count=base.backward)
+        yield Remark.of("stamps-irregular", case="backward", count=base.backward)
     if base.jitter * base.rate > _JITTER:
-        yield Remark.of("stamps-jitter", share=float(base.jitter * base.rate))
+        yield Remark.of("stamps-irregular", case="jitter", share=float(base.jitter * base.rate))
 
 
 def of_stuck(stuck: Mapping[str, tuple[float, float] | None]) -> Iterator[Remark]:
@@ -89,9 +90,17 @@ def of_motion(
     if restless:
         axis = max(restless, key=lambda name: restless[name][2])
         time, window, ratio = restless[axis]
-        yield Remark.of("recording-moved", axis, time=Quantity(time, "s"), window=Quantity(window, "s"), ratio=ratio)
+        yield Remark.of(
+            "recording-moved", axis, case="moved", time=Quantity(time, "s"), window=Quantity(window, "s"), ratio=ratio
+        )
     if tilt is not None:
-        yield Remark.of("recording-tilted" if tilt > MOVED else "recording-settles", angle=Quantity(tilt, "°"))
+        angle = Quantity(tilt, "°")
+        tilted = tilt > MOVED
+        yield (
+            Remark.of("recording-moved", case="tilted", angle=angle)
+            if tilted
+            else Remark.of("recording-settles", angle=angle)
+        )
     if knocks:
         yield Remark.of("knocks", count=len(knocks), first=Quantity(knocks[0].time, "s"))
 
@@ -99,17 +108,20 @@ def of_motion(
 def of_steps(steps: tuple[Step, ...]) -> Iterator[Remark]:
     """Yield remarks on lasting jumps of the mean, at most two for each axis."""
     for axis in dict.fromkeys(step.axis for step in steps):
-        for code, at_gap in (("level-steps", False), ("restarts", True)):
-            jumps = [step for step in steps if step.axis == axis and step.at_gap == at_gap]
-            if jumps:
-                yield Remark.of(code, axis, count=len(jumps), first=Quantity(jumps[0].time, "s"))
+        jumps = [step for step in steps if step.axis == axis and not step.at_gap]
+        if jumps:
+            yield Remark.of("level-steps", axis, count=len(jumps), first=Quantity(jumps[0].time, "s"))
+        restarts = [step for step in steps if step.axis == axis and step.at_gap]
+        if restarts:
+            first = Quantity(restarts[0].time, "s")
+            yield Remark.of("gaps-filled", axis, case="restart", count=len(restarts), first=first)
 
 
 def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Extent, cut: bool) -> Iterator[Remark]:
     """Yield remarks on trends, one for each axis. `cut` tells whether the beginning of the file is already left out."""
-    longest = max((trend.until for trend in trends if trend.until is not None), default=0.0)
-    first = beginning_to_omit(trends, extent.samples / extent.rate)
-    way = "late" if first is None else "again" if cut else "start"
+    longest = {small: _longest(trends, small) for small in (True, False)}
+    late = beginning_to_omit(trends, extent.samples / extent.rate) is None
+    way = "late" if late else "again" if cut else "start"
     for trend in trends:
         unit = units[trend.axis]
         facts: dict[str, Fact] = {
@@ -120,12 +132,13 @@ def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Exten
             "numbers": ("B", "K", "R"),
         }
         if trend.tau is not None and trend.until is not None:
-            tau, until = Quantity(trend.tau, "s"), Quantity(longest, "s")
+            tau, until = Quantity(trend.tau, "s"), Quantity(longest[trend.is_small], "s")
             if trend.is_small:
-                yield Remark.of("warm-up-small", trend.axis, **facts, tau=tau, duration=until)
+                facts["numbers"] = ()
+                yield Remark.of("warm-up", trend.axis, case="small", **facts, tau=tau, duration=until)
             else:
-                facts["first"] = Quantity(round_up(longest), "s")
-                yield Remark.of("warm-up", trend.axis, **facts, tau=tau, duration=until, way=way)
+                facts["first"] = Quantity(round_up(until.value), "s")
+                yield Remark.of("warm-up", trend.axis, case="large", **facts, tau=tau, duration=until, way=way)
         elif trend.kind == "linear":
             yield Remark.of("linear-trend", trend.axis, **facts)
         else:
@@ -135,15 +148,21 @@ def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Exten
 def beginning_to_omit(trends: tuple[Trend, ...], duration: float) -> float | None:
     """Return the time (s) at the beginning of a recording that is best left out because of large warm-ups; 0 if there
     is none, and None if too little would be left of the recording."""
-    longest = max((trend.until for trend in trends if trend.until is not None and not trend.is_small), default=0.0)
+    longest = _longest(trends, small=False)
     return None if longest > _LATE * duration else round_up(longest) if longest else 0.0
+
+
+def _longest(trends: tuple[Trend, ...], small: bool) -> float:
+    """Return the length (s) of the longest warm-up whose effect is small or large; 0 if there is none."""
+    return max((t.until for t in trends if t.until is not None and t.is_small == small), default=0.0)
 
 
 def omission_remarks(inspection: Inspection, start: float) -> tuple[Remark, ...]:
     """Return a remark for each axis because of whose warm-up the first `start` seconds of a recording are left out."""
     return tuple(
         Remark.of(
-            "warm-up-omitted", trend.axis, first=Quantity(start, "s"), whole=Quantity(inspection.duration, "s"),
+            "warm-up", trend.axis, case="omitted", numbers=(), first=Quantity(start, "s"),
+            whole=Quantity(inspection.duration, "s"),
             size=in_datasheet_units(abs(trend.size), 0.0, inspection.axes[trend.axis].unit),
         )
         for trend in inspection.trends
@@ -155,7 +174,7 @@ def of_conditions(regressions: Mapping[str, Regression], unknown: str) -> Iterat
     """Yield remarks on the axes that depend on conditions, and on those that do not. `unknown` is the reason why the
     temperature cannot be used, or ""."""
     if unknown:
-        yield Remark.of("temperature-unknown", reason=unknown)
+        yield Remark.of("conditions", case="unknown", reason=unknown)
     for axis, regression in regressions.items():
         if regression.coarse is not None:
             long, _, tau = regression.coarse
@@ -168,7 +187,7 @@ def of_conditions(regressions: Mapping[str, Regression], unknown: str) -> Iterat
             yield removal_remark(axis, regression)
         else:
             yield Remark.of(
-                "conditions-without-effect", axis, against=covariates_text(regression), pvalue=regression.pvalue
+                "conditions", axis, case="none", against=covariates_text(regression), pvalue=regression.pvalue
             )
 
 
@@ -179,7 +198,7 @@ def removal_remark(axis: str, regression: Regression, left_in: str = "") -> Rema
     times = 1 / math.sqrt(max(1 - float(regression.share[level - 1]), 1e-4))
     time = duration_text(2.0 ** (level - 1) / regression.rate)
     return Remark.of(
-        "conditions-removed", axis, against=covariates_text(regression), effect=effect_text(regression),
+        "conditions", axis, case="removed", against=covariates_text(regression), effect=effect_text(regression),
         pvalue=regression.pvalue,
         left_in=left_in or f"the Allan deviation at {time} would be {round_text(times)} times as large",
     )  # fmt: skip
@@ -233,9 +252,9 @@ def of_gravity(gravity: float | None) -> Iterator[Remark]:
     if gravity is not None and abs(error) > _OFF:
         norm, expected = Quantity(gravity, "m/s²"), Quantity(STANDARD_GRAVITY, "m/s²")
         if abs(error) > _WRONG:
-            yield Remark.of("gravity-wrong", norm=norm, expected=expected)
+            yield Remark.of("unit-doubtful", case="gravity", norm=norm, expected=expected)
         else:
-            yield Remark.of("gravity-off", norm=norm, expected=expected, share=100 * error)
+            yield Remark.of("unit-contradicted", case="gravity", norm=norm, expected=expected, share=100 * error)
 
 
 def of_rounding(axes: Mapping[str, AxisInspection], rate: float) -> Iterator[Remark]:
@@ -264,4 +283,6 @@ def of_units(densities: Mapping[str, float]) -> Iterator[Remark]:
     noisy = {axis: degrees for axis, density in densities.items() if (degrees := math.degrees(density)) > _NOISY}
     limit = Quantity(_NOISY, "deg/s/√Hz")
     for axis in noisy:
-        yield Remark.of("gyro-too-noisy", axis, density=Quantity(max(noisy.values()), "deg/s/√Hz"), limit=limit)
+        yield Remark.of(
+            "unit-doubtful", axis, case="density", density=Quantity(max(noisy.values()), "deg/s/√Hz"), limit=limit
+        )

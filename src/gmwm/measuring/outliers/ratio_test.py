@@ -160,24 +160,36 @@ class Verdict(Documented, Summarised):
     def _remarks(self) -> Iterator[Remark]:
         tested = self.tau[self.tested]
         if not tested.size:
-            yield Remark.of("outlier-test-impossible", self.axis, reason=self.reason)
+            yield Remark.of("outliers-not-tested", self.axis, case="test", reason=self.reason)
             return
         if self.heavy_tailed:
-            yield Remark.of("heavy-tails", self.axis, taus=_scales(self.tau[self.exceeding]), p=self.pvalue)
+            yield Remark.of(
+                "heavy-tails", self.axis, case="test", taus=_scales(self.tau[self.exceeding]), p=self.pvalue
+            )
         elif self.contaminated:
             worst = int(np.argmax(np.where(self.exceeding, self.excess, -np.inf)))
             yield Remark.of(
-                "outliers-found", self.axis, taus=_scales(self.tau[self.exceeding]), p=self.pvalue,
+                "outliers-found", self.axis, case="test", taus=_scales(self.tau[self.exceeding]), p=self.pvalue,
                 excess=excess_text(float(self.excess[worst])), tau=Quantity(float(self.tau[worst]), "s"),
             )  # fmt: skip
         else:
             first, last = (Quantity(float(tau), "s") for tau in (tested[0], tested[-1]))
-            yield Remark.of("outliers-absent", self.axis, levels=tested.size, first=first, last=last, p=self.pvalue)
+            yield Remark.of(
+                "check-passed",
+                self.axis,
+                case="outlier-test",
+                levels=tested.size,
+                first=first,
+                last=last,
+                p=self.pvalue,
+            )
         if np.any(self.lighter):
             share = -float(self.excess[self.lighter].min())
-            yield Remark.of("robust-larger", self.axis, taus=_scales(self.tau[self.lighter]), share=share)
+            yield Remark.of(
+                "robust-too-large", self.axis, case="larger", taus=_scales(self.tau[self.lighter]), share=share
+            )
         if count := list(self.left_out.values()).count("rounded"):
-            yield Remark.of("levels-rounded", self.axis, count=count)
+            yield Remark.of("outliers-not-tested", self.axis, case="levels", count=count)
 
     def summary(self) -> str:
         """Return the remarks as text, one on each line."""

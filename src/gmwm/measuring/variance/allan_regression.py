@@ -275,7 +275,7 @@ def avlr(
         if isinstance(fit, SlopeLine):
             lines.append(fit)
         else:
-            remarks.append(Remark.of("slope-line-missing", term, reason=fit, slope=LAWS[term].slope))
+            remarks.append(Remark.of("no-number", term, case="slope", reason=fit, slope=LAWS[term].slope))
     return AllanRegression(allan=allan, lines=tuple(lines), remarks=tuple(remarks))
 
 

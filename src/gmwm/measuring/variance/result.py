@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from polars import DataFrame
 
 
-_OUTCOMES = {"mad": "robust-mad", "mean": "robust-mean", "zero": "robust-zero"}
+_OUTCOMES = {"mad": "robust-coarse", "mean": "robust-coarse", "zero": "robust-too-large"}
 """Codes of the remarks on robust estimates that do not solve the estimating equation."""
 
 
@@ -295,7 +295,7 @@ class WaveletVariance(Documented, Summarised, Plotted):
         for outcome, code in _OUTCOMES.items():
             levels = tuple(int(j) for j, result in zip(self.levels, outcomes, strict=False) if result == outcome)
             if levels:
-                remarks.append(Remark.of(code, self.axis, levels=levels))
+                remarks.append(Remark.of(code, self.axis, case=outcome, levels=levels))
         if any(stride > 1 for stride in self.strides):
             first = next(k for k, stride in enumerate(self.strides) if stride > 1)
             remarks.append(Remark.of("levels-strided", self.axis, first=Quantity(float(self.tau[first]), "s")))

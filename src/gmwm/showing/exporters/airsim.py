@@ -39,9 +39,7 @@ class AirSim(JsonFile):
         return {
             "Sensors": {
                 "Imu": {
-                    "SensorType": 2,
-                    "Enabled": True,
-                    "AngularRandomWalk": gyro.N[0].value * 60 / _DEGREE,
+                    "SensorType": 2, "Enabled": True, "AngularRandomWalk": gyro.N[0].value * 60 / _DEGREE,
                     "GyroBiasStabilityTau": TIMES["gyro"],
                     "GyroBiasStability": gyro.K[0].value * root["gyro"] * 3600 / _DEGREE,
                     "VelocityRandomWalk": accel.N[0].value * 1e3 / STANDARD_GRAVITY,
@@ -49,4 +47,4 @@ class AirSim(JsonFile):
                     "AccelBiasStability": accel.K[0].value * root["accel"] * 1e6 / STANDARD_GRAVITY,
                 }
             }
-        }
+        }  # fmt: skip

@@ -19,16 +19,10 @@ if TYPE_CHECKING:
 
 
 def export(
-    calibration: Calibration,
-    path: str | os.PathLike[str] | None = None,
-    format: str = "kalibr",
-    *,
-    axes: Rule | None = None,
-    inflation: float = 1.0,
-    horizon: float = HORIZON,
-    rate: float | None = None,
+    calibration: Calibration, path: str | os.PathLike[str] | None = None, format: str = "kalibr", *,
+    axes: Rule | None = None, inflation: float = 1.0, horizon: float = HORIZON, rate: float | None = None,
     duration: float | None = None,
-) -> str:
+) -> str:  # fmt: skip
     """Return the noise of a unit in the format of another program; see `Calibration.export`."""
     exporter = find_exporter(format)
     given = {"axes": axes, "inflation": inflation, "horizon": horizon, "rate": rate, "duration": duration}
@@ -46,15 +40,9 @@ def export(
 
 
 def export_all(
-    calibration: Calibration,
-    folder: str | os.PathLike[str],
-    *,
-    axes: Rule | None = None,
-    inflation: float = 1.0,
-    horizon: float = HORIZON,
-    rate: float | None = None,
-    duration: float | None = None,
-) -> tuple[dict[str, Path], dict[str, str]]:
+    calibration: Calibration, folder: str | os.PathLike[str], *, axes: Rule | None = None, inflation: float = 1.0,
+    horizon: float = HORIZON, rate: float | None = None, duration: float | None = None,
+) -> tuple[dict[str, Path], dict[str, str]]:  # fmt: skip
     """Export a calibration in every format. Each format uses the options that apply to it.
 
     Parameters
@@ -118,12 +106,10 @@ def _options(exporter: Exporter, given: Mapping[str, Any]) -> ExportOptions:
     if axes is not None and axes not in RULES:
         raise OptionError(argument="axes", expected=f"one of {', '.join(map(repr, RULES))}", got=axes)
     return ExportOptions(
-        axes=exporter.default_axes if axes is None else axes,
-        inflation=_positive("inflation", inflation),
-        horizon=checked_horizon(given["horizon"]),
-        rate=None if rate is None else _positive("rate", rate),
+        axes=exporter.default_axes if axes is None else axes, inflation=_positive("inflation", inflation),
+        horizon=checked_horizon(given["horizon"]), rate=None if rate is None else _positive("rate", rate),
         duration=None if duration is None else _positive("duration", duration),
-    )
+    )  # fmt: skip
 
 
 def _positive(name: str, value: object) -> float:

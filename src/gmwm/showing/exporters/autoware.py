@@ -67,6 +67,6 @@ class Autoware(Exporter):
         found = [*cautions(calibration), *unknown(calibration, ("gyro",))]
         for axis, fit in calibration.items():
             if terms := terms_without_variance(fit):
-                found.append(Remark.of("no-variance", axis, terms=terms))
+                found.append(Remark.of("not-in-file", axis, case="variance", terms=terms))
             found += of_lines(axis, fit)
         return tuple(found)

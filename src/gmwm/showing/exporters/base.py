@@ -41,27 +41,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """Options of an exported file.
+    """Options of an exported file."""
 
-    Parameters
-    ----------
-    axes : "worst", "mean" or "each"
-        How the axes of a sensor are combined: the largest number, the root mean square, or one number for each axis.
-    inflation : float
-        Factor by which standard deviations and noise densities are multiplied. Variances are multiplied by its square.
-    horizon : float
-        Horizon T (s) over which a filter with N and K predicts best; see `effective_noise`.
-    rate : float or None
-        Sampling rate (Hz) in the program that reads the file; None for the rate of the recording.
-    duration : float or None
-        Longest averaging time (s) in the fit of a Gauss-Markov bias; None for one hour, or for the length of the
-        recording if it is shorter.
-    """
-
+    # how the axes of a sensor are combined: the largest number, the root mean square, or one number for each axis
     axes: Rule
+    # Factor by which standard deviations and noise densities are multiplied. Variances are multiplied by its
+    # square.
     inflation: float = 1.0
-    horizon: float = HORIZON
+    horizon: float = HORIZON  # horizon T (s) over which a filter with N and K predicts best; see `effective_noise`
+    # sampling rate (Hz) in the program that reads the file; None for the rate of the recording
     rate: float | None = None
+    # longest averaging time (s) in the fit of a Gauss-Markov bias; None for one hour, or for the length of the
+    # recording if it is shorter
     duration: float | None = None
 
 
@@ -96,13 +87,8 @@ class Exporter(ABC):
 
     @abstractmethod
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Return the text of the file.
-
-        Raises
-        ------
-        DataError
-            If a sensor that the format needs was not calibrated, or if the data do not determine a needed upper limit.
-        """
+        """Return the text of the file. Raises a DataError if a sensor that it needs was not calibrated, or if the data
+        do not determine an upper limit that it needs."""
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
         """Return the remarks that the file contains: cautions of the calibration, and noise that the format leaves
@@ -140,13 +126,7 @@ def _require_registered(name: str, exporter: object) -> None:
 
 
 def find_exporter(format: str) -> Exporter:
-    """Return the exporter of the format with a given name.
-
-    Raises
-    ------
-    OptionError
-        If there is no such format.
-    """
+    """Return the exporter of a format. Raises an OptionError if there is no such format."""
     if format not in _EXPORTERS:
         _admit_guests()
     if format not in _EXPORTERS:
@@ -166,25 +146,14 @@ def top(exporter: Exporter, calibration: Calibration) -> list[str]:
 
 @dataclass(frozen=True)
 class Noise:
-    """The noise parameters of a unit for the options of one file.
+    """The noise parameters of a unit for the options of one file."""
 
-    Attributes
-    ----------
-    gyro, accel : SensorNoise or None
-        Noise parameters of the gyroscopes and the accelerometers; None for a sensor that was not calibrated.
-    options : ExportOptions
-        Options of the file.
-    topic : str
-        ROS topic of the recording; an empty string if it is unknown.
-    rest : mapping of axis to BiasAtRest
-        Bias at rest of the axes for which it is known.
-    """
-
+    # noise parameters of the gyroscopes and the accelerometers; None for a sensor that was not calibrated
     gyro: SensorNoise | None
     accel: SensorNoise | None
-    options: ExportOptions
-    topic: str = ""
-    rest: Mapping[str, BiasAtRest] = field(default_factory=dict)
+    options: ExportOptions  # options of the file
+    topic: str = ""  # ROS topic of the recording; an empty string if it is unknown
+    rest: Mapping[str, BiasAtRest] = field(default_factory=dict)  # bias at rest of the axes for which it is known
 
     @property
     def sensors(self) -> tuple[SensorNoise, ...]:
@@ -262,19 +231,15 @@ class TwoNumbers(Exporter):
         warned, measured = cautions(calibration), not is_given(calibration)
         at_rest = " Measured at rest; in the field, filters usually need more." if options.inflation == 1 else ""
         return [
-            recording(calibration),
-            *self.meaning,
+            recording(calibration), *self.meaning,
             *paragraphs([*(remark for remark in warned if remark.severity <= Severity.BIASED), *rates]),
             *(rule_of(sensor, options.axes) for sensor in noise.sensors),
-            *paragraphs(remark for remark in warned if remark.severity > Severity.BIASED),
-            *limits(found),
+            *paragraphs(remark for remark in warned if remark.severity > Severity.BIASED), *limits(found),
             *not_measured(unknown(calibration, self.biases_of)),
             f"Inflation factor: {options.inflation:g}.{at_rest if measured else ''} Horizon: {options.horizon:g} s.",
-            *left_out(noise.sensors),
-            *self.predictions(noise),
-            *stated(calibration, self.biases_of),
+            *left_out(noise.sensors), *self.predictions(noise), *stated(calibration, self.biases_of),
             *self.advice(noise),
-        ]
+        ]  # fmt: skip
 
     def predictions(self, noise: Noise) -> list[str]:
         """Return sentences on how well a filter with the numbers predicts."""
@@ -316,7 +281,11 @@ def sensor_missing(calibration: Calibration, quantity: Quantity, format: str) ->
 
 def topic_of(calibration: Calibration) -> str:
     """Return the ROS topic of the calibrated recording, or an empty string if it has no valid topic name."""
-    topics = {str(remark.facts["topic"]) for remark in calibration.recording_remarks if remark.code == "topic-read"}
+    topics = {
+        str(remark.facts["topic"])
+        for remark in calibration.recording_remarks
+        if remark.code == "topic-chosen" and remark.facts["case"] == "read"
+    }
     name = topics.pop() if len(topics) == 1 else ""
     return name if re.fullmatch(r"/[A-Za-z][A-Za-z0-9_/]*", name) else ""
 

@@ -58,11 +58,9 @@ def unknown(calibration: Calibration, quantities: Sequence[Quantity]) -> Iterato
 
 
 def prior(rest: Mapping[str, BiasAtRest], quantity: Quantity) -> float | None:
-    """Return the prior standard deviation (SI) of the bias of a sensor for a filter, or None if it is not known.
-
-    For each axis, it is the root sum of squares of the standard error of the bias, the RMS of its changes at rest and,
-    if it is known, its spread between turn-ons. The largest value of the three axes is returned.
-    """
+    """Return the prior standard deviation (SI) of the bias of a sensor for a filter, or None if it is not known: for
+    the worst axis, the root sum of squares of the error of the bias, the RMS of its changes at rest and its turn-on
+    spread."""
     known = [rest[axis] for axis in known_axes(rest, quantity)]
     if len(known) < 3:
         return None

@@ -20,15 +20,7 @@ _TIME_POWER = {"N": 0.5, "K": -0.5, "B": 0.0}
 
 
 def remarks_of(noise: Noise, confidence: float) -> Iterator[Remark]:
-    """Yield the remarks on N and K of each sensor.
-
-    Parameters
-    ----------
-    noise : Noise
-        Noise parameters of the unit.
-    confidence : float
-        Level of the confidence intervals of the calibration.
-    """
+    """Yield the remarks on N and K of each sensor, at a confidence level."""
     yield from _upper_limits(noise, confidence)
     rates = {sensor.quantity: Quantity(sensor.rate, "Hz") for sensor in noise.sensors}
     if len({rate.value for rate in rates.values()}) > 1 and noise.options.rate is None:
@@ -43,7 +35,7 @@ def of_lines(axis: str, fit: Fit) -> Iterator[Remark]:
     unit = fit.wavelet_variance.unit or "u"
     for line in lines_of(fit):
         frequency, amplitude = Quantity(line.frequency, "Hz"), Quantity(line.amplitude, unit)
-        yield Remark.of("line-left-out", axis, term=line.term, frequency=frequency, amplitude=amplitude)
+        yield Remark.of("lines", axis, case="file", term=line.term, frequency=frequency, amplitude=amplitude)
 
 
 def of_ramps(calibration: Calibration) -> Iterator[Remark]:
@@ -66,11 +58,11 @@ def _upper_limits(noise: Noise, confidence: float) -> Iterator[Remark]:
             if rule != "mean":
                 shown = limited if rule == "each" else [a for a in limited if a == sensor.worst(symbol).axis]
                 if shown:
-                    yield Remark.of("upper-limit", f"{symbol} of {', '.join(shown)}", level=level)
+                    yield Remark.of("upper-limit", f"{symbol} of {', '.join(shown)}", case="axis", level=level)
             elif getattr(sensor, symbol)[0].upper:
                 name = f"{symbol} of the {NAMES[sensor.quantity]}"
                 if len(limited) == len(axes):
-                    yield Remark.of("upper-limit", name, level=level)
+                    yield Remark.of("upper-limit", name, case="axis", level=level)
                 else:
                     unit = noise_unit(power, SI_UNIT[sensor.quantity])[0]
                     yield from _limits_among(name, axes, unit, level=level)
@@ -82,6 +74,6 @@ def _limits_among(name: str, axes: Mapping[str, Number], unit: str, *, level: Qu
         # The value is zero for an axis whose model does not have this noise, for example flicker noise.
         if number.value > 0:
             yield Remark.of(
-                "upper-limit-among", axis, number=name, level=level,
+                "upper-limit", axis, case="mean", number=name, level=level,
                 kind="upper limit" if number.upper else "measured", value=Quantity(number.value, unit),
             )  # fmt: skip

@@ -60,13 +60,10 @@ def _comment(lines: Sequence[str]) -> list[str]:
 def _axis(letter: str, stddev: Number, drive: Number, time: float) -> list[str]:
     upper = [key for key, number in (("stddev", stddev), ("dynamic_bias_stddev", drive)) if number.upper]
     return [
-        f"    <{letter}>",
-        '      <noise type="gaussian">',
-        *([f"        <!-- upper limit: {', '.join(upper)} -->"] if upper else []),
-        "        <mean>0.0</mean>",
+        f"    <{letter}>", '      <noise type="gaussian">',
+        *([f"        <!-- upper limit: {', '.join(upper)} -->"] if upper else []), "        <mean>0.0</mean>",
         f"        <stddev>{written(stddev)}</stddev>",
         f"        <dynamic_bias_stddev>{written(drive)}</dynamic_bias_stddev>",
-        f"        <dynamic_bias_correlation_time>{written(time)}</dynamic_bias_correlation_time>",
-        "      </noise>",
+        f"        <dynamic_bias_correlation_time>{written(time)}</dynamic_bias_correlation_time>", "      </noise>",
         f"    </{letter}>",
-    ]
+    ]  # fmt: skip

@@ -49,15 +49,7 @@ def given_calibration(given: Given) -> Calibration:
 
 
 def fitted_calibration(fits: Mapping[str, Fit], source: str = "") -> Calibration:
-    """Return fits as a calibration without intervals and tests, for formats that need only the noise models.
-
-    Parameters
-    ----------
-    fits : mapping of axis to Fit
-        The fit of each axis.
-    source : str
-        Name of the recording.
-    """
+    """Return fits by axis as a calibration without intervals and tests, for formats that need only the noise models."""
     axes = {axis: _uncompared(fit) for axis, fit in fits.items()}
     return Calibration(axes=axes, failed={}, settings=CalibrationOptions(), source=source)
 
@@ -73,18 +65,12 @@ def _axis(axis: str, model: Model, rate: float) -> AxisCalibration:
     unit = SI_UNIT["gyro" if axis.startswith("gyro") else "accel"]
     curve = WaveletVariance.from_values(variance, samples, rate, unit=unit, axis=axis)
     fit = Fit(
-        wavelet_variance=curve,
-        model=held,
-        parameters={name: float(value) for name, value in held.parameters.items() if value is not None},
-        objective=0.0,
-        lower_bound=None,
-        relaxed_bound=0.0,
-        implied=variance,
-        decomposition=held.decomposition(levels, rate),
-        weighting=GIVEN,
-        weighting_matrix=np.diag(1.0 / variance**2),
+        wavelet_variance=curve, model=held,
+        parameters={name: float(value) for name, value in held.parameters.items() if value is not None}, objective=0.0,
+        lower_bound=None, relaxed_bound=0.0, implied=variance, decomposition=held.decomposition(levels, rate),
+        weighting=GIVEN, weighting_matrix=np.diag(1.0 / variance**2),
         diagnostics=Diagnostics(acts_as={}, not_supported=(), nodes=0),
-    )
+    )  # fmt: skip
     return _uncompared(fit)
 
 

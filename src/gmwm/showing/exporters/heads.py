@@ -50,8 +50,9 @@ def _source(axis: AxisNoise, symbol: str) -> str:
 
 def limits(remarks: Iterable[Remark]) -> list[str]:
     """Return a sentence on the numbers that are upper limits, and one on means that contain upper limits."""
-    whole = [remark for remark in remarks if remark.code == "upper-limit"]
-    among = [remark for remark in remarks if remark.code == "upper-limit-among"]
+    limits = [remark for remark in remarks if remark.code == "upper-limit"]
+    whole = [remark for remark in limits if remark.facts["case"] == "axis"]
+    among = [remark for remark in limits if remark.facts["case"] == "mean"]
     lines = []
     if whole:
         level = fact_text(whole[0].facts["level"])

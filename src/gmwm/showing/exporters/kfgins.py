@@ -42,13 +42,10 @@ class KfGins(GaussMarkov):
         time = next(iter(found.values())).time
         measured = not all(bias.sigma.upper for bias in found.values())
         return [
-            "imunoise:",
-            _row("arw", gyro.N, 60 / _DEGREE, "deg/sqrt(h)"),
-            _row("vrw", accel.N, 60, "m/s/sqrt(h)"),
-            _row("gbstd", sigmas[0], 3600 / _DEGREE, "deg/h"),
-            _row("abstd", sigmas[1], 1e5, "mGal"),
+            "imunoise:", _row("arw", gyro.N, 60 / _DEGREE, "deg/sqrt(h)"), _row("vrw", accel.N, 60, "m/s/sqrt(h)"),
+            _row("gbstd", sigmas[0], 3600 / _DEGREE, "deg/h"), _row("abstd", sigmas[1], 1e5, "mGal"),
             f"  corrtime: {written(time / 3600)}  # h{'' if measured else '  not measured'}",
-        ]
+        ]  # fmt: skip
 
 
 def _row(key: str, numbers: Sequence[Number], factor: float, unit: str) -> str:

@@ -19,25 +19,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Bias:
-    """White noise and Gauss-Markov bias of one axis.
+    """White noise and Gauss-Markov bias of one axis."""
 
-    Attributes
-    ----------
-    axis : str
-        Name of the axis.
-    N, sigma : Number
-        White noise and standard deviation of the bias (SI), before inflation.
-    time : float
-        Correlation time (s).
-    error : float
-        Largest relative difference to the Allan deviation of the model.
-    """
-
-    axis: str
+    axis: str  # name of the axis
+    # white noise and standard deviation of the bias (SI), before inflation
     N: Number
     sigma: Number
-    time: float
-    error: float
+    time: float  # correlation time (s)
+    error: float  # largest relative difference to the Allan deviation of the model
 
     @property
     def walk(self) -> Number:
@@ -46,22 +35,10 @@ class Bias:
 
 
 def biases(axes: Sequence[AxisNoise], low: float, high: float, *, common: bool) -> dict[str, Bias]:
-    """Fit white noise and a Gauss-Markov bias to each axis by least squares on the logarithm of the Allan variance.
-
-    Parameters
-    ----------
-    axes : sequence of AxisNoise
-        Noise parameters of the axes.
-    low, high : float
-        Shortest and longest averaging time (s), which are also the limits of the correlation time.
-    common : bool
-        Whether all axes have the same correlation time.
-
-    Returns
-    -------
-    mapping of axis to Bias
-        If K of an axis is an upper limit, so is σ: the RMS over the longest averaging time of this random walk.
-    """
+    """Fit white noise and a Gauss-Markov bias to each axis by least squares on the logarithm of the Allan variance,
+    from `low` to `high` (s), which are also the limits of the correlation time. If `common`, all axes have one
+    correlation time. If K of an axis is an upper limit, so is σ: the RMS of this random walk over the longest averaging
+    time."""
     slow = [axis for axis in axes if not axis.K.upper and axis.K.value > 0]
     groups = [slow] if common and slow else [[axis] for axis in slow]
     fitted: dict[str, Bias] = {}
@@ -94,15 +71,8 @@ class MarkovNoise(Noise):
 
 
 class GaussMarkov(TwoNumbers):
-    """Base class of formats with white noise N and a Gauss-Markov bias.
-
-    The bias has the standard deviation σ and the correlation time T.
-
-    Attributes
-    ----------
-    common : bool
-        Whether the program has one correlation time for all axes.
-    """
+    """Base class of formats with white noise N and a Gauss-Markov bias with the standard deviation σ and the
+    correlation time T; `common` if the program has one T for all axes."""
 
     takes = frozenset({"axes", "inflation", "horizon", "duration", "rate"})
     per_axis = True

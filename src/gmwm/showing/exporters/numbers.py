@@ -89,12 +89,10 @@ def _filter(axis: str, calibration: Calibration, options: ExportOptions) -> dict
         return {"none_because": str(error)}
     return {
         symbol: {
-            "value": number.value,
-            "upper_limit": number.upper,
-            "unit": noise_unit(power, SI_UNIT[unit.quantity])[0],
+            "value": number.value, "upper_limit": number.upper, "unit": noise_unit(power, SI_UNIT[unit.quantity])[0],
         }
         for symbol, number, power in (("N", noise.N, 0.5), ("K", noise.K, -0.5))
-    }
+    }  # fmt: skip
 
 
 def _plain(value: Any) -> Any:

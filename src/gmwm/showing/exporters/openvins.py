@@ -33,11 +33,9 @@ class OpenVins(TwoNumbers):
         """Return the lines of the entry of one IMU."""
         lines = ["imu0:", *_matrix("T_i_b", _POSE), *(f"  {line}" for line in four_numbers(noise))]
         lines += [
-            f"  rostopic: {noise.topic or '/imu0'}",
-            "  time_offset: 0.0",
-            f"  update_rate: {noise.written_rate}  # Hz",
+            f"  rostopic: {noise.topic or '/imu0'}", "  time_offset: 0.0", f"  update_rate: {noise.written_rate}  # Hz",
             '  model: "kalibr"',
-        ]
+        ]  # fmt: skip
         for key, rows in (
             ("Tw", _UNIT), ("R_IMUtoGYRO", _UNIT), ("Ta", _UNIT), ("R_IMUtoACC", _UNIT), ("Tg", _ZERO)
         ):  # fmt: skip

@@ -51,11 +51,8 @@ def _quality(axis: AxisNoise, time: float) -> Quality:
 
 
 def predictions(sensors: Iterable[SensorNoise]) -> list[str]:
-    """Return a sentence for each sensor on the loss of N and K against the full model and on their stated error.
-
-    Each number is that of the axis of the sensor with the largest loss, or with the largest difference between the
-    stated and the real error.
-    """
+    """Return a sentence for each sensor on the loss of N and K against the full model, and on their stated error, each
+    for the axis where it is worst."""
     lines, times, large = [], "/".join(f"{time:g}" for time in TIMES), False
     for sensor in sensors:
         axes = [axis for axis in sensor.axes if axis.N.value > 0]

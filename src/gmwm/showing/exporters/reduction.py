@@ -21,10 +21,8 @@ if TYPE_CHECKING:
 
 Rule = Literal["worst", "mean", "each"]
 RULES: Mapping[Rule, str] = {
-    "worst": "the largest of",
-    "mean": "the root mean square of",
-    "each": "one for each of",
-}
+    "worst": "the largest of", "mean": "the root mean square of", "each": "one for each of",
+}  # fmt: skip
 """Rules that combine the axes of a sensor into the parameters of a file, with their descriptions."""
 
 NAMES: Mapping[Quantity, str] = {"gyro": "gyroscopes", "accel": "accelerometers"}
@@ -45,45 +43,25 @@ class Number:
 
 @dataclass(frozen=True)
 class AxisNoise:
-    """Noise parameters of one axis in SI units.
+    """Noise parameters of one axis in SI units."""
 
-    Attributes
-    ----------
-    axis : str
-        Name of the axis.
-    fit : Fit
-        Fit of the noise model.
-    N, K, B : Number
-        White noise, random walk, and coefficient of the flicker term.
-    use : Use
-        Horizon and treatment of flicker noise for which N and K are computed.
-    """
-
-    axis: str
-    fit: Fit
+    axis: str  # name of the axis
+    fit: Fit  # fit of the noise model
+    # white noise, random walk, and coefficient of the flicker term
     N: Number
     K: Number
     B: Number
-    use: Use
+    use: Use  # horizon and treatment of flicker noise for which N and K are computed
 
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """Noise parameters of one sensor in SI units, after inflation.
+    """Noise parameters of one sensor in SI units, after inflation."""
 
-    Parameters
-    ----------
-    quantity : "gyro" or "accel"
-        Kind of the sensor.
-    axes : tuple of AxisNoise
-        Parameters of each axis, before inflation.
-    N, K, B : tuple of Number
-        White noise, random walk and coefficient of the flicker term, with three values for x, y and z. The three values
-        are equal unless the rule is "each".
-    """
-
-    quantity: Quantity
-    axes: tuple[AxisNoise, ...]
+    quantity: Quantity  # kind of the sensor
+    axes: tuple[AxisNoise, ...]  # parameters of each axis, before inflation
+    # White noise, random walk and coefficient of the flicker term, with three values for x, y and z. The three
+    # values are equal unless the rule is "each".
     N: tuple[Number, ...]
     K: tuple[Number, ...]
     B: tuple[Number, ...]
@@ -101,13 +79,8 @@ class SensorNoise:
 def sensor_noise(
     calibration: Calibration, quantity: Quantity, rule: Rule, inflation: float, use: Use
 ) -> SensorNoise | None:
-    """Return N, K and B of a sensor, or None if it was not calibrated.
-
-    Raises
-    ------
-    DataError
-        If the data do not determine even an upper limit, or if the rule is "each" and an axis was not calibrated.
-    """
+    """Return N, K and B of a sensor, or None if it was not calibrated. Raises a DataError if the data do not determine
+    even an upper limit, or if the rule is "each" and an axis was not calibrated."""
     names = axes_of(calibration, quantity)
     if not names:
         return None

@@ -74,7 +74,7 @@ class Ros(Exporter):
         found = cautions(calibration)
         for axis, fit in calibration.items():
             if terms := terms_without_variance(fit):
-                found.append(Remark.of("no-variance", axis, terms=terms))
+                found.append(Remark.of("not-in-file", axis, case="variance", terms=terms))
             found += of_lines(axis, fit)
         return tuple(found)
 
@@ -85,10 +85,8 @@ def terms_without_variance(fit: Fit) -> tuple[str, ...]:
 
 
 def sample_variance(fit: Fit) -> float:
-    """Return the variance (SI) of one sample of the stationary noise of a fit.
-
-    Sinusoids and terms that act as a random walk are left out.
-    """
+    """Return the variance (SI) of one sample of the stationary noise of a fit. Sinusoids and terms that act as a random
+    walk are left out."""
     rate = fit.wavelet_variance.rate
     stationary = [process for term, process in _noises(fit) if not _grows(fit, term, process)]
     return sum(float(process.autocovariance([0], rate)[0]) for process in stationary)

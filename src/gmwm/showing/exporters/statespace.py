@@ -227,18 +227,8 @@ def _identifier(axis: str) -> str:
 
 
 def axis_matrices(axis: str, calibration: Calibration, options: ExportOptions) -> dict[str, Any]:
-    """Return the state-space matrices of one axis as lists, and the matrices of its reduction to two states.
-
-    Parameters
-    ----------
-    axis : str
-        Name of the axis.
-    calibration : Calibration
-        The calibration of the unit.
-    options : ExportOptions
-        Options of the file. `rate` is the number of steps per second (Hz) of F, Q, H and R; by default, the rate of the
-        recording.
-    """
+    """Return the state-space matrices of one axis as lists, and those of its reduction to two states. F, Q, H and R are
+    for the rate of the options or, by default, of the recording."""
     fit = calibration[axis]
     try:
         whole = _matrices(fit.model, fit, options.rate)
@@ -290,20 +280,8 @@ def _matrices(model: Model, fit: Fit, rate: float | None) -> dict[str, Any]:
     if rate is not None and rate != own:
         space, states = smooth.discrete(rate), list(smooth.terms)
     return {
-        "model": plain(str(model)),
-        "unit": plain(fit.wavelet_variance.unit),
-        "rate": own if rate is None else rate,
-        "states": states,
-        "F": rows(space.F),
-        "Q": rows(space.Q),
-        "H": rows(space.H),
-        "R": rows(space.R),
-        "m0": space.m0.tolist(),
-        "P0": rows(space.P0),
-        "diffuse": space.diffuse.tolist(),
-        "A": rows(smooth.A),
-        "Qc": rows(smooth.Qc),
-        "H_c": rows(smooth.H),
-        "Rc": rows(smooth.Rc),
-        "left_out": list(smooth.left_out),
-    }
+        "model": plain(str(model)), "unit": plain(fit.wavelet_variance.unit), "rate": own if rate is None else rate,
+        "states": states, "F": rows(space.F), "Q": rows(space.Q), "H": rows(space.H), "R": rows(space.R),
+        "m0": space.m0.tolist(), "P0": rows(space.P0), "diffuse": space.diffuse.tolist(), "A": rows(smooth.A),
+        "Qc": rows(smooth.Qc), "H_c": rows(smooth.H), "Rc": rows(smooth.Rc), "left_out": list(smooth.left_out),
+    }  # fmt: skip

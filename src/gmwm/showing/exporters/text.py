@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 _WIDTH = 116
 REST = "All models, intervals and remarks: report.html of the calibration, or `calibration.report()`."
 """Last comment line of a file."""
-_DOUBTFUL_UNITS = ("gravity-off", "unit-overruled")
 _ASCII = {
     "²": "^2", "³": "^3", "·": " ", "≤": "<=", "±": "+-", "β": "beta", "σ": "sigma", "°": "deg",
     "µ": "u", "…": "...", "τ": "tau", "“": '"', "”": '"', "’": "'", "×": "x", "−": "-",
@@ -28,10 +27,8 @@ _ASCII = {
 
 
 def recording(calibration: Calibration) -> str:
-    """Return a sentence on the recording for the head of a file.
-
-    It states the source, the length, the rate, the checksum, and the effects that were subtracted.
-    """
+    """Return a sentence on the recording for the head of a file. It states the source, the length, the rate, the
+    checksum, and the effects that were subtracted."""
     if is_given(calibration):
         return f"Source: {calibration.source}. These numbers were given, and not measured by gmwm."
     source = f"{calibration.source_name}, " if calibration.source else ""
@@ -68,17 +65,16 @@ def _conditions(calibration: Calibration) -> str:
 
 
 def cautions(calibration: Calibration) -> list[Remark]:
-    """Return the remarks that every file contains.
-
-    They concern values that may be wrong by a large factor, doubtful units, and noise that axes share. No exported file
-    has cross-covariances between axes.
-    """
+    """Return the remarks that every file contains: on values that may be wrong by a large factor, on doubtful units,
+    and on noise that axes share, because no file has cross-covariances between axes."""
     found = [
-        remark for remark in calibration.remarks if remark.severity <= Severity.WRONG or remark.code in _DOUBTFUL_UNITS
+        remark
+        for remark in calibration.remarks
+        if remark.severity <= Severity.WRONG or remark.code == "unit-contradicted"
     ]
     pairs = [remark.facts["pairs"] for remark in calibration.remarks if remark.code == "noise-shared"]
     shared = tuple(dict.fromkeys(str(pair) for some in pairs if isinstance(some, tuple) for pair in some))
-    return [Remark.of("independent-in-file", **pairs_facts(shared)), *found] if shared else found
+    return [Remark.of("noise-shared", case="file", **pairs_facts(shared)), *found] if shared else found
 
 
 def paragraphs(remarks: Iterable[Remark]) -> list[str]:

@@ -37,29 +37,19 @@ Clusters = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class TwoStates:
-    """White noise and at most two Gauss-Markov states that approximate a noise model.
+    """White noise and at most two Gauss-Markov states that approximate a noise model."""
 
-    Attributes
-    ----------
-    N : float
-        White noise density (SI).
-    sigma, time : tuple of float
-        Standard deviation (SI) and correlation time (s) of each state.
-    low, high : float
-        Shortest and longest averaging time (s) in the fit. `low` is the horizon.
-    error : float
-        Largest relative difference between the Allan deviations of the states and of the model without its sinusoids
-        and ramps.
-    error_of_one, error_of_walk : float
-        Largest relative difference with one state, and with a random walk K instead of the states.
-    """
-
-    N: float
+    N: float  # white noise density (SI)
+    # standard deviation (SI) and correlation time (s) of each state
     sigma: tuple[float, ...]
     time: tuple[float, ...]
+    # Shortest and longest averaging time (s) in the fit. `low` is the horizon.
     low: float
     high: float
+    # largest relative difference between the Allan deviations of the states and of the model without its sinusoids
+    # and ramps
     error: float
+    # largest relative difference with one state, and with a random walk K instead of the states
     error_of_one: float
     error_of_walk: float
 
@@ -90,24 +80,9 @@ def apart(error: float) -> str:
 
 
 def two_states(fit: Fit, horizon: float, duration: float | None = None) -> TwoStates | None:
-    """Fit white noise and two Gauss-Markov states to a model by least squares of the logarithm of the Allan variance.
-
-    The fit uses averaging times from the horizon to the duration.
-
-    Parameters
-    ----------
-    fit : Fit
-        Fit of the model.
-    horizon : float
-        Shortest averaging time (s).
-    duration : float, optional
-        Longest averaging time (s); by default one hour, or the length of a shorter recording.
-
-    Returns
-    -------
-    TwoStates or None
-        The reduced model, or None if a filter without random walk is best for the model.
-    """
+    """Fit white noise and two Gauss-Markov states to a model, from the horizon to the duration (s; by default one hour,
+    or a shorter recording), by least squares of the logarithm of the Allan variance. Return None if a filter without
+    random walk is best."""
     known: dict[tuple[float, float | None], TwoStates | None] = fit.__dict__.setdefault("_two_states", {})
     if (horizon, duration) not in known:
         known[horizon, duration] = _two_states(fit, horizon, duration)
@@ -127,15 +102,9 @@ def _two_states(fit: Fit, horizon: float, duration: float | None) -> TwoStates |
     times = curve.clusters / curve.rate
     white, walk = noise["N"].value, noise["K"].value
     return TwoStates(
-        N=two.white,
-        sigma=two.sigma,
-        time=two.time,
-        low=horizon,
-        high=high,
-        error=two.error,
-        error_of_one=one.error,
+        N=two.white, sigma=two.sigma, time=two.time, low=horizon, high=high, error=two.error, error_of_one=one.error,
         error_of_walk=curve.error(white**2 / times + walk**2 * times / 3),
-    )
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -151,21 +120,11 @@ class States:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Allan variance of a model without its sinusoids and ramps.
+    """Allan variance of a model without its sinusoids and ramps."""
 
-    Attributes
-    ----------
-    clusters : (n,) array of int
-        Averaging times, in samples.
-    rate : float
-        Sampling rate (Hz).
-    whole : (n,) array
-        Allan variance.
-    """
-
-    clusters: Clusters
-    rate: float
-    whole: Vector
+    clusters: Clusters  # (n,) averaging times, in samples
+    rate: float  # sampling rate (Hz)
+    whole: Vector  # (n,) Allan variance
 
     @classmethod
     def of(cls, fit: Fit, low: float, high: float) -> Curve:
@@ -187,20 +146,16 @@ class Curve:
 
     def error(self, reduced: Vector) -> float:
         """Return the largest relative difference between the Allan deviations of a reduced and of the whole model.
-
-        `reduced` is the Allan variance (n,) of the reduced model.
-        """
+        `reduced` is the Allan variance (n,) of the reduced model."""
         return float(np.max(np.abs(np.sqrt(reduced / self.whole) - 1)))
 
 
 def fit_states(
     curves: Sequence[Curve], count: int, low: float, high: float, *, white: Sequence[float] | None = None
 ) -> list[States]:
-    """Fit white noise and at most `count` Gauss-Markov states to each curve, with the same correlation times for all.
-
-    The correlation times are between `low` and `high` (s). The fit is by least squares of the logarithm of the Allan
-    variance. If `white` is not None, the white noise of each curve is held at this density.
-    """
+    """Fit white noise and at most `count` Gauss-Markov states to each curve, with common correlation times from
+    `low` to `high` (s), by least squares of the logarithm of the Allan variance. `white`, if given, holds each
+    white noise."""
     from scipy.optimize import least_squares
 
     times, parts = _start(curves, count, low, high)
@@ -229,20 +184,16 @@ def fit_states(
     order = np.argsort(x[len(start) :])
     return [
         States(
-            white=float(roots[0]),
-            sigma=tuple(roots[1:][order].tolist()),
-            time=tuple(np.exp(x[len(start) :][order]).tolist()),
-            error=curve.error(allan),
+            white=float(roots[0]), sigma=tuple(roots[1:][order].tolist()),
+            time=tuple(np.exp(x[len(start) :][order]).tolist()), error=curve.error(allan),
         )
         for roots, allan, curve in zip(np.sqrt(strengths(x)), reduced(x), curves, strict=True)
-    ]
+    ]  # fmt: skip
 
 
 def _start(curves: Sequence[Curve], count: int, low: float, high: float) -> tuple[Vector, list[Vector]]:
-    """Return the best correlation times on a grid, and the white noise and variances of each curve.
-
-    States whose variance is zero in all curves are left out.
-    """
+    """Return the best correlation times on a grid, and the white noise and variances of each curve. States whose
+    variance is zero in all curves are left out."""
     from scipy.optimize import nnls
 
     grid = np.geomspace(low, high, _TRIED[count])

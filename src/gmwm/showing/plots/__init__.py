@@ -29,30 +29,11 @@ if TYPE_CHECKING:
     from gmwm.showing.plots.tracks import plot_tracks
 
 __all__ = [
-    "Plotted",
-    "compare",
-    "plot",
-    "plot_allan",
-    "plot_allan_axes",
-    "plot_autocorrelation",
-    "plot_avlr",
-    "plot_candidates",
-    "plot_coefficients",
-    "plot_comparison",
-    "plot_components",
-    "plot_fit",
-    "plot_imu",
-    "plot_plan",
-    "plot_ranking",
-    "plot_recording",
-    "plot_residuals",
-    "plot_signal",
-    "plot_spectra",
-    "plot_spectrum",
-    "plot_tracks",
-    "plot_wavelet_variance",
-    "register",
-]
+    "Plotted", "compare", "plot", "plot_allan", "plot_allan_axes", "plot_autocorrelation", "plot_avlr",
+    "plot_candidates", "plot_coefficients", "plot_comparison", "plot_components", "plot_fit", "plot_imu", "plot_plan",
+    "plot_ranking", "plot_recording", "plot_residuals", "plot_signal", "plot_spectra", "plot_spectrum", "plot_tracks",
+    "plot_wavelet_variance", "register",
+]  # fmt: skip
 
 _RESULTS = {
     "calibration.result.Calibration": "imu.plot_imu",
@@ -60,11 +41,9 @@ _RESULTS = {
     "choosing.selection.ranking.Comparison": "ranking.plot_candidates",
     "choosing.selection.ranking.Ranking": "ranking.plot_ranking",
     "fitting.estimation.conditions_fit.ConditionsFit": "overlay.plot_conditions",
-    "fitting.estimation.result.Fit": "fit.plot_fit",
-    "fitting.inference.planning.Plan": "plan.plot_plan",
+    "fitting.estimation.result.Fit": "fit.plot_fit", "fitting.inference.planning.Plan": "plan.plot_plan",
     "fitting.likelihood.innovations.Residuals": "residuals.plot_residuals",
-    "fitting.likelihood.result.LikelihoodFit": "fit.plot_fit",
-    "fitting.likelihood.tracks.Tracks": "tracks.plot_tracks",
+    "fitting.likelihood.result.LikelihoodFit": "fit.plot_fit", "fitting.likelihood.tracks.Tracks": "tracks.plot_tracks",
     "measuring.regression.result.Regression": "regression.plot_regression",
     "measuring.spectrum.result.PowerSpectra": "spectrum.plot_spectra",
     "measuring.spectrum.result.PowerSpectrum": "spectrum.plot_spectrum",
@@ -72,10 +51,9 @@ _RESULTS = {
     "measuring.variance.axes_result.WaveletVariances": "imu.plot_imu",
     "measuring.variance.clusters.ClusterVariance": "allan.plot_allan",
     "measuring.variance.result.WaveletVariance": "curves.plot_wavelet_variance",
-    "recording.signals.Imu": "series.plot_recording",
-    "recording.signals.Signal": "series.plot_signal",
+    "recording.signals.Imu": "series.plot_recording", "recording.signals.Signal": "series.plot_signal",
     "theory.simulation.components.SimulatedSignal": "series.plot_components",
-}
+}  # fmt: skip
 """Functions of this package by the result that they draw."""
 _OTHERS = ("allan.plot_allan_axes", "residuals.plot_autocorrelation", "coefficients.plot_coefficients",
            "overlay.compare", "overlay.plot_comparison")  # fmt: skip

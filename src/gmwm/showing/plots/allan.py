@@ -77,19 +77,15 @@ def cluster_view(curve: ClusterVariance, units: UnitSystem) -> ClusterView:
 def allan_panel(
     curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "si", guides: bool = True, title: str = ""
 ) -> Panel:
-    """Return a panel with deviations of the same quantity and unit, and their confidence bands.
-
-    The legend shows the names of several curves. With `guides`, the panel has guides for the slopes of noise processes.
-    """
+    """Return a panel with deviations of the same quantity and unit, and their confidence bands. The legend shows the
+    names of several curves. With `guides`, the panel has guides for the slopes of noise processes."""
     views = [cluster_view(curve, units) for curve in curves.values()]
     if len({(view.unit, view.title) for view in views}) > 1:
         labels = ", ".join(f"{name}: {view.height_label}" for name, view in zip(curves, views, strict=True))
         raise OptionError(
-            f"curves in one panel need the same quantity and unit, but they are {labels}",
-            argument="curves",
-            got=tuple(view.height_label for view in views),
-            advice="Plot each quantity in its own figure.",
-        )
+            f"curves in one panel need the same quantity and unit, but they are {labels}", argument="curves",
+            got=tuple(view.height_label for view in views), advice="Plot each quantity in its own figure.",
+        )  # fmt: skip
     strokes = [OBSERVED] if len(curves) == 1 else [_stroke(name, k) for k, name in enumerate(curves)]
     marks: list[Mark] = []
     for (name, curve), view, stroke in zip(curves.items(), views, strokes, strict=True):
@@ -142,10 +138,8 @@ def with_guides(panel: Panel) -> Panel:
 
 
 def _emptiest_corner(panel: Panel, width: float, height: float) -> tuple[float, float]:
-    """Return the left and middle point of guides in the corner with the fewest points of curves and bands.
-
-    All numbers are fractions of the panel; `height` is half of the height of the guides.
-    """
+    """Return the left and middle point of guides in the corner with the fewest points of curves and bands. All numbers
+    are fractions of the panel; `height` is half of the height of the guides."""
     shares = [np.empty((2, 0))]
     for mark in panel.marks:
         for y in (mark.y,) if isinstance(mark, Line) else (mark.lower, mark.upper) if isinstance(mark, Band) else ():
@@ -228,13 +222,9 @@ def allan_figure(curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "
 
 @drawing
 def plot_allan(
-    result: ClusterVariance,
-    *,
-    units: UnitSystem = "si",
-    guides: bool = True,
-    ax: Axes | None = None,
+    result: ClusterVariance, *, units: UnitSystem = "si", guides: bool = True, ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw the deviation over the averaging time, with its confidence band, on logarithmic axes.
 
     A variance of zero is marked at the lower edge of the plot.
@@ -251,13 +241,9 @@ def plot_allan(
 
 @drawing
 def plot_avlr(
-    regression: AllanRegression,
-    *,
-    units: UnitSystem = "si",
-    guides: bool = True,
-    ax: Axes | None = None,
+    regression: AllanRegression, *, units: UnitSystem = "si", guides: bool = True, ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw the Allan deviation with the fitted lines and the points that give Q, N, B, K and R.
 
     Parameters
@@ -273,12 +259,9 @@ def plot_avlr(
 
 @drawing
 def plot_allan_axes(
-    curves: Mapping[str, ClusterVariance],
-    *,
-    units: UnitSystem = "si",
-    guides: bool = True,
+    curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "si", guides: bool = True,
     path: str | os.PathLike[str] | None = None,
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw the deviations of several axes, with one panel for each sensor.
 
     Parameters

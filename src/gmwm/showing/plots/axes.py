@@ -41,11 +41,8 @@ def number_text(value: float, digits: int = 3) -> str:
 
 
 def limits_of(values: Vector, *, margin: float = 0.05) -> tuple[float, float]:
-    """Return limits of a logarithmic axis that contain the positive finite values.
-
-    On each side, the limits exceed the values by the fraction `margin` of the number of decades between them. They span
-    at least one decade.
-    """
+    """Return limits of a logarithmic axis that contain the positive finite values, with a fraction `margin` of their
+    decades on each side. They span at least one decade."""
     shown = drawable(values)
     if not np.any(np.isfinite(shown)):
         return EMPTY
@@ -55,11 +52,8 @@ def limits_of(values: Vector, *, margin: float = 0.05) -> tuple[float, float]:
 
 
 def limits_near(core: Vector, around: Iterable[Vector], *, reach: float) -> tuple[float, float]:
-    """Return limits around the values `core`, extended by at most a factor `reach` to include the values `around`.
-
-    If the factor were not limited, the confidence limit at the longest scale, or a very small term, could determine the
-    scale of the whole plot.
-    """
+    """Return limits around the values `core`, extended by at most a factor `reach` to include the values `around`, so
+    that the limit at the longest scale, or a very small term, does not determine the scale of the whole plot."""
     core = drawable(core)
     if not np.any(np.isfinite(core)):
         core = np.concatenate([drawable(values) for values in around] or [core])
@@ -111,10 +105,8 @@ def power_text(value: float) -> str:
 
 
 def time_axis(times: Vector, label: str) -> Axis:
-    """Return a horizontal axis in seconds for the scales of all curves, in any order and possibly repeated.
-
-    It has a grid line at each dyadic scale, and minutes and hours at the top.
-    """
+    """Return a horizontal axis in seconds for the scales of all curves, in any order and possibly repeated. It has a
+    grid line at each dyadic scale, and minutes and hours at the top."""
     limits = limits_of(times, margin=0.03)
     ticks, _ = power_ticks(limits)
     scales = np.unique(times)

@@ -56,13 +56,9 @@ def _panel(transform: Modwt | Dwt, level: int, rate: float, unit: str) -> Panel:
 
 @drawing
 def plot_coefficients(
-    transform: Modwt | Dwt,
-    rate: float,
-    *,
-    unit: str = "",
-    levels: Iterable[int] | None = None,
+    transform: Modwt | Dwt, rate: float, *, unit: str = "", levels: Iterable[int] | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw wavelet coefficients over time, with a panel for each level, without those affected by the boundaries.
 
     Parameters

@@ -43,18 +43,11 @@ def view_for(wv: WaveletVariance, view: ViewName, units: UnitSystem) -> View:
 
 
 def observed_marks(
-    wv: WaveletVariance,
-    view: View,
-    *,
-    stroke: Stroke | None = None,
-    label: str = "",
+    wv: WaveletVariance, view: View, *, stroke: Stroke | None = None, label: str = "",
     used: NDArray[np.bool_] | None = None,
-) -> tuple[Mark, ...]:
-    """Return the marks of a measured curve: the line with symbols, and the confidence band in the colour of the line.
-
-    Levels that a fit has not `used` have open symbols. The default stroke depends on whether the estimate is robust,
-    and the default label is the name of the quantity.
-    """
+) -> tuple[Mark, ...]:  # fmt: skip
+    """Return the marks of a measured curve: the line with symbols, open at levels that a fit has not `used`, and the
+    confidence band. By default, the stroke shows whether the estimate is robust, and the label is the quantity."""
     x, y = view.time(wv.tau), drawable(view.height(wv.variance))
     stroke = stroke or (ROBUST if wv.robust else OBSERVED)
     robust = ", robust" if wv.robust else ""
@@ -91,20 +84,11 @@ def band_edges(wv: WaveletVariance, view: View) -> tuple[Vector, Vector]:
 
 
 def closed_panel(
-    views: Sequence[View],
-    measured: Sequence[WaveletVariance],
-    marks: Iterable[Mark],
-    *,
-    around: Iterable[Vector] = (),
-    strokes: Sequence[Stroke] = (OBSERVED,),
-    names: Sequence[str] = ("",),
-    title: str = "",
-) -> Panel:
-    """Return a panel whose axes fit the measured curves with their confidence limits, each in its view.
-
-    The axis also includes the heights `around`, up to a factor `View.reach` beyond the curves. Symbols at the lower
-    border, with the strokes and names of the curves, mark variances of zero.
-    """
+    views: Sequence[View], measured: Sequence[WaveletVariance], marks: Iterable[Mark], *, around: Iterable[Vector] = (),
+    strokes: Sequence[Stroke] = (OBSERVED,), names: Sequence[str] = ("",), title: str = "",
+) -> Panel:  # fmt: skip
+    """Return a panel whose axes fit the measured curves with their limits, each in its view, and the heights `around`
+    up to a factor `View.reach` beyond. Symbols at the lower border mark variances of zero."""
     shown = list(zip(views, measured, strokes, names, strict=True))
     edges = [edge for view, wv, _, _ in shown for edge in band_edges(wv, view)]
     core = np.concatenate([view.height(wv.variance) for view, wv, _, _ in shown])
@@ -112,11 +96,9 @@ def closed_panel(
     feet = [_zeros(wv, view, stroke, name) for view, wv, stroke, name in shown]
     return Panel(
         time_axis(np.concatenate([view.time(wv.tau) for view, wv, _, _ in shown]), views[0].time_label),
-        value_axis(limits, views[0].height_label),
-        marks=(*marks, *(foot for foot in feet if foot is not None)),
-        title=title,
-        texts=() if np.any(core > 0) else (Text("Every variance is zero"),),
-    )
+        value_axis(limits, views[0].height_label), marks=(*marks, *(foot for foot in feet if foot is not None)),
+        title=title, texts=() if np.any(core > 0) else (Text("Every variance is zero"),),
+    )  # fmt: skip
 
 
 def _zeros(wv: WaveletVariance, view: View, stroke: Stroke, name: str) -> Foot | None:
@@ -137,15 +119,9 @@ def wavelet_variance_panel(wv: WaveletVariance, *, view: ViewName = "wavelet", u
 
 @drawing
 def plot_wavelet_variance(
-    wv: WaveletVariance,
-    *,
-    view: ViewName = "wavelet",
-    units: UnitSystem = "si",
-    label: str | None = None,
-    color: str | None = None,
-    ax: Axes | None = None,
-    path: str | os.PathLike[str] | None = None,
-) -> Figure:
+    wv: WaveletVariance, *, view: ViewName = "wavelet", units: UnitSystem = "si", label: str | None = None,
+    color: str | None = None, ax: Axes | None = None, path: str | os.PathLike[str] | None = None,
+) -> Figure:  # fmt: skip
     """Draw the wavelet variance over the scale, with its confidence band, on logarithmic axes.
 
     Levels with a variance of zero are marked at the lower edge of the plot.

@@ -23,26 +23,14 @@ PAGE = 174.0
 
 @dataclass(frozen=True)
 class Stroke:
-    """Style of a line: colour, width, dashes and symbols.
+    """Style of a line: colour, width, dashes and symbols."""
 
-    Parameters
-    ----------
-    colour : str
-        "#rrggbb".
-    width : float
-        Width in points.
-    dash : tuple of float
-        Alternating lengths of dashes and gaps, in units of the width; empty for a solid line.
-    symbol : Symbol or None
-        Symbol at each point; None for no symbol.
-    filled : bool
-        Whether the symbols are filled. Unfilled symbols mark, for example, levels that a fit left out.
-    """
-
-    colour: str
-    width: float = 1.0
+    colour: str  # "#rrggbb"
+    width: float = 1.0  # width in points
+    # alternating lengths of dashes and gaps, in units of the width; empty for a solid line
     dash: tuple[float, ...] = ()
-    symbol: Symbol | None = None
+    symbol: Symbol | None = None  # symbol at each point; None for no symbol
+    # Whether the symbols are filled. Unfilled symbols mark, for example, levels that a fit left out.
     filled: bool = True
 
 
@@ -71,52 +59,28 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """A shaded region between `lower` and `upper` over x, for example between confidence limits.
+    """A shaded region between `lower` and `upper` over x, for example between confidence limits."""
 
-    Parameters
-    ----------
-    x, lower, upper : (n,) arrays
-        Positions in the units of the axes. NaN interrupts the band. An edge at infinity, or at 0 on a logarithmic axis,
-        is drawn at the border of the panel.
-    colour : str
-        "#rrggbb".
-    opacity : float
-        From 0 to 1.
-    label : str
-        Legend entry; "" for none.
-    layer : int
-        Marks with a higher layer are drawn in front of others.
-    swatch : str
-        Colour of the legend entry, if one entry stands for bands of several colours; "" for the colour of the band.
-    """
-
+    # (n,) positions in the units of the axes. NaN interrupts the band. An edge at infinity, or at 0 on a
+    # logarithmic axis, is drawn at the border of the panel.
     x: Vector
     lower: Vector
     upper: Vector
-    colour: str
-    opacity: float = 0.25
-    label: str = ""
-    layer: int = 0
+    colour: str  # "#rrggbb"
+    opacity: float = 0.25  # from 0 to 1
+    label: str = ""  # legend entry; "" for none
+    layer: int = 0  # marks with a higher layer are drawn in front of others
+    # colour of the legend entry, if one entry stands for bands of several colours; "" for the colour of the band
     swatch: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class Foot:
-    """Symbols along the lower border of the panel, for values that its vertical axis cannot show, such as zero.
+    """Symbols along the lower border of the panel, for values that its vertical axis cannot show, such as zero."""
 
-    Parameters
-    ----------
-    x : (n,) array
-        Positions in the unit of the horizontal axis.
-    stroke : Stroke
-        Style of the symbols.
-    label : str
-        Legend entry; "" for none.
-    """
-
-    x: Vector
-    stroke: Stroke
-    label: str = ""
+    x: Vector  # (n,) positions in the unit of the horizontal axis
+    stroke: Stroke  # style of the symbols
+    label: str = ""  # legend entry; "" for none
 
 
 FOOT = 0.03
@@ -146,33 +110,17 @@ class Tick:
 
 @dataclass(frozen=True)
 class Axis:
-    """One axis with its limits and all of its ticks. A renderer adds no ticks of its own.
+    """One axis with its limits and all of its ticks. A renderer adds no ticks of its own."""
 
-    Parameters
-    ----------
-    label : str
-        The quantity and its unit.
-    limits : tuple of two floats
-        Lower and upper end; both are positive on a logarithmic axis.
-    ticks : tuple of Tick
-        The labelled positions.
-    minor : tuple of float
-        Positions with a small tick and no label.
-    grid : tuple of float
-        Positions of grid lines.
-    opposite : tuple of Tick
-        Ticks on the opposite side of the panel, for example minutes and hours if the axis is in seconds.
-    linear : float
-        The scale is linear between −`linear` and +`linear`, and logarithmic outside this range. A logarithmic axis has
-        0, a linear axis infinity.
-    """
-
-    label: str
-    limits: tuple[float, float]
-    ticks: tuple[Tick, ...]
-    minor: tuple[float, ...] = ()
-    grid: tuple[float, ...] = ()
+    label: str  # the quantity and its unit
+    limits: tuple[float, float]  # lower and upper end; both are positive on a logarithmic axis
+    ticks: tuple[Tick, ...]  # the labelled positions
+    minor: tuple[float, ...] = ()  # positions with a small tick and no label
+    grid: tuple[float, ...] = ()  # positions of grid lines
+    # ticks on the opposite side of the panel, for example minutes and hours if the axis is in seconds
     opposite: tuple[Tick, ...] = ()
+    # The scale is linear between −`linear` and +`linear`, and logarithmic outside this range. A logarithmic axis
+    # has 0, a linear axis infinity.
     linear: float = 0.0
 
 
@@ -216,29 +164,17 @@ class Panel:
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """Panels in rows, with one legend for all of them.
+    """Panels in rows, with one legend for all of them."""
 
-    Parameters
-    ----------
-    rows : tuple of tuple of Panel
-        The panels of a row have the same width; None leaves the position empty. If all rows have the same length, the
-        panels are aligned in columns.
-    width, height : float
-        Size in millimetres.
-    title : str
-        Title above all panels; "" for none.
-    legend_columns : int
-        Number of columns of the legend, which is below the panels.
-    heights : tuple of float
-        Relative heights of the rows; empty if all rows have the same height.
-    """
-
+    # The panels of a row have the same width; None leaves the position empty. If all rows have the same length, the
+    # panels are aligned in columns.
     rows: tuple[tuple[Panel | None, ...], ...]
+    # size in millimetres
     width: float = 120.0
     height: float = 90.0
-    title: str = ""
-    legend_columns: int = 2
-    heights: tuple[float, ...] = ()
+    title: str = ""  # title above all panels; "" for none
+    legend_columns: int = 2  # number of columns of the legend, which is below the panels
+    heights: tuple[float, ...] = ()  # relative heights of the rows; empty if all rows have the same height
 
     @property
     def panels(self) -> tuple[Panel, ...]:

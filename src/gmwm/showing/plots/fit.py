@@ -37,11 +37,8 @@ tests/plots/test_plot_limits.py."""
 def fit_panel(
     fit: Fitted, *, view: ViewName = "wavelet", units: UnitSystem = "si", decomposition: bool = True, alone: bool = True
 ) -> Panel:
-    """Return the panel that `plot_fit` draws.
-
-    If `alone` is False, the panel shares a legend with other panels. Then the legend names the terms without their
-    parameters, and a text in the panel lists the terms that are zero.
-    """
+    """Return the panel that `plot_fit` draws. If it shares a legend with others (not `alone`), the legend names the
+    terms without parameters, and a text in the panel lists the terms that are zero."""
     wv = fit.wavelet_variance
     shown = view_for(wv, view, units)
     implied = drawable(shown.height(np.asarray(fit.implied)))
@@ -57,10 +54,8 @@ def fit_panel(
 
 
 def _zero_text(zero: Sequence[str]) -> tuple[Text, ...]:
-    """Return a text that lists the terms that are zero, wrapped for a narrow panel.
-
-    It is at the top centre, because the curves of inertial sensors fall on the left and rise on the right.
-    """
+    """Return a text that lists the terms that are zero, wrapped for a narrow panel. It is at the top centre, because
+    the curves of inertial sensors fall on the left and rise on the right."""
     if not zero:
         return ()
     lines = wrap(f"{', '.join(zero)}: zero", 28, break_long_words=False)
@@ -68,11 +63,8 @@ def _zero_text(zero: Sequence[str]) -> tuple[Text, ...]:
 
 
 def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ...]:
-    """Return the wavelet variance of each term as a thin line, in front of the model and behind the data.
-
-    If `alone` is True, the legend gives the key parameters or the datasheet values of each term. Terms that are
-    estimated as zero have no curve and share one entry of the legend.
-    """
+    """Return the curve of each term as a thin line, in front of the model and behind the data. If `alone`, the legend
+    gives its key parameters. Terms that are zero have no curve and share one entry of the legend."""
     times = view.time(fit.wavelet_variance.tau)
     processes = dict(zip(fit.model.terms, fit.model.processes, strict=True))
     strokes = term_strokes(fit.model.terms, fit.model.processes)
@@ -133,16 +125,10 @@ def _with_hidden_terms(panel: Panel, terms: tuple[Line, ...]) -> Panel:
 
 @drawing
 def plot_fit(
-    fit: Fitted,
-    *,
-    view: ViewName = "wavelet",
-    units: UnitSystem = "si",
-    decomposition: bool | None = None,
-    label: str | None = None,
-    color: str | None = None,
-    ax: Axes | None = None,
+    fit: Fitted, *, view: ViewName = "wavelet", units: UnitSystem = "si", decomposition: bool | None = None,
+    label: str | None = None, color: str | None = None, ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw the data with their confidence band, the curve that the model implies, and the curve of each term.
 
     Parameters

@@ -26,12 +26,9 @@ SINGLE = 120.0
 
 
 def imu_figure(
-    items: Mapping[str, Item | Mapping[str, Item]],
-    *,
-    split: bool = True,
-    view: ViewName = "wavelet",
+    items: Mapping[str, Item | Mapping[str, Item]], *, split: bool = True, view: ViewName = "wavelet",
     units: UnitSystem = "si",
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Return the figure that `plot_imu` draws."""
     if not isinstance(items, Mapping) or not items:
         checked_items(items)
@@ -44,23 +41,17 @@ def imu_figure(
     single = {name: item for name, item in axes.items() if not isinstance(item, dict)}
     if len(single) < len(axes):
         raise OptionError(
-            "a panel for each sensor can show one curve of each axis only, but an axis has several",
-            argument="split",
-            got=split,
-            advice="Use {--split=yes}, or pass one curve for each axis.",
-        )
+            "a panel for each sensor can show one curve of each axis only, but an axis has several", argument="split",
+            got=split, advice="Use {--split=yes}, or pass one curve for each axis.",
+        )  # fmt: skip
     return _by_sensor(single, view, units)
 
 
 @drawing
 def plot_imu(
-    items: Mapping[str, Item | Mapping[str, Item]],
-    *,
-    split: bool = True,
-    view: ViewName = "wavelet",
-    units: UnitSystem = "si",
-    path: str | os.PathLike[str] | None = None,
-) -> Figure:
+    items: Mapping[str, Item | Mapping[str, Item]], *, split: bool = True, view: ViewName = "wavelet",
+    units: UnitSystem = "si", path: str | os.PathLike[str] | None = None,
+) -> Figure:  # fmt: skip
     """Draw all axes of an inertial unit.
 
     Parameters
@@ -98,11 +89,9 @@ def _grid(items: Mapping[str, Item | dict[str, Item]], view: ViewName, units: Un
     if columns > 1:
         rows = [tuple(panel and _sparse(panel) for panel in row) for row in rows]
     drawn = Figure(
-        _share_labels([_one_scale(row) for row in rows]),
-        width=max(PAGE * columns / 3, SINGLE),
-        height=16.0 + 56.0 * len(rows),
-        legend_columns=6,
-    )
+        _share_labels([_one_scale(row) for row in rows]), width=max(PAGE * columns / 3, SINGLE),
+        height=16.0 + 56.0 * len(rows), legend_columns=6,
+    )  # fmt: skip
     return _with_room(drawn, entries=2 * drawn.legend_columns)
 
 
@@ -146,10 +135,8 @@ def _by_sensor(items: Mapping[str, Item], view: ViewName, units: UnitSystem) -> 
 
 
 def _arrange(panels: Mapping[str, Panel]) -> list[tuple[Panel | None, ...]]:
-    """Arrange panels by name in rows, with one row for each sensor and one column for each letter.
-
-    If any name is not the name of an axis, all panels are arranged in rows of three.
-    """
+    """Arrange panels by name in rows, with one row for each sensor and one column for each letter. If any name is not
+    the name of an axis, all panels are arranged in rows of three."""
     places = {name: sensor_and_letter(name) for name in panels}
     if all(sensor for sensor, _ in places.values()):
         letters = sorted({letter for _, letter in places.values()})
@@ -173,10 +160,8 @@ def _one_scale(row: tuple[Panel | None, ...]) -> tuple[Panel | None, ...]:
 
 
 def _share_labels(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | None, ...], ...]:
-    """Return the rows of panels without repeated axis labels.
-
-    A common vertical scale is labelled only at the left panel, and a common time axis only below the lowest panel.
-    """
+    """Return the rows of panels without repeated axis labels. A common vertical scale is labelled only at the left
+    panel, and a common time axis only below the lowest panel."""
     result: list[tuple[Panel | None, ...]] = []
     for i, row in enumerate(rows):
         done: list[Panel | None] = []

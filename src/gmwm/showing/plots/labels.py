@@ -20,12 +20,8 @@ _SENSORS = {"gyro": "Gyroscope", "accel": "Accelerometer", "mag": "Magnetometer"
 
 # Name of a unit of time, its length (s), and the shortest duration that is written in this unit (s).
 _DURATIONS = (
-    ("d", 86400.0, 172800.0),
-    ("h", 3600.0, 7200.0),
-    ("min", 60.0, 120.0),
-    ("s", 1.0, 0.1),
-    ("ms", 1e-3, 1e-4),
-)
+    ("d", 86400.0, 172800.0), ("h", 3600.0, 7200.0), ("min", 60.0, 120.0), ("s", 1.0, 0.1), ("ms", 1e-3, 1e-4),
+)  # fmt: skip
 
 DIGITS = 2
 """Number of significant digits of parameters in a legend. The summary of the fit has more digits."""
@@ -124,10 +120,8 @@ def _amplitude_text(parameter: Parameter, process: Process, view: View, rate: fl
 
 
 def parameter_text(parameter: Parameter, value: float, view: View) -> str:
-    """Format the estimate of a parameter with symbol and unit.
-
-    A variance is given as its square root, and a rate as its inverse. A frequency has no symbol.
-    """
+    """Format the estimate of a parameter with symbol and unit. A variance is given as its square root, and a rate as
+    its inverse. A frequency has no symbol."""
     unit = f" {view.unit}" if view.unit else ""
     if parameter.signal_power == 2 and parameter.time_power == 0:
         if not parameter.symbol.endswith("²"):

@@ -29,11 +29,8 @@ _BREAKS = re.compile(r"(?<![=\d⁰¹²³⁴-⁹]) (?!=)")
 
 
 def legend_below(picture: MatplotlibFigure, handles: dict[str, Artist], columns: int) -> None:
-    """Draw one legend below all panels, in as many columns as fit the width, but at most `columns`.
-
-    The height of the figure was chosen for a legend with `columns` columns. If the legend needs more height, the figure
-    gets higher, so that the panels keep their size.
-    """
+    """Draw one legend below all panels, in as many columns as fit the width, at most `columns`. If it needs more height
+    than that, the figure gets higher, so that the panels keep their size."""
     room = picture.bbox.width - 2 * EDGE * MILLIMETRE * picture.dpi
     layouts = list(_layouts([*handles], columns, 72 * room / picture.dpi))
     heights = []
@@ -48,10 +45,8 @@ def legend_below(picture: MatplotlibFigure, handles: dict[str, Artist], columns:
 
 
 def _layouts(names: Sequence[str], columns: int, room: float) -> Iterator[tuple[list[str], int]]:
-    """Yield layouts to try for a legend of at most `room` points width, from the best to one that always fits.
-
-    Each layout consists of the entries, possibly with line breaks, and the number of columns.
-    """
+    """Yield layouts to try for a legend of at most `room` points width, from the best to one that always fits. Each
+    layout consists of the entries, possibly with line breaks, and the number of columns."""
     for ncols in range(columns, 1, -1):
         yield list(names), ncols
     halves = [fold(name, _text_room(room, 2), LEGEND_SIZE) for name in names]

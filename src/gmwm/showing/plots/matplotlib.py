@@ -140,10 +140,8 @@ def _wrap_titles(row: Sequence[Panel | None], width: float) -> list[Panel | None
 
 
 def _places(picture: MatplotlibFigure, figure: Figure) -> list[list[tuple[FigureBase, SubplotSpec]]]:
-    """Return the parent figure and the grid cell of each panel.
-
-    All panels are in one grid, or each row has its own grid if the rows differ in length.
-    """
+    """Return the parent figure and the grid cell of each panel. All panels are in one grid, or each row has its own
+    grid if the rows differ in length."""
     heights = figure.heights or None
     lengths = [len(row) for row in figure.rows]
     if len(set(lengths)) == 1:
@@ -161,11 +159,9 @@ def _onto(figure: Figure, ax: Axes) -> MatplotlibFigure:
         )
     if len(figure.panels) != 1:
         raise OptionError(
-            f"the plot has {len(figure.panels)} panels, but Matplotlib axes have room for one",
-            argument="ax",
-            got=ax,
+            f"the plot has {len(figure.panels)} panels, but Matplotlib axes have room for one", argument="ax", got=ax,
             advice="Call it without {--ax}.",
-        )
+        )  # fmt: skip
     artists, labels = ax.get_legend_handles_labels()
     earlier: dict[str, Artist] = {}
     for label, artist in zip(labels, artists, strict=True):
@@ -250,14 +246,10 @@ def _draw_band(band: Band, ax: Axes, far: tuple[float, float]) -> Artist:
 def _line_style(stroke: Stroke) -> dict[str, Any]:
     drawn: Any = "none" if stroke.width == 0 else (0, stroke.dash) if stroke.dash else "solid"
     return {
-        "color": stroke.colour,
-        "linewidth": stroke.width,
-        "linestyle": drawn,
-        "marker": _SYMBOLS[stroke.symbol] if stroke.symbol else "none",
-        "markersize": 3.2,
-        "markerfacecolor": stroke.colour if stroke.filled else "white",
-        "markeredgewidth": 0.8,
-    }
+        "color": stroke.colour, "linewidth": stroke.width, "linestyle": drawn,
+        "marker": _SYMBOLS[stroke.symbol] if stroke.symbol else "none", "markersize": 3.2,
+        "markerfacecolor": stroke.colour if stroke.filled else "white", "markeredgewidth": 0.8,
+    }  # fmt: skip
 
 
 def _dress(axis: MatplotlibAxis, data: Axis) -> None:
@@ -272,10 +264,8 @@ def _dress(axis: MatplotlibAxis, data: Axis) -> None:
 
 
 def _minor_ticks(axis: MatplotlibAxis, places: tuple[float, ...]) -> Line2D:
-    """Return the minor ticks of an axis as one artist.
-
-    Minor ticks of Matplotlib always have labels, even if empty. Their layout would take half of the time of a picture.
-    """
+    """Return the minor ticks of an axis as one artist. Minor ticks of Matplotlib always have labels, even if empty.
+    Their layout would take half of the time of a picture."""
     ax, edge = axis.axes, [0.0] * len(places)
     along = axis is ax.xaxis
     ticks = Line2D(

@@ -60,28 +60,20 @@ def checked_items(items: Mapping[str, Any]) -> dict[str, Item]:
 
 
 def overlay_panel(
-    items: Mapping[str, Item],
-    *,
-    view: ViewName = "wavelet",
-    units: UnitSystem = "si",
-    strokes: Sequence[Stroke] | None = None,
-    title: str = "",
-) -> Panel:
-    """Return a panel with several curves in the same unit and their confidence bands.
-
-    A fit is drawn with symbols for the data and a line for the model.
-    """
+    items: Mapping[str, Item], *, view: ViewName = "wavelet", units: UnitSystem = "si",
+    strokes: Sequence[Stroke] | None = None, title: str = "",
+) -> Panel:  # fmt: skip
+    """Return a panel with several curves in the same unit and their confidence bands. A fit is drawn with symbols for
+    the data and a line for the model."""
     results = [wavelet_variance_of(item) for item in items.values()]
     views = [view_for(wv, view, units) for wv in results]
     if len({shown.unit for shown in views}) > 1:
         pairs = zip(items, views, strict=True)
         descriptions = ", ".join(f"{name} in {shown.unit or 'no unit'}" for name, shown in pairs)
         raise OptionError(
-            f"curves in one panel need the same unit, but they are {descriptions}",
-            argument="items",
-            got=tuple(shown.unit for shown in views),
-            advice="Plot each sensor in its own figure.",
-        )
+            f"curves in one panel need the same unit, but they are {descriptions}", argument="items",
+            got=tuple(shown.unit for shown in views), advice="Plot each sensor in its own figure.",
+        )  # fmt: skip
     strokes = strokes or [curve_stroke(k) for k in range(len(results))]
     marks: list[Mark] = []
     around = []
@@ -120,14 +112,9 @@ def comparison_figure(
 
 @drawing
 def plot_comparison(
-    items: Mapping[str, Item],
-    *,
-    view: ViewName = "wavelet",
-    units: UnitSystem = "si",
-    title: str = "",
-    ax: Axes | None = None,
-    path: str | os.PathLike[str] | None = None,
-) -> Figure:
+    items: Mapping[str, Item], *, view: ViewName = "wavelet", units: UnitSystem = "si", title: str = "",
+    ax: Axes | None = None, path: str | os.PathLike[str] | None = None,
+) -> Figure:  # fmt: skip
     """Draw several wavelet variances in one panel, for example classical and robust, or two recordings.
 
     Parameters
@@ -147,12 +134,9 @@ def plot_comparison(
 
 @drawing
 def plot_conditions(
-    fit: ConditionsFit,
-    *,
-    view: ViewName = "wavelet",
-    units: UnitSystem = "si",
+    fit: ConditionsFit, *, view: ViewName = "wavelet", units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw the curves of all conditions with their models."""
     items: dict[str, Item] = {
         f"{fit.condition} {c:g}": AtCondition(wv, fit.models[c].wavelet_variance(wv.levels, wv.rate, wv.filter))
@@ -163,14 +147,9 @@ def plot_conditions(
 
 @drawing
 def compare(
-    *items: Item,
-    labels: Sequence[str] | None = None,
-    view: ViewName = "wavelet",
-    units: UnitSystem = "si",
-    title: str = "",
-    ax: Axes | None = None,
-    path: str | os.PathLike[str] | None = None,
-) -> Figure:
+    *items: Item, labels: Sequence[str] | None = None, view: ViewName = "wavelet", units: UnitSystem = "si",
+    title: str = "", ax: Axes | None = None, path: str | os.PathLike[str] | None = None,
+) -> Figure:  # fmt: skip
     """Draw several wavelet variances in one panel, for example classical and robust, or several axes or recordings.
 
     Parameters
@@ -206,11 +185,9 @@ def compare(
     for item in items:
         if not hasattr(wavelet_variance_of(item), "robust"):
             raise OptionError(
-                argument="items",
-                expected="of type WaveletVariance or Fit",
-                got=item,
+                argument="items", expected="of type WaveletVariance or Fit", got=item,
                 advice="Draw Allan variances with `gmwm.plots.plot_allan_axes`.",
-            )
+            )  # fmt: skip
     names = automatic_labels(items) if labels is None else [str(name) for name in labels]
     if len(names) != len(items):
         raise OptionError(
@@ -234,12 +211,10 @@ def automatic_labels(items: Sequence[Item]) -> list[str]:
     """
     results = [wavelet_variance_of(item) for item in items]
     aspects = [
-        [axis_title(wv.axis) for wv in results],
-        _estimators(results),
-        [f"{wv.filter} {wv.transform.upper()}" for wv in results],
-        [wv.extent for wv in results],
+        [axis_title(wv.axis) for wv in results], _estimators(results),
+        [f"{wv.filter} {wv.transform.upper()}" for wv in results], [wv.extent for wv in results],
         [_model(item) for item in items],
-    ]
+    ]  # fmt: skip
     telling = [aspect for aspect in aspects if len(set(aspect)) > 1] or [aspects[0]]
     names = [", ".join(filter(None, words)) or "Wavelet variance" for words in zip(*telling, strict=True)]
     for name in {name for name in names if names.count(name) > 1}:

@@ -68,12 +68,8 @@ _LABEL = "Relative standard error (%)"
 
 
 def _curves(plan: Plan, needed: dict[str, float]) -> tuple[Vector, dict[str, Vector]]:
-    """Return the durations (s) at which the curves have points, and the relative standard errors of each parameter
-    there.
-
-    The durations start where the first error falls below `HIGHEST`, and end after the last error has reached the
-    accuracy.
-    """
+    """Return the durations (s) of the points of the curves, and the relative standard errors of each parameter there:
+    from where the first error falls below `HIGHEST` until the last one has reached the accuracy."""
     furthest = max((t for t in needed.values() if math.isfinite(t)), default=0.0)
     least, most = (plan.duration * factor for factor in FURTHER)
     end = min(max(1.5 * furthest, least), most, plan.horizon)
@@ -89,11 +85,8 @@ def _curves(plan: Plan, needed: dict[str, float]) -> tuple[Vector, dict[str, Vec
 
 
 def _strokes(plan: Plan) -> dict[str, Stroke]:
-    """Return the stroke of each parameter.
-
-    A scale parameter, such as a variance, has the stroke of its term. Any other parameter has a solid line with symbols
-    in the colour of the term.
-    """
+    """Return the stroke of each parameter: that of its term for a scale parameter, or a solid line with symbols in its
+    colour."""
     strokes = {}
     symbols = cycle([*((symbol, True) for symbol in SYMBOLS), *((symbol, False) for symbol in OPEN)])
     by_term = term_strokes(plan.model.terms, plan.model.processes)

@@ -122,12 +122,8 @@ def _distances(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view:
 
 
 def distance(wv: WaveletVariance, implied: Vector) -> Vector:
-    """Return the distance (J,) of a model from the data relative to the confidence interval.
-
-    The distance at a level is ν²(θ̂) − ν̂², the wavelet variance of the fitted model minus the measured one. If it is
-    positive, it is divided by the distance from ν̂² to its upper confidence limit, otherwise by the distance to the
-    lower limit. At levels without limits, the result is NaN.
-    """
+    """Return the distance (J,) of a model from the data, ν²(θ̂) − ν̂², over the distance from ν̂² to its upper
+    confidence limit if it is positive, otherwise to the lower one; NaN at levels without limits."""
     above = implied - wv.variance
     room = np.where(above > 0, wv.upper - wv.variance, wv.variance - wv.lower)
     limited = np.isfinite(room) & (room > 0)
@@ -191,13 +187,9 @@ def _score_name(candidate: Candidate) -> str:
 
 @drawing
 def plot_ranking(
-    ranking: Ranking,
-    *,
-    limit: int = 4,
-    view: ViewName = "wavelet",
-    units: UnitSystem = "si",
+    ranking: Ranking, *, limit: int = 4, view: ViewName = "wavelet", units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw the best models with the data, their distances from the data, and the criteria.
 
     The curves of different models often look the same. The second panel shows their distances from the data, scaled
@@ -221,12 +213,9 @@ def plot_ranking(
 
 @drawing
 def plot_candidates(
-    comparison: Comparison,
-    *,
-    view: ViewName = "wavelet",
-    units: UnitSystem = "si",
+    comparison: Comparison, *, view: ViewName = "wavelet", units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw the two candidates with the data, and their distances from the data.
 
     The title states the difference of the criteria. With several recordings, the mean wavelet variance is drawn.

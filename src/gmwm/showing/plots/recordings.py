@@ -28,10 +28,8 @@ linear."""
 
 
 def recordings_figure(replicates: Replicates) -> Figure:
-    """Return the figure that `plot_recordings` draws.
-
-    It shows by how many per cent the wavelet deviation of each recording differs from the mean of all recordings.
-    """
+    """Return the figure that `plot_recordings` draws. It shows by how many per cent the wavelet deviation of each
+    recording differs from the mean of all recordings."""
     wv, fit = replicates.fit.wavelet_variance, replicates.fit
     curves = wv.recordings
     ratios = {name: 100 * (np.sqrt(curve.variance[: len(wv)] / wv.variance[: len(curve)]) - 1)

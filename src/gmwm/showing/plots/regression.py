@@ -29,12 +29,9 @@ _NAMES = {"temperature": "Temperature (°C)", TIME: "Time (h)", WARM_UP: "Time (
 
 
 def regression_panel(regression: Regression, *, units: UnitSystem = "si") -> Panel:
-    """Return the panel that `plot_regression` draws.
-
-    It shows block means of the signal against the first covariate, before and after the effect is removed, and the
-    estimated effect with its 95 % confidence band. All values are relative to the mean of the signal at the reference
-    value of the covariate. The means before the removal contain the effects of all covariates.
-    """
+    """Return the panel that `plot_regression` draws: block means of the signal against the first covariate, before
+    (with all effects) and after the removal, and the estimated effect with its 95 % band, relative to the reference
+    value."""
     unit, factor = regression.unit, 1.0
     if units == "datasheet" and (others := datasheet_units(regression.unit)):
         unit, factor = next(iter(others.items()))
@@ -69,12 +66,9 @@ def regression_figure(regression: Regression, *, units: UnitSystem = "si") -> Fi
 
 @drawing
 def plot_regression(
-    regression: Regression,
-    *,
-    units: UnitSystem = "si",
-    ax: Axes | None = None,
+    regression: Regression, *, units: UnitSystem = "si", ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw the axis against its first covariate, before and after the effect is subtracted, with the effect and its
     band.
     """

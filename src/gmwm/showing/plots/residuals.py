@@ -46,10 +46,8 @@ def residuals_figure(residuals: Residuals, lags: int | None = None) -> Figure:
 
 
 def time_panel(residuals: Residuals) -> Panel:
-    """Return the panel of the residuals over time.
-
-    If the model is right, the largest residual exceeds the limits in the panel with a probability of 5 %.
-    """
+    """Return the panel of the residuals over time. If the model is right, the largest residual exceeds the limits in
+    the panel with a probability of 5 %."""
     z = residuals.observed
     largest = NormalDist().inv_cdf((1 + LEVEL ** (1 / z.size)) / 2)
     samples = even_trace(residuals.values, residuals.rate, 1.0, round(DOTS * PAGE))
@@ -70,10 +68,8 @@ def time_panel(residuals: Residuals) -> Panel:
 
 
 def quantile_panel(residuals: Residuals) -> Panel:
-    """Return the panel of observed against normal quantiles.
-
-    If the model is right, the points are near the diagonal and mostly within the limits.
-    """
+    """Return the panel of observed against normal quantiles. If the model is right, the points are near the diagonal
+    and mostly within the limits."""
     normal, observed = residuals.quantiles()
     lower, upper = order_limits(normal, residuals.observed.size)
     reach = float(np.max(np.abs(normal)))
@@ -163,9 +159,7 @@ def plot_residuals(
 
 def autocorrelation_panel(r: Vector, error: Vector, title: str = "") -> Panel:
     """Return a panel with an autocorrelation r (L,) at the lags 1 … L, and its confidence limits for white noise.
-
-    `error` (L,) is the standard deviation of each value for white noise.
-    """
+    `error` (L,) is the standard deviation of each value for white noise."""
     lag = np.arange(1.0, r.size + 1)
     limit = NormalDist().inv_cdf((1 + LEVEL) / 2) * error
     far = max(float(np.max(np.abs(r))), 1.5 * float(np.max(limit)))

@@ -113,10 +113,8 @@ class _SignalRow:
 
 
 def _panels(rows: Sequence[_SignalRow], shown: View, name: str = "") -> list[Panel]:
-    """Return panels of one quantity over the same time.
-
-    If possible, they have a common vertical scale, or at least a common power of ten in their labels.
-    """
+    """Return panels of one quantity over the same time. If possible, they have a common vertical scale, or at least a
+    common power of ten in their labels."""
     first, last = (float(end([end(row.trace.seconds) for row in rows])) for end in (np.min, np.max))
     x, size = elapsed_axis(first, last, last - first)
     spans = [row.trace.span for row in rows]
@@ -170,10 +168,8 @@ def quantity_name(unit: str) -> str:
 
 
 def row_height(rows: int, usual: float) -> float:
-    """Return the height of a row of panels (mm), at most `usual`, so that all rows fit on a printed page.
-
-    A row has at least 20 mm, because it would not be readable otherwise.
-    """
+    """Return the height of a row of panels (mm), at most `usual`, so that all rows fit on a printed page. A row has at
+    least 20 mm, because it would not be readable otherwise."""
     return max(min(usual, 235.0 / rows), 20.0)
 
 

@@ -24,19 +24,11 @@ if TYPE_CHECKING:
 
 
 def named_panel(
-    item: Item,
-    *,
-    label: str | None = None,
-    color: str | None = None,
-    view: ViewName = "wavelet",
-    units: UnitSystem = "si",
-    ax: Axes | None = None,
-) -> Panel:
-    """Return a panel with one named curve. Its axes also include the curves that gmwm has already drawn on `ax`.
-
-    The default label is the sensor axis, the default colour the next one that the earlier curves do not have. Raises
-    OptionError if the earlier curves have another quantity or unit.
-    """
+    item: Item, *, label: str | None = None, color: str | None = None, view: ViewName = "wavelet",
+    units: UnitSystem = "si", ax: Axes | None = None,
+) -> Panel:  # fmt: skip
+    """Return a panel with one named curve. Its axes include the curves that gmwm has already drawn on `ax`, and its
+    default colour is the next free one. Raises an OptionError if the earlier curves have another quantity or unit."""
     drawn = ax if isinstance(ax, Axes) else None
     # Each earlier curve has one confidence band, so the number of bands is the number of curves.
     before = 0 if drawn is None else sum(isinstance(artist, PolyCollection) for artist in drawn.collections)
@@ -51,15 +43,9 @@ def named_panel(
 
 
 def named_fit_panel(
-    fit: Fitted,
-    *,
-    label: str | None,
-    color: str | None,
-    view: ViewName,
-    units: UnitSystem,
-    ax: Axes | None,
+    fit: Fitted, *, label: str | None, color: str | None, view: ViewName, units: UnitSystem, ax: Axes | None,
     decomposition: bool,
-) -> Panel:
+) -> Panel:  # fmt: skip
     """Return the panel of `named_panel` for a fit, with a thin line for each term in its colour if `decomposition`."""
     panel = named_panel(fit, label=label, color=color, view=view, units=units, ax=ax)
     if not decomposition:

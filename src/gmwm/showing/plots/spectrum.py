@@ -49,20 +49,16 @@ def density_unit(unit: str, units: UnitSystem) -> tuple[str, float]:
     if not densities:
         raise OptionError(
             f"datasheet units need data in a unit of angular rate or acceleration; got {unit or 'no unit'}",
-            argument="units",
-            got=units,
-            advice="Use {--units=si}, or give the signal a unit such as rad/s.",
-        )
+            argument="units", got=units, advice="Use {--units=si}, or give the signal a unit such as rad/s.",
+        )  # fmt: skip
     return densities[0][0], factor * densities[0][1]
 
 
 def spectrum_panel(
     spectrum: PowerSpectrum, *, model: ModelLike | None = None, units: UnitSystem = "si", alone: bool = True
 ) -> Panel:
-    """Return the panel that `plot_spectrum` draws.
-
-    If `alone` is False, several panels share the legend. Then it names neither frequencies nor the model.
-    """
+    """Return the panel that `plot_spectrum` draws. If `alone` is False, several panels share the legend. Then it names
+    neither frequencies nor the model."""
     shown = spectrum.smoothed() if spectrum.frequencies[0] == 0 else spectrum
     unit, factor = density_unit(shown.unit, units)
     f, y = shown.frequencies, drawable(factor * np.sqrt(shown.density))
@@ -92,10 +88,8 @@ def _frequency_axis(frequencies: Vector) -> Axis:
 
 
 def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, alone: bool) -> list[Line]:
-    """Return curves of the one-sided root density of a model and of each term.
-
-    A sinusoid is a symbol at the root density that its peak would have in this spectrum.
-    """
+    """Return curves of the one-sided root density of a model and of each term. A sinusoid is a symbol at the root
+    density that its peak would have in this spectrum."""
     f, rate = spectrum.frequencies, spectrum.rate
     model = as_model(given)
     strokes = term_strokes(model.terms, model.processes)
@@ -164,13 +158,9 @@ def spectra_figure(
 
 @drawing
 def plot_spectrum(
-    spectrum: PowerSpectrum,
-    *,
-    model: ModelLike | None = None,
-    units: UnitSystem = "si",
-    ax: Axes | None = None,
+    spectrum: PowerSpectrum, *, model: ModelLike | None = None, units: UnitSystem = "si", ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw the root density over the frequency, with its confidence band, lines and bumps, on logarithmic axes.
 
     The density is averaged over 1/24 octave, except around lines. It is one-sided, so white noise with the
@@ -195,12 +185,9 @@ def plot_spectrum(
 
 @drawing
 def plot_spectra(
-    spectra: Mapping[str, PowerSpectrum],
-    *,
-    models: Mapping[str, ModelLike] | None = None,
-    units: UnitSystem = "si",
+    spectra: Mapping[str, PowerSpectrum], *, models: Mapping[str, ModelLike] | None = None, units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw the spectrum of every axis, with one row for each sensor; see `PowerSpectrum.plot`.
 
     Parameters

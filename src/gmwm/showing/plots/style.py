@@ -75,19 +75,12 @@ _FURTHER = tuple(
 # By convention, x, y and z are red, green and blue. Here they are vermillion, bluish green and blue, with different
 # symbols and dashes, for colour-blind readers and greyscale prints.
 _LETTERS: dict[str, tuple[str, tuple[float, ...], Symbol]] = {
-    "x": (VERMILLION, SOLID, "circle"),
-    "y": (GREEN, DASHED, "square"),
-    "z": (BLUE, DASH_DOT, "triangle"),
-}
+    "x": (VERMILLION, SOLID, "circle"), "y": (GREEN, DASHED, "square"), "z": (BLUE, DASH_DOT, "triangle"),
+}  # fmt: skip
 _CURVES: tuple[tuple[str, tuple[float, ...], Symbol], ...] = (
-    (BLUE, SOLID, "circle"),
-    (VERMILLION, DASHED, "square"),
-    (GREEN, DASH_DOT, "triangle"),
-    (PURPLE, LONG, "diamond"),
-    (BLACK, DOTTED, "cross"),
-    (SKY, DASH_DOT_DOT, "star"),
-    (ORANGE, SOLID, "plus"),
-)
+    (BLUE, SOLID, "circle"), (VERMILLION, DASHED, "square"), (GREEN, DASH_DOT, "triangle"), (PURPLE, LONG, "diamond"),
+    (BLACK, DOTTED, "cross"), (SKY, DASH_DOT_DOT, "star"), (ORANGE, SOLID, "plus"),
+)  # fmt: skip
 
 
 def term_stroke(index: int) -> Stroke:
@@ -138,11 +131,8 @@ def _kind(process: type[Process] | Process) -> str:
 
 
 def _stroke_numbers() -> dict[str, int]:
-    """Return the stroke numbers of the processes for inertial sensors, by name.
-
-    The first numbers belong to the four processes of which a model can contain only one each, and the next to the first
-    repeatable process. The numbers of `_NEXT` follow.
-    """
+    """Return the stroke numbers of the processes for inertial sensors: the four that a model contains once, the first
+    that it may repeat, then those of `_NEXT`."""
     alone = dict.fromkeys(_kind(process) for process in registry.values() if not process.repeatable)
     repeated = dict.fromkeys(_kind(process) for process in registry.values() if process.repeatable)
     first = list(alone)[:_ALONE]
@@ -150,10 +140,8 @@ def _stroke_numbers() -> dict[str, int]:
 
 
 def _free(start: int, taken: Sequence[Stroke]) -> Stroke:
-    """Return an unused stroke of `_FURTHER`, searched from position `start` on.
-
-    A stroke with an unused dash is preferred, and among these a stroke with an unused colour.
-    """
+    """Return an unused stroke of `_FURTHER`, searched from position `start` on. A stroke with an unused dash is
+    preferred, and among these a stroke with an unused colour."""
     preferred = 3 * len(_TERM_DASHES[6:])
     turned = [_FURTHER[(start + k) % preferred] for k in range(preferred)]
     dashes, colours = {stroke.dash for stroke in taken}, {stroke.colour for stroke in taken}

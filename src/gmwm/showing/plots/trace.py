@@ -41,27 +41,15 @@ def extremes(values: Vector, columns: int) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """The samples of a signal that are drawn, with a NaN in each gap.
+    """The samples of a signal that are drawn, with a NaN in each gap."""
 
-    Parameters
-    ----------
-    seconds : (n,) array, s
-        Times since the first sample.
-    y : (n,) array
-        Values in the unit of the plot; NaN interrupts the line.
-    low, high : float
-        The smallest and the largest value of `y`.
-    mean : float
-        Mean of all samples; their median if samples are clipped.
-    clipped : (bool, bool)
-        Whether samples below `low`, and samples above `high`, were clipped to these limits, for example after a knock.
-    """
-
-    seconds: Vector
-    y: Vector
+    seconds: Vector  # (n,) times since the first sample
+    y: Vector  # (n,) values in the unit of the plot; NaN interrupts the line
+    # the smallest and the largest value of `y`
     low: float
     high: float
-    mean: float
+    mean: float  # mean of all samples; their median if samples are clipped
+    # whether samples below `low`, and samples above `high`, were clipped to these limits, for example after a knock
     clipped: tuple[bool, bool] = (False, False)
 
     @property
@@ -83,11 +71,9 @@ class Outline:
 
 
 def trace(signal: Signal, factor: float, columns: int, left: float = 0.0, *, clip: bool = False) -> Outline:
-    """Reduce a signal to the trace for a plot with `columns` columns of dots.
-
-    The values are multiplied by `factor`, and the first sample is at the time `left` (s). With `clip`, samples far from
-    nearly all others are clipped, so that a knock does not flatten the rest of the plot.
-    """
+    """Reduce a signal to the trace for a plot with `columns` columns of dots. The values are multiplied by `factor`,
+    and the first sample is at the time `left` (s). With `clip`, samples far from nearly all others are clipped, so that
+    a knock does not flatten the rest of the plot."""
     # Times are measured from the first sample, because seconds since 1970 do not resolve a microsecond in doubles.
     starts = [left + begin for begin in begins_of(signal.rate, signal.segments, signal.starts)]
     clock = Signal(signal.values, signal.rate, segments=signal.segments, starts=starts)
@@ -181,10 +167,8 @@ def lone_dots(x: Vector, y: Vector, colour: str, layer: int) -> tuple[Line, ...]
 
 
 def _runs(signal: Signal, columns: int) -> Iterator[tuple[int, int, int]]:
-    """Yield the ranges of samples that are drawn as one line, as (start, stop, number of columns).
-
-    A gap that is narrower than a column is not visible, so the line continues across it.
-    """
+    """Yield the ranges of samples that are drawn as one line, as (start, stop, number of columns). A gap that is
+    narrower than a column is not visible, so the line continues across it."""
     ends = [start + (b - a) / signal.rate for start, (a, b) in zip(signal.starts, signal.segments, strict=True)]
     total = max(ends) - min(signal.starts)
     first, opened = 0, signal.starts[0]
@@ -204,9 +188,7 @@ def offset_of(samples: Outline) -> float:
 
 
 def in_digits(mean: float, span: float) -> float:
-    """Round a mean to a few digits, so that a title can state exactly which constant was subtracted.
-
-    The rounding error is small compared with the span of the values.
-    """
+    """Round a mean to a few digits, so that a title can state exactly which constant was subtracted. The rounding error
+    is small compared with the span of the values."""
     digits = math.ceil(math.log10(abs(mean) / span)) + 2 if mean and span else 6
     return float(f"{mean:.{min(max(digits, 2), 6) - 1}e}")

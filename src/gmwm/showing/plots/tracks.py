@@ -40,14 +40,10 @@ WORDS: dict[Kind, str] = {"filter": "Filtered", "smooth": "Smoothed", "predict":
 
 
 def tracks_figure(
-    tracks: Tracks,
-    labels: str | Sequence[str] | None = None,
-    *,
-    truth: Mapping[str, ArrayLike] | ArrayLike | None = None,
-    level: float = 0.95,
-    units: UnitSystem = "si",
+    tracks: Tracks, labels: str | Sequence[str] | None = None, *,
+    truth: Mapping[str, ArrayLike] | ArrayLike | None = None, level: float = 0.95, units: UnitSystem = "si",
     record: bool = True,
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Return the figure that `plot_tracks` draws: a panel with the record and its bias, and one for each process."""
     chosen, paths = _as_labels(tracks, labels), _as_truth(tracks, truth)
     shown = view_of(tracks.unit, "allan", units)
@@ -211,10 +207,8 @@ def _as_truth(tracks: Tracks, truth: Mapping[str, ArrayLike] | ArrayLike | None)
         if path.size != len(tracks):
             raise OptionError(
                 f"the truth of {label} has {path.size} values, but the tracks have {len(tracks)} samples",
-                argument="truth",
-                got=path.size,
-                advice="Pass one value for each sample.",
-            )
+                argument="truth", got=path.size, advice="Pass one value for each sample.",
+            )  # fmt: skip
     return paths
 
 
@@ -223,15 +217,10 @@ def _as_truth(tracks: Tracks, truth: Mapping[str, ArrayLike] | ArrayLike | None)
 
 @drawing
 def plot_tracks(
-    tracks: Tracks,
-    labels: str | Sequence[str] | None = None,
-    *,
-    truth: Mapping[str, ArrayLike] | ArrayLike | None = None,
-    level: float = 0.95,
-    units: UnitSystem = "si",
-    ax: Axes | None = None,
-    path: str | os.PathLike[str] | None = None,
-) -> Figure:
+    tracks: Tracks, labels: str | Sequence[str] | None = None, *,
+    truth: Mapping[str, ArrayLike] | ArrayLike | None = None, level: float = 0.95, units: UnitSystem = "si",
+    ax: Axes | None = None, path: str | os.PathLike[str] | None = None,
+) -> Figure:  # fmt: skip
     """Draw the recording with its bias and, below it, the bias or other tracks with their confidence bands.
 
     The line of the recording has gaps where samples are missing; the tracks do not. Samples with an infinite

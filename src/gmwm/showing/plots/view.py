@@ -25,32 +25,20 @@ _SQUARES = {"rad/s": "rad²/s²", "deg/h": "deg²/h²", "m/s²": "m²/s⁴", "mg
 
 @dataclass(frozen=True)
 class View:
-    """Quantity and unit in which a plot shows a wavelet variance, with the conversion factor.
+    """Quantity and unit in which a plot shows a wavelet variance, with the conversion factor."""
 
-    Parameters
-    ----------
-    name : "wavelet" or "allan"
-        The quantity that is drawn: wavelet variance or Allan deviation.
-    unit : str
-        Unit of a deviation in the plot; "" if the data have no unit.
-    factor : float
-        Conversion factor from the unit of the data to `unit`.
-    """
-
-    name: ViewName
-    unit: str
-    factor: float
+    name: ViewName  # the quantity that is drawn: wavelet variance or Allan deviation
+    unit: str  # unit of a deviation in the plot; "" if the data have no unit
+    factor: float  # conversion factor from the unit of the data to `unit`
 
     def time(self, tau: Vector) -> Vector:
         """Return the horizontal position of a scale τ (s): τ itself, or the Allan averaging time τ/2."""
         return tau / 2 if self.name == "allan" else tau
 
     def height(self, variance: Vector) -> Vector:
-        """Return the vertical position of a wavelet variance ν², which is given in the squared unit of the data.
-
-        The position is ν² itself, or the Allan deviation √(2ν²), because the Allan variance at the averaging time τ/2
-        is twice the Haar wavelet variance at the scale τ.
-        """
+        """Return the vertical position of a wavelet variance ν², which is given in the squared unit of the data. The
+        position is ν² itself, or the Allan deviation √(2ν²), because the Allan variance at the averaging time τ/2 is
+        twice the Haar wavelet variance at the scale τ."""
         if self.name == "allan":
             variance = 2 * np.maximum(variance, 0.0)
             return np.asarray(self.factor * np.sqrt(variance), dtype=np.float64)

@@ -160,7 +160,7 @@ def _settings(calibration: Calibration) -> Facts:
 def _axis(name: str, axis: AxisCalibration, rejected: bool) -> dict[str, Any]:
     fit, ranking = axis.fit, axis.ranking
     # The table already marks the recommended model and the equivalent models.
-    shown = [remark.about("") for remark in ranking.remarks if remark.code not in ("recommended", "as-good")]
+    shown = [remark.about("") for remark in ranking.remarks if remark.facts.get("case") not in ("model", "equal")]
     return {
         "axis": name,
         "title": axis_title(name),

@@ -77,20 +77,20 @@ def _results(calibration: Calibration) -> Iterator[Remark]:
     lost = unusable(calibration)
     if not lost:  # Otherwise the headline states the number of axes that cannot be used.
         rate = f"{wv.rate:g} Hz"
-        yield Remark.of("axes-calibrated", axes=len(calibration.axes), total=total, length=length, rate=rate)
+        yield Remark.of("results", case="axes", axes=len(calibration.axes), total=total, length=length, rate=rate)
     for sensor, members in by_sensor(calibration.axes).items():
         if numbers := _numbers(_usable_entries(calibration, members)):
-            yield Remark.of("numbers-found", SENSORS.get(sensor, sensor or "Axes"), numbers=numbers)
+            yield Remark.of("results", SENSORS.get(sensor, sensor or "Axes"), case="numbers", numbers=numbers)
     misfits = rejected_axes(calibration)
     for name, axis in calibration.axes.items():
         if axis.test is not None and name not in misfits:
-            yield Remark.of("test-passed", name)
+            yield Remark.of("check-passed", name, case="model")
     # If an axis could not be tested, another remark says so.
     if calibration.verdicts and all(_is_clean(verdict) for verdict in calibration.verdicts.values()):
-        yield Remark.of("no-outliers")
+        yield Remark.of("check-passed", case="no-outliers")
     recordings = [calibration.recording, *calibration.recordings.values()]
     if any(recordings) and all(recording.static for recording in recordings if recording is not None):
-        yield Remark.of("at-rest")
+        yield Remark.of("check-passed", case="rest")
     if (certificate := certificate_of(calibration.values())) is not None:
         yield certificate
 

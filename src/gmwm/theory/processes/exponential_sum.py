@@ -137,14 +137,28 @@ class ExponentialSum:
 
 
 def lag_sums(
-    levels: NDArray[np.int64], samples: int, one: ExponentialSum, other: ExponentialSum | None, *, diagonal: bool
+    levels: NDArray[np.int64],
+    samples: int,
+    process: ExponentialSum,
+    tables: Sequence[tuple[_core.LagTable, float]] = (),
+    *,
+    diagonal: bool,
 ) -> tuple[Vector, Vector]:
-    """Compute Σ_u n(u) C(u) and Σ_u n(u) C(u) D(u) for each pair of levels, or for each level if `diagonal`.
+    """Compute Σ_u n(u) C(u) and Σ_u n(u) (C(u)² + 2 C(u) D(u)) for each pair of levels, or each level if `diagonal`.
 
-    C(u) and D(u) are 2^(j+k) Cov(W_{j,t}, W_{k,t+u}) of the processes `one` and `other`; D = C if `other` is None. n(u)
-    is the number of pairs of coefficients with the lag u. Pairs are sorted by the coarser level, then the finer.
+    C(u) and D(u) are 2^(j+k) Cov(W_{j,t}, W_{k,t+u}) of the process and of the `tables` times their factors; see
+    `lag_table`. n(u) is the number of pairs of coefficients with the lag u. Pairs are sorted by the coarser level, then
+    the finer.
     """
-    return _core.lag_sums(levels, samples, diagonal, one.kernel, None if other is None else other.kernel)
+    return _core.lag_sums(levels, samples, diagonal, process.kernel, list(tables))
+
+
+def lag_table(levels: NDArray[np.int64], samples: int, process: ExponentialSum, *, diagonal: bool) -> _core.LagTable:
+    """Compute the covariances D(u) of a process with real decays and without spikes, for `lag_sums`.
+
+    Many processes can use it; their levels are the first ones of the table.
+    """
+    return _core.LagTable(levels, samples, diagonal, process.kernel)
 
 
 def _excess_of_sinh(decay: NDArray[np.complex128], s: float) -> NDArray[np.complex128]:

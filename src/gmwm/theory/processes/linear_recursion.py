@@ -116,11 +116,11 @@ class Lagged(Ordered, abstract=True, listed=False):
             if near.size and near.min() < CANCELLING:
                 a, b = np.unravel_index(int(near.argmin()), near.shape)
                 roots = {"ar_root": _root_text(autoregressive[a]), "ma_root": _root_text(averaging[b])}
-                remarks.append(Remark.of("roots-cancel", term=term, **roots))
+                remarks.append(Remark.of("roots", case="cancel", term=term, **roots))
             if autoregressive.size and np.abs(autoregressive).max() > 1.0 - 10.0 / samples:
-                remarks.append(Remark.of("ar-root-near-one", term=term, modulus=float(np.abs(autoregressive).max())))
+                remarks.append(Remark.of("roots", case="ar", term=term, modulus=float(np.abs(autoregressive).max())))
             if averaging.size and np.abs(averaging).max() > 1.0 - 5.0 / math.sqrt(samples):
-                remarks.append(Remark.of("ma-root-near-one", term=term, modulus=float(np.abs(averaging).max())))
+                remarks.append(Remark.of("roots", case="ma", term=term, modulus=float(np.abs(averaging).max())))
         return tuple(remarks)
 
     @classmethod

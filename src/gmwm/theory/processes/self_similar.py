@@ -253,6 +253,8 @@ _STEP = 0.35
 (tests/covariance/test_lag_sums.py)."""
 _FASTEST = 37.0
 """Decay beyond which an exponential is below the rounding error at a lag of one sample."""
+_GONE = 40.0
+"""Decay of an exponential that is negligible after one step."""
 _TAIL = 1e-10
 """Relative contribution to wavelet coefficients, of the order (τN)^(2 − ε), below which an exponential is left out."""
 STEEPEST = 1.2
@@ -280,11 +282,14 @@ def mixture(epsilon: float, samples: int) -> ExponentialSum:
     # Terms in m of the white noise beside all slow exponentials, and in m³ of the walk below the slowest one.
     linear = size * float(rgamma(1.0 - epsilon)) * _continued(-1.0 - epsilon, split)
     cubic = size * (1.0 + epsilon) * float(rgamma(2.0 - epsilon)) * _continued(1.0 - epsilon, low - 1) / -6.0
+    # Those beyond the fastest one contribute at lag 0 only, as one very fast exponential.
+    tau = np.append(tau, _GONE)
+    weights = np.append(weights, -common * _geometric(-2.0 - epsilon, high))
+    slow = np.append(slow, False)
     series = np.where(tau < 0.1, tau**3 / 6.0 * (1.0 + tau**2 / 20.0 * (1.0 + tau**2 / 42.0)), np.sinh(tau) - tau)
     return ExponentialSum(
         white=-2.0 * (linear - float((weights * series)[slow].sum()) + cubic),
         walk=12.0 * cubic,
-        spikes=np.array([-common * _geometric(-2.0 - epsilon, high)]),
         amplitudes=(-4.0 * weights * np.sinh(0.5 * tau) ** 2).astype(np.complex128),
         decays=tau.astype(np.complex128),
         bare=~slow,

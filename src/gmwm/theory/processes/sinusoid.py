@@ -159,9 +159,9 @@ class SIN(Process):
         if self.scale == 0 or turn == 0 or abs(frequency - turn * half) * samples >= half:
             return ()
         if turn % 2 == 0:
-            return (Remark.of("line-invisible", term=term, frequency=Quantity(frequency, "Hz")),)
+            return (Remark.of("line-invisible", case="rate", term=term, frequency=Quantity(frequency, "Hz")),)
         facts = {"frequency": Quantity(frequency, "Hz"), "half": Quantity(half, "Hz")}
-        return (Remark.of("line-at-half-rate", term=term, **facts),)
+        return (Remark.of("line-invisible", case="half", term=term, **facts),)
 
     def _turns(self, lags: NDArray[np.int64], rate: float) -> Vector:
         """Compute f₀kΔt modulo 1 at the full precision of f₀ for any lag."""

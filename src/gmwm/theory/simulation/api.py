@@ -119,7 +119,9 @@ def simulate(
             else:
                 arrays[axis] = _finish(model.simulate(n, rate, generator), offset, steps.get(axis))
     imu = Imu.from_arrays(arrays, rate, source=f"simulation with seed {seed}")
-    remarks = tuple(Remark.of("simulated", axis, model=str(truth[axis]), seed=seed) for axis in imu.axes)
+    remarks = tuple(
+        Remark.of("file-content", axis, case="simulated", model=str(truth[axis]), seed=seed) for axis in imu.axes
+    )
     imu = replace(imu, remarks=remarks)
     return SimulatedImu(imu=imu, axes=signals) if components else imu
 

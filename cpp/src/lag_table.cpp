@@ -1,0 +1,269 @@
+// With A, B the factors of an exponential a of the process, E, F those of an exponential b of the table, and n(i) = s + d i,
+// the sum over a piece is linear in E, F, E b^n and F b^n. The factors are sums over the columns of these four times the
+// four constants p, a b p², q and a q² of a row, where p = 1 / (1 - a b) and q = 1 / (b - a).
+#include "gmwm/lag_table.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "gmwm/lag_series.hpp"
+#include "gmwm/pack.hpp"
+
+namespace gmwm {
+
+namespace {
+
+constexpr std::int64_t few = 16;  // lags up to which their values are stored instead of sums
+constexpr std::size_t moments = degree_most + 2;
+constexpr double near = 0.2;      // |λ_a - λ_b| relative to λ_b, below which a sum may need a series (alike / slow)
+
+using Moments = std::array<double, moments>;
+
+// Polynomial in powers of i / n, as a sum of the functions i! / ((i - r)! n^r).
+template <class Coefficients>
+Coefficients factorial(const Coefficients& powers, double n) {
+  Coefficients out{};
+  for (std::size_t r = moments; r-- > 0;) {
+    // i / n times function s is function s + 1, and s / n times function s.
+    for (std::size_t s = moments - 1; s >= 1; --s) out[s] = (static_cast<double>(s) / n) * out[s] + out[s - 1];
+    out[0] = powers[r];
+  }
+  return out;
+}
+
+// n! / ((n - r)! n^r)
+Moments factorials(double n) {
+  Moments out;
+  out[0] = 1;
+  for (std::size_t r = 1; r < moments; ++r) out[r] = out[r - 1] * (1 - static_cast<double>(r - 1) / n);
+  return out;
+}
+
+// Σ (i / n)^r z^i, with z = exp(-decay) and zn = z^n.
+Moments moments_of(double decay, double zn, double n) {
+  const double z = std::exp(-decay), over = 1 / std::expm1(-decay);
+  Moments out;
+  out[0] = std::expm1(-n * decay) * over;
+  for (std::size_t r = 1; r < moments; ++r) {
+    double sum = 0, factor = 1;
+    for (std::size_t s = r; s-- > 0;) {
+      factor *= static_cast<double>(s + 1) / (static_cast<double>(r - s) * n);
+      sum += factor * out[s];
+    }
+    out[r] = (zn - z * sum) * over;
+  }
+  return out;
+}
+
+void fill(TablePiece& piece, LagPieces& process) {
+  const LagPiece& from = piece.covariance;
+  const std::size_t size = process.size();
+  const double n = static_cast<double>(piece.count), s = piece.pairs.at_start, d = n * piece.pairs.step;
+  piece.first = from.active.empty() ? size : from.active.front();
+  piece.columns.assign(4 * (size - piece.first), 0.0);
+  const Complex* power = process.power(piece.count);
+  for (std::size_t k = 0; k < from.active.size(); ++k) {
+    const double E = from.ahead[k].re, F = from.behind[k].re, bn = power[from.active[k]].re;
+    double* column = &piece.columns[4 * (from.active[k] - piece.first)];
+    column[0] = E, column[1] = F, column[2] = E * bn, column[3] = F * bn;
+  }
+  // Of the exponentials, with t = i / n: Σ t^r E b^i, and Σ (1 - 1/n - t)^r F b^i.
+  Moments plain{}, ahead{}, behind{};
+  for (std::size_t k = 0; k < from.active.size(); ++k) {
+    const Moments each = moments_of(process.decay(from.active[k]).re, power[from.active[k]].re, n);
+    for (std::size_t r = 0; r < moments; ++r) ahead[r] += from.ahead[k].re * each[r], plain[r] += from.behind[k].re * each[r];
+  }
+  Moments turn{1};
+  for (std::size_t r = 0; r < moments; ++r) {
+    for (std::size_t k = 0; k <= r; ++k) behind[r] += turn[k] * plain[k];
+    for (std::size_t k = std::min(r + 1, moments - 1); k >= 1; --k) turn[k] = (1 - 1 / n) * turn[k] - turn[k - 1];
+    turn[0] *= 1 - 1 / n;
+  }
+  Moments weighted{};
+  for (std::size_t r = 0; r <= from.degree; ++r) {
+    weighted[r] += s * from.polynomial[r];
+    weighted[r + 1] += d * from.polynomial[r];
+  }
+  std::array<double, 2 * moments> sums;
+  sums_of_powers(piece.count, degree_most + moments, sums.data());
+  for (std::size_t r = 0; r <= degree_most; ++r) {
+    piece.moments[r] = s * (ahead[r] + behind[r]) + d * (ahead[r + 1] + behind[r + 1]);
+    for (std::size_t k = 0; k < moments; ++k) piece.moments[r] += weighted[k] * sums[r + k];
+  }
+  piece.ahead = factorial(weighted, n);
+  piece.behind = factorial(turned(weighted, moments - 1, n), n);
+}
+
+// For each of the four factors of the columns, its products with the eight parts of the constants.
+using Products = std::array<double, 32>;
+
+GMWM_CLONES void multiply(const double* columns, const double* constants, std::size_t count, double* out) {
+  Pack sums[8];
+  for (std::size_t l = 0; l < 8; ++l) sums[l] = Pack::load(out + 4 * l);
+  for (std::size_t k = 0; k < count; ++k, columns += 4, constants += 8) {
+    const Pack low = Pack::load(constants), high = Pack::load(constants + 4);
+    for (std::size_t l = 0; l < 4; ++l) {
+      const Pack factor = Pack::of(columns[l]);
+      sums[2 * l] = sums[2 * l] + factor * low;
+      sums[2 * l + 1] = sums[2 * l + 1] + factor * high;
+    }
+  }
+  for (std::size_t l = 0; l < 8; ++l) sums[l].store(out + 4 * l);
+}
+
+}  // namespace
+
+LagTable::LagTable(std::span<const std::int64_t> levels, std::int64_t samples, bool diagonal, const LagProcess& process)
+    : levels_(levels.begin(), levels.end()),
+      samples_(samples),
+      diagonal_(diagonal),
+      decays_(process.decay_re.begin(), process.decay_re.end()) {
+  LagPieces pieces(process);
+  for (std::size_t k = 0; k < levels.size(); ++k)
+    for (std::size_t j = diagonal ? k : 0; j <= k; ++j) {
+      const std::int64_t h = std::int64_t{1} << (levels[j] - 1), g = std::int64_t{1} << (levels[k] - 1);
+      pieces.pair(h, g);
+      for (const LagInterval& interval : intervals(h, g, samples)) {
+        if (interval.count <= 0) continue;
+        TablePiece& piece = pieces_.emplace_back();
+        piece.start = interval.start, piece.count = interval.count, piece.pairs = interval.pairs;
+        pieces.piece(interval.start, interval.count, piece.covariance);
+        fill(piece, pieces);
+        std::vector<double> values;
+        if (piece.count <= few || piece.start == 0) table_values(piece, decays_, 0, std::min(piece.count, few), values);
+        if (piece.start == 0) piece.centre = piece.pairs.at_start * values[0];
+        if (piece.count > few) continue;
+        for (std::int64_t i = 0; i < piece.count; ++i)
+          values[static_cast<std::size_t>(i)] *= piece.pairs.at_start + piece.pairs.step * static_cast<double>(i);
+        piece.values = std::move(values);
+      }
+    }
+}
+
+void table_values(const TablePiece& piece, std::span<const double> decays, std::int64_t first, std::int64_t lags,
+                  std::vector<double>& out) {
+  const LagPiece& from = piece.covariance;
+  const double n = static_cast<double>(piece.count);
+  out.assign(static_cast<std::size_t>(lags), 0.0);
+  for (std::int64_t i = 0; i < lags; ++i) {
+    const double t = static_cast<double>(first + i) / n;
+    double value = 0;
+    for (std::size_t r = from.degree + 1; r-- > 0;) value = value * t + from.polynomial[r];
+    out[static_cast<std::size_t>(i)] = value;
+  }
+  const double before = static_cast<double>(first), after = static_cast<double>(piece.count - first - lags);
+  for (std::size_t k = 0; k < from.active.size(); ++k) {
+    const double decay = decays[from.active[k]], z = std::exp(-decay);
+    double ahead = from.ahead[k].re * std::exp(-decay * before), behind = from.behind[k].re * std::exp(-decay * after);
+    for (std::size_t i = 0; i < out.size(); ++i, ahead *= z, behind *= z) out[i] += ahead, out[out.size() - 1 - i] += behind;
+  }
+}
+
+TableProducts::TableProducts(const LagPieces& process, const LagTable& table) : table_(table) {
+  const std::span<const double> decays = table.decays();
+  for (std::size_t p = 0; p < process.size(); ++p) {
+    Row row{process.decay(p), process.pole(p), process.over_apart(p), std::vector<double>(8 * decays.size()), {}};
+    for (std::size_t q = 0; q < decays.size(); ++q) {
+      const Complex sum = wrapped(row.decay + Complex{decays[q], 0}), difference = wrapped(row.decay - Complex{decays[q], 0});
+      const Complex one = inverse(-expm1(-sum));
+      const Complex other = norm(difference) == 0 ? Complex{} : inverse(row.pole * expm1(difference));
+      const std::array<Complex, 4> each{one, exp(-sum) * one * one, other, row.pole * other * other};
+      for (std::size_t l = 0; l < 4; ++l) row.constants[8 * q + 2 * l] = each[l].re, row.constants[8 * q + 2 * l + 1] = each[l].im;
+      if (size(difference) < near * decays[q]) row.close.push_back(q);
+    }
+    rows_.push_back(std::move(row));
+  }
+}
+
+// Σ n(i) of Re(A a^i + B a^(n - 1 - i)) times the exponentials of the table; end: a^n.
+double TableProducts::exponential(const Row& row, Complex A, Complex B, Complex end, const TablePiece& piece) const {
+  const std::span<const double> decays = table_.decays();
+  const double n = static_cast<double>(piece.count), s = piece.pairs.at_start, d = piece.pairs.step;
+  const double last = s + d * (n - 1);
+  Products out{};
+  std::size_t from = piece.first;
+  double total = 0;
+  for (const std::size_t q : row.close) {
+    const Complex difference = wrapped(row.decay - Complex{decays[q], 0});
+    if (q < piece.first || n * size(difference) >= alike) continue;
+    multiply(&piece.columns[4 * (from - piece.first)], &row.constants[8 * from], q - from, out.data());
+    from = q + 1;
+    const double *column = &piece.columns[4 * (q - piece.first)], E = column[0], F = column[1];
+    const double* constants = &row.constants[8 * q];
+    const Complex p{constants[0], constants[1]}, rising{constants[2], constants[3]};
+    const double bn = std::exp(-n * decays[q]);
+    const Complex xn = bn * end, plain = p - xn * p, risen = rising - xn * rising - (n * xn) * p;
+    total += (plain * ((s * E) * A + (last * F) * B) + risen * (d * (E * A - F * B))).re;
+    const Geometric other = near_one(difference, n);
+    total += bn * std::exp(decays[q]) * (other.plain * ((s * F) * A + (last * E) * B) + other.risen * (d * (F * A - E * B))).re;
+  }
+  multiply(&piece.columns[4 * (from - piece.first)], &row.constants[8 * from], decays.size() - from, out.data());
+  const auto at = [&](std::size_t factor, std::size_t constant) {
+    return Complex{out[8 * factor + 2 * constant], out[8 * factor + 2 * constant + 1]};
+  };
+  // Σ over the columns of factor times (1 - x^n) p, of its rise, of factor times (b^n - a^n) q, and of its rise.
+  const auto with = [&](std::size_t k) { return at(k, 0) - end * at(k + 2, 0); };
+  const auto with_rise = [&](std::size_t k) { return at(k, 1) - end * (at(k + 2, 1) + n * at(k + 2, 0)); };
+  const auto apart = [&](std::size_t k) { return at(k + 2, 2) - end * at(k, 2); };
+  const auto apart_rise = [&](std::size_t k) { return at(k + 2, 3) - end * (at(k, 3) + n * at(k, 2)); };
+  const Complex first = s * (with(0) + apart(1)) + d * (with_rise(0) + apart_rise(1));
+  const Complex second = last * (with(1) + apart(0)) - d * (with_rise(1) + apart_rise(0));
+  return total + (A * first + B * second).re;
+}
+
+double TableProducts::sum(const LagPiece& left, const TablePiece& piece, const Complex* power) const {
+  const double n = static_cast<double>(piece.count);
+  double total = 0;
+  for (std::size_t r = 0; r <= left.degree; ++r) total += left.polynomial[r] * piece.moments[r];
+  if (left.active.empty()) return total;
+  const Moments ends = factorials(n);
+  for (std::size_t k = 0; k < left.active.size(); ++k) {
+    const Row& row = rows_[left.active[k]];
+    const Complex A = left.ahead[k], B = left.behind[k], end = power[left.active[k]];
+    // Σ of function r times a^i: (1 - a) M_r = (r / n) a M_(r-1) - a^n times the function at n.
+    Complex moment = (end - Complex{1, 0}) * row.over_apart;
+    Complex ahead = piece.ahead[0] * moment, behind = piece.behind[0] * moment;
+    for (std::size_t r = 1; r < moments; ++r) {
+      moment = (ends[r] * end - (static_cast<double>(r) / n) * (row.pole * moment)) * row.over_apart;
+      ahead += piece.ahead[r] * moment, behind += piece.behind[r] * moment;
+    }
+    total += (A * ahead + B * behind).re;
+    if (!piece.columns.empty()) total += exponential(row, A, B, end, piece);
+  }
+  return total;
+}
+
+double TableProducts::echo(const LagPiece& left, const TablePiece& piece) const {
+  const std::span<const double> decays = table_.decays();
+  const LagPiece& from = piece.covariance;
+  const double n = static_cast<double>(piece.count);
+  const Moments ends = factorials(n);
+  double total = 0;
+  for (const Echo& echo : left.echoes) {
+    const Series forward = counted(echo, piece.pairs, n);
+    const Complex angle{0, echo.angle};
+    Series both{};
+    for (std::size_t r = 0; r < moments; ++r)
+      for (std::size_t s = 0; s <= from.degree; ++s) both[r + s] += from.polynomial[s] * forward[r];
+    total += swept(both, moments - 1 + from.degree, angle, piece.count).re;
+    const Series ahead = factorial(forward, n), behind = factorial(turned(forward, moments - 1, n), n);
+    const Complex end = exp(-((n - 1) * angle));
+    const auto sum = [&](const Series& functions, Complex decay) {
+      const Complex z = exp(-decay), zn = exp(-(n * wrapped(decay))), over = inverse(expm1(-wrapped(decay)));
+      Complex moment = expm1(-(n * wrapped(decay))) * over, out = functions[0] * moment;
+      for (std::size_t r = 1; r < moments; ++r) {
+        moment = (ends[r] * zn - (static_cast<double>(r) / n) * (z * moment)) * over;
+        out += functions[r] * moment;
+      }
+      return out;
+    };
+    for (std::size_t q = piece.first; q < decays.size(); ++q) {
+      const double *column = &piece.columns[4 * (q - piece.first)], E = column[0], F = column[1];
+      if (E != 0) total += E * sum(ahead, Complex{decays[q], 0} + angle).re;
+      if (F != 0) total += F * (end * sum(behind, Complex{decays[q], 0} - angle)).re;
+    }
+  }
+  return total;
+}
+
+}  // namespace gmwm
