@@ -42,6 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the numbers to FILE")
     parser.add_argument("--page", action="store_true", help="write docs/benchmarks.md with its picture and numbers")
+    parser.add_argument("--tables", action="store_true", help="print the appendix of the page, with all tables")
     parser.add_argument("--from", type=Path, metavar="FILE", dest="earlier", help="take what an earlier run found")
     parser.add_argument(
         "--only", default="", metavar="TEXT",
@@ -53,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     values = json.loads(options.earlier.read_text(encoding="utf-8")) if options.earlier else measured(options.only)
     if options.earlier and options.only:
         values = renewed(values, measured(options.only))
-    print(words(values))
+    print(page.appendix(page.Results(values)) if options.tables else words(values))
     if options.json:
         options.json.parent.mkdir(parents=True, exist_ok=True)
         write_text(options.json, json.dumps(values, indent=1, ensure_ascii=False) + "\n")

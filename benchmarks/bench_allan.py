@@ -9,9 +9,7 @@ import allantools
 import numpy as np
 
 from benchmarks.harness import Case
-from gmwm.measuring.variance.allan import allan_variance
-from gmwm.measuring.variance.hadamard import hadamard_variance
-from gmwm.measuring.variance.total import total_variance
+from gmwm.measuring.variance.allan import allan_variance, hadamard_variance, total_variance
 
 
 def cases() -> Iterable[Case]:

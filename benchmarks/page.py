@@ -38,10 +38,6 @@ PyWavelets inserts zeros into its filters, so each level takes twice as long as 
 covariance and model selection from a wavelet variance of 10⁶ samples, calibration of several axes, and the largest
 resident memory in addition to `import gmwm`, including the samples.
 
-## Comparison with the memory bandwidth
-
-{kernels}
-
 ## A record of any length
 
 {lengths}
@@ -50,25 +46,34 @@ A record of {longest} samples in chunks takes {stream:.2g} ns per sample, {over:
 samples in memory. It needs {memory:.0f} MB of memory, {beyond:.0f} MB more than after the import, independent of
 its length. The state between two chunks is {state:.1f} MB.
 
-## What was asked, and what limits it
+`python -m benchmarks --from docs/benchmarks.json --tables` prints the appendix: all ratios and limits.
+"""
+
+APPENDIX = """## Appendix
+
+### Comparison with the memory bandwidth
+
+{kernels}
+
+### What was asked, and what limits it
 
 Ratios are to `numpy.cumsum` of as many samples (10⁶ for fits), unless another reference is named. *Before* is the value
 at the beginning of the work on speed.
 
 {targets}
 
-## Statements in the documentation
+### Statements in the documentation
 
 The table compares statements about time and memory in README and the documentation with this run. A statement counts
 as confirmed if the measured value is at most {margin:g} times the stated one.
 
 {claims}
 
-## All ratios
+### All ratios
 
 {ratios}
 
-## Memory and processes
+### Memory and processes
 
 Each row is a separate process: wall time including the start of Python, peak resident memory, and the increase over
 `import gmwm` alone. The number of samples is the sum over all axes. The samples of a stream are drawn while it runs,
@@ -99,9 +104,16 @@ def text(results: Results) -> str:
     return PAGE.format(
         machine=", ".join(f"{key} {value}" for key, value in results.machine.items()),
         bandwidth=results.bandwidth / 1e9, small=f"{1e9 * results.per_sample(whole, 1000):.0f}",
-        kernels=bandwidth_words(results), lengths=_lengths(results), longest=power_text(longest), stream=1e9 * stream,
+        lengths=_lengths(results), longest=power_text(longest), stream=1e9 * stream,
         over=stream / results.per_sample(whole, 10**7), memory=live["peak"] / 1e6, beyond=live["beyond"] / 1e6,
-        state=live["state"] / 1e6, margin=MARGIN, claims=_claims(results), targets=_targets(results),
+        state=live["state"] / 1e6,
+    )  # fmt: skip
+
+
+def appendix(results: Results) -> str:
+    """All ratios, limits and checked statements as Markdown."""
+    return APPENDIX.format(
+        kernels=bandwidth_words(results), margin=MARGIN, claims=_claims(results), targets=_targets(results),
         ratios=_ratios(results), children=_children(results),
     )  # fmt: skip
 
@@ -154,7 +166,7 @@ def _ratios(results: Results) -> str:
         ]  # fmt: skip
         title = module.removeprefix("bench_").replace("_", " ")
         head = table(["case", "against", "ms", "ratio", "least … largest"], rows, 2)
-        parts.append(f"### {title[0].upper()}{title[1:]}\n\n{head}")
+        parts.append(f"#### {title[0].upper()}{title[1:]}\n\n{head}")
     return "\n\n".join(parts)
 
 

@@ -10,10 +10,9 @@ import pytest
 
 from gmwm import Model
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.base.documents import Documented
+from gmwm.base.documents import Documented, plain
 from gmwm.base.errors import ReadError
 from gmwm.base.kinds import Document
-from gmwm.base.plain import plain
 from tests.helpers import raises
 
 

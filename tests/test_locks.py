@@ -7,7 +7,7 @@ import threading
 import numpy as np
 import pytest
 
-from gmwm.base.locks import OneAtATime, one_at_a_time
+from gmwm.base.threads import OneAtATime, one_at_a_time
 from gmwm.measuring.spectrum.accumulate import SpectrumAccumulator
 from gmwm.measuring.variance.accumulate import WaveletAccumulator
 

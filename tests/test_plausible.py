@@ -5,7 +5,7 @@ import math
 import pytest
 
 from gmwm.choosing.datasheets import Entry
-from gmwm.choosing.datasheets.plausible import WIDEST, plausible
+from gmwm.choosing.datasheets.limits import WIDEST, plausible
 
 RATE, SAMPLES = 100.0, 360_000
 DURATION = SAMPLES / RATE

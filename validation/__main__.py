@@ -1,5 +1,7 @@
 """Run the statistical studies: `python -m validation [--reduced] [--output DIRECTORY] [NAME ...]`.
 
+`--tables` prints all tables of studies that were run, and `--pages` writes their pages again.
+
 A study is a module `study_<something>.py` in this folder with
 
 - `NAME`: its name, and that of its files (letters, digits and hyphens),
@@ -8,9 +10,9 @@ A study is a module `study_<something>.py` in this folder with
 - `table(result: dict) -> str`: the result as Markdown,
 - and, where there is something to see, `draw(result: dict, path: Path)`, which writes its picture.
 
-Each study becomes `<NAME>.json` and `<NAME>.md` in docs/validation, both or neither; where there is a picture, that is
-`<NAME>.svg`. They hold no date and no timing: the same seed and the same versions give the same bytes. The one
-exception is the comparison of methods, which tells how long each takes.
+Each study becomes `<NAME>.json` and a page `<NAME>.md` (validation/pages.py) in docs/validation, both or neither; where
+there is a picture, that is `<NAME>.svg`. They hold no date and no timing: the same seed and the same versions give the
+same bytes. The one exception is the comparison of methods, which tells how long each takes.
 """
 
 from __future__ import annotations
@@ -32,6 +34,7 @@ from typing import Any
 import gmwm
 import validation
 from gmwm.base.atomic_files import written_whole
+from validation.pages import appendix, page, write
 
 DOCUMENTS = Path(__file__).resolve().parent.parent / "docs" / "validation"
 VERSIONS = ("gmwm", "numpy", "scipy")
@@ -98,10 +101,13 @@ def run_study(study: ModuleType, *, reduced: bool = False) -> Record:
         text = json.dumps(head | result | head, indent=1, ensure_ascii=False, allow_nan=False, default=_plain)
     except ValueError as error:
         raise ValueError(f"study {study.NAME} has a NaN or an infinity in its result") from error
-    made_with = ", ".join(f"{package} {number}" for package, number in head["versions"].items())
-    command = f"python -m validation {'--reduced ' if reduced else ''}{study.NAME}"
-    foot = f"Seed {study.SEED}; {made_with}; written by `{command}`."
-    return Record(study.NAME, text + "\n", f"{study.table(result).strip()}\n\n{foot}\n")
+    return Record(study.NAME, text + "\n", page(study, head | result | head))
+
+
+def stored(study: ModuleType) -> dict[str, Any]:
+    """The result of a study that was run."""
+    content: dict[str, Any] = json.loads((DOCUMENTS / f"{study.NAME}.json").read_text(encoding="utf-8"))
+    return content
 
 
 def _plain(value: Any) -> Any:
@@ -116,11 +122,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m validation", description="Run the statistical studies.")
     parser.add_argument("names", nargs="*", metavar="NAME", help="studies to run; all of them by default")
     parser.add_argument("--reduced", action="store_true", help="the short version; written only where --output says")
+    parser.add_argument("--tables", action="store_true", help="print all tables of studies that were run")
+    parser.add_argument("--pages", action="store_true", help="write the pages of studies that were run")
     parser.add_argument("--output", type=Path, metavar="DIRECTORY", help="default: docs/validation")
     options = parser.parse_args(arguments)
     studies = find_studies()
     if unknown := sorted(set(options.names) - set(studies)):
         parser.error(f"no study called {', '.join(unknown)}; there are: {', '.join(studies) or 'none'}")
+    if options.tables or options.pages:
+        for name in options.names or studies:
+            if options.tables:
+                print(appendix(studies[name], stored(studies[name])))
+            if options.pages:
+                write(studies[name], stored(studies[name]), DOCUMENTS)
+        return 0
     # A reduced run must not take the place of the record of a full one.
     directory = options.output or (None if options.reduced else DOCUMENTS)
     for name in options.names or studies:

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 import gmwm
-from gmwm.choosing.datasheets.filter_numbers import filter_numbers
-from gmwm.choosing.datasheets.own_filter import smallest_error
+from gmwm.choosing.datasheets.filter_numbers import filter_numbers, smallest_error
 from gmwm.showing.exporters.two_states import LONGEST, POINTS, Curve, fit_states
 
 NAME = "filter"
@@ -120,7 +119,7 @@ COVERED = {"RW 5": "WN + RW", "FN 42": "WN + FN", "GM 50, 15 s": "GM + WN", "GM 
 
 
 def gain_of(bandwidth: float) -> float:
-    """Gain of the steady-state filter, g²/(1 − g) = (w Δt)²."""
+    """FilterGain of the steady-state filter, g²/(1 − g) = (w Δt)²."""
     return bandwidth * (math.sqrt(bandwidth**2 + 4) - bandwidth) / 2
 
 

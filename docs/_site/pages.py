@@ -1,18 +1,23 @@
-"""Pages that GitHub's readers see too: links to files beside docs/, and the titles of studies."""
+"""Pages that GitHub's readers see too: links to files beside docs/, and the appendices of studies."""
 
 from __future__ import annotations
 
-import ast
+import json
 import re
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from benchmarks import page as benchmarks
+from benchmarks.results import Results
+from validation.pages import appendix
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
 PAGES = {
     "README.md": "index",
-    "CONTRIBUTING.md": "contributing",
+    "CONTRIBUTING.md": "contributing/index",
     "CHANGELOG.md": "changelog",
     "docs/README.md": "index",
 }
@@ -20,8 +25,6 @@ PAGES = {
 
 SECTIONS = {"README.md#what-the-numbers-mean": "numbers"}
 """Sections that are pages of their own here."""
-
-STUDIES = Path(__file__).parents[2] / "validation"
 
 LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(((?:\.\./)+)([^)#\s]+)((?:#[^)\s]*)?)\)")
 
@@ -43,17 +46,20 @@ def mend(app: Sphinx, name: str, source: list[str]) -> None:
     source[0] = LINK.sub(mended, source[0])
 
 
-def entitle(app: Sphinx, name: str, source: list[str]) -> None:
-    """Give the table of a study, which has no title of its own, the question that the study asks."""
+def append(app: Sphinx, name: str, source: list[str]) -> None:
+    """Append all tables of a study, or of the benchmarks, to the page."""
     folder, _, study = name.rpartition("/")
-    if folder == "validation" and not source[0].startswith("# "):
-        code = (STUDIES / f"study_{study.replace('-', '_')}.py").read_text(encoding="utf-8")
-        question = (ast.get_docstring(ast.parse(code)) or study).splitlines()[0]
-        source[0] = f"# {question.removesuffix('.')}\n\n{source[0]}"
+    if folder == "validation":
+        module = import_module(f"validation.study_{study.replace('-', '_')}")
+        result = json.loads(Path(app.srcdir, folder, f"{study}.json").read_text(encoding="utf-8"))
+        source[0] += f"\n## Appendix\n\n{appendix(module, result)}"
+    if name == benchmarks.NAME:
+        values = json.loads(Path(app.srcdir, f"{name}.json").read_text(encoding="utf-8"))
+        source[0] += f"\n{benchmarks.appendix(Results(values))}"
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """When a page is read."""
     app.connect("source-read", mend)
-    app.connect("source-read", entitle)
+    app.connect("source-read", append)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

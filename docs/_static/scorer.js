@@ -1,5 +1,5 @@
 /* What a search puts first: exact words of titles, of the index and of the API; history and tables last. */
-const LAST = /^(changelog|contributing|vocabulary|benchmarks|genindex|validation\/)/;
+const LAST = /^(changelog|contributing\/index|contributing\/vocabulary|benchmarks|genindex|validation\/)/;
 const LATER = /^api\//;
 const ASKED = (new URLSearchParams(window.location.search).get("q") || "").trim().toLowerCase();
 const IS_CODE = /[._]/.test(ASKED);

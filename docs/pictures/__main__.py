@@ -17,7 +17,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from docs import messages
+from docs import message_pages
 from docs.pictures import front, processes, valleys
 
 FOLDER = Path(__file__).parent
@@ -27,6 +27,7 @@ PAGES = (
     DOCS / "howto" / "array.md",
     DOCS / "howto" / "joint.md",
     DOCS / "howto" / "conditions.md",
+    DOCS / "howto" / "contaminated.md",
     DOCS / "howto" / "recordings.md",
     *sorted((DOCS / "concepts").glob("*.md")),
 )
@@ -79,7 +80,7 @@ def main(names: list[str]) -> int:
     """Those whose names are given, or all; 1 if a picture is too large or written twice."""
     scripts = {"front": front, "each-process": processes, "valleys": valleys}
     makers = {name: lambda script=script: script.write(FOLDER) for name, script in scripts.items()}
-    makers["messages"] = messages.write
+    makers["messages"] = message_pages.write
     makers |= {page.stem: lambda page=page: run(page) for page in PAGES}
     unknown = [name for name in names if name not in makers]
     if unknown:

@@ -15,5 +15,5 @@ def write(folder: Path) -> list[Path]:
     made = gmwm.simulate_signal(TRUTH, rate=RATE, samples=SAMPLES, rng=SEED, unit="rad/s")
     fit = gmwm.fit("GM + WN + QN + RW", made.signal)
     path = folder / "front.svg"
-    fit.plot(view="allan", units="datasheet", path=path)
+    fit.plot(path=path)
     return [path]

@@ -39,6 +39,7 @@ PROCESSES = {
     "fn": Shown("FN(b2=1e-7)", 600, 6),
     "pl": Shown("PL(alpha=1.5, nu2=1e-8)", 600, 7),
     "mat": Shown("MAT(beta=1.0, nu=2.5, sigma2=1e-6)", 30, 8),
+    "osc": Shown("OSC(frequency=0.5, quality=10.0, sigma2=2e-6)", 30, 11),
     "ar": Shown("AR(2, phi1=1.8, phi2=-0.9, sigma2=1e-7)", 2, 9),
     "sin": Shown("SIN(frequency=0.5, power=2e-6)", 10, 10),
 }

@@ -228,7 +228,7 @@ def averaged_over(monkeypatch, sheet, other):
     return averaged_datasheet(sheet, ranking, LEVEL)
 
 
-@pytest.mark.parametrize(("ratio", "counts"), [(5e3, True), (2e4, False)])
+@pytest.mark.parametrize(("ratio", "counts"), [(7e3, True), (1.5e4, False)])
 def test_a_model_with_an_undetermined_gauss_markov_term_does_not_count(monkeypatch, ratio, counts):
     sheet = sheet_of("WN", ("N", 1.0, 0.9, 1.1))
     term = ("T_c", 1.0, 0.1, 10.0), ("q_c", 1.0, 1 / math.sqrt(ratio), math.sqrt(ratio))

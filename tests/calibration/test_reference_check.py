@@ -8,6 +8,8 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import OptionError, UnitError
+from gmwm.calibration.reference_check import _cause, _row
+from gmwm.choosing.datasheets import Entry
 from gmwm.files.importers import given_noise
 from gmwm.showing.exporters.given import given_calibration
 from tests.exporters.consumers import CONSUMERS
@@ -16,6 +18,20 @@ from tests.helpers import code_of, only, raises
 RATE = 100.0
 N = {"gyro": 1e-4, "accel": 1e-3}
 K = {"gyro": 2e-6, "accel": 3e-5}
+
+
+@pytest.mark.parametrize(
+    ("reference", "verdict"), [(1.0, "agrees"), (1.08, "close"), (1.15, "larger"), (0.92, "close"), (0.85, "smaller")]
+)
+def test_a_reference_within_10_per_cent_is_close(reference, verdict):
+    measured = Entry(symbol="N", title="", value=1.0, low=0.99, high=1.01, unit="rad/s/√Hz", upper_only=False)
+    assert _row("gyro_x", "N", reference, measured).verdict == verdict
+
+
+@pytest.mark.parametrize(("rate", "cause"), [(6.25, None), (16.0, "rate"), (1 / 6.25, None)])
+def test_a_wrong_unit_is_suspected_from_a_factor_of_three(rate, cause):
+    measured = Entry(symbol="N", title="", value=1.0, low=0.99, high=1.01, unit="rad/s/√Hz", upper_only=False)
+    assert _cause(_row("gyro_x", "N", math.sqrt(rate), measured), rate) == cause
 
 
 @pytest.fixture(scope="module")

@@ -99,6 +99,13 @@ def test_the_bias_of_the_upright_axis_needs_no_attitude():
     assert error < 0.01
 
 
+@pytest.mark.parametrize(("angle", "known"), [(15.0, True), (25.0, False)])
+def test_the_bias_of_a_tilted_unit_is_known_up_to_20_degrees(angle, known):
+    level, upright = (9.81 * f(math.radians(angle)) for f in (math.sin, math.cos))
+    found = gravity_of({"accel_x": level, "accel_y": 0.0, "accel_z": upright}, CalibrationOptions(gravity=9.81))
+    assert (found["accel_z"] is not None) is known
+
+
 def test_an_unknown_gravity_is_the_range_on_earth():
     gravity, error = gravity_of(UPRIGHT, CalibrationOptions())["accel_z"]
     assert abs(gravity) == pytest.approx(9.806, abs=1e-3)

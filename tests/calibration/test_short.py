@@ -8,7 +8,7 @@ import pytest
 import gmwm
 from gmwm.base.errors import DataError
 from gmwm.calibration.findings import LEAST_SCALES, SCALES
-from gmwm.choosing.selection.options import SLOW
+from gmwm.choosing.selection.ranking import SLOW
 from gmwm.fitting.estimation.goodness import usable_levels
 from tests.helpers import raises
 

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from gmwm.files.readers import read
-from gmwm.measuring.variance.allan import allan_variance
+from gmwm.measuring.variance.allan import allan_variance, hadamard_variance, total_variance
 from gmwm.measuring.variance.allan_regression import avlr
-from gmwm.measuring.variance.hadamard import hadamard_variance
-from gmwm.measuring.variance.total import total_variance
 
 KINDS = {
     "overlapping": allan_variance,

@@ -20,7 +20,7 @@ ELSEWHERE = {
     ("coming-from/imu-tools.md", "gmwm calibrate recording.bag"): "to be typed",
     ("exporters.md", "# Noise of an IMU"): "an example of a file",
     ("fleet.md", "Gyroscopes"): "an example of sixty units, to be read",
-    ("howto/add-a-process.md", "def state_space"): "to be written",
+    ("contributing/add-a-process.md", "def state_space"): "to be written",
     ("howto/record.md", "ros2 bag record"): "to be typed",
     ("index.md", "The calibration can be used"): "of the command in start.md",
     ("navigation.md", "Fitted to 8 h"): "a hundred drives, which take minutes",

@@ -242,9 +242,9 @@ def test_search_puts_on_top_what_is_meant(site, page):
 def test_search_finds_what_takes_several_words(site, page):
     wanted = {
         "confidence interval coverage": "glossary.html",
-        "compare two units": "howto/several.html",
+        "compare two units": "howto/recordings.html",
         "missing samples array": "howto/record.html",
-        "define custom process": "howto/add-a-process.html",
+        "define custom process": "contributing/add-a-process.html",
     }
     assert {words: where for words, where in wanted.items() if where not in found_by(page, site, words)} == {}
 
@@ -282,7 +282,8 @@ LEGIBLE = """() => {
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_words_and_code_stand_out(site, page, scheme):
     page.emulate_media(color_scheme=scheme)
-    for name in ("start.html", "glossary.html", "howto/add-a-process.html", "api/fitting.html", "coming-from/r.html"):
+    pages = "start.html", "glossary.html", "contributing/add-a-process.html", "api/fitting.html", "coming-from/r.html"
+    for name in pages:
         page.goto((site / name).as_uri(), wait_until="load")
         assert page.evaluate(LEGIBLE) == {}, name
     page.evaluate("document.querySelector('article p').style.color = getComputedStyle(document.body).backgroundColor")

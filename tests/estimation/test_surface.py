@@ -159,7 +159,7 @@ def test_draws_serve_every_process_and_a_signal():
 
 
 def test_draws_follow_the_paper():
-    from gmwm.theory.processes.start_context import Occasion
+    from gmwm.theory.processes.parameter import Occasion
 
     rng, draws, levels = np.random.default_rng(1), 4000, np.arange(1, 11)
 

@@ -105,7 +105,7 @@ def test_ros_leaves_it_out_and_says_so(unit):
 
 @pytest.mark.slow
 def test_matrices_state_the_error_of_the_approximation(unit):
-    found = [one for one in remarks_in(unit, "state-space") if one.code == "state-approximated"]
+    found = [one for one in remarks_in(unit, "state-space") if one.code == "approximated"]
     assert [(one.subject, one.facts["terms"]) for one in found] == [(axis, ("FN",)) for axis in TRUTHS]
     assert all(one.facts["error"].value < 1.0 for one in found)
     for format in set(export_formats()) - {"dlio"}:

@@ -8,11 +8,11 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from gmwm.choosing.datasheets.effective import Use
-from gmwm.choosing.datasheets.filter_numbers import best_gain
-from gmwm.choosing.datasheets.own_filter import smallest_error
-from gmwm.choosing.datasheets.prediction import Prediction
-from gmwm.showing.exporters.quality import LARGE, TIMES, qualities
-from gmwm.showing.exporters.reduction import Number, axis_noise
+from gmwm.choosing.datasheets.filter_numbers import best_gain, smallest_error
+from gmwm.choosing.datasheets.prediction import Forecast
+from gmwm.showing.exporters import quality
+from gmwm.showing.exporters.quality import TIMES, Quality, predictions, qualities
+from gmwm.showing.exporters.reduction import Number, axis_noise, sensor_noise
 from gmwm.theory.processes import Model
 
 from .conftest import RATE, words
@@ -26,7 +26,7 @@ def axis_of(calibration, axis):
 @pytest.mark.parametrize("samples", [1, 20, 3000])
 def test_white_noise_and_a_walk_lose_nothing(samples):
     processes = Model.parse("WN(sigma2=1.0) + RW(gamma2=1e-5)").processes
-    prediction = Prediction.of(processes, RATE, samples)
+    prediction = Forecast.of(processes, RATE, samples)
     least = smallest_error(processes, RATE, samples)
     assert prediction.error(best_gain(prediction))[0] == pytest.approx(least, rel=1e-6)
 
@@ -58,7 +58,7 @@ def test_quality_is_loss_and_claim(units):
     at = dict(zip(TIMES, qualities(axis), strict=True))
     assert at[1.0].claim == pytest.approx(1.0, abs=0.01)
     assert 1.0 <= at[1.0].loss < at[10.0].loss < at[60.0].loss
-    assert at[60.0].loss > LARGE
+    assert at[60.0].loss > 1.2
     assert at[60.0].claim > 1.5
     assert all(each.loss == pytest.approx(1, abs=2e-3) for each in qualities(axis_of(units["quantized"], "gyro_x")))
 
@@ -75,6 +75,13 @@ def test_the_file_states_them_and_names_the_remedy(units):
     assert [float(x) for x in found.groups()[:3]] == pytest.approx(losses, abs=0.006)
     assert "Filters with Gauss-Markov states" in text
     assert "Filters with Gauss-Markov states" not in words(units["quantized"].export())
+
+
+@pytest.mark.parametrize(("loss", "advised"), [(1.15, False), (1.3, True)])
+def test_a_loss_of_20_per_cent_over_a_minute_advises_more_states(units, monkeypatch, loss, advised):
+    monkeypatch.setattr(quality, "qualities", lambda axis: (Quality(1.0, 1.0), Quality(1.0, 1.0), Quality(loss, 1.0)))
+    sensor = sensor_noise(units["quantized"], "gyro", rule="worst", inflation=1.0, use=Use())
+    assert ("Gauss-Markov states" in predictions([sensor])[-1]) is advised
 
 
 def test_inflated_numbers_have_the_same_quality(units):

@@ -10,6 +10,7 @@ import pytest
 import gmwm
 from gmwm.applications.several import plots
 from gmwm.applications.several.cross import _freedom, _UnitNoise, cross
+from gmwm.applications.several.delays import WINGS, _delay
 from gmwm.applications.several.matrices import AxisPairs
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.multiple_tests import holm
@@ -109,6 +110,24 @@ def test_a_delay_is_found(delay):
     found = cross({"a": a, "b": b}, RATE)
     assert found.delays["b", "a"] == delay
     assert [remark.subject for remark in found.remarks if remark.code == "axis-delayed"] == ["b" if delay > 0 else "a"]
+
+
+@pytest.mark.parametrize(
+    ("lag", "peak", "far", "delay"),
+    [
+        (2, 0.06, 0.0, 2),
+        (2, 0.04, 0.0, 0),
+        (3, 0.5, 0.15, 3),
+        (3, 0.5, 0.25, 0),
+        (4, 0.5, 0.0, 0),
+        (-1, 0.06, 0.02, -1),
+    ],
+)
+def test_a_delay_is_a_clear_peak_at_three_samples_at_most(lag, peak, far, delay):
+    """From 10 000 coefficients: the peak gains 5 standard errors, 0.05, and the rest is below 0.4 of it."""
+    correlation = np.zeros(2 * WINGS + 1)
+    correlation[[WINGS + lag, 0]] = peak, far
+    assert _delay(correlation, 10_000) == delay
 
 
 def test_a_line_with_a_phase_is_no_delay():

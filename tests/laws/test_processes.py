@@ -200,8 +200,8 @@ def test_wavelet_variance_follows_from_the_autocovariance(process):
 @pytest.mark.slow
 @every_process_having("psd")
 def test_wavelet_variance_follows_from_the_spectrum(process):
-    f, weight = _frequencies(rational=process._derives("state_space"))
     for one in examples(process, slowest=1e-2):
+        f, weight = _frequencies(one)
         density = one.psd(f * RATE, RATE)
         for level, variance in enumerate(one.wavelet_variance(8, RATE), start=1):
             h = 2 ** (level - 1)
@@ -215,11 +215,12 @@ def test_wavelet_variance_follows_from_the_spectrum(process):
             assert np.sum(octaves) + rest == pytest.approx(variance, rel=1e-9)
 
 
-def _frequencies(*, rational):
+def _frequencies(process):
     """Nodes and weights over ±½, those of an octave in a row where a power of f may stand at f = 0."""
-    if rational:
+    if process._derives("state_space"):
         # The midpoint rule converges like φ^n for a periodic integrand, and is exact for a random walk.
-        n = 2**16
+        memory = process.correlation_time(RATE) or 0.0
+        n = 2 ** max(16, math.ceil(math.log2(1 + 30 * memory * RATE)) if math.isfinite(memory) else 0)
         return ((np.arange(n) + 0.5) / n - 0.5).reshape(1, -1), np.full((1, n), 1 / n)
     nodes, weights = np.polynomial.legendre.leggauss(200)
     top = np.ldexp(0.5, -np.arange(45))[:, None]

@@ -203,7 +203,7 @@ def test_a_short_reference_is_refused() -> None:
 
 def test_power_law_noise_is_approximated_with_a_remark() -> None:
     made = Monitor({"gyro_x": "FN(b2=1e-9) + WN(sigma2=1e-6)"}, rate=RATE)
-    assert {remark.code for remark in made.remarks} == {"state-approximated", "monitor-no-baseline"}
+    assert {remark.code for remark in made.remarks} == {"approximated", "monitor-no-baseline"}
 
 
 @pytest.mark.parametrize(

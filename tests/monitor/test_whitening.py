@@ -97,7 +97,7 @@ def test_cuts_and_json_do_not_change_a_bit(text: str) -> None:
 def test_power_law_noise_becomes_a_sum_of_markov_processes(text: str) -> None:
     model = Model.parse(text)
     finite = Finite.of(model, RATE)
-    assert [remark.code for remark in finite.remarks] == ["state-approximated"]
+    assert [remark.code for remark in finite.remarks] == ["approximated"]
     x = model.simulate(1 << 17, RATE, rng=5)
     e = Whitener(Gain.of(finite)).update(x)
     sums = e.copy()

@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 
 from gmwm.base.errors import OptionError
-from gmwm.measuring.variance.allan import allan_variance
+from gmwm.measuring.variance.allan import allan_variance, hadamard_variance
 from gmwm.measuring.variance.allan_regression import avlr
-from gmwm.measuring.variance.hadamard import hadamard_variance
 from gmwm.recording.signals import Signal
 from gmwm.showing.plots.allan import (
     SLOPES,
@@ -31,8 +30,8 @@ def curve():
 
 
 def test_the_curve_and_its_band_are_the_numbers_of_the_result(curve):
-    panel = allan_panel({"curve": curve})
-    line, band = panel["curve"], panel["95 % confidence"]
+    panel = allan_panel({"curve": curve}, units="si")
+    line, band = panel["curve"], panel["95 % limits, identified noise"]
     np.testing.assert_array_equal(line.x, curve.tau)
     np.testing.assert_array_equal(line.y, curve.deviation)
     np.testing.assert_allclose(band.lower, curve.lower_deviation)
@@ -98,7 +97,7 @@ def test_sensors_side_by_side():
     figure = allan_figure({name: allan_variance(signal(name, unit)) for name, (_, unit) in axes.items()})
     assert [panel.title for panel in figure.panels] == ["Gyroscope", "Accelerometer"]
     for panel in figure.panels:
-        assert panel.labels == ("X", "Y", "Z", "95 % confidence")
+        assert panel.labels == ("X", "Y", "Z", "95 % limits, identified noise")
         strokes = [m.stroke for m in panel.marks if isinstance(m, Line) and m.label]
         assert len({(s.dash, s.symbol) for s in strokes}) == 3
 
@@ -133,3 +132,15 @@ def test_what_is_refused(curve):
     for wrong in ({}, {"a": 1.0}, [curve]):
         with raises(OptionError, "a mapping of names to ClusterVariance", argument="curves", got=wrong):
             plot_allan_axes(wrong)
+
+
+def test_slopes_of_several_axes_have_a_panel_each():
+    names = ("gyro_x", "gyro_y", "accel_x")
+    units = {"g": "rad/s", "a": "m/s²"}
+    figure = allan_figure({name: avlr(allan_variance(signal(name, units[name[0]]))) for name in names})
+    assert [panel.title for panel in figure.panels] == ["Gyroscope X", "Gyroscope Y", "Accelerometer X"]
+    for panel in figure.panels:
+        assert "Point that gives N" in panel.labels
+        assert panel.texts[-1].text.startswith("N = ")
+    with raises(OptionError, argument="curves"):
+        allan_figure({"gyro_x": 1.0})

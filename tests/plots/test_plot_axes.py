@@ -3,7 +3,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gmwm.showing.plots.axes import limits_near, limits_of, number_text, power_ticks, time_axis, value_axis
+from gmwm.showing.plots.axes import (
+    limits_near,
+    limits_of,
+    number_text,
+    one_tick_form,
+    power_ticks,
+    time_axis,
+    value_axis,
+)
+from gmwm.showing.plots.figure import Figure, Panel
 
 exponents = st.floats(-24, 24)
 profile = settings(derandomize=True, max_examples=150, deadline=None)
@@ -105,3 +114,14 @@ def test_numbers_in_words_keep_three_digits(value):
     mantissa, _, power = text.partition("×10")
     back = float(mantissa) * 10.0 ** int(power.translate(powers) or 0)
     assert abs(back / value - 1) < 6e-3
+
+
+def test_a_figure_has_one_form_of_tick_labels():
+    axes = [value_axis((1e-2, 1.0), "small"), value_axis((1e-5, 1.0), "smaller")]
+    x = time_axis(np.array([1.0, 10.0]), "τ (s)")
+    mixed = Figure(((Panel(x, axes[0], ()), Panel(x, axes[1], ())),))
+    labels = {tick.label for panel in one_tick_form(mixed).panels for tick in panel.y.ticks}
+    assert "10⁻²" in labels
+    assert not any("." in label for label in labels)
+    plain = Figure(((Panel(x, axes[0], ()),),))
+    assert one_tick_form(plain) is plain

@@ -17,8 +17,8 @@ from tests.helpers import raises
 
 
 def test_the_curve_and_its_band_are_the_numbers_of_the_result(wv):
-    panel = wavelet_variance_panel(wv)
-    line, band = panel["Wavelet variance"], panel["95 % confidence"]
+    panel = wavelet_variance_panel(wv, view="wavelet")
+    line, band = panel["Wavelet variance"], panel["95 % limits, any noise"]
     np.testing.assert_array_equal(line.x, wv.tau)
     np.testing.assert_array_equal(line.y, wv.variance)
     np.testing.assert_array_equal(band.lower, wv.lower)
@@ -28,7 +28,7 @@ def test_the_curve_and_its_band_are_the_numbers_of_the_result(wv):
 
 
 def test_the_allan_view(wv):
-    panel = wavelet_variance_panel(wv, view="allan")
+    panel = wavelet_variance_panel(wv, view="allan", units="si")
     line = panel["Allan deviation"]
     np.testing.assert_array_equal(line.x, wv.tau / 2)
     np.testing.assert_allclose(line.y, np.sqrt(2 * wv.variance), rtol=1e-15)
@@ -41,9 +41,17 @@ def test_the_allan_view_is_for_haar_only(wv):
     assert wavelet_variance_panel(replace(wv, filter="d4")).lines
 
 
+def test_the_default_is_what_the_field_reads(wv, scaled):
+    assert wavelet_variance_panel(wv).y.label == "Allan deviation (deg/h)"
+    assert wavelet_variance_panel(scaled(wv, unit="counts")).y.label == "Allan deviation (counts)"
+    assert wavelet_variance_panel(wv, view="wavelet").y.label == "Wavelet variance (rad²/s²)"
+    assert wavelet_variance_panel(wv, units="si").y.label == "Allan deviation (rad/s)"
+    assert wavelet_variance_panel(replace(wv, filter="d4")).y.label == "Wavelet variance (rad²/s²)"
+
+
 def test_robust_and_confidence_are_named(wv):
     labels = wavelet_variance_panel(replace(wv, robust=True, confidence=0.9)).labels
-    assert labels == ("Wavelet variance, robust", "90 % confidence")
+    assert labels == ("Allan deviation, robust", "90 % limits, any noise")
 
 
 @pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
@@ -59,7 +67,7 @@ def test_the_whole_curve_is_inside_whatever_the_scale(wv, scale, view, scaled):
 def test_zeros_are_marked_and_counted(wv, scaled):
     values = wv.variance.copy()
     values[[2, 5]] = 0.0
-    panel = wavelet_variance_panel(scaled(wv, variance=values))
+    panel = wavelet_variance_panel(scaled(wv, variance=values), view="wavelet")
     (foot,) = panel.feet
     np.testing.assert_array_equal(foot.x, wv.tau[[2, 5]])
     assert foot.label == "Zero at 2 of 20 scales"
@@ -74,13 +82,13 @@ def test_a_constant_signal_says_so(wv, scaled):
 
 
 def test_an_unbounded_limit_does_not_move_the_axes(wv):
-    free = wavelet_variance_panel(replace(wv, upper=np.where(wv.levels == 20, np.inf, wv.upper)))
+    free = wavelet_variance_panel(replace(wv, upper=np.where(wv.levels == 20, np.inf, wv.upper)), view="wavelet")
     assert np.isposinf(free.bands[0].upper[-1])
     assert free.y.limits[1] < 20 * wv.variance.max()
 
 
 def test_a_fit_shows_the_model_and_every_term(fit):
-    panel = fit_panel(fit)
+    panel = fit_panel(fit, view="wavelet")
     np.testing.assert_array_equal(panel["Model: GM + WN + QN + RW"].y, fit.implied)
     for term, variance in fit.decomposition.items():
         (line,) = [line for line in panel.lines if line.label.startswith(f"{term}: ")]
@@ -112,8 +120,8 @@ def test_a_term_without_such_numbers_keeps_its_parameters_in_datasheet_units():
 
 def test_a_fit_without_its_terms(fit):
     assert fit_panel(fit, decomposition=False).labels == (
-        "Wavelet variance",
-        "95 % confidence",
+        "Allan deviation",
+        "95 % limits, any noise",
         "Model: GM + WN + QN + RW",
     )
 
@@ -171,7 +179,7 @@ def test_six_axes_in_a_grid_share_scales_by_row_and_label_them_once(six):
         assert len({panel.y.limits for panel in row}) == 1
         assert [bool(panel.y.label) for panel in row] == [True, False, False]
     assert [bool(row[0].x.label) for row in figure.rows] == [False, True]
-    assert figure.labels == ("Wavelet variance", "95 % confidence")
+    assert figure.labels == ("Allan deviation", "95 % limits, any noise")
 
 
 def looks(panel):
@@ -282,7 +290,7 @@ def test_terms_lie_over_the_model_and_under_the_data(fit):
     panel = fit_panel(fit)
     layers = {line.label.split(":")[0]: line.layer for line in panel.lines}
     terms = [layers[term] for term in fit.decomposition]
-    assert layers["Model"] < min(terms) <= max(terms) < layers["Wavelet variance"]
+    assert layers["Model"] < min(terms) <= max(terms) < layers["Allan deviation"]
 
 
 def test_a_term_that_is_zero_says_so_in_a_grid_too(fit):
@@ -310,13 +318,13 @@ def test_fewer_axes_and_other_names(wv, split, names, scaled):
 def test_sensors_over_one_another(fit, six):
     figure = imu_figure(six, split=False)
     assert [panel.title for panel in figure.panels] == ["Gyroscope", "Accelerometer"]
-    assert figure.labels == ("X", "Y", "Z", "95 % confidence")
-    model = imu_figure({"gyro_y": fit}, split=False).panels[0]["Y, model"]
+    assert figure.labels == ("X", "Y", "Z", "95 % limits, any noise")
+    model = imu_figure({"gyro_y": fit}, split=False, view="wavelet").panels[0]["Y, model"]
     np.testing.assert_array_equal(model.y, fit.implied)
 
 
 def test_curves_of_two_units_are_not_compared(wv, scaled):
-    with raises(OptionError, "a in rad/s", "b in m/s²", argument="items", got=("rad/s", "m/s²")):
+    with raises(OptionError, "a in deg/h", "b in mg", argument="items", got=("deg/h", "mg")):
         overlay_panel({"a": wv, "b": scaled(wv, unit="m/s²")})
 
 

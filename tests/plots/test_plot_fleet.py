@@ -36,7 +36,7 @@ def fleet(n, odd=None, sensors=("gyro", "accel")):
     return SimpleNamespace(table=table, statistics=fleet_statistics(table))
 
 
-@pytest.mark.parametrize("n", [12, 300])
+@pytest.mark.parametrize("n", [12, 40, 41, 300])
 def test_a_panel_a_number_a_strip_an_axis_in_datasheet_units(n):
     told = fleet(n, odd=(5, "y"))
     figure = fleet_figure(told)
@@ -46,7 +46,7 @@ def test_a_panel_a_number_a_strip_an_axis_in_datasheet_units(n):
     panel = figure.panels[0]
     assert panel.y.label == "N (deg/√h)"
     assert [tick.label for tick in panel.x.ticks] == ["X", "Y", "Z"]
-    name = "Unit, with its confidence interval" if n == 12 else "Units, sorted by value"
+    name = "Unit, with its confidence interval" if n <= 40 else "Units, sorted by value"
     curves = [line for line in panel.lines if line.label == name]
     assert len(curves) == 3
     assert len({line.stroke.colour for line in curves}) == 3
@@ -115,3 +115,13 @@ def test_it_is_drawn_and_written_for_one_sensor_and_one_unit_too(tmp_path):
     empty = told.table.with_columns(status=pl.lit("failed"))
     with raises(OptionError, argument="fleet", advises=["reason"]):
         fleet_figure(SimpleNamespace(table=empty, statistics=fleet_statistics(empty)))
+
+
+@pytest.mark.parametrize("n", [3, 12])
+def test_limits_are_inside_the_frame_and_the_legend_is_ordered(n):
+    figure = fleet_figure(fleet(n))
+    for panel in figure.panels:
+        assert all(np.nanmax(line.x) < panel.x.limits[1] - 0.1 for line in panel.lines)
+    labels = figure.labels
+    assert labels[:3] == ("unit_0", "unit_1", "unit_2") if n == 3 else labels[0].startswith("Unit")
+    assert labels.index("Typical value") < labels.index("Range of a further unit (95 %)")

@@ -58,7 +58,7 @@ def test_one_legend_names_everything_once(wv, fit):
 def test_the_swatch_of_several_bands_is_in_the_colour_of_none(wv):
     picture = plot_comparison({"one": wv, "other": wv})
     (legend,) = picture.legends
-    at = [text.get_text() for text in legend.get_texts()].index("95 % confidence")
+    at = [text.get_text() for text in legend.get_texts()].index("95 % limits, any noise")
     red, green, blue, _ = legend.legend_handles[at].get_facecolor()
     assert red == green == blue
 
@@ -84,7 +84,7 @@ def test_nothing_overlaps_the_border(fit):
 def test_zeros_and_a_lone_interval_are_drawn(wv, scaled):
     values = wv.variance.copy()
     values[[0, 2]] = 0.0
-    picture = plot_wavelet_variance(scaled(wv, variance=values))
+    picture = plot_wavelet_variance(scaled(wv, variance=values), view="wavelet")
     (axes,) = picture.axes
     np.testing.assert_array_equal(drawn(axes)["Zero at 2 of 20 scales"].get_xdata(), wv.tau[[0, 2]])
     bars = [c for c in axes.collections if len(c.get_paths()) == 1 and c.get_linewidth()[0] == 4.0]
@@ -141,8 +141,8 @@ def test_on_axes_of_the_caller(wv, fit):
     assert plot_wavelet_variance(wv, ax=axes[0]) is mine
     assert plot_fit(fit, ax=axes[1]) is mine
     assert [text.get_text() for text in axes[0].get_legend().get_texts()] == [
-        "Wavelet variance",
-        "95 % confidence",
+        "Allan deviation",
+        "95 % limits, any noise",
     ]
     inner = MatplotlibFigure()
     assert plot_wavelet_variance(wv, ax=inner.subfigures(1, 2)[1].add_subplot()) is inner
@@ -163,7 +163,7 @@ def test_no_global_state(wv, tmp_path):
 
 
 def test_results_draw_themselves(wv, fit):
-    assert wv.plot(view="allan").axes[0].get_ylabel() == "Allan deviation (rad/s)"
+    assert wv.plot().axes[0].get_ylabel() == "Allan deviation (deg/h)"
     axes = fit.plot(units="datasheet").axes[0]
     lines = [line for line in axes.get_lines() if line.get_transform() == axes.transData]
     assert len(lines) == 2 + len(fit.decomposition)

@@ -69,7 +69,7 @@ def test_a_distance_is_one_at_the_limits():
 def test_the_band_of_distances_is_that_of_the_data(ranking):
     curves, distances, _ = ranking_figure(ranking).panels
     (band,) = distances.bands
-    assert band.label == curves.bands[0].label == "95 % confidence"
+    assert band.label == curves.bands[0].label == "95 % limits, any noise"
     np.testing.assert_array_equal(band.lower, [-1.0, -1.0])
     np.testing.assert_array_equal(band.upper, [1.0, 1.0])
     low, high = distances.y.limits
@@ -111,7 +111,7 @@ def test_a_dot_has_the_colour_and_the_symbol_of_its_curve(ranking):
 
 
 def test_several_recordings_say_so(several):
-    figure = ranking_figure(several)
+    figure = ranking_figure(several, view="wavelet")
     assert figure.title.endswith("mean of 2 recordings")
     criteria = figure.panels[-1]
     assert criteria.x.label == "Loss out of sample above the best"
@@ -141,7 +141,7 @@ def test_limits_that_are_refused(ranking, limit):
 
 def test_a_comparison_shows_both_and_their_difference(ranking):
     comparison = ranking.compare("GM + WN + QN + RW", "GM + WN + QN")
-    figure = candidates_figure(comparison)
+    figure = candidates_figure(comparison, view="wavelet")
     curves, distances = figure.panels
     for panel in (curves, distances):
         assert len(models(panel)) == 2

@@ -294,7 +294,7 @@ def test_a_knock_does_not_flatten_the_other_samples():
     line, *marks = panel.marks
     # The mean is that of the other samples, and the panel is as high as a few of their spans.
     assert "less its mean of 9.8" in panel.title
-    assert "beyond the limits" in panel.title
+    assert "Beyond the limits" in panel.labels
     assert np.ptp(line.y[np.isfinite(line.y)]) < 40 * np.std(line.y[line.y < np.quantile(line.y, 0.99)])
     assert [mark.stroke.symbol for mark in marks] == ["triangle"]
     assert np.all((marks[0].x > 0.8) & (marks[0].x < 51))

@@ -32,9 +32,9 @@ def colours(ax, label):
 def test_two_fits_differ_in_colour_and_share_a_legend_and_axes(fits):
     monday, tuesday = fits
     ax = Figure().add_subplot()
-    monday.plot(ax=ax, label="monday")
-    tuesday.plot(ax=ax, label="tuesday")
-    assert entries(ax) == ["monday", "monday, model", "95 % confidence", "tuesday", "tuesday, model"]
+    monday.plot(ax=ax, label="monday", view="wavelet")
+    tuesday.plot(ax=ax, label="tuesday", view="wavelet")
+    assert entries(ax) == ["monday", "monday, model", "95 % limits, any noise", "tuesday", "tuesday, model"]
     assert len(colours(ax, "monday")) == len(colours(ax, "tuesday")) == 1
     assert colours(ax, "monday") != colours(ax, "tuesday")
     low, high = ax.get_ylim()
@@ -48,17 +48,17 @@ def test_two_fits_differ_in_colour_and_share_a_legend_and_axes(fits):
 def test_a_colour_is_used_for_data_band_model_and_terms(fits):
     panel = named_panel(fits[0], label="monday", color="#D55E00")
     assert {line.stroke.colour for line in panel.lines} == {band.colour for band in panel.bands} == {"#d55e00"}
-    assert panel.labels == ("monday", "monday, model", "95 % confidence")
+    assert panel.labels == ("monday", "monday, model", "95 % limits, any noise")
     ax = Figure().add_subplot()
     fits[0].plot(ax=ax, color="red", decomposition=True)
-    assert entries(ax) == ["gyro_x", "gyro_x, model", "95 % confidence", "gyro_x, WN"]
+    assert entries(ax) == ["gyro_x", "gyro_x, model", "95 % limits, any noise", "gyro_x, WN"]
 
 
 def test_curves_have_names_too():
     ax = Figure().add_subplot()
     curve(1e-6).plot(ax=ax, label="monday")
     curve(1e-4).plot(ax=ax, label="tuesday", color="k")
-    assert entries(ax) == ["monday", "95 % confidence", "tuesday"]
+    assert entries(ax) == ["monday", "95 % limits, any noise", "tuesday"]
     assert colours(ax, "tuesday") == {"#000000"}
 
 
@@ -66,6 +66,6 @@ def test_another_unit_and_a_wrong_colour_are_refused(fits):
     ax = Figure().add_subplot()
     fits[0].plot(ax=ax, label="monday")
     with raises(OptionError, "same quantity and unit", argument="ax"):
-        fits[1].plot(ax=ax, label="tuesday", view="allan")
+        fits[1].plot(ax=ax, label="tuesday", view="wavelet")
     with raises(OptionError, argument="color"):
         fits[1].plot(label="tuesday", color="no colour")

@@ -100,7 +100,7 @@ def test_likelihood_fits_flicker_and_power_law_noise():
     x = Model.parse("FN(b2=0.5) + WN(sigma2=0.2)").simulate(20_000, RATE, 5)
     with pytest.warns(FitWarning):
         fit = fit_ml("FN + WN", x, rate=RATE)
-    assert [remark.code for remark in fit.remarks] == ["state-approximated"]
+    assert [remark.code for remark in fit.remarks] == ["approximated"]
     errors = fit.standard_errors
     assert abs(fit.parameters["FN.b2"] - 0.5) < 4 * errors["FN.b2"] < 0.1
     with pytest.warns(FitWarning):
@@ -110,7 +110,7 @@ def test_likelihood_fits_flicker_and_power_law_noise():
 
 def test_the_remark_names_the_terms_and_the_error():
     model = Model.parse("FN(b2=1.0) + WN(sigma2=1.0) + MAT(beta=1.0, nu=0.8, sigma2=1.0)")
-    remark = only(approximation_remarks(model, RATE, "gyro_x"), "state-approximated")
+    remark = only(approximation_remarks(model, RATE, "gyro_x"), "approximated:states")
     assert remark.facts["terms"] == ("FN", "MAT")
     assert remark.facts["error"].value < 1.5
     assert abs(remark.facts["longest"].value / (2**22 / RATE) - 1.0) < 0.005  # three digits

@@ -58,7 +58,7 @@ def test_damaged_lines_are_gaps(tmp_path):
     path = written(tmp_path, [*lines, "IMU, 60"])
     imu = read(path)
     assert imu.segments == ((0, 100), (100, 199), (199, ROWS - 2))
-    assert only(imu.remarks, "log-dropouts").facts == {"count": 3}
+    assert only(imu.remarks, "log-dropouts:dropouts").facts == {"case": "dropouts", "count": 3}
     assert imu.temperature is None
 
 

@@ -85,7 +85,7 @@ def test_seconds_and_fractions_are_joined(tmp_path, names, size):
     path = saved(tmp_path, f"{names},gyro_x [rad/s]", row, "log.csv")
     imu = gmwm.read(path)
     assert (imu.rate, imu.time_base.gaps, imu.time_base.jitter) == (RATE, (), 0)
-    assert only(imu.remarks, "time-read").facts["columns"] == tuple(names.split(","))
+    assert only(imu.remarks, "time-read:read").facts["columns"] == tuple(names.split(","))
     assert gmwm.stream(path).rate == RATE
 
 

@@ -279,7 +279,7 @@ def test_a_damaged_sentence_is_a_lost_sample(tmp_path):
     path.write_text("\r\n".join(lines))
     with pytest.warns(GmwmWarning, match="5 lost samples"):
         imu = gmwm.read(path, rate=RATE)
-    assert only(imu.remarks, "sentences-damaged").facts == {"name": "VNYMR", "count": 5}
+    assert only(imu.remarks, "log-dropouts:sentences").facts == {"case": "sentences", "name": "VNYMR", "count": 5}
     assert len(imu) == SIZE - 5
 
 

@@ -20,6 +20,7 @@ from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.reports import Section, report_data
 from gmwm.showing.reports import sections as report_sections
 from gmwm.showing.reports.citation import citation
+from gmwm.showing.reports.one_page import one_page_data
 from gmwm.showing.reports.plotly import Scale, plotly_panel
 from gmwm.showing.reports.verdict import verdict
 from gmwm.showing.reports.write import _code_as_html, page
@@ -207,6 +208,23 @@ def test_a_document_without_recording_is_read(calibration):
     assert gmwm.Calibration.from_dict(content).recording is None
 
 
+def test_the_first_table_has_every_axis_and_a_reason_for_each_limit(calibration):
+    lost = dataclasses.replace(calibration, failed={"accel_y": "the signal is constant"})
+    tables = report_data(lost)["sensors"]
+    assert [row["axis"] for table in tables for row in table["rows"]] == ["gyro_x", "gyro_y", "accel_x", "accel_y"]
+    assert tables[1]["rows"][-1]["failed"] == "the signal is constant"
+    for table in tables:
+        for row in table["rows"]:
+            for head, cell in zip(table["heads"], row["cells"], strict=bool(row["cells"])):
+                limited = any(f"{head[0]} of" in r["numbers"] and row["axis"] in r["numbers"] for r in table["reasons"])
+                assert limited is (cell["state"] in ("look", "bad"))
+
+
+def test_folders_stay_out_of_the_report(calibration):
+    moved = dataclasses.replace(calibration, source="/home/someone/private/unit 7.csv")
+    assert "/home/" not in json.dumps(report_data(moved)) + str(one_page_data(moved))
+
+
 def test_configuration_files(data):
     files = {file["name"]: file["text"] for file in data["configurations"]}
     assert "gyroscope_noise_density:" in files["kalibr"]
@@ -366,4 +384,4 @@ def test_another_package_adds_a_section(monkeypatch):
             registry.cache_clear()
     assert data["sections"]["drift"]["title"] == "Drift <b>"
     text = page(data)
-    assert "<h2>Drift &lt;b&gt;</h2>\n<p>Use <code>gmwm wv</code>.</p>\n<p>1 axis</p>" in text
+    assert "<h2>Drift &lt;b&gt;</h2></summary>\n<p>Use <code>gmwm wv</code>.</p>\n<p>1 axis</p>" in text

@@ -11,14 +11,14 @@ import gmwm
 from gmwm import Model, wavelet_variance
 from gmwm.choosing.datasheets import datasheet
 from gmwm.choosing.selection.api import select_within
-from gmwm.choosing.selection.options import SLOW, RankingOptions
+from gmwm.choosing.selection.ranking import SLOW, RankingOptions
 from gmwm.choosing.selection.search import (
     FELT,
     MOST_FREE,
     REJECTED,
     _is_accepted,
     _largest,
-    _lines,
+    _peaks,
     search,
     within_family,
 )
@@ -165,7 +165,7 @@ def test_weak_lines_are_left_out_and_only_the_strongest_has_a_free_power():
         x = x + amplitude * np.sin(2 * np.pi * frequency * t + rng.random())
     spectrum, wv = gmwm.psd(x, RATE), wavelet_variance(x, rate=RATE)
     assert len(spectrum.lines) == 4
-    lines = _lines(spectrum, wv)
+    lines = _peaks(spectrum, wv)
     assert len(lines) == 3
     assert [line.is_fixed("power") for line in lines] == [k >= MOST_FREE for k in range(3)]
     assert all(line.is_fixed("frequency") for line in lines)
@@ -179,7 +179,7 @@ def test_a_line_is_felt_from_a_share_of_the_curve_on(share, count):
     unit = SIN(frequency=Fixed(7.3), power=Fixed(1.0)).wavelet_variance(wv.levels, RATE)
     power = share / float(np.max(unit / wv.variance))
     line = SimpleNamespace(frequency=7.3, amplitude=np.sqrt(2 * power), width=0.0)
-    assert len(_lines(SimpleNamespace(lines=(line,), bumps=(), rate=RATE), wv)) == count
+    assert len(_peaks(SimpleNamespace(lines=(line,), bumps=(), rate=RATE), wv)) == count
 
 
 # --- the steps ----------------------------------------------------------------------------------------

@@ -11,14 +11,15 @@ import numpy as np
 import pytest
 
 import gmwm
-from validation.__main__ import find_studies, run_study
+from validation.__main__ import DOCUMENTS, find_studies, run_study, stored
+from validation.pages import ROWS, appendix, page
 
 
 def study(row: Any) -> ModuleType:
     module = ModuleType("study_of_tests")
     module.NAME, module.SEED = "of-tests", 7  # type: ignore[attr-defined]
     module.run = lambda reduced: {"rows": [row] * (1 if reduced else 3)}  # type: ignore[attr-defined]
-    module.table = lambda result: f"{len(result['rows'])} rows"  # type: ignore[attr-defined]
+    module.table = lambda result: f"{len(result['rows'])} rows. Two. Three. Four.\n\n| a |\n|---|\n" + "| 1 |\n" * 9  # type: ignore[attr-defined]
     return module
 
 
@@ -31,7 +32,9 @@ def test_a_record_says_what_it_was_made_with_and_no_more() -> None:
         "scipy": content["versions"]["scipy"]
     }
     assert set(content) == {"study", "reduced", "seed", "versions", "rows"}
-    assert record.markdown.startswith("1 rows\n\nSeed 7;")
+    assert record.markdown.startswith("# of-tests\n\n1 rows. Two. Three.\n\n| a |\n|---|\n| 1 |\n")
+    assert record.markdown.count("| 1 |") == ROWS
+    assert "\n\nSeed 7;" in record.markdown
     assert record == run_study(study({"a": np.float64(0.1), "b": np.arange(2)}), reduced=True)
 
 
@@ -68,3 +71,12 @@ def test_every_study_has_a_name_of_its_own() -> None:
     studies = find_studies()
     assert studies
     assert all(name == module.NAME for name, module in studies.items())
+
+
+@pytest.mark.parametrize("name", find_studies())
+def test_a_page_is_that_of_its_record(name: str) -> None:
+    # After a change of a table or of its words: python -m validation --pages
+    module = find_studies()[name]
+    assert page(module, stored(module)) == (DOCUMENTS / f"{name}.md").read_text(encoding="utf-8")
+    assert len(page(module, stored(module)).split()) < 600
+    assert "|---|" in appendix(module, stored(module))

@@ -248,7 +248,7 @@ def test_samples_are_held_up_to_a_number():
 
 def test_strided_levels_are_named():
     found = part(walk(20_000), exact=10).result()
-    assert codes(found.remarks) == ["levels-strided"]
+    assert codes(found.remarks) == ["approximated:levels"]
     assert "From a scale of 20.48 s on" in found.summary()
 
 

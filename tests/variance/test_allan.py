@@ -11,10 +11,8 @@ from hypothesis import strategies as st
 from gmwm.base.errors import DataError, OptionError
 from gmwm.files.readers import read
 from gmwm.measuring.variance import wavelet_variance
-from gmwm.measuring.variance.allan import allan_variance
+from gmwm.measuring.variance.allan import allan_variance, hadamard_variance, total_variance
 from gmwm.measuring.variance.clusters import ClusterVariance
-from gmwm.measuring.variance.hadamard import hadamard_variance
-from gmwm.measuring.variance.total import total_variance
 from gmwm.recording.signals import Signal
 from tests.helpers import raises
 

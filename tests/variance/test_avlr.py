@@ -8,11 +8,9 @@ import pytest
 
 from gmwm.base.errors import OptionError
 from gmwm.files.readers import read
-from gmwm.measuring.variance.allan import allan_variance
+from gmwm.measuring.variance.allan import allan_variance, hadamard_variance, total_variance
 from gmwm.measuring.variance.allan_regression import LAWS, AllanRegression, avlr, coefficient_unit
 from gmwm.measuring.variance.clusters import ClusterVariance
-from gmwm.measuring.variance.hadamard import hadamard_variance
-from gmwm.measuring.variance.total import total_variance
 from tests.helpers import only, raises
 
 RECORDING = Path(__file__).resolve().parents[3] / "shared" / "data" / "adis16405_static_1.parquet"

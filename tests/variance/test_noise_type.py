@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from gmwm.measuring.variance.allan import allan_variance
-from gmwm.measuring.variance.hadamard import hadamard_variance
+from gmwm.measuring.variance.allan import allan_variance, hadamard_variance
 from gmwm.measuring.variance.noise_type import AUTOCORRELATION, NOISE_TYPES, b1_ratio, noise_type
 
 

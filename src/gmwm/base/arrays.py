@@ -62,8 +62,8 @@ def as_vector(values: ArrayLike, name: str, *, at_least: int = 1, finite: bool =
 
 
 def _is_vector(values: object) -> TypeGuard[Vector]:
-    """Return whether `values` is already a vector. This fast check is for streams: all other checks take ten times as
-    long as the sum of 1000 samples, a common size of a chunk."""
+    """Return whether `values` is already a vector, fast for chunks of streams: other checks take ten times as long as
+    their sum."""
     return (
         type(values) is np.ndarray
         and values.ndim == 1
@@ -107,31 +107,29 @@ def _require_samples(values: object, name: str) -> None:
             )  # fmt: skip
 
 
-def as_rate(rate: float | None, name: str = "rate") -> float:
+def as_rate(rate: float | None) -> float:
     """Check a sampling rate: a positive, finite number (Hz)."""
     if rate is None:
         raise OptionError(
-            "the sampling rate is missing", argument=name, advice=f"Pass the samples per second with {{--{name}}}."
+            "the sampling rate is missing", argument="rate", advice="Pass the samples per second with {--rate}."
         )
     if isinstance(rate, bool | np.bool_ | str | bytes):
-        raise OptionError(argument=name, expected="a positive number (Hz)", got=rate)
+        raise OptionError(argument="rate", expected="a positive number (Hz)", got=rate)
     try:
         value = float(rate)
     except (TypeError, ValueError, OverflowError) as error:
-        raise OptionError(argument=name, expected="a positive number (Hz)", got=rate) from error
+        raise OptionError(argument="rate", expected="a positive number (Hz)", got=rate) from error
     if not (np.isfinite(value) and value > 0):
         raise OptionError(
-            argument=name, expected="a positive, finite number (Hz)", got=rate,
+            argument="rate", expected="a positive, finite number (Hz)", got=rate,
             advice="Pass the sampling rate, not the sampling interval.",
         )  # fmt: skip
     return value
 
 
 def as_levels(levels: int | ArrayLike) -> NDArray[np.int64]:
-    """Check wavelet levels: ascending integers from 1 to 62, or one number J, which means 1, …, J.
-
-    62 is the largest level whose scale, 2^62 samples, is a 64-bit integer.
-    """
+    """Check wavelet levels: ascending integers from 1 to 62, or one number J for 1, …, J. Scale 62 is the last 64-bit
+    integer."""
     expected = "ascending integers from 1 to 62, or the number of levels"
     array = np.asarray(levels)
     if array.dtype.kind not in "iu":
@@ -143,8 +141,7 @@ def as_levels(levels: int | ArrayLike) -> NDArray[np.int64]:
 
 
 def row_medians(rows: Matrix) -> Vector:
-    """Return the median of each row of finite values (n, m). For short rows, it is three times as fast as
-    `numpy.median`."""
+    """Return the median of each row of finite values (n, m), three times as fast as `numpy.median` for short rows."""
     middle = rows.shape[1] // 2
     parted = np.partition(rows, middle, axis=1)
     upper = parted[:, middle]
@@ -165,3 +162,13 @@ def freeze(array: NDArray[Any]) -> NDArray[Any]:
     """Make an array read-only, and return it."""
     array.flags.writeable = False
     return array
+
+
+class FrozenArrays:
+    """Base of dataclasses whose arrays, also those in a mapping, become read-only."""
+
+    def __post_init__(self) -> None:
+        for value in vars(self).values():
+            for array in value.values() if isinstance(value, Mapping) else (value,):
+                if isinstance(array, np.ndarray):
+                    freeze(array)

@@ -68,10 +68,8 @@ def _replace(source: Path, target: Path) -> None:
 
 @contextmanager
 def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary path in the folder of `path`, and rename it to `path` if the block ends without an error.
-
-    The temporary file has the suffix of `path`, because writers choose the format by the suffix.
-    """
+    """Yield a temporary path, with the suffix by which writers choose the format, and rename it to `path` if the block
+    succeeds."""
     target = Path(path)
     if target.is_symlink():
         target = target.resolve()  # the link stays, and its file is replaced
@@ -100,10 +98,7 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 @contextmanager
 def written_together(folder: Path) -> Iterator[Path]:
-    """Yield a temporary folder, and move its files to `folder` if the block ends without an error.
-
-    If the run is interrupted, `folder` does not mix files of this run with files of an earlier one.
-    """
+    """Yield a temporary folder, and move its files to `folder` if the block succeeds, so that runs are never mixed."""
     _remove_leftovers(folder)
     temporary = Path(tempfile.mkdtemp(prefix=_prefix(os.getpid()), dir=folder))
     try:
@@ -136,8 +131,6 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
         temporary.write_bytes(content)
 
 
-_BEYOND_FLOATS = 1 << 1024
-"""Smallest whole number that is infinite as a floating-point number."""
 DEEPEST = 64
 """Largest depth of lists and objects in a JSON document. Documents of gmwm have ten levels; very deep ones overflow the
 stack."""
@@ -152,7 +145,8 @@ def read_json(path: str | os.PathLike[str]) -> Any:
     layer = [content] if isinstance(content, dict | list) else []
     for _ in range(DEEPEST):
         inside = [item for parent in layer for item in (parent.values() if isinstance(parent, dict) else parent)]
-        if not all(abs(item) < _BEYOND_FLOATS for item in inside if isinstance(item, int | float)):
+        # Smallest whole number that is infinite as a floating-point number.
+        if not all(abs(item) < (1 << 1024) for item in inside if isinstance(item, int | float)):
             raise ValueError("a number is not finite")
         layer = [item for item in inside if isinstance(item, dict | list)]
     if layer:

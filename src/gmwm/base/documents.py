@@ -8,8 +8,9 @@ writes the keys of a member into the document itself. A name that is not a field
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, TypeVar, Union, get_args, get_origin
 
@@ -17,7 +18,6 @@ import numpy as np
 
 from gmwm.base.errors import OptionError
 from gmwm.base.kinds import Document, array_type, field_types, require_kinds
-from gmwm.base.plain import TEXTS, plain
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -28,12 +28,12 @@ _READERS: dict[type, Callable[[str], Any]] = {}
 """Functions that read the classes that a document contains as a text."""
 
 
-def write_as_text(kind: type[T], read: Callable[[str], T], write: Callable[[T], str] = str) -> None:
+def write_as_text(kind: type[T], read: Callable[[str], T]) -> None:
     """Let documents contain the objects of a class as a text."""
-    TEXTS[kind], _READERS[kind] = write, read
+    TEXTS[kind], _READERS[kind] = str, read
 
 
-class Entry(NamedTuple):
+class DocKey(NamedTuple):
     """Entry of `document_keys`; `default` is the number that null stands for, `inlined` marks `"*name"`."""
 
     key: str
@@ -44,10 +44,10 @@ class Entry(NamedTuple):
     inlined: bool
 
 
-_ENTRIES: dict[Any, tuple[Entry, ...]] = {}
+_ENTRIES: dict[Any, tuple[DocKey, ...]] = {}
 
 
-def entries_of(kind: Any) -> tuple[Entry, ...]:
+def entries_of(kind: Any) -> tuple[DocKey, ...]:
     """Return the entries of the document of a dataclass."""
     if kind in _ENTRIES:
         return _ENTRIES[kind]
@@ -57,17 +57,15 @@ def entries_of(kind: Any) -> tuple[Entry, ...]:
         key, _, name = text.lstrip("*").rstrip("?").partition("=")
         name, _, default = (name or key).partition("~")
         entries.append(
-            Entry(key.partition("~")[0], name, default=float(default) if default else None, is_field=name in names,
+            DocKey(key.partition("~")[0], name, default=float(default) if default else None, is_field=name in names,
                   optional=text.endswith("?"), inlined=text.startswith("*"))
         )  # fmt: skip
     return _ENTRIES.setdefault(kind, tuple(entries))
 
 
 class Documented:
-    """Base of dataclasses with a document for JSON.
-
-    A class with `document` checks what it reads: each field against its annotation and the meaning of its name.
-    """
+    """Base of dataclasses with a document for JSON. A class with `document` checks each field against its annotation
+    and name."""
 
     document_keys: ClassVar[tuple[str, ...]] = ()
     document: ClassVar[Document | None] = None
@@ -78,20 +76,8 @@ class Documented:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Restore an object from the output of `to_dict`, also after a round trip through JSON.
-
-        All numbers are exactly the same.
-
-        Parameters
-        ----------
-        values : mapping of key to value
-            The document. Keys that the class does not know are ignored.
-
-        Raises
-        ------
-        ReadError
-            If a value is missing, or has the wrong type, size or range.
-        """
+        """Restore an object from the output of `to_dict`, exactly, also after a round trip through JSON. Unknown keys
+        are ignored. Raises ReadError if a value is missing, or has the wrong type, size or range."""
         if cls.document is None:
             return _read(cls, values)
         with cls.document.reading():
@@ -125,7 +111,7 @@ def _read(kind: type[T], values: Mapping[str, Any]) -> T:
     return result
 
 
-def _value(kind: Any, value: Any, entry: Entry) -> Any:
+def _value(kind: Any, value: Any, entry: DocKey) -> Any:
     """Read a value whose annotation is `kind`. A value of the wrong type is left as it is if a check names it later."""
     if (number_type := array_type(kind)) is not None:
         return np.array(_filled(value, entry.default), dtype=number_type)
@@ -157,3 +143,39 @@ def _filled(value: Any, default: float | None) -> Any:
     if isinstance(value, list):
         return [_filled(item, default) for item in value]
     return default if value is None else value
+
+
+TEXTS: dict[type, Callable[[Any], str]] = {}
+"""Functions that write the objects of a class as a text; `gmwm.base.documents.write_as_text` registers them."""
+_SAME = frozenset({bool, int, str})
+
+
+def plain(value: Any, *, finite: bool = True) -> Any:
+    """Convert arrays and tuples to lists, results to dicts, and, if `finite`, numbers that are not finite to None.
+
+    >>> plain({"x": np.array([[1.0, np.nan]]), "names": ("a", "b")})
+    {'x': [[1.0, None]], 'names': ['a', 'b']}
+    """
+    if type(value) is float:
+        return None if finite and not math.isfinite(value) else value
+    if value is None or type(value) in _SAME:
+        return value
+    if hasattr(value, "to_dict"):
+        return value.to_dict()
+    if type(value) in TEXTS:
+        return TEXTS[type(value)](value)
+    if is_dataclass(value):
+        return {field.name: plain(getattr(value, field.name), finite=finite) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {name: plain(item, finite=finite) for name, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        numbers = value.tolist()
+        return numbers if value.dtype.kind in "biuf" and not finite else plain(numbers, finite=finite)
+    if isinstance(value, list | tuple):
+        return [plain(item, finite=finite) for item in value]
+    return None if finite and isinstance(value, float) and not math.isfinite(value) else value
+
+
+def plain_fields(result: object, names: str, *, finite: bool = True) -> dict[str, Any]:
+    """Return the attributes of a result whose names are separated by spaces, as `plain` converts them."""
+    return {name: plain(getattr(result, name), finite=finite) for name in names.split()}

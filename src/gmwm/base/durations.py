@@ -17,21 +17,8 @@ _PLAIN = re.compile(rf"\s*({_NUMBER})\s*(%?)\s*", re.IGNORECASE)
 
 
 def parse_length(text: str, argument: str = "duration") -> float:
-    """Parse a duration: a number with a unit, a sum of these, or a number of seconds.
+    """Parse a duration (s): a number with a unit, a sum of these, or a number of seconds. `argument` is for errors.
 
-    Parameters
-    ----------
-    text : str
-    argument : str
-        Name of the argument, for errors.
-
-    Returns
-    -------
-    float
-        Duration (s).
-
-    Examples
-    --------
     >>> parse_length("90"), parse_length("30min"), parse_length("2 hours"), parse_length("1h30m"), parse_length("1.5d")
     (90.0, 1800.0, 7200.0, 5400.0, 129600.0)
     >>> parse_length("100ms")
@@ -45,7 +32,7 @@ def parse_length(text: str, argument: str = "duration") -> float:
     return float(sum(float(number) * _SECONDS[unit.lower()] for number, unit in terms))
 
 
-def parse_share(text: str, argument: str = "accuracy") -> float:
+def parse_share(text: str) -> float:
     """Parse a share, as a number or a percentage.
 
     >>> parse_share("0.1"), parse_share("10%"), parse_share("2.5 %")
@@ -53,5 +40,5 @@ def parse_share(text: str, argument: str = "accuracy") -> float:
     """
     match = _PLAIN.fullmatch(text)
     if match is None:
-        raise OptionError(argument=argument, expected="a share such as 0.1 or 10%", got=text)
+        raise OptionError(argument="accuracy", expected="a share such as 0.1 or 10%", got=text)
     return float(match[1]) / (100.0 if match[2] else 1.0)

@@ -72,16 +72,9 @@ class GmwmError(Exception):
     """
 
     def __init__(
-        self,
-        message: str = "",
-        *,
-        argument: str | None = None,
-        expected: str | None = None,
-        got: object = _NOT_GIVEN,
-        advice: str = "",
-        code: ReadCode | None = None,
-        **facts: Fact,
-    ) -> None:
+        self, message: str = "", *, argument: str | None = None, expected: str | None = None, got: object = _NOT_GIVEN,
+        advice: str = "", code: ReadCode | None = None, **facts: Fact,
+    ) -> None:  # fmt: skip
         super().__init__(message)
         self.code = code
         self.message, self.argument, self.expected = message, argument, expected

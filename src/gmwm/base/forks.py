@@ -25,8 +25,7 @@ def _after_fork() -> None:
 
 
 def _pool_runs() -> bool:
-    """Return whether this process has a thread of the pool of Polars, which other code may have started. The threads
-    can be listed on Linux only."""
+    """Return whether this process has a thread of the pool of Polars, started by other code; known on Linux only."""
     if "polars" in sys.modules:
         for task in Path("/proc/self/task").glob("*/comm"):
             with suppress(OSError):  # the thread has ended

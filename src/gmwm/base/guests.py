@@ -14,18 +14,9 @@ from gmwm.base.remarks import Remark
 
 @cache
 def admit_guests(group: str, admit: Callable[[str, Any], object]) -> None:
-    """Load the entry points of a group, and pass the name and the object of each to a registry.
-
-    Only the first call with the same arguments does this, because a search of all installed packages takes 10 ms and
-    more. A registry calls the function late: when a name or a file is unknown, or when its entries are listed.
-
-    Parameters
-    ----------
-    group : str
-        Group of the entry points, such as "gmwm.readers".
-    admit : function of (name, object)
-        Adds the object to the registry. It may raise any error, for example if the name is taken.
-    """
+    """Pass the name and the object of each entry point of a group, such as "gmwm.readers", to a registry, once. The
+    search of all installed packages takes 10 ms and more, so registries call this late: when a name or a file is
+    unknown, or when entries are listed. `admit` may raise any error, for example if the name is taken."""
     for point in entry_points(group=group):
         try:
             admit(point.name, point.load())

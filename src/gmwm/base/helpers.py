@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-MOST_HELPERS = 5
-"""Largest number of helpers: with this process, one for each of six axes."""
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "POLARS_MAX_THREADS": "1"}
 """Variables of the environment with which the libraries use one thread in each process."""
 
@@ -55,17 +53,8 @@ class Helper:
 
 
 class Helpers:
-    """Helper processes; without any, all calls run in this process.
+    """Helper processes (`count`), which import `modules` while they have no work; without any, calls run here.
 
-    Parameters
-    ----------
-    count : int
-        Number of processes to fork.
-    modules : tuple of str
-        Modules that each helper imports while it has no work.
-
-    Examples
-    --------
     >>> Helpers().run(max, 1, 2)
     2
     """
@@ -78,8 +67,8 @@ class Helpers:
                 self._idle.append(_start_helper("fork", modules))
 
     def run(self, function: Callable[..., T], *args: Any) -> T:
-        """Call a function in a helper if one is idle, otherwise here; both must be able to pickle the function, the
-        arguments and the result. Raises the errors of the function."""
+        """Call a function in an idle helper, or here, and raise its errors; all arguments and results can be
+        pickled."""
         helper = self._take()
         if helper is None:
             return function(*args)
@@ -87,8 +76,7 @@ class Helpers:
         return self._receive(helper, function, *args)
 
     def begin(self, function: Callable[..., T], *args: Any) -> Callable[[], T]:
-        """Begin a call in a helper if one is idle. Return a function that returns the result; without a helper, this
-        function makes the call."""
+        """Begin a call in an idle helper, and return a function that returns the result, or makes the call."""
         helper = self._take()
         if helper is None:
             return cache(partial(function, *args))
@@ -136,16 +124,16 @@ class Helpers:
 
 
 def helpers(*modules: str, count: int | None = None) -> Helpers:
-    """Fork helpers, if the system can fork and this process has one thread. By default, there is one for each further
-    processor."""
+    """Fork helpers, one for each further processor, if the system can fork and this process has one thread."""
     alone = sys.platform == "linux" and len(os.listdir("/proc/self/task")) == 1
-    number = min(processors() - 1, MOST_HELPERS) if count is None else count
+    # Largest number of helpers: with this process, one for each of six axes.
+    number = min(processors() - 1, 5) if count is None else count
     return Helpers(number if alone else 0, modules)
 
 
 def new_helper(*modules: str) -> Helper:
-    """Start a new process as a helper, in which the libraries use one thread. It imports the script that runs, which
-    must have its work under `if __name__ == "__main__":`."""
+    """Start a helper whose libraries use one thread. It imports the main script, so that needs `if __name__ ==
+    "__main__":`."""
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(ONE_THREAD)
     try:
@@ -168,11 +156,8 @@ def end_helpers() -> None:
 
 
 def spare_garbage_collector() -> None:
-    """Let the garbage collector run less often.
-
-    A calibration makes many small objects and hardly any reference cycles. At the default threshold of 700 objects, the
-    garbage collector takes 7 % of the time of `gmwm calibrate`.
-    """
+    """Let the garbage collector run less often: at the default of 700 objects, it takes 7 % of the time of `gmwm
+    calibrate`."""
     gc.set_threshold(50_000, 20, 50)
 
 

@@ -41,9 +41,6 @@ _PROBABILITIES = ("pvalue", "pvalues", "p_value")
 _COVARIANCES = ("covariance", "wavelet", "weighting_matrix")
 """Fields whose numbers are above zero, not negative, between 0 and 1, and from 0 to 1, and fields that are symmetric
 matrices without negative eigenvalues. A field has the same meaning in all classes."""
-ROUNDING = 1e-6
-"""Largest difference of a symmetric matrix from its transpose, and largest negative eigenvalue, relative to a unit
-diagonal."""
 LARGEST_COUNT = 1 << 62
 """Largest number of samples or of anything else that is counted."""
 LARGEST = 1e150
@@ -76,14 +73,10 @@ class Document:
 
 
 def require_kinds(found: Any, where: str, document: Document) -> None:
-    """Raise an error if a field of a result does not have the type of its annotation.
-
-    An integer is allowed for a float. Numbers must not be NaN, unless the class has the attribute `marks_with_nan`.
-    All arrays of an object must have the same length. The confidence, the efficiency and the fields that the attribute
-    `shares` of the class lists must be between 0 and 1. Counts, degrees of freedom, standard errors and other fields
-    must be in the range that their name implies, and covariances must have no negative eigenvalue. No finite number may
-    exceed `LARGEST`, and no count `LARGEST_COUNT`.
-    """
+    """Raise an error if a field of a result does not have the type of its annotation, or the range that its name
+    implies (counts, errors, shares in `shares`, …). An integer is allowed for a float, NaN only with `marks_with_nan`.
+    Arrays have equal lengths, and covariances no negative eigenvalue. Numbers are at most `LARGEST`, counts
+    `LARGEST_COUNT`."""
     lengths = {}
     renamed = (text.split("=") for text in getattr(found, "document_keys", ()) if "=" in text)
     keys = {name.partition("~")[0]: key for key, name in renamed}
@@ -162,6 +155,9 @@ def _require_range(name: str, value: Any, key: str, document: Document) -> None:
 
 def require_covariance(values: Matrix, key: str, document: Document) -> None:
     """Raise an error if a matrix is not square, symmetric and positive semidefinite. Infinite variances are allowed."""
+    # Largest difference of a symmetric matrix from its transpose, and largest negative eigenvalue, relative to a unit
+    # diagonal.
+    rounding = 1e-6
     if values.ndim != 2 or values.shape[0] != values.shape[1]:
         raise document.error(f"{key} must be a square matrix; got the shape {values.shape}")
     diagonal = np.diag(values)
@@ -170,9 +166,9 @@ def require_covariance(values: Matrix, key: str, document: Document) -> None:
     determined = np.isfinite(diagonal) & (diagonal > 0)
     scale = np.sqrt(diagonal[determined])
     unit = values[np.ix_(determined, determined)] / scale[:, None] / scale
-    if not np.all(np.abs(unit - unit.T) <= ROUNDING):
+    if not np.all(np.abs(unit - unit.T) <= rounding):
         raise document.error(f"{key} must be a symmetric matrix")
-    if unit.size and np.linalg.eigvalsh(unit)[0] < -ROUNDING * len(unit):
+    if unit.size and np.linalg.eigvalsh(unit)[0] < -rounding * len(unit):
         raise document.error(f"{key} must not have a negative eigenvalue")
 
 

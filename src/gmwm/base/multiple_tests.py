@@ -9,11 +9,9 @@ from gmwm.base.arrays import Vector
 
 
 def holm(pvalues: ArrayLike) -> Vector:
-    """Adjust p-values (n,) by Holm's method (1979, Scandinavian Journal of Statistics 6, 65-70).
-
-    Each p-value is multiplied by the number of p-values that are not smaller, and raised if necessary so that the order
-    of the p-values is kept. The probability that any true hypothesis has an adjusted p-value of at most s is at most s,
-    even if the tests are dependent. NaN marks a test that was not made: it is not counted, and stays NaN.
+    """Adjust p-values (n,) by Holm's method (1979, Scandinavian Journal of Statistics 6, 65-70): the probability of any
+    true hypothesis with an adjusted p-value of at most s is at most s, even for dependent tests. NaN is a test that was
+    not made.
 
     >>> holm([0.01, 0.5, np.nan, 0.02])
     array([0.03, 0.5 ,  nan, 0.04])

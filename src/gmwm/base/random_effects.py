@@ -20,21 +20,9 @@ digits."""
 
 @dataclass(frozen=True, eq=False)
 class Effects:
-    """Estimated mean and spread of each sample.
-
-    Attributes
-    ----------
-    mean, error : (…) arrays
-        μ̂ = Σ w_i x_i / Σ w_i with w_i = 1/(τ̂² + s_i²), and its standard error 1/√Σ w_i.
-    spread2 : (…) array
-        Estimate τ̂² of τ².
-    spread2_variance : (…) array
-        Var τ̂² ≈ 2(n − 1)/(Σw − Σw²/Σw)².
-    error2_slope : (…) array
-        Derivative of the square of `error` with respect to τ²: Σw²/(Σw)².
-    count : (…) array
-        Number n of values.
-    """
+    """Estimated mean μ̂ = Σ w_i x_i / Σ w_i with w_i = 1/(τ̂² + s_i²), and spread, of each sample of `count` values.
+    `error` is 1/√Σ w_i, `spread2` the estimate τ̂² of τ², `spread2_variance` Var τ̂² ≈ 2(n − 1)/(Σw − Σw²/Σw)², and
+    `error2_slope` the derivative of the square of `error` with respect to τ², Σw²/(Σw)²."""
 
     mean: Vector
     error: Vector
@@ -45,26 +33,12 @@ class Effects:
 
 
 def between_units(x: Matrix, s2: Matrix, target: Vector | None = None, start: Vector | None = None) -> Vector:
-    """Solve Q(τ²) = Σ (x_i − μ̂)²/(τ² + s_i²) = `target` for τ² ≥ 0; 0 if Q(0) is below the target.
-
-    With the target n − 1, this is the estimate of Paule and Mandel; with quantiles of χ² with n − 1 degrees of freedom,
-    it gives the limits of the Q-profile interval. 1/Q is concave in τ² (in coordinates with a diagonal covariance, Q is
-    a sum of z²/(d + τ²)), so Newton's method for 1/Q = 1/target converges from below.
-
-    Parameters
-    ----------
-    x, s2 : (…, n) arrays
-        Numbers and the squares of their standard errors, which are positive; NaN in `x` for a missing number.
-    target : (…) array, optional
-        Value of Q to reach; n − 1 by default.
-    start : (…) array, optional
-        Initial value; 0 by default.
-
-    References
-    ----------
-    Paule and Mandel (1982), Consensus values and weighting factors, J. Res. NBS 87, 377-385. Viechtbauer (2007),
-    Confidence intervals for the amount of heterogeneity in meta-analysis, Statistics in Medicine 26, 37-52.
-    """
+    """Solve Q(τ²) = Σ (x_i − μ̂)²/(τ² + s_i²) = `target` for τ² ≥ 0; 0 if Q(0) is below the target. With the target n −
+    1, the default, this is the estimate of Paule and Mandel (1982, J. Res. NBS 87, 377-385); with quantiles of χ² with
+    n − 1 degrees of freedom, it gives the limits of the Q-profile interval (Viechtbauer 2007, Statistics in Medicine
+    26, 37-52). 1/Q is concave in τ² (in coordinates with a diagonal covariance, Q is a sum of z²/(d + τ²)), so Newton's
+    method for 1/Q = 1/target converges from below, from `start`. `x` and the squares `s2` of the standard errors are
+    (…, n); NaN in `x` is a missing number."""
     finite = np.isfinite(x)
     x, s2 = np.where(finite, x, 0.0), np.where(finite, s2, 1.0)
     statistic = finite.sum(axis=-1) - 1.0 if target is None else np.asarray(target, dtype=np.float64)
@@ -102,8 +76,8 @@ def effects(x: Matrix, s2: Matrix, spread2: Vector | None = None, start: Vector 
 
 
 def spread_limits(x: Matrix, s2: Matrix, confidence: float, freedom: Vector | None = None) -> tuple[Vector, Vector]:
-    """Return the confidence limits of τ² by the Q-profile. `freedom` is the number of degrees of freedom if the numbers
-    are dependent, such as those of the axes of a unit."""
+    """Return the Q-profile limits of τ²; `freedom` are the degrees of freedom of dependent numbers, such as axes of a
+    unit."""
     from scipy.special import gammaincinv
 
     many, free = _freedom(x, freedom)
@@ -115,29 +89,12 @@ def spread_limits(x: Matrix, s2: Matrix, confidence: float, freedom: Vector | No
 def prediction_limits(
     x: Matrix, s2: Matrix, confidence: float, freedom: Vector | None = None, widened: Vector | None = None
 ) -> tuple[Vector, Vector]:
-    """Return prediction limits for the true number of a further unit.
-
-    At the true τ², Q(τ²) has a χ² distribution with n − 1 degrees of freedom, which defines the confidence distribution
-    of τ². The prediction is the mixture over this distribution of normal distributions with the mean μ̂(τ²) and the
-    variance τ² + Var μ̂. If the errors s_i are zero, this is exactly the t interval μ̂ ± t_{n−1} τ̂ √(1 + 1/n); if they
-    are large, it includes the uncertainty of τ̂.
-
-    Parameters
-    ----------
-    x, s2 : (…, n) arrays
-        As for `between_units`.
-    confidence : float
-        Probability that the further unit lies between the limits.
-    freedom : (…) array, optional
-        Degrees of freedom instead of n − 1.
-    widened : (…) array, optional
-        Factor of Var μ̂ for dependent numbers.
-
-    References
-    ----------
-    Nagashima, Noma and Furukawa (2019), Prediction intervals for random-effects meta-analysis: a confidence
-    distribution approach, Statistical Methods in Medical Research 28, 1689-1702.
-    """
+    """Return prediction limits at `confidence` for the true number of a further unit. At the true τ², Q(τ²) has a χ²
+    distribution with n − 1 degrees of freedom, which defines the confidence distribution of τ². The prediction is the
+    mixture over this distribution of normal distributions with the mean μ̂(τ²) and the variance τ² + Var μ̂ (Nagashima,
+    Noma and Furukawa 2019, Statistical Methods in Medical Research 28, 1689-1702). If the errors s_i are zero, this is
+    exactly the t interval μ̂ ± t_{n−1} τ̂ √(1 + 1/n); if they are large, it includes the uncertainty of τ̂. `freedom`
+    replaces n − 1, and `widened` is a factor of Var μ̂ for dependent numbers."""
     means, sizes, weights = [], [], _SHARES
     for at in _over_spreads(x, s2, freedom):
         means.append(at.mean)
@@ -148,10 +105,7 @@ def prediction_limits(
 
 
 def confidence_of_mean(x: Matrix, s2: Matrix, confidence: float) -> tuple[Vector, Vector]:
-    """Return confidence limits of μ that include the uncertainty of τ̂, in the same way as `prediction_limits`.
-
-    If the errors s_i are zero, this is the t interval μ̂ ± t_{n−1} τ̂ / √n.
-    """
+    """Return confidence limits of μ in the same way; for zero errors, they are the t interval μ̂ ± t_{n−1} τ̂ / √n."""
     candidates = [(at.mean, at.error) for at in _over_spreads(x, s2, None)]
     means, sizes = (np.array(each) for each in zip(*candidates, strict=True))
     low, high = (_mixture_cdf(means, sizes, _SHARES, share) for share in ((1 - confidence) / 2, (1 + confidence) / 2))
@@ -163,8 +117,8 @@ _SHARES = _LEGENDRE[1][::-1] / 2
 
 
 def _over_spreads(x: Matrix, s2: Matrix, freedom: Vector | None) -> Iterator[Effects]:
-    """Yield the mean and the spread at each node of the confidence distribution of τ². `_SHARES` are the weights of the
-    nodes."""
+    """Yield the mean and the spread at each node of the confidence distribution of τ², which has the weights
+    `_SHARES`."""
     from scipy.special import gammaincinv
 
     many, free = _freedom(x, freedom)

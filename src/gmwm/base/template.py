@@ -68,35 +68,17 @@ def render(
     dialect: Dialect = Dialect.PYTHON,
     options: Mapping[str, str] | None = None,
 ) -> str:
-    """Fill a template with facts, for users of Python, the shell or HTML.
-
-    Fields of a template:
+    """Fill a template with facts, for users of Python, the shell or HTML. HTML is escaped.
 
     - `{name}` is a fact. Formats: `{count:#knock}` is a count with its noun, `{levels:@level}` a list after its noun
       ("level 3", "levels 3 and 4"), `{time:moment}` a time to the millisecond,
       `{time:span}` a duration in a readable unit, `{share:percent}` a percentage; or number formats such as `.3g`.
     - `{--skip}` and `{--gaps=longest}` are options: `skip=` and `gaps='longest'` in Python, `--skip` and
       `--gaps longest` in the shell. The value of `{--start=@first}` is the fact `first`. `{--columns=time:none}` leaves
-      a column out: `columns={'time': None}` in Python, `--columns time=` in the shell.
-    - `{gmwm info}` is a command in the shell, and the equivalent call in Python.
+      a column out: `columns={'time': None}` in Python, `--columns time=` in the shell. `options` has the options of
+      one command that differ from the name of the argument.
+    - `{gmwm info}` is a command in the shell, and the equivalent call in Python. Text between backticks is code.
 
-    Text between backticks is code.
-
-    Parameters
-    ----------
-    template : str
-    facts : mapping of name to fact, optional
-    dialect : Dialect
-    options : mapping of argument to option, optional
-        Options of the shell that differ from the name of the argument, for one command.
-
-    Returns
-    -------
-    str
-        Plain text; escaped HTML with `<code>` if the dialect is HTML.
-
-    Examples
-    --------
     >>> template = "{count:#knock} at {first:moment}: leave them out with {--skip}."
     >>> facts = {"count": 2, "first": Quantity(612.5, "s")}
     >>> render(template, facts)

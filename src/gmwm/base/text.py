@@ -1,9 +1,9 @@
-"""Format numbers, durations and lists of names as text."""
+"""Format numbers, durations, lists of names and tables as text."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cache
 from html import escape
 from importlib import metadata
@@ -153,21 +153,11 @@ def defined_anew(kind: type, older: type) -> bool:
 
 
 class Named(dict[str, T]):
-    """A dict whose KeyError lists the known names, or explains why a name is missing.
+    """A dict whose KeyError lists the names, each a `noun` such as "parameter", or says `why` a name is missing.
 
-    Parameters
-    ----------
-    values : mapping or pairs
-    noun : str
-        Noun for a key, such as "parameter", for the message.
-    why : mapping of name to str, optional
-        Messages for names that users may expect.
-
-    Examples
-    --------
     >>> Named({"WN.sigma2": 1.0}, "parameter")["foo"]
     Traceback (most recent call last):
-        ...
+    ...
     KeyError: "there is no parameter 'foo', only WN.sigma2"
     """
 
@@ -184,3 +174,34 @@ class Named(dict[str, T]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Named, (dict(self), self._noun, self._why)
+
+
+def align(rows: Sequence[Sequence[str]], right: Collection[int] = (), indent: str = "  ") -> list[str]:
+    """Format the rows of a table, two blanks between columns; those in `right` are aligned to the right.
+
+    >>> for line in align([["parameter", "value"], ["N", "0.21"]], right={1}):
+    ...     print(repr(line))
+    '  parameter  value'
+    '  N           0.21'
+    """
+    if not rows:
+        return []
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for row in rows:
+        cells = zip(row, widths, strict=True)
+        texts = [text.rjust(width) if k in right else text.ljust(width) for k, (text, width) in enumerate(cells)]
+        lines.append(indent + "  ".join(texts).rstrip())
+    return lines
+
+
+def table_with_rule(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Format a table of numbers with a rule below its first row. The first column is aligned to the left.
+
+    >>> print("\\n".join(table_with_rule([["axis", "N"], ["gyro_x", "0.21"]])))
+      axis       N
+      ────────────
+      gyro_x  0.21
+    """
+    head, *lines = align(rows, right=range(1, len(rows[0])))
+    return [head, "  " + "─" * (max(map(len, (head, *lines))) - 2), *lines]

@@ -1,16 +1,22 @@
-"""Parallel work in threads, and its cancellation. Threads are enough, because the kernels release Python's global
-interpreter lock."""
+"""Parallel work in threads, its cancellation, locks of objects, and the memory that is left. Threads are enough,
+because the kernels release Python's global interpreter lock."""
 
 from __future__ import annotations
 
+import ctypes
 import os
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
-from typing import TypeVar
+from functools import cache, wraps
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from gmwm.base.errors import GmwmError, OptionError
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 T = TypeVar("T")
 Item = TypeVar("Item")
@@ -23,13 +29,8 @@ _check: ContextVar[Callable[[], None]] = ContextVar("_check", default=lambda: No
 
 @contextmanager
 def stoppable(check: Callable[[], None]) -> Iterator[None]:
-    """Call a function often during long work in this block, also in the threads that it starts.
-
-    Parameters
-    ----------
-    check : function
-        Function that can raise an exception to end the work. `gmwm app` cancels a fit in this way.
-    """
+    """Call `check` often during long work in this block, also in the threads that it starts; an exception ends the
+    work. `gmwm app` cancels a fit in this way."""
     token = _check.set(check)
     try:
         yield
@@ -38,37 +39,18 @@ def stoppable(check: Callable[[], None]) -> Iterator[None]:
 
 
 def check_stop() -> None:
-    """Call the function that was passed to `stoppable`, which can end the work. Long loops call it at least every 0.1 s
-    (tests/app/test_workspace.py)."""
+    """Call the function passed to `stoppable`, in long loops at least every 0.1 s (tests/app/test_workspace.py)."""
     _check.get()()
 
 
 def in_threads(
-    work: Callable[[str, Item], T],
-    items: Mapping[str, Item],
-    *,
-    threads: int | None = None,
+    work: Callable[[str, Item], T], items: Mapping[str, Item], *, threads: int | None = None,
     done: Callable[[str], None] | None = None,
-) -> dict[str, T]:
-    """Call a function for each item, in parallel threads.
+) -> dict[str, T]:  # fmt: skip
+    """Call a function for the name and the item of each entry, in parallel threads (one per processor by default).
 
-    Parameters
-    ----------
-    work : callable
-        Function that is called with the name and the item.
-    items : mapping of name to item
-    threads : int, optional
-        Number of threads. Default: the number of processors.
-    done : callable, optional
-        Function that is called in the calling thread with each name when its work has ended.
+    `done` is called in the calling thread with each name when its work has ended. The order is that of the items.
 
-    Returns
-    -------
-    dict of name to result
-        The results, in the order of the items.
-
-    Examples
-    --------
     >>> in_threads(lambda name, number: number**2, {"two": 2, "three": 3})
     {'two': 4, 'three': 9}
     """
@@ -105,3 +87,52 @@ def _call_by_name(work: Callable[[str, Item], T], name: str, item: Item) -> T:
     except GmwmError as error:
         error.about(name)
         raise
+
+
+def return_memory() -> None:
+    """Return the memory of freed arrays below 32 MB, which the GNU C library keeps although it does not always fit
+    later. Otherwise, a calibration of six axes of 6 million samples in chunks needs 160 MB more."""
+    trim = _trim()
+    if trim is not None:
+        trim(0)
+
+
+@cache
+def _trim() -> Any:
+    try:
+        return ctypes.CDLL(None).malloc_trim
+    except (AttributeError, OSError, TypeError):
+        return None
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+class OneAtATime:
+    """Base of classes with methods marked by `one_at_a_time`; each object has its own lock, which is not pickled."""
+
+    _lock: threading.RLock
+
+    def __new__(cls, *_args: Any, **_options: Any) -> Self:
+        """Make an object with a lock, also when it is restored from a pickle."""
+        instance = super().__new__(cls)
+        instance._lock = threading.RLock()
+        return instance
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_lock"}
+
+
+S = TypeVar("S", bound=OneAtATime)
+
+
+def one_at_a_time(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P], R]:
+    """Decorate a method so that a call waits until the calls of other threads on the same object have ended."""
+
+    @wraps(method)
+    def call(self: S, /, *args: P.args, **options: P.kwargs) -> R:
+        with self._lock:
+            return method(self, *args, **options)
+
+    return call

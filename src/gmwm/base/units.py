@@ -263,16 +263,8 @@ _SECONDS = {1.0: "·s", 0.5: "/√Hz", 0.0: "", -0.5: "/√s", -1.0: "/s"}
 
 
 def noise_unit(time_power: float, unit: str, empty: str = "u") -> tuple[str, float]:
-    """Return the SI unit of a noise coefficient in (unit of the signal) · s^`time_power`, and the factor to this unit.
-
-    An unknown unit is not converted: the factor is 1.
-
-    Parameters
-    ----------
-    time_power : float
-        1, ½, 0, −½ or −1: quantization noise, white noise, bias instability, random walk, ramp.
-    unit : str
-        Unit of the signal. If it is "", `empty` is written instead.
+    """Return the SI unit of a noise coefficient in (unit of the signal) · s^`time_power`, and the factor to it: 1 for
+    an unknown unit. The power is 1, ½, 0, −½ or −1, from quantization noise to ramps; `empty` replaces the unit "".
 
     >>> noise_unit(0.5, "rad/s")
     ('rad/s/√Hz', 1.0)

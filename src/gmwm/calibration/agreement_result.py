@@ -6,8 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from gmwm.base.documents import Documented
-from gmwm.base.plain import plain
+from gmwm.base.documents import Documented, plain
 from gmwm.base.remarks import Remark, sorted_remarks
 from gmwm.base.text import Summarised, round_text
 from gmwm.calibration.agreement_text import summary

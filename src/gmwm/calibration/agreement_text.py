@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Literal
 
 from gmwm.base.remarks import Dialect, texts
-from gmwm.base.tables import table_with_rule
+from gmwm.base.text import table_with_rule
 from gmwm.calibration.tables import WIDTH, bullet, key, number, wrap_text
 from gmwm.measuring.variance.allan_regression import LAWS
 

@@ -9,7 +9,7 @@ from statistics import NormalDist
 
 from gmwm.base.errors import GmwmError
 from gmwm.choosing.datasheets import Datasheet, Entry, model_datasheet
-from gmwm.choosing.datasheets.plausible import WIDEST
+from gmwm.choosing.datasheets.limits import WIDEST
 from gmwm.choosing.selection.ranking import Candidate, Ranking
 from gmwm.fitting.estimation.intervals import parameters_by_name, with_quick_intervals
 from gmwm.fitting.estimation.result import Fit

@@ -12,9 +12,9 @@ from types import NoneType, UnionType
 from typing import Any, NamedTuple, TypeVar
 
 from gmwm.base.atomic_files import read_json
+from gmwm.base.documents import plain
 from gmwm.base.errors import ReadError
 from gmwm.base.kinds import Document, require_kinds
-from gmwm.base.plain import plain
 from gmwm.base.remarks import Remark
 from gmwm.base.text import with_article
 from gmwm.calibration.additions import axis_additions

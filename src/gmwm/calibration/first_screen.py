@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from gmwm.base.axis_names import by_sensor
-from gmwm.base.tables import table_with_rule
-from gmwm.base.text import counted
+from gmwm.base.text import counted, table_with_rule
 from gmwm.calibration.misfit import is_line
 from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability
 from gmwm.calibration.tables import SENSORS, WIDTH, number
@@ -16,6 +15,7 @@ from gmwm.theory.processes.ordered import Ordered
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
+    from gmwm.choosing.datasheets import Entry
     from gmwm.theory.processes import Model
 
 LEGEND = (
@@ -36,32 +36,37 @@ def axis_lines(calibration: Calibration) -> list[str]:
 
 
 def model_words(model: Model) -> str:
-    """Describe a model in a word: the names of its processes, "filter" for an ARMA process, and the number of lines.
+    """Describe a model in a word: the names of its processes, "filter" for an ARMA process, and the numbers of
+    oscillations and lines.
 
     >>> from gmwm import Model
     >>> model_words(Model.parse("2*GM + WN + ARMA(2,1)"))
     '2*GM+WN+filter'
     """
     names: Counter[str] = Counter()
-    lines = 0
+    lines, oscillations = 0, 0
     for process in model.processes:
         if is_line(type(process)):
             lines += 1
+        elif process.is_complete and process.oscillation() is not None:
+            oscillations += 1
         else:
             names["filter" if isinstance(process, Ordered) else process.name] += 1
     parts = [name if count == 1 else f"{count}*{name}" for name, count in names.items()]
-    return "+".join([*parts, *([counted(lines, "line")] if lines else [])])
+    return "+".join(
+        [
+            *parts,
+            *([counted(oscillations, "oscillation")] if oscillations else []),
+            *([counted(lines, "line")] if lines else []),
+        ]
+    )
 
 
 def _table(
     title: str, axes: Mapping[str, AxisCalibration], verdicts: Mapping[str, Mapping[str, NumberVerdict]]
 ) -> list[str]:
-    symbols = [symbol for symbol in MAIN if any(symbol in result.datasheet for result in axes.values())]
-    units = [
-        next(result.datasheet[symbol].in_units()[3] for result in axes.values() if symbol in result.datasheet)
-        for symbol in symbols
-    ]
-    rows = [[title, *(f"{symbol} ({unit})" for symbol, unit in zip(symbols, units, strict=True)), "model"]]
+    symbols = main_symbols(axes)
+    rows = [[title, *(f"{symbol} ({unit})" for symbol, unit in symbols.items()), "model"]]
     long = max(map(len, axes)) > len("Accelerometers")
     for axis, result in axes.items():
         cells = [_cell(result, verdicts[axis].get(symbol), symbol) for symbol in symbols]
@@ -77,11 +82,26 @@ def _table(
     return [head, rule, *lines]
 
 
+def main_symbols(axes: Mapping[str, AxisCalibration]) -> dict[str, str]:
+    """Return the unit of N, K and B, without the symbols that no axis has."""
+    entries = {
+        symbol: next((result.datasheet[symbol] for result in axes.values() if symbol in result.datasheet), None)
+        for symbol in MAIN
+    }
+    return {symbol: entry.in_units()[3] for symbol, entry in entries.items() if entry is not None}
+
+
+def number_text(entry: Entry, verdict: NumberVerdict) -> str:
+    """Format a number. A value that its verdict makes an upper limit is written as one."""
+    text = number(entry)
+    if verdict.usability is Usability.BOUND and not text.startswith("≤"):
+        return f"≤ {text.partition(' ±')[0]}"
+    return text
+
+
 def _cell(result: AxisCalibration, verdict: NumberVerdict | None, symbol: str) -> str:
-    """Return a number with the mark of its verdict. A value that is an upper limit for another reason is marked too."""
+    """Return a number with the mark of its verdict, which an upper limit needs not."""
     if verdict is None:
         return ""
-    text = number(result.datasheet[symbol])
-    if verdict.usability is Usability.BOUND:
-        return text if text.startswith("≤") else f"≤ {text.partition(' ±')[0]}"
-    return f"{text} {verdict.usability.mark}"
+    text = number_text(result.datasheet[symbol], verdict)
+    return text if verdict.usability is Usability.BOUND else f"{text} {verdict.usability.mark}"

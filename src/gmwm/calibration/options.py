@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import ModelError, OptionError, ReadError
-from gmwm.choosing.selection.options import SLOW, RankingOptions
+from gmwm.choosing.selection.ranking import SLOW, RankingOptions
 from gmwm.measuring.regression.against import AUTO, Against, Asked
 from gmwm.measuring.variance.biweight import EFFICIENCY, biweight
 from gmwm.recording.options import one_of

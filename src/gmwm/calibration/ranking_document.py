@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from gmwm.base.arrays import Matrix
+from gmwm.base.documents import plain_fields
 from gmwm.base.errors import ReadError
-from gmwm.base.plain import plain_fields
 from gmwm.calibration.options import AGAIN
 from gmwm.choosing.selection import Ranking
 from gmwm.choosing.selection.ranking import Candidate

@@ -13,8 +13,7 @@ from gmwm.base.axis_names import sensor_of
 from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark, texts
-from gmwm.base.tables import table_with_rule
-from gmwm.base.text import Summarised
+from gmwm.base.text import Summarised, table_with_rule
 from gmwm.base.units import SI_UNIT, datasheet_units, noise_unit
 from gmwm.choosing.datasheets import Entry, effective_noise
 from gmwm.choosing.datasheets.entry import significant

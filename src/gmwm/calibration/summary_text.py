@@ -9,8 +9,7 @@ import numpy as np
 
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.remarks import Dialect, Quantity, Severity, brief, texts
-from gmwm.base.tables import table_with_rule
-from gmwm.base.text import counted, duration_text, p_text
+from gmwm.base.text import counted, duration_text, p_text, table_with_rule
 from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.first_screen import LEGEND, axis_lines

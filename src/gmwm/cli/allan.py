@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
-from gmwm.cli.options import Datasheet, EstimationOption, Plot, ResultOption, unit_system
+from gmwm.cli.options import EstimationOption, Plot, ResultOption, Units, picture_units, unit_system
 from gmwm.cli.output import Outcome, csv_file, plot_file, progress, table_text
 from gmwm.cli.read_options import Axes, File, chosen_axes, load
 from gmwm.recording.options import ReadOptions
@@ -56,7 +56,7 @@ def allan(
     slopes: Annotated[
         bool, ResultOption("--slopes", help="Estimate Q, N, B, K and R from the slopes of the Allan deviation.")
     ] = False,
-    datasheet: Datasheet = False,
+    datasheet: Units = None,
     csv: Annotated[Path | None, ResultOption(help="Write all values of all axes to this CSV file (SI units).")] = None,
     plot: Plot = None,
 ) -> Outcome:
@@ -94,7 +94,8 @@ def allan(
         text="\n\n".join(
             [_curves_text(results, system), *(regression.summary(system) for regression in regressions.values())]
         ),
-        files=csv_file(csv, heading, tables) + plot_file(plot, partial(_draw, results, regressions, system)),
+        files=csv_file(csv, heading, tables)
+        + plot_file(plot, partial(_draw, results, regressions, picture_units(datasheet))),
     )
 
 
@@ -118,9 +119,7 @@ def _variance(
     signal: Signal, kind: Kind, clusters: Literal["octave", "decade", "all"],
     progress: Callable[[int, int], object] | None = None,
 ) -> ClusterVariance:  # fmt: skip
-    from gmwm.measuring.variance.allan import allan_variance
-    from gmwm.measuring.variance.hadamard import hadamard_variance
-    from gmwm.measuring.variance.total import total_variance
+    from gmwm.measuring.variance.allan import allan_variance, hadamard_variance, total_variance
 
     if kind == "total":
         return total_variance(signal, clusters=clusters, progress=progress)
@@ -168,7 +167,7 @@ def _draw(
     from gmwm.showing.plots.allan import plot_allan_axes
 
     if len(results) > 1:
-        plot_allan_axes(results, units=system, path=path)
+        plot_allan_axes(regressions or results, units=system, path=path)
         return
     for result in regressions.values() or results.values():
         result.plot(units=system, path=path)
@@ -182,7 +181,7 @@ def _curves_text(results: Mapping[str, ClusterVariance], system: UnitSystem) -> 
     sensors = {sensor: list(group.values()) for sensor, group in by_sensor(results).items()}
     first = next(iter(results.values()))
     alone = any(len(group) == 1 for group in sensors.values())
-    limits = f", {100 * first.confidence:g} % confidence intervals" if alone else ""
+    limits = f", {100 * first.confidence:g} % confidence intervals for the identified noise" if alone else ""
     head = f"{first.samples} samples at {first.rate:g} Hz{limits}"
     style = "#.5g" if system == "datasheet" else ".4e"
     shown = list(range(len(first)))

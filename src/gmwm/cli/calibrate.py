@@ -30,17 +30,17 @@ from gmwm.cli.options import (
     ChoiceWeighting,
     Confidence,
     CriterionName,
-    Datasheet,
     Efficiency,
     EstimationOption,
     InputOption,
     ResultOption,
     Searched,
     Seed,
+    Units,
     View,
     parse_models,
     parse_searched,
-    unit_system,
+    picture_units,
 )
 from gmwm.cli.output import NewFile, Outcome, file_names, make_directory, progress, text_file
 from gmwm.cli.read_options import Axes, Files, chosen_names, document_of, names_of, only_file
@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from gmwm.calibration import Calibration
     from gmwm.files.readers.streams import Stream
     from gmwm.recording.signals import Imu
+    from gmwm.showing.plots.view import UnitSystem, ViewName
 
 EXAMPLES = (
     "gmwm calibrate static.csv --output results",
@@ -132,8 +133,8 @@ def calibrate(
             "directory, and imu.yaml for Kalibr if gyroscopes and accelerometers are calibrated.",
         ),
     ] = None,
-    view: View = "wavelet",
-    datasheet: Datasheet = False,
+    view: View = None,
+    datasheet: Units = None,
     details: Annotated[
         bool,
         ResultOption(help="Print all numbers of each axis, and why its model was chosen, not one line for each axis."),
@@ -156,7 +157,7 @@ def calibrate(
     If several files are given, they must be recordings of one unit. Each axis then gets one model, fitted to all
     recordings, a test whether the recordings have the same noise, and intervals that include the spread between them.
 
-    --view and --datasheet apply to the plots. Calibration.load reads calibration.json in Python;
+    --view, --datasheet and --si apply to the plots. Calibration.load reads calibration.json in Python;
     docs/calibration-format.md describes this file.
     """
     options = calibration_options(
@@ -182,7 +183,15 @@ def calibrate(
             require_axes(models, axes)
             chosen = replace(options, axes=axes, models=models)
             calibration = _unite(groups, files, chosen, scheduler=scheduler, workers=workers, helpers=processes)
-        return _outcome(calibration, files, output, view=view, datasheet=datasheet, details=details, helpers=processes)
+        return _outcome(
+            calibration,
+            files,
+            output,
+            view=view or "auto",
+            units=picture_units(datasheet),
+            details=details,
+            helpers=processes,
+        )
 
     apart = separate_topics(files, reading)
     if apart:
@@ -226,11 +235,11 @@ def _unite(
 
 
 def _outcome(
-    found: Calibration, files: Sequence[Path], output: Path | None, *, view: Literal["wavelet", "allan"],
-    datasheet: bool, details: bool, helpers: Helpers,
+    found: Calibration, files: Sequence[Path], output: Path | None, *, view: ViewName, units: UnitSystem,
+    details: bool, helpers: Helpers,
 ) -> Outcome:  # fmt: skip
     """Return the outcome of the command, with the files to write."""
-    plots = None if output is None else helpers.begin(pictures, found, view, datasheet)
+    plots = None if output is None else helpers.begin(pictures, found, view, units)
     document, text = found.to_dict(), summary(found, Dialect.SHELL, details=True, every=True)
     files_of_calibration: tuple[NewFile, ...] = ()
     if output is not None and plots is not None:
@@ -275,13 +284,12 @@ def calibration_helpers(
     return helpers_of(*(("gmwm.showing.plots.imu", "gmwm.showing.plots.matplotlib") if plots else ()), count=count)
 
 
-def pictures(found: Calibration, view: Literal["wavelet", "allan"], datasheet: bool) -> dict[str, bytes]:
+def pictures(found: Calibration, view: ViewName, units: UnitSystem) -> dict[str, bytes]:
     """Draw the plots of a calibration: the content of each file."""
     from gmwm.showing.plots.matplotlib import render
 
-    system = unit_system(datasheet)
     return {
-        name: render(found.plot(split=split, view=view, units=system), ".png")
+        name: render(found.plot(split=split, view=view, units=units), ".png")
         for name, split in (("calibration.png", True), ("by_sensor.png", False))
     }
 

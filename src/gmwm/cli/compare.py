@@ -11,7 +11,7 @@ import typer
 
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
-from gmwm.cli.options import Datasheet, Efficiency, EstimationOption, Plot, View, unit_system
+from gmwm.cli.options import Efficiency, EstimationOption, Plot, Units, View, picture_units, unit_system
 from gmwm.cli.output import Outcome, calibration_file, plot_file, table_text, tell
 from gmwm.cli.read_options import Axes, chosen_axes, load
 from gmwm.recording.options import ReadOptions
@@ -37,8 +37,8 @@ def compare(
     classical: Annotated[bool, EstimationOption("--classical", help="Show only the classical curve.")] = False,
     robust: Annotated[bool, EstimationOption("--robust", help="Show only the robust curve.")] = False,
     efficiency: Efficiency = None,
-    view: View = "wavelet",
-    datasheet: Datasheet = False,
+    view: View = None,
+    datasheet: Units = None,
     plot: Plot = None,
 ) -> Outcome:
     """Compare the classical and robust wavelet variances of one or several recordings.
@@ -76,7 +76,8 @@ def compare(
     axes = {a: {label: wv.to_dict() for label, wv in group.items()} for a, group in curves.items()}
     return Outcome(
         command="compare", document={"files": list(map(str, files)), "axes": axes},
-        text=_curves_text(curves, view, system), files=plot_file(plot, partial(_draw, curves, view, system)),
+        text=_curves_text(curves, view or "wavelet", system),
+        files=plot_file(plot, partial(_draw, curves, view or "auto", picture_units(datasheet))),
     )  # fmt: skip
 
 

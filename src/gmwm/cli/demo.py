@@ -19,7 +19,7 @@ from gmwm.cli.calibrate import calibration_files, calibration_helpers, pictures,
 from gmwm.cli.command import command
 from gmwm.cli.export import kalibr_file
 from gmwm.cli.options import Json
-from gmwm.cli.output import NewFile, Outcome, file_names, make_directory, progress, table_text
+from gmwm.cli.output import Outcome, file_names, make_directory, progress, table_text
 from gmwm.measuring.inspection.result import text as inspection_text
 
 if TYPE_CHECKING:
@@ -66,14 +66,13 @@ def demo(
         inspection = inspect(imu)
     say(inspection_text(inspection, Dialect.SHELL) + "\n")
     calibration = run_calibration(imu, CalibrationOptions(), helpers).of_file(file)
-    plots = helpers.begin(pictures, calibration, "wavelet", False)
+    plots = helpers.begin(pictures, calibration, "auto", "auto")
     say(summary(calibration, Dialect.SHELL))
     document, text = calibration.to_dict(), summary(calibration, Dialect.SHELL, details=True, every=True)
     rows, kalibr = _comparison(truth, calibration), kalibr_file(calibration, output)
     files = (
         *calibration_files(calibration, output, document=document, text=text, plots=plots),
         *kalibr.files,
-        _allan(calibration, output),
     )
     return Outcome(
         command="demo",
@@ -164,14 +163,6 @@ def _comparison_text(rows: Sequence[Mapping[str, Any]], truth: Mapping[str, Mode
             Remark.of("check-passed", case="optimum", gap=100 * max(gaps), exact="no").text(Dialect.SHELL)
         )
     return "\n".join(lines)
-
-
-def _allan(found: Calibration, folder: Path) -> NewFile:
-    """Return a file with a plot of the Allan deviations of all axes: a panel for each sensor, in datasheet units."""
-    path = folder / "allan_deviations.png"
-    return NewFile(
-        path, lambda target: found.plot(split=False, view="allan", units="datasheet", path=target), "plotting"
-    )  # fmt: skip
 
 
 def _activation() -> str:

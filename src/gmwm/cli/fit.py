@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -23,17 +24,17 @@ from gmwm.cli.likelihood_output import as_dict as likelihood_as_dict
 from gmwm.cli.measuring import Chunked, measure_together, memory_for, needs_memory, open_together
 from gmwm.cli.options import (
     AgainstOption,
-    Datasheet,
     Efficiency,
     EstimationOption,
     Filter,
     ResultOption,
     Robust,
     TransformName,
+    Units,
     View,
     checked_confidence,
     chosen_efficiency,
-    unit_system,
+    picture_units,
 )
 from gmwm.cli.output import (
     NewFile,
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
     from gmwm.fitting.estimation.starts import Sampled
     from gmwm.fitting.estimation.summary import IntervalMethod
     from gmwm.recording.signals import Signal
+    from gmwm.showing.plots.view import UnitSystem, ViewName
 
 EXAMPLES = (
     "gmwm fit static.csv --model '2*GM + WN + QN + RW' --output results",
@@ -156,8 +158,8 @@ def fit(
     output: Annotated[
         Path | None, ResultOption(help="Write fits.json and a plot of each fit to this directory.")
     ] = None,
-    view: View = "wavelet",
-    datasheet: Datasheet = False,
+    view: View = None,
+    datasheet: Units = None,
 ) -> Outcome:
     """Fit a noise model to each axis, and print its parameters, confidence intervals and goodness of fit.
 
@@ -203,11 +205,12 @@ def fit(
     if likelihood and isinstance(recording := next(iter(recordings.values())), Imu):
         covariates = {name: asked_again(axis_fit.regression, recording.temperature) for name, axis_fit in fits.items()}
         carried = judge_fits(likelihood_fits(fits, chosen_axes(recording, axis), parsed, covariates), confidence)
+    units = picture_units(datasheet)
     content = {**document_of(files), "model": str(parsed), "axes": _axes_document(fits, carried, how)}
     parts = [*replicates_text(fits), fits_text(fits, how), *([likelihoods_text(carried)] if carried else [])]
     return Outcome(
         command="fit", document=content, in_text=tuple(_remarks(fits, carried)), text="\n\n".join(parts),
-        files=tuple(_files(fits, content, folder=output, plot=plot, view=view, datasheet=datasheet)),
+        files=tuple(_files(fits, content, output, plot, partial(_picture, view=view or "auto", units=units))),
     )  # fmt: skip
 
 
@@ -246,14 +249,14 @@ def _axes_document(
 
 def _files(
     fits: Mapping[str, Fit], content: Mapping[str, Any], folder: Path | None, plot: Path | None,
-    view: Literal["wavelet", "allan"], datasheet: bool,
+    picture: Callable[[Mapping[str, Fit], Path], NewFile],
 ) -> Iterator[NewFile]:  # fmt: skip
     """Yield the files to write: fits.json and a plot of each fit for --output, and the plot for --plot."""
     if folder is not None:
         yield text_file(folder / "fits.json", json_text("fit", content) + "\n")
-        yield from (_picture({name: f}, folder / f"fit_{name}.png", view, datasheet) for name, f in fits.items())
+        yield from (picture({name: f}, folder / f"fit_{name}.png") for name, f in fits.items())
     if plot is not None:
-        yield _picture(fits, plot, view, datasheet)
+        yield picture(fits, plot)
 
 
 def _interval_method(confidence: float, draws: int | None, seed: int) -> IntervalMethod:
@@ -287,11 +290,9 @@ def fit_axes(
     return over_axes(measured_and_fitted, signals, "fitting")
 
 
-def _picture(fits: Mapping[str, Fit], path: Path, view: Literal["wavelet", "allan"], datasheet: bool) -> NewFile:
+def _picture(fits: Mapping[str, Fit], path: Path, view: ViewName, units: UnitSystem) -> NewFile:
     """Return a file with a plot of one fit and its terms, or of several fits with a panel for each."""
     from gmwm.showing.plots.imu import plot_imu
-
-    units = unit_system(datasheet)
 
     def draw(target: Path) -> None:
         if len(fits) == 1:

@@ -31,10 +31,21 @@ _PLACE = re.compile(r"\s*(\w+)\s*=(.*)", re.DOTALL)
 Json = Annotated[bool, ResultOption("--json", help="Print only JSON on stdout; warnings and progress go to stderr.")]
 AllRemarks = Annotated[bool, ResultOption("--all-remarks", help="Show all remarks instead of the five most severe.")]
 View = Annotated[
-    Literal["wavelet", "allan"],
-    ResultOption(help="Show the wavelet variance over the scale, or the Allan deviation over the averaging time."),
+    Literal["wavelet", "allan"] | None,
+    ResultOption(
+        help="Show the wavelet variance over the scale, or the Allan deviation over the averaging time. By default, "
+        "pictures show the Allan deviation, and tables the wavelet variance."
+    ),
 ]
 Datasheet = Annotated[bool, ResultOption("--datasheet", help="Use deg/h and mg instead of rad/s and m/s².")]
+Units = Annotated[
+    bool | None,
+    ResultOption(
+        "--datasheet/--si",
+        help="Use deg/h and mg, or rad/s and m/s². By default, pictures of the Allan deviation have deg/h and mg, and "
+        "everything else has rad/s and m/s².",
+    ),
+]
 Filter = Annotated[
     str,
     EstimationOption(
@@ -123,9 +134,14 @@ Confidence = Annotated[
 Seed = Annotated[int, EstimationOption(help="Seed of the simulated records.", min=0)]
 
 
-def unit_system(datasheet: bool) -> UnitSystem:
-    """Return the units of plots and tables that --datasheet selects."""
+def unit_system(datasheet: bool | None) -> Literal["si", "datasheet"]:
+    """Return the units of tables that --datasheet selects."""
     return "datasheet" if datasheet else "si"
+
+
+def picture_units(datasheet: bool | None) -> UnitSystem:
+    """Return the units of pictures that --datasheet and --si select."""
+    return "auto" if datasheet is None else unit_system(datasheet)
 
 
 def parse_within(text: str) -> Model:

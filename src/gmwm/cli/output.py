@@ -162,7 +162,7 @@ def json_text(command: str, content: Mapping[str, Any], *, escaped: bool = False
     }
     """
     from gmwm import __version__
-    from gmwm.base.plain import plain
+    from gmwm.base.documents import plain
 
     document = plain({"gmwm": __version__, "command": command, **content})
     return json.dumps(document, allow_nan=False, ensure_ascii=escaped, indent=None if in_one_line else 1)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from gmwm.choosing.selection.options import SLOW, RankingOptions
+from gmwm.choosing.selection.ranking import SLOW, RankingOptions
 from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, axes_together, measure_together, memory_for, open_together
 from gmwm.cli.options import (

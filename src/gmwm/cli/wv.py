@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, Scheduler, Workers, needs_memory, open_recording, stream_curves, tell_inspection
 from gmwm.cli.options import (
-    Datasheet,
     Efficiency,
     Filter,
     Plot,
     ResultOption,
     Robust,
     TransformName,
+    Units,
     View,
     chosen_efficiency,
+    picture_units,
     unit_system,
 )
 from gmwm.cli.output import Outcome, csv_file, plot_file, table_text
@@ -49,8 +50,8 @@ def wv(
     chunked: Chunked = "auto",
     scheduler: Scheduler = None,
     workers: Workers = None,
-    view: View = "wavelet",
-    datasheet: Datasheet = False,
+    view: View = None,
+    datasheet: Units = None,
     csv: Annotated[Path | None, ResultOption(help="Write all levels of all axes to this CSV file (SI units).")] = None,
     plot: Plot = None,
     overlay: Annotated[
@@ -89,8 +90,9 @@ def wv(
     return Outcome(
         command="wv",
         document={"file": str(file), "axes": {name: result.to_dict() for name, result in results.items()}},
-        text=_curves_text(results, view, system),
-        files=csv_file(csv, heading, tables) + plot_file(plot, partial(_draw, results, view, system, overlay)),
+        text=_curves_text(results, view or "wavelet", system),
+        files=csv_file(csv, heading, tables)
+        + plot_file(plot, partial(_draw, results, view or "auto", picture_units(datasheet), overlay)),
         remarks=tuple(remark.about(name) for name, result in results.items() for remark in result.remarks),
     )
 
@@ -134,7 +136,7 @@ def _curves_text(results: Mapping[str, WaveletVariance], view: ViewName, system:
     sensors = by_sensor(results)
     first = next(iter(results.values()))
     alone = any(len(group) == 1 for group in sensors.values())
-    limits = f", {100 * first.confidence:g} % confidence intervals" if alone else ""
+    limits = f", {100 * first.confidence:g} % confidence intervals for any noise" if alone else ""
     robust = f", robust with efficiency {first.efficiency:g}" if first.robust else ""
     transform = "" if (first.filter, first.transform) == ("haar", "modwt") else f", {first.filter} {first.transform}"
     parts = [f"{first.extent}{transform}{robust}{limits}"]

@@ -143,7 +143,7 @@ class Reader(ABC):
 
     The methods take the `path` of the file; `head`, its first 64 kB; `layout`, a result of `layouts`; `wanted`, the
     indices of the columns (from 0); and `mark`, a result of `marks` at which reading begins. The page
-    docs/howto/add-a-reader.md shows how to write a reader.
+    docs/contributing/add-a-reader.md shows how to write a reader.
     """
 
     name: ClassVar[str]

@@ -180,8 +180,7 @@ def _driven(space: StateSpace, rate: float) -> tuple[Matrix, Matrix] | None:
 
 def _keeps_its_range(space: StateSpace) -> bool:
     """Return whether F maps the range of Q into itself. This is necessary, because continuous noise spreads within a
-    step. It is not so for an autoregression of order 2 or more, whose noise enters one state and reaches the other
-    states one step later."""
+    step."""
     root = np.sqrt(np.diag(_sizes(space.Q)))
     scaled = space.F * root / root[:, None]
     size, axes = np.linalg.eigh(space.Q / _sizes(space.Q))
@@ -191,8 +190,8 @@ def _keeps_its_range(space: StateSpace) -> bool:
 
 
 def _sizes(covariance: Matrix) -> Matrix:
-    """Return the products s_i s_j of the standard deviations of a covariance, with 1 in place of 0. Division by them
-    makes the covariance dimensionless."""
+    """Return the products s_i s_j of the standard deviations of a covariance, with 1 for 0, to make it
+    dimensionless."""
     deviations = np.sqrt(np.diag(covariance))
     deviations = np.where(deviations > 0, deviations, 1.0)
     return np.asarray(np.outer(deviations, deviations), dtype=np.float64)

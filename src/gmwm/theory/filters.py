@@ -26,8 +26,6 @@ from gmwm.base.errors import MissingDependencyError, OptionError
 
 __all__ = ["WaveletFilter", "find_filter"]
 
-LONGEST_FILTER = 2**24
-"""Largest number of taps of a filter that `level_filter` returns; 2^24 doubles take 128 MB."""
 _DEPENDENT = 1e-12
 """Singular values below this share of the largest one are treated as zero: they belong to redundant equations."""
 
@@ -128,9 +126,11 @@ class WaveletFilter:
         >>> find_filter("haar").level_filter(2)
         array([ 0.25,  0.25, -0.25, -0.25])
         """
-        if not 1 <= level <= 62 or self.width(level) > LONGEST_FILTER:
+        # Largest number of taps of a filter that `level_filter` returns; 2^24 doubles take 128 MB.
+        longest_filter = 2**24
+        if not 1 <= level <= 62 or self.width(level) > longest_filter:
             raise OptionError(
-                argument="level", expected=f"from 1 to 62, with a filter of at most {LONGEST_FILTER} taps", got=level
+                argument="level", expected=f"from 1 to 62, with a filter of at most {longest_filter} taps", got=level
             )
         smooth = np.ones(1)
         for j in range(level):
@@ -250,12 +250,9 @@ def _from_pywavelets(name: str) -> WaveletFilter:
         import pywt  # type: ignore[import-untyped]
     except ImportError as error:
         raise MissingDependencyError(
-            f"the filter {name!r} belongs to PyWavelets, which is not installed",
-            argument="filter",
-            got=name,
-            advice="Run `pip install 'gmwm[wavelets]'`, or use one of {filters}.",
-            filters=", ".join(FILTERS),
-        ) from error
+            f"the filter {name!r} belongs to PyWavelets, which is not installed", argument="filter", got=name,
+            advice="Run `pip install 'gmwm[wavelets]'`, or use one of {filters}.", filters=", ".join(FILTERS),
+        ) from error  # fmt: skip
     try:
         wavelet = pywt.Wavelet(name)
     except ValueError as error:
@@ -278,11 +275,10 @@ def _filter(
 
 
 def project(scaling: Vector, vanishing_moments: int, rounding: float = 8.0) -> Vector:
-    """Return the orthonormal filter closest to `scaling` with p = `vanishing_moments`, by Newton steps of minimum norm.
-    The equations are Σ_l g_l g_{l+2k} = 1{k = 0} and Σ_l (−1)^l l^n g_l = 0, n = 0 … p − 1. They imply Σ g = √2. The
-    equation for n = 0 is needed although it follows from the others: the wavelet of a table that is orthonormal to
-    1e-11 can have the sum 1e-5, as in fk22. A filter whose error is below `rounding` units in the last place of 1 is
-    returned unchanged."""
+    """Return the orthonormal filter closest to `scaling` with p = `vanishing_moments`, by Newton steps of minimum norm
+    on Σ_l g_l g_{l+2k} = 1{k = 0} and Σ_l (−1)^l l^n g_l = 0, n = 0 … p − 1. The equation n = 0 follows from the
+    others, but the wavelet of a table that is orthonormal to 1e-11 can have the sum 1e-5, as in fk22. A filter with an
+    error below `rounding` units in the last place of 1 is returned unchanged."""
     g = scaling.copy()
     length = g.size
     place = (np.arange(length) - (length - 1) / 2) / (length / 2)

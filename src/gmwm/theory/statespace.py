@@ -251,8 +251,8 @@ def haar_variances(spaces: Sequence[StateSpace], levels: int | ArrayLike) -> Mat
 
 @dataclass(frozen=True, eq=False)
 class _StateBlock:
-    """A block of m successive samples that starts from the state x. Its end state is transition·x + w, and the sum of
-    its samples is sum_of·x + n, where the random vector (w, n) has the covariance `noise`."""
+    """A block of m successive samples from the state x: its end transition·x + w, and its sum sum_of·x + n, with Cov
+    (w, n) = `noise`."""
 
     transition: Matrix
     sum_of: Vector

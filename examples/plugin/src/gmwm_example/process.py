@@ -7,8 +7,7 @@ import numpy as np
 from gmwm.statespace import StateSpace
 
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.parameter import Parameter, Value
-from gmwm.theory.processes.physical import Physical
+from gmwm.theory.processes.parameter import Parameter, Physical, Value
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(20)
 

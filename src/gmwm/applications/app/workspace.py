@@ -23,7 +23,7 @@ from gmwm.choosing.selection.search import ModelChoice
 from gmwm.files.readers.streams import Stream, is_large
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.inspection import inspect
-from gmwm.measuring.variance.axes_result import WaveletVariances
+from gmwm.measuring.variance.result import WaveletVariances
 from gmwm.recording.signals import Imu
 
 CUTS = ("start", "stop", "skip", "gaps")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
@@ -60,8 +60,8 @@ def fleet_figure(fleet: Fleet) -> Figure:
     rows: list[tuple[Panel | None, ...]] = []
     for sensor, symbols in groups.items():
         panels: list[Panel | None] = [_panel(sensor, of, statistics, reading.units) for of in symbols.values()]
-        panels += [None] * (-len(panels) % COLUMNS if len(panels) > COLUMNS or len(groups) > 1 else 0)
-        width = min(COLUMNS, len(panels))
+        width = min(COLUMNS, max(map(len, groups.values())))
+        panels += [None] * (-len(panels) % width)
         rows += [tuple(panels[k : k + width]) for k in range(0, len(panels), width)]
     odd = len({outlier.unit for outlier in statistics.outliers})
     title = counted(statistics.units, "unit") + (f", {counted(odd, 'outlier')}" if odd else "")
@@ -94,12 +94,18 @@ def _panel(sensor: str, samples: Sequence[ParameterSample], statistics: FleetSta
     if size < 0.005:
         power = power_of(size)
         strips = _strips(samples, statistics, factor / 10.0**power, units)
-    x = Axis("", (0.5, len(samples) + 0.5), _ticks(samples), linear=math.inf)
+    x = Axis("", (0.5, len(samples) + 0.7), _ticks(samples), linear=math.inf)  # upper limits are beside the last strip
     label = f"{first.symbol} ({scaled_unit(unit, power)})"
     y = _height_axis(np.concatenate([strip.heights for strip in strips]), label, signed=signed)
-    marks = tuple(mark for strip in strips for mark in strip.marks)
+    marks = tuple(sorted((mark for strip in strips for mark in strip.marks), key=_rank(units)))
     stars = [star for strip in strips for star in strip.stars]
     return Panel(x, y, marks=marks, title=f"{sensor_title(sensor)} {first.symbol}", texts=_names(stars, x, y))
+
+
+def _rank(units: Sequence[str]) -> Callable[[Mark], int]:
+    """Return a function that orders marks for the legend: units in their order, then what is said about all units."""
+    order = [_short(unit) for unit in units] + [*units, "Unit", "Outlier", "Typical value", "Range", "Upper limits"]
+    return lambda mark: next((k for k, start in enumerate(order) if mark.label.startswith(start)), len(order))
 
 
 def _ticks(samples: Sequence[ParameterSample]) -> tuple[Tick, ...]:

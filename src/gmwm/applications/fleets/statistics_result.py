@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from gmwm.applications.fleets.findings import remarks_of
 from gmwm.applications.fleets.summary_text import statistics_text
-from gmwm.base.plain import plain, plain_fields
+from gmwm.base.documents import plain, plain_fields
 from gmwm.base.remarks import Remark
 from gmwm.base.text import Summarised
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from gmwm.base.axis_names import letter_of, sensor_of
 from gmwm.base.remarks import Dialect, Remark, texts
-from gmwm.base.tables import table_with_rule
-from gmwm.base.text import counted, p_relation
+from gmwm.base.text import counted, p_relation, table_with_rule
 from gmwm.base.units import datasheet_units
 from gmwm.calibration.tables import SENSORS, WIDTH, bullet, wrap_text
 from gmwm.choosing.datasheets.entry import significant

@@ -28,9 +28,9 @@ from gmwm.applications.monitor.stillness import Stillness
 from gmwm.applications.monitor.stored import number, require_scale, whole
 from gmwm.applications.monitor.whitening import Gain
 from gmwm.base.arrays import Vector
+from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import ReadError
-from gmwm.base.locks import OneAtATime, one_at_a_time
-from gmwm.base.plain import plain, plain_fields
+from gmwm.base.threads import OneAtATime, one_at_a_time
 from gmwm.base.time_base import lost_samples
 from gmwm.recording.chunks import Chunk
 from gmwm.recording.options import as_whole_number

@@ -13,9 +13,9 @@ from gmwm.applications.monitor.charts import BLOCKS, ChartSettings, differences,
 from gmwm.applications.monitor.finite_state import Finite
 from gmwm.applications.monitor.thresholds import spike_limit
 from gmwm.applications.monitor.whitening import Gain, Whitener
-from gmwm.base.arrays import Vector, freeze
+from gmwm.base.arrays import FrozenArrays, Vector
+from gmwm.base.documents import plain_fields
 from gmwm.base.errors import DataError, ReadError
-from gmwm.base.plain import plain_fields
 from gmwm.theory.processes.model import Model
 
 LEAST_BLOCKS = 80
@@ -25,7 +25,7 @@ LARGEST = 1e15
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Baseline:
+class Baseline(FrozenArrays):
     """Statistics of the standardised innovations of an axis in a reference recording.
 
     Attributes
@@ -54,10 +54,6 @@ class Baseline:
     equal: int
     lowest: float
     highest: float
-
-    def __post_init__(self) -> None:
-        for values in (self.ratios, self.shapes):
-            freeze(values)
 
     @classmethod
     def of(cls, model: Model, segments: Sequence[Vector], rate: float) -> Baseline:

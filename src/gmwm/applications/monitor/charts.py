@@ -33,8 +33,6 @@ increase of the standard deviation by 10 % (docs/validation/monitor.md)."""
 BLOCKS = 4
 """Length of a block of level j, in 2^j samples. With 16, slow noise is found 40 s later
 (docs/validation/monitor.md)."""
-WINDOW = 8
-"""Largest number of block sums in a Haar coefficient. It keeps 93 % of their freedom (tests/monitor/test_charts.py)."""
 UNIT = 2.0**24
 """The chart statistics are integers in units of 1/UNIT."""
 FARTHEST = 6.0
@@ -55,7 +53,8 @@ class Alarm(NamedTuple):
 
 
 def window(level: int) -> tuple[int, int]:
-    """Return the level and the number of the block sums that make up a Haar coefficient of the given level."""
+    """Return the level and the number of the block sums that make up a Haar coefficient of the given level: at most 8,
+    which keep 93 % of their freedom (tests/monitor/test_charts.py)."""
     base = max(level - 3, 0)
     return base, 1 << (level - base)
 
@@ -195,7 +194,7 @@ class Charts:
 
     def _spikes(self, e: Vector) -> Iterator[Alarm]:
         far = np.flatnonzero(np.abs(e) > self.spike)
-        for k in far[:WINDOW].tolist():  # a fault causes many; a few alarms are enough
+        for k in far[:8].tolist():  # a fault causes many; a few alarms are enough
             sample = self.count + k
             sign = 1 if e[k] > 0 else -1
             yield Alarm(sample, "spike", 0, sign, onset=sample - 1, score=float(e[k] ** 2 / 2.0))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import os
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 from gmwm.applications.monitor import Trace
@@ -24,7 +24,7 @@ def monitor_data(trace: Trace) -> dict[str, Any]:
         for event in trace.events
     ]
     facts = [
-        *([("Source", trace.source)] if trace.source else []), ("Axes", ", ".join(monitor.axes)),
+        *([("Source", PureWindowsPath(trace.source).name)] if trace.source else []), ("Axes", ", ".join(monitor.axes)),
         ("Duration", duration_text(monitor.samples / monitor.rate)), ("Samples", str(monitor.samples)),
         ("Sampling rate", f"{monitor.rate:g} Hz"), ("Time between false alarms", duration_text(monitor.every)),
         ("Baseline", ", ".join(monitor.baselines) or "none: the models alone"),

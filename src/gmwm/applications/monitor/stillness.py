@@ -12,7 +12,7 @@ from gmwm.applications.monitor.axis import MonitoredAxis
 from gmwm.applications.monitor.stored import numbers, whole
 from gmwm.applications.monitor.whitening import Whitener
 from gmwm.base.arrays import Vector
-from gmwm.base.plain import plain_fields
+from gmwm.base.documents import plain_fields
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from gmwm.applications.monitor.api import Monitor
 from gmwm.applications.monitor.events import Event
 from gmwm.applications.monitor.setup import chunks_of
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.base.plain import plain, plain_fields
+from gmwm.base.documents import plain, plain_fields
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.text import counted, duration_text
 from gmwm.recording.chunks import Chunk

@@ -13,7 +13,7 @@ from gmwm.base.axis_names import AXES
 from gmwm.base.errors import GmwmError, MissingTheoryError, ModelError, OptionError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.units import SI_UNIT
-from gmwm.choosing.datasheets.curve import Curve
+from gmwm.choosing.datasheets.curve import FitCurve
 from gmwm.fitting.estimation.result import Fit
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.ladder import approximation_remarks
@@ -28,7 +28,7 @@ class BudgetAxis:
     terms: Mapping[str, Process]  # the terms of the model that are not zero
     rate: float  # Hz
     # the estimated parameters and their covariance; None if the values were given, or have no standard errors
-    curve: Curve | None = None
+    curve: FitCurve | None = None
     longest: float = np.inf  # longest averaging time (s) of the recording; infinite if the values were given
 
     @classmethod
@@ -45,7 +45,7 @@ class BudgetAxis:
                     advice="Read the recording again with {--units}.",
                 )
             try:
-                curve = Curve.of(source)
+                curve = FitCurve.of(source)
             except GmwmError:
                 curve = None
             terms = dict(zip(source.model.terms, source.model.processes, strict=True))

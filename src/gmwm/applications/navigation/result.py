@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gmwm.base.arrays import Vector, freeze
-from gmwm.base.plain import plain, plain_fields
+from gmwm.base.arrays import FrozenArrays, Vector
+from gmwm.base.documents import plain, plain_fields
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Remark
 from gmwm.base.text import Summarised
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Growth:
+class Growth(FrozenArrays):
     """One navigation error over time, as a root mean square (1 σ).
 
     Attributes
@@ -47,10 +47,6 @@ class Growth:
     low: Vector
     high: Vector
     terms: Mapping[str, Vector]
-
-    def __post_init__(self) -> None:
-        for array in (self.times, self.error, self.low, self.high, *self.terms.values()):
-            freeze(array)
 
     @property
     def certain(self) -> bool:

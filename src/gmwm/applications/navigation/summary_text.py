@@ -9,8 +9,7 @@ import numpy as np
 from gmwm.applications.navigation.result import Budget, Growth
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import texts
-from gmwm.base.tables import align
-from gmwm.base.text import duration_text
+from gmwm.base.text import align, duration_text
 from gmwm.choosing.datasheets.entry import significant
 
 SHOWN = (1.0, 10.0, 60.0, 600.0, 3600.0, 36000.0)

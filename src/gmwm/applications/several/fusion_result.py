@@ -12,12 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm.applications.several.difference_filter import DifferenceFilter
 from gmwm.applications.several.sensor_array import like_axes
 from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.documents import plain_fields
 from gmwm.base.errors import DataError
-from gmwm.base.plain import plain_fields
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
-from gmwm.base.tables import table_with_rule
-from gmwm.base.text import Summarised, duration_text
+from gmwm.base.text import Summarised, duration_text, table_with_rule
 from gmwm.recording.signals import Imu, Signal
 
 if TYPE_CHECKING:

@@ -27,12 +27,11 @@ from gmwm.applications.several.moments import entries, symmetric
 from gmwm.applications.several.state_space import JointContinuousStateSpace, JointStateSpace, continuous, discrete
 from gmwm.applications.several.terms import sum_model, with_kind
 from gmwm.base.arrays import Matrix
+from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import MissingTheoryError, OptionError
-from gmwm.base.plain import plain, plain_fields
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Remark, texts
-from gmwm.base.tables import table_with_rule
-from gmwm.base.text import Named, Summarised, p_relation
+from gmwm.base.text import Named, Summarised, p_relation, table_with_rule
 from gmwm.fitting.estimation.goodness import GoodnessOfFit
 from gmwm.recording.options import as_confidence
 from gmwm.recording.signals import Imu, Signal

@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.applications.several.matrices import AxisPairs
-from gmwm.base.arrays import Matrix, Vector, freeze
-from gmwm.base.plain import plain, plain_fields
+from gmwm.base.arrays import FrozenArrays, Matrix, Vector
+from gmwm.base.documents import plain, plain_fields
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
-from gmwm.base.tables import table_with_rule
-from gmwm.base.text import Summarised, counted, duration_text
+from gmwm.base.text import Summarised, counted, duration_text, table_with_rule
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -52,7 +51,7 @@ class SharedNoise:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class CrossCovariance(Summarised, Plotted):
+class CrossCovariance(FrozenArrays, Summarised, Plotted):
     """Covariance and correlation of the noise of several axes at each scale.
 
     Attributes
@@ -104,11 +103,6 @@ class CrossCovariance(Summarised, Plotted):
     size: float = 0.05
     confidence: float = 0.95
     efficiency: float | None = None
-
-    def __post_init__(self) -> None:
-        for name in _BY_PAIR:
-            for values in getattr(self, name).values():
-                freeze(values)
 
     @property
     def tau(self) -> Vector:

@@ -7,11 +7,10 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
+from gmwm.base.documents import plain_fields
 from gmwm.base.multiple_tests import holm
-from gmwm.base.plain import plain_fields
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
-from gmwm.base.tables import table_with_rule
-from gmwm.base.text import duration_text
+from gmwm.base.text import duration_text, table_with_rule
 from gmwm.choosing.replicates.comparison import LevelRatio, RecordingComparison, smallest
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Matrix, freeze
-from gmwm.base.plain import plain
+from gmwm.base.documents import plain
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.processes.base import Process
 from gmwm.theory.statespace import StateSpace

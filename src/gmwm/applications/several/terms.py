@@ -9,9 +9,9 @@ from typing import Any, Literal, get_args
 
 from gmwm.base.errors import ModelError
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.definition import function_of
 from gmwm.theory.processes.model import Model, ModelLike
 from gmwm.theory.processes.parameter import Branch
+from gmwm.theory.processes.validation import function_of
 
 Kind = Literal["own", "common", "shared"]
 """Kind of a term by its covariance matrix Σ between the signals: diagonal ("own", independent noise), Σ = ℓℓᵀ

@@ -6,18 +6,39 @@ import re
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cache
 from importlib.resources import files
 from string import Formatter
 from typing import Any
 
-from gmwm.base.remarks.severity import Severity
 from gmwm.base.template import Fact, Quantity
 
 if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
+
+
+class Severity(IntEnum):
+    """Consequence of a remark for the values that it concerns. The most severe level comes first."""
+
+    UNUSABLE = 0
+    """The values cannot be used."""
+    WRONG = 1
+    """The values may be wrong by a large factor."""
+    BIASED = 2
+    """The confidence intervals may contain the true values less often than stated."""
+    UNCERTAIN = 3
+    """The confidence intervals are right, but they are wide, or some values are missing."""
+    INFO = 4
+    """The values are not affected. The remark states how they were obtained."""
+
+    @property
+    def label(self) -> str:
+        """Name of the severity in lower case, as in JSON documents."""
+        return self.name.lower()
+
 
 SECTIONS: Mapping[str, str] = {
     "reading": "Reading a file",
@@ -38,15 +59,7 @@ SECTIONS: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class Choice:
-    """Several templates, one of which is chosen by the value of a fact.
-
-    Attributes
-    ----------
-    by : str
-        Name of the fact.
-    templates : mapping of value to template
-        Template for each value of the fact, in lower case. "otherwise" has the template for all other values.
-    """
+    """Templates by the value of the fact `by`, in lower case; "otherwise" has the template for all other values."""
 
     by: str
     templates: Mapping[str, Text]
@@ -178,8 +191,7 @@ def _content() -> str:
 
 @cache
 def _tables() -> Mapping[str, str]:
-    """Return the text of each table of the file by its name. A line that begins like a name is a link if more follows
-    after the bracket."""
+    """Return each table of the file by name. A line that begins like a name is a link if more follows the bracket."""
     matches = re.finditer(r"^\[([a-z0-9-]+)\]\n.*?(?=^\[[a-z0-9-]+\]\n|\Z)", _content(), re.MULTILINE | re.DOTALL)
     return {match[1]: match[0] for match in matches}
 

@@ -6,8 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from gmwm.base.remarks.registry import Message, as_fact, message
-from gmwm.base.remarks.severity import Severity
+from gmwm.base.remarks.registry import Message, Severity, as_fact, message
 from gmwm.base.template import Dialect, Fact, Quantity
 
 
@@ -73,12 +72,9 @@ class Remark:
     def to_dict(self) -> dict[str, Any]:
         """Return the remark as plain values for JSON. The key "text" has the text for the shell."""
         return {
-            "code": self.code,
-            "severity": self.severity.label,
-            "subject": self.subject,
-            "facts": {name: _plain(fact) for name, fact in self.facts.items()},
-            "text": self.text(Dialect.SHELL),
-        }
+            "code": self.code, "severity": self.severity.label, "subject": self.subject,
+            "facts": {name: _plain(fact) for name, fact in self.facts.items()}, "text": self.text(Dialect.SHELL),
+        }  # fmt: skip
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Remark:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from html import escape
 
+from gmwm.base.remarks.registry import Severity
 from gmwm.base.remarks.remark import Remark, sorted_remarks
-from gmwm.base.remarks.severity import Severity
 from gmwm.base.template import Dialect, join_names, render
 from gmwm.base.text import printable, shorten
 
@@ -59,13 +59,9 @@ def with_groups(
 
 
 def brief(
-    remarks: Iterable[Remark],
-    dialect: Dialect = Dialect.SHELL,
-    *,
-    rest: str = "",
-    codes: bool = True,
+    remarks: Iterable[Remark], dialect: Dialect = Dialect.SHELL, *, rest: str = "", codes: bool = True,
     most: int = MOST_REMARKS,
-) -> list[str]:
+) -> list[str]:  # fmt: skip
     """Return the most severe remarks as text, and a line with the number of other remarks.
 
     Parameters

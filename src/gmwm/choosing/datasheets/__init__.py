@@ -20,14 +20,14 @@ from gmwm.choosing.datasheets.effective import (
     limited,
 )
 from gmwm.choosing.datasheets.entry import Entry
-from gmwm.choosing.datasheets.plausible import plausible
+from gmwm.choosing.datasheets.limits import plausible
 from gmwm.choosing.datasheets.sheet import Datasheet
 from gmwm.fitting.estimation.intervals import Interval, confidence_intervals, free_shape, is_weak
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.physical import Physical
+from gmwm.theory.processes.parameter import Physical
 
 __all__ = ["Datasheet", "Entry", "datasheet", "effective_noise", "model_datasheet", "with_limits"]
 
@@ -49,16 +49,8 @@ _TIMES = {1.0: "s", -1.0: "Hz", 0.0: "1"}
 
 @dataclass(frozen=True)
 class _Judged:
-    """A fit with its confidence intervals.
-
-    Attributes
-    ----------
-    fit : Fit
-    intervals : dict of name to Interval, or None
-        Confidence intervals of the parameters; None if they cannot be computed.
-    z : float
-        Half the width of a confidence interval in standard errors.
-    """
+    """A fit with the confidence intervals of its parameters, None if they cannot be computed. `z` is half the width of
+    an interval in standard errors."""
 
     fit: Fit
     intervals: dict[str, Interval] | None
@@ -244,23 +236,14 @@ def _entry(judged: _Judged, term: str, process: Process, number: Physical, weak:
         low, high = _interval(judged, process, number, slopes)
     low, high = (None if end is None else factor * end for end in (low, high))
     return Entry(
-        symbol=number.symbol + bracket + place,
-        title=number.title,
-        value=factor * value,
-        low=low,
-        high=high,
-        unit=unit,
-        term=term,
-        upper_only=upper_only,
-        held=held,
-    )
+        symbol=number.symbol + bracket + place, title=number.title, value=factor * value, low=low, high=high, unit=unit,
+        term=term, upper_only=upper_only, held=held,
+    )  # fmt: skip
 
 
 def _interval(judged: _Judged, process: Process, number: Physical, slopes: dict[str, float]) -> Interval:
-    """Return the confidence interval of a number, with ±z standard errors on a logarithmic scale.
-
-    For a number with a sign, the scale is linear.
-    """
+    """Return the confidence interval of a number, ±z standard errors on a logarithmic scale, or a linear one if it has
+    a sign."""
     found = judged.fit.sandwich
     place = [found.names.index(name) for name in slopes]
     g = np.array(list(slopes.values()))
@@ -291,14 +274,6 @@ def _sheet(fit: Fit, entries: tuple[Entry, ...], level: float, remarks: tuple[Re
     # The Allan variance is twice the Haar wavelet variance, whichever filter the fit uses.
     deviation = factor * np.sqrt(2.0 * fit.model.wavelet_variance(wv.levels, wv.rate))
     return Datasheet(
-        entries=entries,
-        axis=wv.axis,
-        unit=unit,
-        model=fit.model.structure,
-        samples=wv.samples,
-        rate=wv.rate,
-        level=level,
-        averaging_time=np.ldexp(1.0, wv.levels - 1) / wv.rate,
-        allan_deviation=deviation,
-        remarks=remarks,
-    )
+        entries=entries, axis=wv.axis, unit=unit, model=fit.model.structure, samples=wv.samples, rate=wv.rate,
+        level=level, averaging_time=np.ldexp(1.0, wv.levels - 1) / wv.rate, allan_deviation=deviation, remarks=remarks,
+    )  # fmt: skip

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.units import noise_unit
-from gmwm.choosing.datasheets.curve import ENDLESS, Curve
+from gmwm.choosing.datasheets.curve import ENDLESS, FitCurve
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.allan_regression import LAWS
@@ -21,57 +21,29 @@ from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
 
-_PER_OCTAVE = 24
-"""Number of points per octave at which `lowest` evaluates a curve at first. The Allan variance of a sum of processes
-has few extrema per octave."""
-_ZOOM = 32
-"""Number of points at which `lowest` evaluates a curve in each refinement."""
-_LEVEL = 1e-9
-"""Largest relative difference between the ends and the minimum of a curve for which the curve counts as flat, like the
-curve of flicker noise. B is then known although the curve does not rise. Pinned by tests/test_bias_limits.py."""
-
 SYMBOL: Literal["B"] = "B"
 
 
 def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | None]:
-    """Compute the bias instability B from the minimum of the Allan deviation of a model.
+    """Compute the bias instability B, or only a remark that says why it cannot be computed.
 
-    B is the minimum of the Allan deviation σ(τ) over the averaging times τ of the recording, divided by √(2 ln 2/π).
-    Sinusoids are left out, because the zeros of their Allan deviation give no information about the noise.
-
-    At the minimum, a change of τ has only a second-order effect. With A = σ²(τ) and a parameter θ of the model,
+    B is the minimum of the Allan deviation σ(τ) over the averaging times τ of the recording, divided by √(2 ln 2/π)
+    (IEEE Std 952-1997, annex C). Sinusoids are left out, because the zeros of their Allan deviation give no information
+    about the noise. At the minimum, a change of τ has only a second-order effect. With A = σ²(τ) and a parameter θ,
 
         ∂ ln B/∂ ln θ = ½ ∂ ln A/∂ ln θ at the τ of the minimum,
 
-    and the confidence interval is B exp(±z SE(ln B)). The standard error also includes the uncertainty of terms that
-    are estimated as zero.
+    and the confidence interval is B exp(±z SE(ln B)). The standard error also includes terms that are estimated as
+    zero. There is no interval if `z` is None.
 
     B is only an upper limit if the curve still falls at the last τ, rises from the first τ on, or does not rise above
     its minimum by z standard errors of the difference. The limit is then the upper end of the interval. It depends on
     the model, which could lack flicker noise. But B is at most σ(τ)/√(2 ln 2/π) at any τ, so the smallest upper
     confidence limit of the measured σ gives a limit without a model. The larger of the two limits is used.
-
-    Parameters
-    ----------
-    fit : Fit
-        A fit in which terms that act as another process are replaced.
-    z : float or None
-        Half the width of the interval in standard errors; None if there are no standard errors.
-
-    Returns
-    -------
-    entry : Entry or None
-        B; None if it cannot be computed.
-    remark : Remark or None
-        A remark that gives the reason if B is missing or only an upper limit.
-
-    References
-    ----------
-    IEEE Std 952-1997, annex C.
     """
     wv = fit.wavelet_variance
-    noises = tuple(process for process in fit.model.processes if process.line(wv.rate) is None)
-    lines = tuple(process for process in fit.model.processes if process.line(wv.rate) is not None)
+    noises = tuple(process for process in fit.model.processes if process.oscillation() is None)
+    lines = tuple(process for process in fit.model.processes if process.oscillation() is not None)
     if not noises:
         return None, Remark.of("no-number", wv.axis, case="b", reason=f"{fit.model.structure} has no noise")
     model = Model(noises)
@@ -82,23 +54,16 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
     least = float(model.allan_variance([n], wv.rate)[0])
     if least == 0:
         return None, Remark.of("no-number", wv.axis, case="b", reason="all estimates of the model are zero")
-    curve = None if z is None else Curve.of(fit).without_lines()
-    judged = None if z is None else Curve.of(fit, sampling=True).without_lines()
+    curve = None if z is None else FitCurve.of(fit).without_lines()
+    judged = None if z is None else FitCurve.of(fit, sampling=True).without_lines()
     bounded = _bounded(model, n, last=last, rate=wv.rate, curve=judged, z=z)
     reached = {"tau": Quantity((1 if bounded == "rises" else last) / wv.rate, "s")}
     remark = None if bounded is None else Remark.of("b-limit", wv.axis, because=bounded, source="model", **reached)
     value = factor * math.sqrt(least)
     entry = Entry(
-        symbol=SYMBOL,
-        title=LAWS[SYMBOL].name,
-        value=value,
-        low=None,
-        high=None,
-        unit=unit,
-        term=None,
-        upper_only=remark is not None,
-        tau=n / wv.rate,
-    )
+        symbol=SYMBOL, title=LAWS[SYMBOL].name, value=value, low=None, high=None, unit=unit, term=None,
+        upper_only=remark is not None, tau=n / wv.rate,
+    )  # fmt: skip
     if set(model.parameters) <= model.fixed_names:
         return replace(entry, low=value, high=value, held=True), remark
     if z is None or curve is None:
@@ -115,12 +80,9 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
 
 
 def _of_data(wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: int) -> float | None:
-    """Return the smallest upper confidence limit of the measured Allan deviation, without the sinusoids `lines`.
-
-    The Allan variance is computed as the Allan variance of the model times the ratio of the wavelet variances of data
-    and model. With the Haar filter, this is twice the measured wavelet variance. The result is None if the levels next
-    to the minimum of the model, at `n` samples, were not measured.
-    """
+    """Return the smallest upper confidence limit of the measured Allan deviation, without the sinusoids `lines`: that
+    of the model times the ratio of both wavelet variances. None if levels next to the minimum, at `n` samples, are
+    missing."""
     implied = model.wavelet_variance(wv.levels, wv.rate, wv.filter)
     added = sum((line.wavelet_variance(wv.levels, wv.rate, wv.filter) for line in lines), np.zeros(len(wv)))
     # A variance of zero is due to the coarse resolution of the output, so it gives no limit for the noise.
@@ -134,14 +96,14 @@ def _of_data(wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: i
 
 
 def lowest(curve: Callable[[NDArray[np.int64]], Vector], last: int) -> int:
-    """Return the number of samples, from 1 to `last`, at which a curve has its minimum.
-
-    The result is exact if the curve has few extrema per octave.
+    """Return the number of samples, from 1 to `last`, at which a curve with few extrema per octave has its minimum.
 
     >>> lowest(lambda n: (n - 1000.3) ** 2, 10**6)
     1000
     """
-    count = 2 + math.ceil(_PER_OCTAVE * math.log2(last))
+    # Number of points per octave at which `lowest` evaluates a curve at first. The Allan variance of a sum of processes
+    # has few extrema per octave.
+    count = 2 + math.ceil(24 * math.log2(last))
     sizes = np.unique(np.round(np.geomspace(1, last, count)).astype(np.int64))
     while True:
         k = int(np.argmin(curve(sizes)))
@@ -149,14 +111,17 @@ def lowest(curve: Callable[[NDArray[np.int64]], Vector], last: int) -> int:
         if high - low <= 2:
             return int(sizes[k])
         # The next points are whole numbers between the two neighbours of the lowest point.
-        sizes = np.unique(np.linspace(low, high, min(_ZOOM, high - low) + 1).astype(np.int64))
+        # Number of points at which `lowest` evaluates a curve in each refinement.
+        sizes = np.unique(np.linspace(low, high, min(32, high - low) + 1).astype(np.int64))
 
 
-def _bounded(model: Model, n: int, last: int, rate: float, curve: Curve | None, z: float | None) -> str | None:
+def _bounded(model: Model, n: int, last: int, rate: float, curve: FitCurve | None, z: float | None) -> str | None:
     """Return why the minimum gives only an upper limit: "falls", "rises" or "unsure"; None if it gives a value."""
     ends, least = model.allan_variance([1, last], rate), model.allan_variance([n], rate)[0]
     # On a flat curve, the position n of the minimum depends only on rounding errors.
-    if ends.max() <= (1 + _LEVEL) * least:
+    # Largest relative difference between the ends and the minimum of a curve for which the curve counts as flat, like
+    # the curve of flicker noise. B is then known although the curve does not rise. Pinned by tests/test_bias_limits.py.
+    if ends.max() <= (1 + 1e-9) * least:
         return None
     if n == last:
         return "falls"

@@ -9,14 +9,10 @@ from statistics import NormalDist
 
 import numpy as np
 
-from gmwm.choosing.datasheets.curve import Curve, sensitivity
+from gmwm.choosing.datasheets.curve import FitCurve, sensitivity
 from gmwm.choosing.datasheets.effective import is_flicker, is_scale
 from gmwm.fitting.estimation.result import Fit
 from gmwm.theory.processes.base import Process
-
-SLOW = 1.0
-"""Smallest correlation time (s) for which a term is part of the bias. It is equal to the averaging time at which N is
-defined, and to the default time horizon of exported files."""
 
 
 @dataclass(frozen=True)
@@ -29,50 +25,29 @@ class Variance:
 
 @dataclass(frozen=True)
 class BiasTerms:
-    """The terms of a fit, divided into those that are part of the bias and the others.
-
-    Parameters
-    ----------
-    processes : tuple of (Process, bool)
-        Each term that is not estimated as zero, and whether it is part of the bias; see `is_slow`.
-    curve : Curve
-        The free parameters and their covariance.
-    moving : tuple of bool
-        Whether the process of each free parameter is part of the bias.
-    """
+    """The terms of a fit that are not estimated as zero, each with whether it is part of the bias (see `is_slow`).
+    `moving` says this of the process of each free parameter of the curve."""
 
     processes: tuple[tuple[Process, bool], ...]
-    curve: Curve
+    curve: FitCurve
     moving: tuple[bool, ...]
 
     @classmethod
     def of(cls, fit: Fit) -> BiasTerms:
         """Return the terms of a fit."""
-        rate, curve = fit.wavelet_variance.rate, Curve.of(fit)
+        rate, curve = fit.wavelet_variance.rate, FitCurve.of(fit)
         processes = tuple((p, is_slow(p, rate)) for p in fit.model.processes if p.scale > 0)
         known = {id(p): slow for p, slow in processes}
         moving = (known[id(p)] if id(p) in known else is_slow(p, rate) for p, _ in curve.moving)
         return cls(processes, curve, tuple(moving))
 
     def variance_of_mean(self, samples: int, span: int) -> Variance:
-        """Compute the error variance of the mean of a recording, regarded as an estimate of the constant bias.
-
-        Let T be the length of the recording. The contribution of a term depends on its kind. For stationary noise, it
-        is the variance of the mean. The level of a random walk is not constant, so its contribution is the variance of
-        the mean minus the level at the end of the recording, K²T/3. For flicker and power-law noise, it is the Allan
-        variance at T, which is half the variance of the difference between the means of two successive recordings of
-        this length. Ramps are not noise and contribute nothing.
-
-        Parameters
-        ----------
-        samples, span : int
-            Number of samples, and number including those that are missing in gaps. For each term, the larger of the
-            variances for these two lengths is used.
-
-        Returns
-        -------
-        Variance
-        """
+        """Compute the error variance of the mean of a recording, regarded as an estimate of the constant bias. For
+        stationary noise, a term contributes the variance of the mean. The level of a random walk is not constant, so it
+        contributes the variance of the mean minus the level at the end of the recording, K²T/3. Flicker and power-law
+        noise contribute the Allan variance at T, half the variance of the difference between the means of two
+        successive recordings. Ramps are not noise. `span` includes the samples that are missing in gaps; for each term,
+        the larger of the variances for both lengths is used."""
         rate = self.curve.rate
 
         def of(process: Process) -> float:
@@ -81,17 +56,10 @@ class BiasTerms:
         return self._sum(of, fast=True)
 
     def variance_over(self, duration: float) -> Variance:
-        """Compute the mean square of the bias about its mean over a duration (s).
-
-        The bias is the sum of all terms with a correlation time of at least 1 s, random walks, and flicker and
-        power-law noise. The variance of 2^J samples about their mean is the sum of the Haar wavelet variance ν_j² over
-        the levels 1 to J, which is exact even for a random walk. For other lengths, it is interpolated on a logarithmic
-        scale.
-
-        References
-        ----------
-        Percival and Walden (2000), Wavelet Methods for Time Series Analysis, section 8.1.
-        """
+        """Compute the mean square of the bias about its mean over a duration (s). The bias is the sum of all terms with
+        a correlation time of at least 1 s, random walks, and flicker and power-law noise. The variance of 2^J samples
+        about their mean is the sum of the Haar wavelet variances of the levels 1 to J, even for a random walk (Percival
+        and Walden 2000, section 8.1). Between these lengths, it is interpolated on a logarithmic scale."""
         rate = self.curve.rate
         position = max(math.log2(max(duration * rate, 1.0)), 1.0)
         low = math.floor(position)
@@ -105,12 +73,10 @@ class BiasTerms:
 
     def _sum(self, of: Callable[[Process], float], *, fast: bool) -> Variance:
         """Add up the variances that `of` computes for the slow terms and, if `fast` is True, for the other terms too.
-
         The variance of the slow terms is estimated as v with the standard error s, but its true value cannot be
         negative. Its posterior distribution under a uniform prior for positive values has the mean v + sλ and the
         variance s²(1 − uλ − λ²), with u = v/s, λ = φ(u)/Φ(u), and the normal density φ and distribution function Φ.
-        With this mean, a random walk that is estimated as zero is not treated as absent.
-        """
+        With this mean, a random walk that is estimated as zero is not treated as absent."""
         total, square, known = 0.0, 0.0, dict[int, float]()
 
         def once(process: Process) -> float:
@@ -135,22 +101,22 @@ class BiasTerms:
 
 
 def is_slow(process: Process, rate: float) -> bool:
-    """Return whether a process is part of the bias of a sensor: neither a sinusoid nor a ramp, and not faster than 1 s.
-
-    Flicker and power-law noise, which have no correlation time, are part of the bias.
-    """
-    if process.line(rate) is not None or process.scale == 0:
+    """Return whether a process is part of the bias: flicker, power-law noise, and noise slower than 1 s except
+    oscillations and ramps."""
+    if process.oscillation() is not None or process.scale == 0:
         return False
     time = process.correlation_time(rate)
     if time is None or is_flicker(process, rate):
         return True
     powers = {number.time_power for number in process.physical(rate) if number.signal_power}
-    return time >= SLOW and (not powers or bool(powers & {0.5, -0.5}))
+    # Smallest correlation time (s) for which a term is part of the bias. It is equal to the averaging time at which N
+    # is defined, and to the default time horizon of exported files.
+    return time >= 1.0 and (not powers or bool(powers & {0.5, -0.5}))
 
 
 def is_scale_free(process: Process, rate: float) -> bool:
     """Return whether a process has no correlation time and is not a random walk, like flicker and power-law noise."""
-    if process.line(rate) is not None:
+    if process.oscillation() is not None:
         return False
     return process.correlation_time(rate) is None or is_flicker(process, rate)
 

@@ -26,30 +26,19 @@ ENDLESS = 300.0
 
 
 @dataclass(frozen=True)
-class Curve:
-    """The free parameters of a fit and their covariance, from which standard errors of its Allan variance follow.
-
-    Parameters
-    ----------
-    moving : tuple of (Process, str or None)
-        The p free parameters, each with its process. A name means the logarithm of this parameter. None means the scale
-        of a term that is estimated as zero.
-    scatter : (p, p) array
-        Covariance of the estimates of these parameters.
-    rate : float
-        Sampling rate (Hz).
-    """
+class FitCurve:
+    """The p free parameters of a fit and their covariance `scatter`, for standard errors of its Allan variance.
+    `moving` has each parameter with its process. A name means the logarithm of this parameter. None means the scale of
+    a term that is estimated as zero."""
 
     moving: tuple[tuple[Process, str | None], ...]
     scatter: Matrix
     rate: float
 
     @classmethod
-    def of(cls, fit: Fit, *, sampling: bool = False) -> Curve:
-        """Return the parameters and covariance of a fit in which terms that act as another process are replaced.
-
-        If `sampling` is True, the covariance does not include the spread between recordings.
-        """
+    def of(cls, fit: Fit, *, sampling: bool = False) -> FitCurve:
+        """Return the parameters and covariance of a fit, with terms that act as others replaced, and without spread if
+        `sampling`."""
         sandwich = fit.sandwich.sampling if sampling else fit.sandwich
         design, model = Design.of(fit.wavelet_variance), fit.model
         processes = dict(zip(model.terms, model.processes, strict=True))
@@ -71,9 +60,9 @@ class Curve:
         moving += [(process, None) for process in unseen]
         return cls(tuple(moving), gain @ sandwich.wavelet @ gain.T, design.rate)
 
-    def without_lines(self) -> Curve:
-        """Return the parameters and covariance without those of sinusoids."""
-        kept = [k for k, (process, _) in enumerate(self.moving) if process.line(self.rate) is None]
+    def without_lines(self) -> FitCurve:
+        """Return the parameters and covariance without those of oscillations."""
+        kept = [k for k, (process, _) in enumerate(self.moving) if process.oscillation() is None]
         return replace(self, moving=tuple(self.moving[k] for k in kept), scatter=self.scatter[np.ix_(kept, kept)])
 
     def slopes(self, n: int) -> Vector:
@@ -86,19 +75,14 @@ class Curve:
 
 
 def slope(process: Process, name: str | None, n: int, rate: float) -> float:
-    """Return the derivative ∂σ²(n)/∂ ln θ of the Allan variance of one process at n samples.
-
-    θ is the parameter `name`. If `name` is None, the derivative is with respect to the scale.
-    """
+    """Return ∂σ²(n)/∂ ln θ of the Allan variance at n samples for the parameter `name`, or by the scale itself for
+    None."""
     return sensitivity(process, name, lambda p: float(p.allan_variance([n], rate)[0]))
 
 
 def sensitivity(process: Process, name: str | None, of: Callable[[Process], T]) -> T:
-    """Return the derivative ∂f/∂ ln θ of a variance f of one process with respect to the parameter `name`.
-
-    It is exact for a scale parameter, and computed by differences of order 6 for a shape parameter. If `name` is None,
-    the derivative is with respect to the scale itself. f may be an array of variances.
-    """
+    """Return ∂f/∂ ln θ of a variance f (or an array) for the parameter `name`, exact for scales, by differences of
+    order 6 for shapes, and with respect to the scale itself for None."""
     if name is None:
         return of(process)
     parameter = next(p for p in process.parameters if p.name == name)

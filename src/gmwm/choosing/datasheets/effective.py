@@ -12,12 +12,12 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, MissingTheoryError, ModelError, OptionError
 from gmwm.base.units import noise_unit
-from gmwm.choosing.datasheets.curve import ENDLESS, Curve, sensitivity
+from gmwm.choosing.datasheets.curve import ENDLESS, FitCurve, sensitivity
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.filter_numbers import FilterNumbers, filter_numbers
 from gmwm.choosing.datasheets.limits import hidden
 from gmwm.choosing.datasheets.misfit import CurveRatio, curve_ratio
-from gmwm.choosing.datasheets.prediction import Gain, Prediction
+from gmwm.choosing.datasheets.prediction import FilterGain, Forecast
 from gmwm.fitting.estimation.result import GIVEN, Fit
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
@@ -31,27 +31,21 @@ WHITE, WALK = 0.5, -0.5
 """Powers of time in the units of N and K."""
 
 _TITLES = {"N": ("white noise density of a filter", WHITE), "K": ("random walk of a filter", WALK)}
-_SHARE = 10.0
-"""Length of the recording over the longest time constant 1/w of a filter. The recording has too few independent parts
-to show that a slower filter predicts better, so a smaller K is zero. Pinned by tests/test_effective_noise.py."""
-_STEP = 1e-3
-"""Step of ln w in the second derivative of the prediction error, whose relative error is about _STEP²."""
 
 
 @dataclass(frozen=True)
 class Use:
-    """Properties of the filter or simulator that uses the two numbers.
-
-    Parameters
-    ----------
-    horizon : float
-        Horizon T (s): the time over which the filter predicts.
-    flicker : str
-        Name of its own parameter for flicker noise, so that the two numbers must not include it; "" if it has none.
-    """
+    """Properties of the filter or simulator that uses the two numbers: the horizon (s) over which it predicts, and the
+    name of its own parameter for flicker noise, so that the two numbers must not include it."""
 
     horizon: float = HORIZON
     flicker: str = ""
+
+    def contains(self, process: Process, rate: float) -> bool:
+        """Return whether the two numbers include a process: not an oscillation that is slower than the horizon."""
+        frequency = process.oscillation()
+        slow = frequency is not None and frequency * self.horizon < 1.0
+        return not slow and not (self.flicker and is_flicker(process, rate))
 
 
 def effective_noise(fit: Fit, horizon: float = HORIZON, level: float = 0.95) -> dict[str, Entry]:
@@ -61,7 +55,7 @@ def effective_noise(fit: Fit, horizon: float = HORIZON, level: float = 0.95) -> 
     as possible, and the error that the filter states equal to the real error; see `filter_numbers`. They depend only on
     the spectrum of the model, so that models with the same curve have the same numbers. White noise plus a random walk
     gives the coefficients of its terms for every T. The noise includes quantization noise and a drift, and leaves out
-    sinusoids.
+    sinusoids, and oscillations with a period longer than T.
 
     At scales where the model differs from the measured wavelet variance by more than three standard errors, the
     spectrum of the model is multiplied by the ratio of the two variances, and the interval includes the numbers of the
@@ -103,11 +97,9 @@ def effective_noise(fit: Fit, horizon: float = HORIZON, level: float = 0.95) -> 
     """
     if not isinstance(fit, Fit):
         raise OptionError(
-            f"fit must be a Fit, because limits need data; got {type(fit).__name__}",
-            argument="fit",
-            got=fit,
+            f"fit must be a Fit, because limits need data; got {type(fit).__name__}", argument="fit", got=fit,
             advice="Pass `gmwm.fit(model, data)`, or an axis of a calibration.",
-        )
+        )  # fmt: skip
     level = as_confidence(level, "level")
     entries = filter_entries(fit, Use(checked_horizon(horizon)), level)
     return {symbol: limited(fit, entry, level) for symbol, entry in entries.items()}
@@ -143,10 +135,8 @@ def limited(fit: Fit, entry: Entry, level: float) -> Entry:
 
 
 def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
-    """Compute N and K like `effective_noise`, but without the fits that give upper limits of noise that is not there.
-
-    The value is zero, and the number an upper limit, if a filter without the number predicts best.
-    """
+    """Compute N and K like `effective_noise`, without the fits for upper limits. A number is zero, and an upper limit,
+    if a filter without it predicts best."""
     numbers, errors = _numbers(fit, use)
     z, entries = NormalDist().inv_cdf((1 + level) / 2), {}
     for symbol, (title, power) in _TITLES.items():
@@ -165,25 +155,16 @@ def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
             if upper_only:
                 low, high = 0.0, max(value, of_model) * math.sqrt(1 + z * reach.all)
         entries[symbol] = Entry(
-            symbol=symbol,
-            title=title,
-            value=value,
-            low=low,
-            high=high,
-            unit=unit,
-            upper_only=upper_only,
+            symbol=symbol, title=title, value=value, low=low, high=high, unit=unit, upper_only=upper_only,
             held=errors is not None and errors[symbol].held,
-        )
+        )  # fmt: skip
     return entries
 
 
 @dataclass(frozen=True)
 class _Error:
-    """Standard errors of ln N² or ln K²: of all parameters, and of the scale parameters only.
-
-    A number may be zero if both errors are large. The error of a correlation time alone does not make it doubtful.
-    `held` is true if no parameter was estimated.
-    """
+    """Standard errors of ln N² or ln K² by all parameters, and by scales only: a number may be zero if both are large,
+    because the error of a correlation time alone does not make it doubtful. `held` if no parameter was estimated."""
 
     all: float
     scales: float
@@ -204,13 +185,16 @@ def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], d
     stored = fit.__dict__.setdefault("_filter_numbers", {})
     if use not in stored:
         rate = fit.wavelet_variance.rate
-        processes = [p for p in fit.model.processes if not (use.flicker and is_flicker(p, rate))]
+        processes = [process for process in fit.model.processes if use.contains(process, rate)]
         ratio = curve_ratio(fit)
-        slowest = fit.wavelet_variance.samples / _SHARE
+        # Length of the recording over the longest time constant 1/w of a filter. The recording has too few independent
+        # parts to show that a slower filter predicts better, so a smaller K is zero. Pinned by
+        # tests/test_effective_noise.py.
+        slowest = fit.wavelet_variance.samples / 10.0
         numbers = filter_numbers(processes, rate, use.horizon, ratio=ratio, slowest=slowest)
         of_model = numbers if ratio is None else filter_numbers(processes, rate, use.horizon, slowest=slowest)
         try:
-            errors = _errors(Curve.of(fit), numbers, use, ratio)
+            errors = _errors(FitCurve.of(fit), numbers, use, ratio)
             moved = [
                 filter_numbers(processes, rate, use.horizon, ratio=each, slowest=slowest)
                 for each in (ratio.moved() if ratio is not None else ())
@@ -222,25 +206,27 @@ def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], d
     return stored[use]
 
 
-def _errors(curve: Curve, numbers: FilterNumbers, use: Use, ratio: CurveRatio | None) -> dict[str, _Error]:
-    """Return the standard errors of ln N² and ln K².
-
-    With u = ln w, the condition ∂J/∂u = 0 gives du/dθ = −(∂²J/∂u∂θ)/(∂²J/∂u²). The second condition N² C(u) = J gives
-    d ln N²/dθ = (∂J/∂θ)/J − (C'/C) du/dθ, and d ln K²/dθ = d ln N²/dθ + 2 du/dθ.
-    """
+def _errors(curve: FitCurve, numbers: FilterNumbers, use: Use, ratio: CurveRatio | None) -> dict[str, _Error]:
+    """Return the standard errors of ln N² and ln K². With u = ln w, the condition ∂J/∂u = 0 gives du/dθ =
+    −(∂²J/∂u∂θ)/(∂²J/∂u²). The second condition N² C(u) = J gives d ln N²/dθ = (∂J/∂θ)/J − (C'/C) du/dθ, and d ln K²/dθ
+    = d ln N²/dθ + 2 du/dθ."""
+    # Step of ln w in the second derivative of the prediction error, whose relative error is about _STEP².
+    step = 1e-3
     gain, samples = numbers.gain, numbers.samples
 
     def of(process: Process) -> Vector:
-        if use.flicker and is_flicker(process, curve.rate):
+        if not use.contains(process, curve.rate):
             return np.zeros(2)
-        return np.array(Prediction.of([process], curve.rate, samples, ratio).error(gain))
+        return np.array(Forecast.of([process], curve.rate, samples, ratio).error(gain))
 
     error = numbers.prediction.error(gain)[0]
     if error == 0:
         return dict.fromkeys(_TITLES, _Error(0.0, 0.0, held=False))
     changes = np.array([sensitivity(p, name, of) for p, name in curve.moving]).reshape(-1, 2)
-    before, after = (numbers.prediction.error(Gain(gain.bandwidth * math.exp(sign * _STEP)))[1] for sign in (-1.0, 1.0))
-    curvature = (after - before) / (2 * _STEP)
+    before, after = (
+        numbers.prediction.error(FilterGain(gain.bandwidth * math.exp(sign * step)))[1] for sign in (-1.0, 1.0)
+    )
+    curvature = (after - before) / (2 * step)
     moves = -changes[:, 1] / curvature if numbers.N > 0 and numbers.K > 0 else np.zeros(len(changes))
     claim, slope = gain.claim(samples)
     white = changes[:, 0] / error - slope / claim * moves
@@ -255,7 +241,7 @@ def _errors(curve: Curve, numbers: FilterNumbers, use: Use, ratio: CurveRatio | 
 def is_flicker(process: Process, rate: float) -> bool:
     """Return whether a process has a flat Allan deviation, because a datasheet number of it has no power of time."""
     return any(number.signal_power and number.time_power == 0 for number in process.physical(rate)) and (
-        process.line(rate) is None
+        process.oscillation() is None and process.correlation_time(rate) in (None, math.inf)
     )
 
 

@@ -12,7 +12,6 @@ from gmwm.base.units import datasheet_units, spelt
 
 _DIGITS = 2
 """Number of significant digits to which half the width of an interval is rounded, as is usual for standard errors."""
-_MOST_DIGITS = 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,11 +98,9 @@ class Entry:
             )
         factor = factors[name]
         return (
-            factor * self.value,
-            None if self.low is None else factor * self.low,
-            None if self.high is None else factor * self.high,
-            name,
-        )
+            factor * self.value, None if self.low is None else factor * self.low,
+            None if self.high is None else factor * self.high, name,
+        )  # fmt: skip
 
     def text(self, units: str = "datasheet") -> str:
         """Format the number in `units` (see `in_units`), for example "0.21 (0.20 … 0.22) deg/√h" or "≤ 0.03 deg/h"."""
@@ -140,7 +137,7 @@ class Entry:
 
 
 def significant(x: float, digits: int) -> str:
-    """Format a number with a given number of significant digits. Very small and large numbers have a power of ten.
+    """Format a number with a given number of significant digits, with a power of ten if very small or large.
 
     >>> significant(0.012345, 3), significant(1.5e-7, 2), significant(1234.5, 2)
     ('0.0123', '1.5e-07', '1234')
@@ -153,16 +150,15 @@ def significant(x: float, digits: int) -> str:
 
 
 def _alike(value: float, low: float, high: float) -> tuple[str, str, str]:
-    """Format a value and its limits with the same number of decimals, so that the interval has `_DIGITS` digits.
-
-    If the limits differ much, each number has `_DIGITS` significant digits instead.
-    """
+    """Format a value and limits with equal decimals, so that the interval has `_DIGITS` digits, or each with `_DIGITS`
+    if they differ much."""
+    most_digits = 6
     size, half = max(abs(low), abs(high)), (high - low) / 2
     if low <= 0 < high or abs(high - low) > min(abs(low), abs(high)):
         return significant(value, _DIGITS), significant(low, _DIGITS), significant(high, _DIGITS)
-    digits = _MOST_DIGITS
+    digits = most_digits
     if half > 0:
-        digits = min(_MOST_DIGITS, _DIGITS + math.floor(math.log10(size)) - math.floor(math.log10(half)))
+        digits = min(most_digits, _DIGITS + math.floor(math.log10(size)) - math.floor(math.log10(half)))
     if not 1e-3 <= size < 1e5:
         return f"{value:.{digits - 1}e}", f"{low:.{digits - 1}e}", f"{high:.{digits - 1}e}"
     decimals = max(0, digits - 1 - math.floor(math.log10(size)))

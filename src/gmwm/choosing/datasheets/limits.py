@@ -1,9 +1,11 @@
-"""Upper limits of white noise and random walks that the fitted model does not contain."""
+"""Upper limits: of white noise and random walks that the fitted model does not contain, and of numbers that a recording
+cannot show."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from gmwm.base.errors import DataError, GmwmError
 from gmwm.base.units import noise_unit
@@ -20,26 +22,9 @@ _KINDS: Mapping[str, type[Process]] = {"N": WN, "K": RW}
 
 
 def hidden(fit: Fit, entry: Entry, level: float) -> float:
-    """Compute the upper limit of white noise or a random walk from a fit of the model with this term added.
-
-    Parameters
-    ----------
-    fit : Fit
-    entry : Entry
-        The number N or K whose limit is computed.
-    level : float
-        Confidence level of the interval, whose upper end is the limit.
-
-    Returns
-    -------
-    float
-        The upper limit in the unit of the entry; infinite if the confidence interval is unbounded.
-
-    Raises
-    ------
-    DataError
-        If the model with this term cannot be fitted, or its confidence intervals cannot be computed.
-    """
+    """Compute the upper limit, in the unit of the entry N or K, from a fit of the model with this term added. It is
+    infinite if the confidence interval is unbounded. Raises DataError if the model with this term cannot be fitted, or
+    has no confidence intervals."""
     kind = _KINDS[entry.symbol]
     try:
         holder = fit if any(isinstance(p, kind) for p in fit.model.processes) else _widened(fit, kind)
@@ -62,3 +47,31 @@ def _widened(fit: Fit, kind: type[Process]) -> Fit:
     """Fit the model with a process of class `kind` added to the same data, without warnings that it is zero."""
     weighting = fit.weighting if fit.weighting in REWEIGHTED else fit.weighting_matrix
     return fit_quietly(fit.model + kind(), fit.wavelet_variance, weighting, certify=False)
+
+
+WIDEST = 10.0
+"""Largest ratio of the ends of an interval. A wider interval is a limit, or the number is not determined. Pinned by
+tests/test_plausible.py."""
+
+
+def plausible(entry: Entry, rate: float, samples: int, resonance: float | None = None) -> Entry:
+    """Return a number whose interval lies in the range that a recording can show, and is not too wide. A frequency is
+    between 0 and half the sampling rate, a correlation time between one sample and the length of the recording, and the
+    quality factor of a resonance at most its frequency (`resonance`, Hz) times this length. If the ends of an interval
+    then differ by more than a factor of `WIDEST`, the strength of a noise becomes an upper limit, and a time, a
+    frequency or a quality factor is not determined."""
+    if entry.held or entry.low is None or entry.high is None or entry.upper_only or entry.value <= 0:
+        return entry
+    duration = samples / rate
+    ranges = {
+        "s": (1 / rate, duration),
+        "Hz": (0.0, rate / 2),
+        "1": (0.0, (rate / 2 if resonance is None else min(resonance, rate / 2)) * duration),
+    }
+    least, most = ranges.get(entry.unit, (0.0, math.inf))
+    low, high = max(entry.low, least), min(entry.high, most)
+    if low <= high <= WIDEST * low and least <= entry.value <= most:
+        return replace(entry, low=low, high=high)
+    if entry.unit in ranges:
+        return replace(entry, low=0.0, high=math.inf, upper_only=True)
+    return replace(entry, low=0.0, upper_only=True)

@@ -19,28 +19,16 @@ model, a level exceeds it with a probability of 0.3 %. Pinned by tests/test_effe
 
 @dataclass(frozen=True, eq=False)
 class CurveRatio:
-    """Ratio of the measured spectrum to the spectrum of a model, as a function of the angular frequency.
-
-    Attributes
-    ----------
-    levels : (J,) array
-        Levels of the wavelet variance.
-    logs : (J,) array
-        Logarithm of the ratio at each level; 0 where the model fits.
-    errors : (J,) array
-        Standard error of this logarithm; 0 where the model fits.
-    """
+    """Ratio of the measured spectrum to the spectrum of a model, as a function of the angular frequency. `logs` (J,) is
+    its logarithm at each level, and `errors` (J,) the standard error; both are 0 where the model fits."""
 
     levels: Vector
     logs: Vector
     errors: Vector
 
     def __call__(self, theta: Vector) -> Vector:
-        """Return the ratio at angular frequencies (rad per sample).
-
-        Level j stands for the centre √2 π/2^j of its octave. The logarithm of the ratio is interpolated linearly in the
-        logarithm of frequency.
-        """
+        """Return the ratio at angular frequencies (rad per sample), linear in logarithms between centres √2 π/2^j of
+        octaves."""
         level = math.log2(math.sqrt(2) * math.pi) - np.log2(theta)
         return np.asarray(np.exp(np.interp(level, self.levels, self.logs)))
 
@@ -51,21 +39,13 @@ class CurveRatio:
 
 
 def curve_ratio(fit: Fit) -> CurveRatio | None:
-    """Return the factor by which the density of a model has to be multiplied so that it has the measured variance.
-
-    At the levels where the model differs from the measured wavelet variance by more than `SIGMAS` standard errors, the
-    factor is the ratio of the measured variance to the variance of the model, both without the sinusoids of the model.
-    At the other levels it is 1.
-
-    Returns
-    -------
-    CurveRatio or None
-        None if the factor is 1 at all levels.
-    """
+    """Return the factor from the density of a model to the measured one; None if it is 1. It is the ratio of both
+    variances, without the sinusoids, at levels that differ by more than `SIGMAS` standard errors, and 1 at the
+    others."""
     wv = fit.wavelet_variance
     lines = np.zeros(len(wv))
     for process in fit.model.processes:
-        if process.scale != 0 and process.line(wv.rate) is not None:
+        if process.scale != 0 and process.oscillation() is not None:
             lines += process.wavelet_variance(wv.levels, wv.rate, wv.filter)
     usable = (wv.variance > lines) & (fit.implied > lines) & (wv.lower > 0)
     measured, implied = np.log(wv.variance[usable]), np.log(fit.implied[usable])

@@ -14,8 +14,6 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.fitting.likelihood.system import is_ramp
 from gmwm.theory.processes.base import Process
 
-_NODES = 12
-"""Number of Gauss-Legendre nodes of each panel, which integrate one period of a cosine within 1e-12."""
 _FIRST = 1e-14
 """Lowest angular frequency (rad per sample) of a panel. Below, the spectrum is a power law, which is integrated in
 closed form."""
@@ -28,13 +26,7 @@ _PERIODS = 76
 oscillates with frequency is left out, because its integral is negligible."""
 _FADE, _WIDTH = 300.0, 30.0
 """Centre and width (rad) of the smooth transition to frequencies at which the oscillating part is left out."""
-_SPLITS = 12
-"""Largest number of times that a panel is halved."""
-_ACCURACY = 1e-10
-"""Relative accuracy of the integral of a spectrum over each panel."""
 
-_LEVELS = 20
-"""Number of levels of the wavelet variance of a process without a density. Below, its density is a power law."""
 
 Spectrum = Callable[[Vector], Vector]
 """Density (u² per sample) at angular frequencies (rad per sample) above zero; white noise of variance 1 has density 1.
@@ -42,7 +34,7 @@ Spectrum = Callable[[Vector], Vector]
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class Forecast:
     """The error with which a filter predicts the mean of the next n samples of a noise.
 
     The filter estimates the noise x by exponential smoothing, b_k = b_{k−1} + g (x_k − b_{k−1}), which is the
@@ -52,18 +44,8 @@ class Prediction:
         J(g) = (1/2π) ∫ |G(θ) − H(θ)|² S(θ) dθ,  G = (1/n) Σ_{m=1}^{n} e^{imθ},  H = g / (1 − (1 − g) e^{−iθ}).
 
     G − H is zero at θ = 0, so that J is finite for a random walk and for flicker noise. A ramp with the slope ω per
-    sample adds ω² ((n + 1)/2 + (1 − g)/g)².
-
-    Attributes
-    ----------
-    theta : (m,) array
-        Angular frequencies (rad per sample).
-    mass : (m,) array
-        Density at these frequencies, times the quadrature weights, over π.
-    samples : int
-        Number of samples n.
-    ramp : float
-        Sum of ω² over the ramps (u² per sample²).
+    sample adds ω² ((n + 1)/2 + (1 − g)/g)². `theta` (m,) are angular frequencies (rad per sample), `mass` (m,) the
+    density times the quadrature weights over π, and `ramp` the sum of ω².
     """
 
     theta: Vector
@@ -72,24 +54,9 @@ class Prediction:
     ramp: float = 0.0
 
     @classmethod
-    def of(cls, processes: Iterable[Process], rate: float, samples: int, ratio: Spectrum | None = None) -> Prediction:
-        """Return the prediction of a sum of processes without its sinusoids.
-
-        Parameters
-        ----------
-        processes : iterable of Process
-        rate : float
-            Sampling rate (Hz).
-        samples : int
-            Number of samples n whose mean is predicted.
-        ratio : callable, optional
-            Factor of the density of all processes at angular frequencies (rad per sample); by default 1.
-
-        Raises
-        ------
-        MissingTheoryError
-            If the spectrum of a process is unknown.
-        """
+    def of(cls, processes: Iterable[Process], rate: float, samples: int, ratio: Spectrum | None = None) -> Forecast:
+        """Return the prediction of a sum of processes without its sinusoids. `ratio` is a factor of the density of all
+        processes at angular frequencies (rad per sample). Raises MissingTheoryError for an unknown spectrum."""
         noises = [p for p in processes if p.scale != 0 and p.line(rate) is None]
         ramps = [p for p in noises if not p.has("psd") and is_ramp(p, rate)]
         spectra = [spectrum_of(p, rate) for p in noises if p not in ramps]
@@ -104,7 +71,7 @@ class Prediction:
         theta, mass = _quadrature(total, samples)
         return cls(theta, mass, samples=samples, ramp=ramp)
 
-    def error(self, gain: Gain) -> tuple[float, float]:
+    def error(self, gain: FilterGain) -> tuple[float, float]:
         """Return the mean square of the prediction error (u²), and its derivative with respect to ln(w Δt)."""
         g, keep = gain.g, gain.keep
         fixed = _fixed(self.theta.tobytes(), self.samples)
@@ -119,14 +86,8 @@ class Prediction:
 
 
 @dataclass(frozen=True)
-class Gain:
-    """The gain of the steady-state filter for white noise N and a random walk K.
-
-    Attributes
-    ----------
-    bandwidth : float
-        w Δt = K Δt/N, the standard deviation of a step of the walk over the standard deviation of the white noise.
-    """
+class FilterGain:
+    """The gain of the steady-state filter for white noise N and a random walk K, with `bandwidth` w Δt = K Δt/N."""
 
     bandwidth: float
 
@@ -148,9 +109,8 @@ class Gain:
 
     def claim(self, samples: int) -> tuple[float, float]:
         """Return the variance that the filter states for the mean of n samples, over the variance of the white noise.
-
-        It is 1/n + g + q² (n + 1)(2n + 1)/(6n) with q = w Δt. The second number is its derivative with respect to ln q.
-        """
+        It is 1/n + g + q² (n + 1)(2n + 1)/(6n) with q = w Δt. The second number is its derivative with respect to ln
+        q."""
         walk = self.bandwidth**2 * (samples + 1) * (2 * samples + 1) / (6 * samples)
         return 1 / samples + self.g + walk, self.slope + 2 * walk
 
@@ -166,23 +126,23 @@ def spectrum_of(process: Process, rate: float) -> Spectrum:
 
 
 def _of_octaves(process: Process, rate: float) -> Spectrum:
-    """Return the density that follows from the wavelet variance, ν_j² 2^j at the centre √2 π/2^j of each octave.
-
-    It is exact for white noise, and within about 20 % for noise whose spectrum falls.
-    """
-    levels = np.arange(1, _LEVELS + 1)
+    """Return the density ν_j² 2^j at the centre √2 π/2^j of each octave: exact for white noise, within 20 % if it
+    falls."""
+    # Number of levels of the wavelet variance of a process without a density. Below, its density is a power law.
+    count = 20
+    levels = np.arange(1, count + 1)
     logs = np.log(process.wavelet_variance(levels, rate)) + levels * math.log(2)
 
     def density(theta: Vector) -> Vector:
         level = np.log2(math.sqrt(2) * math.pi / theta)
         slope = logs[-1] - logs[-2]
-        return np.asarray(np.exp(np.interp(level, levels, logs) + slope * np.maximum(level - _LEVELS, 0.0)))
+        return np.asarray(np.exp(np.interp(level, levels, logs) + slope * np.maximum(level - count, 0.0)))
 
     return density
 
 
 @dataclass(frozen=True, eq=False)
-class _Fixed:
+class _GainFree:
     """The parts of G − H that do not depend on the gain: G − 1, 1 − e^{−iθ}, and the oscillation that is left out."""
 
     mean: np.ndarray
@@ -192,7 +152,7 @@ class _Fixed:
 
 
 @lru_cache(maxsize=32)
-def _fixed(theta: bytes, samples: int) -> _Fixed:
+def _fixed(theta: bytes, samples: int) -> _GainFree:
     from scipy.special import erfc
 
     angle = np.frombuffer(theta)
@@ -202,7 +162,7 @@ def _fixed(theta: bytes, samples: int) -> _Fixed:
     fades = samples > 2 * _PERIODS
     shown = 0.5 * erfc((samples * angle - _FADE) / _WIDTH) if fades else np.ones(angle.size)
     left_out = np.where(shown < 1, (1 - shown) * start * np.exp(1j * samples * angle), 0.0)
-    return _Fixed(mean, difference, start, left_out)
+    return _GainFree(mean, difference, start, left_out)
 
 
 def _panels(samples: int) -> Vector:
@@ -227,6 +187,8 @@ def _grown(low: float, high: float, by: float) -> Vector:
 
 def _quadrature(spectrum: Spectrum, samples: int) -> tuple[Vector, Vector]:
     """Return frequencies and the density times the weights, with panels that are halved at resonances."""
+    # Largest number of times that a panel is halved.
+    splits = 12
     ends = _panels(samples)
     low, high = ends[:-1], ends[1:]
     # Below the first panel, ∫ θ² θ^(−α) dθ is the mass of one frequency, because |G − H|² grows as θ².
@@ -234,12 +196,13 @@ def _quadrature(spectrum: Spectrum, samples: int) -> tuple[Vector, Vector]:
     density = spectrum(edge)
     power = math.log(density[0] / density[1]) / math.log(1.01) if density[0] > 0 else 0.0
     thetas, masses = [edge[:1]], [density[:1] * _FIRST / (3 - power)]
-    for split in range(_SPLITS + 1):
+    for split in range(splits + 1):
         middle = np.sqrt(low * high)
         theta, mass = _rule(spectrum, low, high)
         halves = sum(_rule(spectrum, *ends)[1].sum(axis=1) for ends in ((low, middle), (middle, high)))
-        done = np.abs(halves - mass.sum(axis=1)) <= _ACCURACY * np.abs(halves)
-        if split == _SPLITS:
+        # Relative accuracy of the integral of a spectrum over each panel.
+        done = np.abs(halves - mass.sum(axis=1)) <= 1e-10 * np.abs(halves)
+        if split == splits:
             done[:] = True
         thetas.append(theta[done].ravel())
         masses.append(mass[done].ravel())
@@ -252,7 +215,8 @@ def _quadrature(spectrum: Spectrum, samples: int) -> tuple[Vector, Vector]:
 
 def _rule(spectrum: Spectrum, low: Vector, high: Vector) -> tuple[Matrix, Matrix]:
     """Return the nodes of Gauss-Legendre quadrature in ln θ on each panel, and the density times the weights."""
-    x, w = leggauss(_NODES)
+    # Number of Gauss-Legendre nodes of each panel, which integrate one period of a cosine within 1e-12.
+    x, w = leggauss(12)
     octaves = np.log(high / low)[:, None]
     theta = low[:, None] * np.exp(octaves * (x + 1) / 2)
     return theta, theta * (octaves * w / 2) * spectrum(theta.ravel()).reshape(theta.shape)

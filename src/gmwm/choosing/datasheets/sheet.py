@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from gmwm.base.arrays import Vector, freeze
+from gmwm.base.arrays import FrozenArrays, Vector
 from gmwm.base.remarks import Dialect, Remark, texts
-from gmwm.base.tables import align
+from gmwm.base.text import align
 from gmwm.choosing.datasheets.entry import Entry, significant
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Datasheet(Mapping[str, Entry]):
+class Datasheet(FrozenArrays, Mapping[str, Entry]):
     """Datasheet numbers of one axis: a mapping of symbol to `Entry`. The numbers are in SI units and can be converted.
 
     Attributes
@@ -66,10 +66,6 @@ class Datasheet(Mapping[str, Entry]):
     averaging_time: Vector
     allan_deviation: Vector
     remarks: tuple[Remark, ...] = ()
-
-    def __post_init__(self) -> None:
-        freeze(self.averaging_time)
-        freeze(self.allan_deviation)
 
     def __getitem__(self, symbol: str) -> Entry:
         for entry in self.entries:
@@ -136,17 +132,11 @@ class Datasheet(Mapping[str, Entry]):
     def to_dict(self) -> dict[str, Any]:
         """Return the datasheet as plain values for JSON."""
         return {
-            "axis": self.axis,
-            "unit": self.unit,
-            "model": self.model,
-            "samples": self.samples,
-            "rate": self.rate,
-            "level": self.level,
-            "entries": [entry.to_dict() for entry in self.entries],
-            "averaging_time": self.averaging_time.tolist(),
-            "allan_deviation": self.allan_deviation.tolist(),
+            "axis": self.axis, "unit": self.unit, "model": self.model, "samples": self.samples, "rate": self.rate,
+            "level": self.level, "entries": [entry.to_dict() for entry in self.entries],
+            "averaging_time": self.averaging_time.tolist(), "allan_deviation": self.allan_deviation.tolist(),
             "remarks": [remark.to_dict() for remark in self.remarks],
-        }
+        }  # fmt: skip
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Datasheet:

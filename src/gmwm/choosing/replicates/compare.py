@@ -41,9 +41,8 @@ def compare_recordings(fit: Fit) -> Replicates | None:
 
 
 def _single_fit(fit: Fit, curve: WaveletVariance, apart: Deviations, place: int) -> Fit | None:
-    """Return the fit to one recording, one Gauss-Newton step from the pooled fit; None if the recording is too short.
-
-    A new fit could give terms another meaning: a slow Gauss-Markov term can become fast in a single recording."""
+    """Return one Gauss-Newton step from the pooled fit to one recording, if long enough. In a new fit, a slow
+    Gauss-Markov term can become fast."""
     if not np.all(np.isfinite(apart.values[place])):
         return None
     wv = curve.first(min(len(curve), len(fit.wavelet_variance)))
@@ -96,10 +95,8 @@ def _number(symbol: str, pooled: Entry, entries: Mapping[str, Entry | None]) -> 
 
 
 def _point(entry: Entry | None, pooled: Entry) -> tuple[float, float]:
-    """Return the logarithm of a parameter in one recording, or NaN, and its variance.
-
-    An upper limit below the pooled value is treated as a value, because the recording deviates by at least this much.
-    """
+    """Return the logarithm of a parameter in one recording, or NaN, and its variance; an upper limit below the pooled
+    value is a value, because the recording deviates by at least this much."""
     if entry is None or entry.low is None or entry.high is None or not math.isfinite(entry.high):
         return math.nan, 1.0
     z = NormalDist().inv_cdf((1 + CONFIDENCE) / 2)

@@ -11,12 +11,11 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from gmwm.base.plain import plain, plain_fields
+from gmwm.base.documents import plain, plain_fields
 from gmwm.base.plotting import Plotted
 from gmwm.base.random_effects import prediction_limits
 from gmwm.base.remarks import Remark, texts
-from gmwm.base.tables import table_with_rule
-from gmwm.base.text import list_text, p_relation, round_text
+from gmwm.base.text import list_text, p_relation, round_text, table_with_rule
 from gmwm.choosing.datasheets import Entry
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.choosing.replicates.comparison import LevelRatio, RecordingComparison, decide, smallest
@@ -30,8 +29,6 @@ WIDTH = 80
 """Largest number of characters in a line of the summary."""
 SIZE = 0.05
 """Significance level of the test that the recordings of an axis are equal (docs/validation/recordings.md)."""
-FEW = 4
-"""With fewer recordings, an interval is hardly narrower than with one (docs/validation/recordings.md)."""
 MAIN = ("N", "B", "K", "Q")
 """Symbols of the parameters that a remark names. Tables contain all parameters."""
 Use = Literal["mean", "high"]
@@ -196,9 +193,10 @@ class Replicates(RecordingComparison, Plotted):
         else:
             code, nothing = "recordings-differ", "only the curves"
             parts = [f"{n.symbol} by {_percent(n.spread)}" for n in main if n.spread]
+        # With fewer recordings, an interval is hardly narrower than with one (docs/validation/recordings.md).
         return Remark.of(
             code, self.axis, case="numbers", count=len(self.recordings), numbers=list_text(parts) or nothing,
-            p=f"p {p_relation(pvalue)}", few="yes" if len(self.recordings) < FEW else "no", size=SIZE,
+            p=f"p {p_relation(pvalue)}", few="yes" if len(self.recordings) < 4 else "no", size=SIZE,
         )  # fmt: skip
 
     def table(self) -> list[list[str]]:

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.choosing.selection.candidate_fits import Explored, Progress, explore, losses_left_out
 from gmwm.choosing.selection.equivalence import SURELY, as_good, difference_error
-from gmwm.choosing.selection.options import DRAWS, RankingOptions, Weights
-from gmwm.choosing.selection.ranking import SAME, Candidate, Ranking
+from gmwm.choosing.selection.ranking import DRAWS, SAME, Candidate, Ranking, RankingOptions, Weights
 from gmwm.choosing.selection.structure import (
     freedom,
     nested_models,
@@ -54,20 +53,11 @@ AnyModel = Model | Process | str
 
 
 def select(
-    general: AnyModel,
-    data: Data | Sequence[WaveletVariance] | Sequence[Signal],
-    rate: float | None = None,
-    *,
-    weighting: Weights = "optimal",
-    criterion: Method = "asymptotic",
-    confidence: float = 0.95,
-    draws: int = DRAWS,
-    rng: int | np.random.Generator = 0,
-    robust: bool = False,
-    efficiency: float = 0.6,
-    against: Against = None,
+    general: AnyModel, data: Data | Sequence[WaveletVariance] | Sequence[Signal], rate: float | None = None, *,
+    weighting: Weights = "optimal", criterion: Method = "asymptotic", confidence: float = 0.95, draws: int = DRAWS,
+    rng: int | np.random.Generator = 0, robust: bool = False, efficiency: float = 0.6, against: Against = None,
     progress: Progress | None = None,
-) -> Ranking:
+) -> Ranking:  # fmt: skip
     """Select a model: rank every model within a general one, and recommend the simplest model that is as good as the
     best.
 
@@ -145,19 +135,11 @@ def select(
 
 
 def select_within(
-    general: AnyModel,
-    data: Data | Sequence[WaveletVariance] | Sequence[Signal],
-    options: RankingOptions,
-    *,
-    required: Sequence[Process] = (),
-    rate: float | None = None,
-    robust: bool = False,
-    efficiency: float = 0.6,
-    against: Against = None,
-    progress: Progress | None = None,
-) -> Ranking:
-    """Rank every model within a general one, with the `required` terms added to each. The options are already
-    checked."""
+    general: AnyModel, data: Data | Sequence[WaveletVariance] | Sequence[Signal], options: RankingOptions, *,
+    required: Sequence[Process] = (), rate: float | None = None, robust: bool = False, efficiency: float = 0.6,
+    against: Against = None, progress: Progress | None = None,
+) -> Ranking:  # fmt: skip
+    """Rank every model within a general one, with the `required` terms; the options are checked."""
     wv = measure(data, rate, robust, efficiency, against=against)
     optional = without_drift(without_values(as_model(general)), [wv])
     models = nested_models(optional)
@@ -175,20 +157,11 @@ def select_within(
 
 
 def rank(
-    models: Sequence[AnyModel],
-    data: Data | Sequence[WaveletVariance] | Sequence[Signal],
-    rate: float | None = None,
-    *,
-    weighting: Weights = "optimal",
-    criterion: Method = "asymptotic",
-    confidence: float = 0.95,
-    draws: int = DRAWS,
-    rng: int | np.random.Generator = 0,
-    robust: bool = False,
-    efficiency: float = 0.6,
-    against: Against = None,
+    models: Sequence[AnyModel], data: Data | Sequence[WaveletVariance] | Sequence[Signal], rate: float | None = None, *,
+    weighting: Weights = "optimal", criterion: Method = "asymptotic", confidence: float = 0.95, draws: int = DRAWS,
+    rng: int | np.random.Generator = 0, robust: bool = False, efficiency: float = 0.6, against: Against = None,
     progress: Progress | None = None,
-) -> Ranking:
+) -> Ranking:  # fmt: skip
     """Rank given models by the criterion of `select`.
 
     The weighting matrix Ω and the covariance V are computed from the smallest model that contains all candidates.
@@ -267,8 +240,7 @@ def _union(models: Sequence[Model]) -> Model:
 
 
 def _join(one: Process, other: Process) -> type[Process] | None:
-    """Return the class that includes two processes of different order, such as ARMA processes; None if there is none or
-    values are fixed."""
+    """Return the class that includes two processes of different order, if there is one and no value is fixed."""
     if type(one) is type(other) or any(
         process.is_fixed(p.name) for process in (one, other) for p in process.parameters
     ):
@@ -277,13 +249,9 @@ def _join(one: Process, other: Process) -> type[Process] | None:
 
 
 def _rank(
-    general: Model,
-    candidates: Sequence[Model],
-    wv: WaveletVariance,
-    *,
-    options: RankingOptions,
+    general: Model, candidates: Sequence[Model], wv: WaveletVariance, *, options: RankingOptions,
     progress: Progress | None,
-) -> Ranking:
+) -> Ranking:  # fmt: skip
     weighting, draws, seed = options.weighting, options.draws, options.seed
     explored = explore(general, candidates, wv, weighting, progress=progress)
     criteria = _criteria(explored, method=options.criterion, draws=draws, seed=seed)
@@ -298,19 +266,14 @@ def _rank(
     chosen = _equivalent(ranked, explored, confidence=options.confidence, draws=draws, seed=seed)
     ranked = [replace(c, equivalent=any(c is other for other in chosen), recommended=c is chosen[0]) for c in ranked]
     return Ranking(
-        candidates=tuple(ranked),
-        within=general,
-        general=explored.general,
-        weighting=weighting,
-        weighting_matrix=explored.weights.matrix,
-        wavelet=explored.wavelet,
-        confidence=options.confidence,
-    )
+        candidates=tuple(ranked), within=general, general=explored.general, weighting=weighting,
+        weighting_matrix=explored.weights.matrix, wavelet=explored.wavelet, confidence=options.confidence,
+    )  # fmt: skip
 
 
 def _levels(candidates: Sequence[Candidate]) -> dict[str, float]:
-    """Return the criterion of each structure, equal if criteria differ only by numerical errors. ARMA(1,1) and GM + WN
-    have the same curve, for example, and their last digits must not decide."""
+    """Return the criterion of each structure, equal if criteria differ by numerical errors, as for ARMA(1,1) and GM +
+    WN."""
     level: dict[str, float] = {}
     least = -np.inf
     for c in sorted(candidates, key=_score):
@@ -335,16 +298,10 @@ def _score(candidate: Candidate) -> float:
 
 def _candidate(model: Model, fit: Fit, wic: Criterion, out_of_sample: float | None) -> Candidate:
     return Candidate(
-        model=model,
-        fit=fit,
-        wic=wic,
-        out_of_sample=out_of_sample,
-        difference=0.0,
-        parameters=len(columns_of(fit.model, fit.diagnostics.acts_as)[0]),
-        equivalent=False,
-        recommended=False,
+        model=model, fit=fit, wic=wic, out_of_sample=out_of_sample, difference=0.0,
+        parameters=len(columns_of(fit.model, fit.diagnostics.acts_as)[0]), equivalent=False, recommended=False,
         same_as=None,
-    )
+    )  # fmt: skip
 
 
 def _criteria(explored: Explored, method: Method, draws: int, seed: int) -> list[Criterion]:
@@ -390,12 +347,8 @@ def _end(name: str, target: Mapping[str, str | None]) -> str:
 
 
 def _complexity(candidate: Candidate) -> int:
-    """Return the number of parameters, plus 2 for each term like flicker noise: no sinusoid, no correlation time, no
-    shape.
-
-    Flicker noise has one parameter, but a curve like several Gauss-Markov processes. It would often replace a single
-    one in short recordings.
-    """
+    """Return the number of parameters, plus 2 for each term like flicker noise, whose one parameter gives a curve like
+    several Gauss-Markov processes and would often replace a single one in short recordings."""
     return candidate.parameters + 2 * sum(
         p.correlation_time(1.0) is None and p.line(1.0) is None and not p.nonlinear_parameters()
         for p in candidate.fit.model.processes if p.scale > 0
@@ -403,8 +356,8 @@ def _complexity(candidate: Candidate) -> int:
 
 
 def _is_rejected(candidate: Candidate, best: Candidate) -> bool:
-    """Return whether the goodness-of-fit test rejects a candidate, and the best one fits much better. With the weights
-    of a candidate far below the data at long scales, other models can appear equally far from the data."""
+    """Return whether the test rejects a candidate and the best one fits much better. With weights of a candidate far
+    below the data, other models can appear equally far from the data."""
     pvalue = candidate.pvalue
     if pvalue is None or pvalue >= REJECTED:
         return False

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import FrozenArrays, Matrix, Vector
 from gmwm.choosing.selection.structure import consists_of, containing, freedom, names_of, structure_of, without_values
 from gmwm.fitting.estimation.atoms import grid
 from gmwm.fitting.estimation.problem import Problem, pose, to_find
@@ -22,10 +22,6 @@ from gmwm.measuring.variance.pooling import without
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.model import Model
 
-NOT_LOWER = 1e-9
-"""Two objectives count as equal if their relative difference is below this
-(tests/selection/test_nested_objectives.py)."""
-
 EVERY = 8
 """Only every EVERY-th point of the grid of correlation times is used. Neighbouring points then differ by 20 % (used in
 docs/validation/selection.md)."""
@@ -35,30 +31,15 @@ Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Explored:
-    """Fits of all candidates to one recording.
-
-    Attributes
-    ----------
-    general : Fit
-        Fit of the largest model that has at most as many parameters as there are levels. Its Ω and V are used for all
-        candidates.
-    weights : Weights
-        Weighting matrix Ω (J, J).
-    wavelet : (J, J) array
-        Covariance V of the measured wavelet variance ν̂².
-    fits : tuple of Fit
-        Fit of each candidate. A candidate with terms that are estimated as zero may share the fit of a smaller
-        candidate.
-    """
+class Explored(FrozenArrays):
+    """Fits of all candidates to one recording. `general` is the fit of the largest model that has at most as many
+    parameters as there are levels. Its Ω (`weights`) and the covariance V of ν̂² (`wavelet`) are used for all
+    candidates. A candidate with terms that are estimated as zero may share the fit of a smaller candidate."""
 
     general: Fit
     weights: Weights
     wavelet: Matrix
     fits: tuple[Fit, ...]
-
-    def __post_init__(self) -> None:
-        freeze(self.wavelet)
 
     @cached_property
     def columns(self) -> tuple[Matrix, int]:
@@ -67,18 +48,11 @@ class Explored:
 
 
 def explore(
-    general: Model,
-    candidates: Sequence[Model],
-    wv: WaveletVariance,
-    weighting: str,
-    *,
+    general: Model, candidates: Sequence[Model], wv: WaveletVariance, weighting: str, *,
     progress: Progress | None = None,
-) -> Explored:
-    """Fit every candidate with the weighting matrix Ω of the general model.
-
-    An optimum with terms that are zero is also the optimum of the smaller models with the other terms, which saves most
-    of the work. `mend` ensures that no objective is larger than the one of a contained model.
-    """
+) -> Explored:  # fmt: skip
+    """Fit every candidate with Ω of the general model. An optimum with terms that are zero is the optimum of the
+    smaller models too, and `mend` ensures that no objective is larger than the one of a contained model."""
     largest = general if freedom(general) <= len(wv) else max(candidates, key=freedom)
     settled, wavelet = nearly_settled(largest, wv, weighting)
     weights = Weights(settled.problem.matrix)
@@ -95,11 +69,8 @@ def explore(
 
 
 def losses_left_out(explored: Explored, candidates: Sequence[Model], weighting: str) -> Vector | None:
-    """Return the mean loss of each candidate for recordings that its fit did not use; None for a single recording.
-
-    The candidates are fitted without recording r, with the Ω of the general model. The loss is (ν̂²_r − ν²)ᵀ Ω_r (ν̂²_r
-    − ν²), where Ω_r is the weighting matrix for a recording of this length.
-    """
+    """Return the mean loss (ν̂²_r − ν²)ᵀ Ω_r (ν̂²_r − ν²) of each candidate, fitted without recording r, over the
+    recordings r; None for a single one. Ω_r is the weighting matrix for a recording of this length."""
     wv = explored.general.wavelet_variance
     if len(wv.recordings) < 2:
         return None
@@ -180,9 +151,9 @@ class _Exploration:
         first = np.argmax(containing([solved.structure for _, solved in lowest]), axis=1)
         for (key, solved), place in zip(lowest, first.tolist(), strict=True):
             square, other = solved.problem.unit**2, lowest[place][1]
-            if not solved.problem.as_low(
-                solved.solution.objective / square, other.solution.objective / square, NOT_LOWER
-            ):
+            # Two objectives count as equal if their relative difference is below this
+            # (tests/selection/test_nested_objectives.py).
+            if not solved.problem.as_low(solved.solution.objective / square, other.solution.objective / square, 1e-9):
                 self.solved[key] = replace(other, structure=solved.structure)
 
     def fit(self, model: Model) -> Fit:
@@ -222,12 +193,9 @@ def _key(structure: Counter[str]) -> frozenset[tuple[str, int]]:
 
 
 def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
-    """Return the curves (n, J) of processes that the general model can add, and the number of those without shape,
-    which come first.
-
-    Gauss-Markov processes are on a grid of correlation times. Of processes with several shape parameters, the estimated
-    shape and its derivatives are used, because mixtures of grid points describe more curves than one process.
-    """
+    """Return curves (n, J) that the general model can add, and the number of those without shape, which come first:
+    Gauss-Markov processes on a grid of correlation times, and of other processes the estimated shape and its
+    derivatives, because mixtures of grid points describe more curves than one process."""
     wv = explored.general.wavelet_variance
     problem = pose(without_values(explored.general.model), wv, explored.weights)
     rows = [problem.shapes, *_ways(explored.general, problem)]
@@ -241,8 +209,7 @@ def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
 
 
 def _ways(general: Fit, problem: Problem) -> list[Matrix]:
-    """Return the estimated shape of each other process with free shape parameters, and its derivatives with both
-    signs."""
+    """Return the shape of each other process with free shape parameters, and its derivatives with both signs."""
     rows = []
     for process in general.model.processes:
         moving = to_find(process)

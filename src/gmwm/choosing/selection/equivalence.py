@@ -35,17 +35,9 @@ from gmwm.fitting.estimation.solver import solve
 from gmwm.fitting.estimation.weighting import Weights, precision
 from gmwm.measuring.covariance import Design
 
-SPARE = 1e-8
-"""A term is collinear if less than this squared norm of its unit vector is outside the span of the directions of the
-candidate. The value is √ε of a double."""
 SURELY = 100.0
 """A candidate is rejected without another fit, to save time, if its criterion with the common Ω exceeds the smallest
 one by more than this."""
-NEVER = 1e-6
-"""A candidate is rejected without another fit, to save time, if the p-value of a bound on its loss is below this."""
-CLOSER = 1
-"""Number of times that a rejected candidate is fitted and tested again, with weights from its last fit; see
-docs/validation/selection.md."""
 
 DEGREE = 72
 """Degree of the polynomials that replace chi-square quantiles. Their error is at most 1e-12 of the quantile's mean
@@ -54,21 +46,8 @@ DEGREE = 72
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Hypothesis:
-    """The hypothesis that the data come from a candidate, with recordings simulated from this candidate.
-
-    Attributes
-    ----------
-    explored : Explored
-        The fits of all candidates.
-    fit : Fit
-        Fit of the candidate; at first with the Ω that all candidates share.
-    weights : Weights
-        Ω of the candidate, which is V⁻¹ or diag(1 / V_jj).
-    wavelet : (J, J) array
-        Covariance V of ν̂² under the fit.
-    draws, seed : int
-        Number of simulated recordings, and seed of the random numbers.
-    """
+    """The hypothesis that the data come from a candidate, with `draws` recordings simulated from this candidate. `fit`
+    first has the Ω that all candidates share; `weights` is V⁻¹ or diag(1 / V_jj), with V = `wavelet` under the fit."""
 
     explored: Explored
     fit: Fit
@@ -100,11 +79,12 @@ class Hypothesis:
             axes = self.axes if fit is self.fit else axes_of(fit, self.root)
             losses.append(float(residual @ residual - np.sum((axes.T @ residual) ** 2)))
         size = self.root.shape[0] - self.axes.shape[1]
-        return bool(gammaincc(size / 2, max(losses[0] - losses[1], 0.0) / 6) < NEVER)
+        # A candidate is rejected without another fit, to save time, if the p-value of a bound on its loss is below
+        # this.
+        return bool(gammaincc(size / 2, max(losses[0] - losses[1], 0.0) / 6) < 1e-6)
 
     def excess(self, rival: Fit) -> float:
-        """Return the criterion of the candidate minus the criterion of a rival, after fitting both with the candidate's
-        Ω."""
+        """Return the criterion of the candidate minus that of a rival, both fitted with the candidate's Ω."""
         fit_again, other = self.again, self._fit(rival)
         criteria = [fit.objective + optimism(fit, self.wavelet, self.weights) for fit in (fit_again, other)]
         return criteria[0] - criteria[1]
@@ -140,8 +120,8 @@ class Hypothesis:
 
     @cached_property
     def _columns(self) -> tuple[Matrix, int]:
-        """Unit vectors (n, J) of the weighted curves of all processes that can be added, and the number of those
-        without shape, which come first."""
+        """Unit vectors (n, J) of weighted curves of processes to add; the number of those without shape, which are
+        first."""
         shapes, linear = self.explored.columns
         columns = shapes @ self.root.T
         return columns / np.linalg.norm(columns, axis=1, keepdims=True), linear
@@ -164,12 +144,15 @@ class Hypothesis:
 
     @cached_property
     def _single(self) -> tuple[Matrix, float]:
+        # A term is collinear if less than this squared norm of its unit vector is outside the span of the directions of
+        # the candidate. The value is √ε of a double.
+        spare = 1e-8
         all_columns, linear = self._columns
         columns = all_columns - (all_columns @ self.axes) @ self.axes.T
         square = np.sum(columns**2, axis=1)
-        new = square > SPARE
+        new = square > spare
         spread = columns @ self.root @ factor_of(self.wavelet)
-        penalty = 2 * np.sum(spread**2, axis=1) / np.maximum(square, SPARE)
+        penalty = 2 * np.sum(spread**2, axis=1) / np.maximum(square, spare)
         net = self.errors @ np.where(new[:, None], columns, 0.0).T
         np.maximum(net, 0, out=net)
         net *= net
@@ -181,8 +164,7 @@ class Hypothesis:
         return single, 2 * float(penalty[new].min(initial=np.inf))
 
     def several(self, records: NDArray[np.int64]) -> Vector:
-        """Return an upper bound for the decrease of the criterion by two or more parameters in the given simulated
-        recordings."""
+        """Return an upper bound for the decrease of the criterion by two or more parameters in simulated recordings."""
         parts = [part @ self.root.T for part in map(np.asarray, self.fit.decomposition.values()) if np.any(part > 0)]
         columns = np.concatenate([self._columns[0], [part / np.linalg.norm(part) for part in parts]])
         centre = self.fit.implied @ self.root.T
@@ -193,7 +175,9 @@ class Hypothesis:
 def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, seed: int) -> bool:
     """Return whether a candidate is equivalent to a rival with a smaller criterion, by a test of level `size`."""
     hypothesis = Hypothesis.of(explored, fit, draws, seed)
-    for closer in range(1 + CLOSER):
+    # A rejected candidate is fitted and tested once more, with weights from its last fit; see
+    # docs/validation/selection.md.
+    for closer in range(2):
         if closer and hypothesis is not None:
             hypothesis = hypothesis.closer()
         if hypothesis is None or hypothesis.absurd(rival):
@@ -204,10 +188,8 @@ def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, s
 
 
 def by_chance(hypothesis: Hypothesis, rival: Fit, size: float) -> bool:
-    """Return whether more than the share `size` of the simulated recordings has as large a difference as the data.
-
-    The difference is the criterion of the candidate minus the smallest criterion.
-    """
+    """Return whether more than the share `size` of the simulated recordings has as large a difference to the smallest
+    criterion."""
     difference = hypothesis.excess(rival)
     if difference <= 0:
         return True
@@ -233,8 +215,8 @@ def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matri
 
 
 def _mean_squares(scores: Matrix, freedom: Vector) -> Matrix:
-    """Return the chi-square quantiles (B, J) at the probabilities of normal scores, divided by the degrees of freedom
-    (J,). They are analytic in the score, so Chebyshev polynomials of degree `DEGREE` replace most of them."""
+    """Return χ²_η/η quantiles (B, J) at probabilities of normal scores, analytic and so by Chebyshev polynomials of
+    degree `DEGREE`."""
     from scipy.special import chdtri, ndtr
 
     reach = float(np.abs(scores).max(initial=0.0))
@@ -255,8 +237,7 @@ def factor_of(wavelet: Matrix) -> Matrix:
 
 
 def axes_of(fit: Fit, root: Matrix) -> Matrix:
-    """Return orthonormal directions (J, p) in which the weighted wavelet variance of a fit can change with its
-    parameters."""
+    """Return orthonormal directions (J, p) in which the parameters of a fit can change the weighted curve."""
     slopes = root @ slopes_of(fit)
     length = np.linalg.norm(slopes, axis=0)
     if not np.any(length > 0):
@@ -273,10 +254,8 @@ def compare(ranking: Ranking, first: Candidate, second: Candidate) -> Comparison
 
 
 def difference_error(first: Fit, second: Fit, weights: Weights, wavelet: Matrix) -> float:
-    """Compute the standard error of the difference between the losses of two fits.
-
-    `weights` has Ω (J, J) and `wavelet` is V (J, J) of the ranking; see `compare`.
-    """
+    """Compute the standard error of the difference of the losses of two fits, with Ω and V of the ranking; see
+    `compare`."""
     root = weights.root
     scatter = root @ wavelet @ root.T
     axes = [axes_of(fit, root) for fit in (first, second)]

@@ -1,4 +1,4 @@
-"""Result of model selection: models sorted by the criterion, and the recommended model."""
+"""Options and result of model selection: models sorted by the criterion, and the recommended model."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
@@ -16,27 +16,24 @@ from gmwm.base.arrays import Matrix
 from gmwm.base.errors import GmwmError, ModelError, OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Dialect, Remark, texts
-from gmwm.base.tables import align
-from gmwm.base.text import Summarised, counted
+from gmwm.base.text import Summarised, align, counted, p_text
 from gmwm.choosing.selection.structure import structure_of
 from gmwm.fitting.estimation.criterion import Criterion
 from gmwm.fitting.estimation.result import Fit
+from gmwm.recording.options import as_confidence, as_whole_number, one_of
 from gmwm.theory.processes.model import Model, as_model
 
 if TYPE_CHECKING:
     from polars import DataFrame
 
+    from gmwm.fitting.estimation.intervals import Method
 
-WIDTH = 80
-"""Largest number of characters in a line of the remarks."""
+
 SAME = 1e-6
 """Two criteria count as equal if their relative difference is below this (tests/selection/test_ranking.py)."""
 REJECTED = 0.01
 """If the p-value of the goodness-of-fit test of the recommended model is below this level, the ranking has the remark
 `recommended-rejected`. The level is a convention. It is smaller than the usual 5 % because a unit has several axes."""
-LONG = 60
-"""If the text of a model has more characters than this, it is shown without fixed values, because the coefficients of a
-filter would fill a page."""
 LISTED = 10
 """Default number of candidates in a table."""
 
@@ -109,16 +106,10 @@ class Candidate:
     def to_dict(self) -> dict[str, Any]:
         """Return the candidate as numbers, lists and strings for JSON."""
         return {
-            "model": self.structure,
-            "wic": self.wic.to_dict(),
-            "out_of_sample": self.out_of_sample,
-            "difference": self.difference,
-            "parameters": self.parameters,
-            "boundary": list(self.boundary),
-            "equivalent": self.equivalent,
-            "recommended": self.recommended,
-            "same_as": self.same_as,
-        }
+            "model": self.structure, "wic": self.wic.to_dict(), "out_of_sample": self.out_of_sample,
+            "difference": self.difference, "parameters": self.parameters, "boundary": list(self.boundary),
+            "equivalent": self.equivalent, "recommended": self.recommended, "same_as": self.same_as,
+        }  # fmt: skip
 
     def __repr__(self) -> str:
         return f"Candidate({self.structure}, WIC {self.wic.value:.6g}, difference {self.difference:.4g})"
@@ -179,7 +170,9 @@ class Ranking(Plotted):
         """Return a candidate as text. Fixed values are left out of a long text if no other candidate has the same
         terms."""
         text, short = candidate.structure, candidate.model.structure
-        return short if len(text) > LONG and self._terms[short] == 1 else text
+        # If the text of a model has more characters than this, it is shown without fixed values, because the
+        # coefficients of a filter would fill a page.
+        return short if len(text) > 60 and self._terms[short] == 1 else text
 
     @cached_property
     def _terms(self) -> Counter[str]:
@@ -206,15 +199,12 @@ class Ranking(Plotted):
     def to_dict(self) -> dict[str, Any]:
         """Return the ranking as numbers, lists and strings for JSON."""
         return {
-            "within": str(self.within),
-            "general": self.general.model.structure,
-            "weighting": self.weighting,
-            "confidence": self.confidence,
-            "recordings": max(len(self.best.fit.wavelet_variance.recordings), 1),
+            "within": str(self.within), "general": self.general.model.structure, "weighting": self.weighting,
+            "confidence": self.confidence, "recordings": max(len(self.best.fit.wavelet_variance.recordings), 1),
             "recommended": self.recommended.structure,
             "candidates": [candidate.to_dict() for candidate in self.candidates],
             "remarks": [remark.to_dict() for remark in self.remarks],
-        }
+        }  # fmt: skip
 
     def to_frame(self) -> DataFrame:
         """Return the candidates as a Polars data frame with one row for each model, the best first."""
@@ -222,17 +212,12 @@ class Ranking(Plotted):
 
         rows = [
             {
-                "model": candidate.structure,
-                "wic": candidate.wic.value,
-                "difference": candidate.difference,
-                "parameters": candidate.parameters,
-                "p": candidate.pvalue,
-                "equivalent": candidate.equivalent,
-                "recommended": candidate.recommended,
-                "same_as": candidate.same_as,
+                "model": candidate.structure, "wic": candidate.wic.value, "difference": candidate.difference,
+                "parameters": candidate.parameters, "p": candidate.pvalue, "equivalent": candidate.equivalent,
+                "recommended": candidate.recommended, "same_as": candidate.same_as,
             }
             for candidate in self
-        ]
+        ]  # fmt: skip
         return DataFrame(rows, infer_schema_length=None)
 
     def table(self, limit: int | None = LISTED) -> tuple[list[str], list[list[str]]]:
@@ -240,22 +225,16 @@ class Ranking(Plotted):
         equivalent ones."""
         several = self.best.out_of_sample is not None
         head = [
-            "",
-            "model",
-            "WIC",
-            "loss",
-            "out of sample" if several else "optimism",
-            "difference",
-            "p",
+            "", "model", "WIC", "loss", "out of sample" if several else "optimism", "difference", "p",
             "zero or at an end",
-        ]
+        ]  # fmt: skip
         shown = [c for k, c in enumerate(self.distinct) if limit is None or k < limit or c.equivalent]
         rows = []
         for c in shown:
             mark = "*" if c.recommended else "=" if c.equivalent else ""
             part = c.wic.optimism if c.out_of_sample is None else c.out_of_sample
             numbers = map(_short, (c.wic.value, c.wic.loss, part, c.difference))
-            p = "-" if c.pvalue is None else f"{c.pvalue:.3f}" if c.pvalue >= 0.001 else "< 0.001"
+            p = "-" if c.pvalue is None else p_text(c.pvalue)
             ends = ", ".join(c.boundary) if len(c.boundary) < 2 else f"{len(c.boundary)} terms"
             rows.append([mark, self.label(c).replace(" ", ""), *numbers, p, ends])
         return head, rows
@@ -291,7 +270,8 @@ class Ranking(Plotted):
             lines.append(f"… and {more} more")
         lines += ["* recommended, = as good as the best model", ""]
         remarks = texts(remark.about("") for remark in self.remarks)
-        return "\n".join([*lines, *(part for text in remarks for part in wrap(text, WIDTH, subsequent_indent="  "))])
+        # Largest number of characters in a line of the remarks.
+        return "\n".join([*lines, *(part for text in remarks for part in wrap(text, 80, subsequent_indent="  "))])
 
     def _repr_html_(self) -> str:
         head, rows = self.table()
@@ -377,3 +357,29 @@ class Comparison(Summarised, Plotted):
 def _short(number: float) -> str:
     """Format a number with two decimals, or with five digits if it is 1000 or larger."""
     return f"{number:.2f}" if abs(number) < 1000 else f"{number:.5g}"
+
+
+Weights = Literal["optimal", "diagonal"]
+SLOW = "4*GM + WN + QN + FN + RW + DR"
+"""General model whose submodels a search ranks first (docs/validation/selection.md)."""
+DRAWS = 500
+"""Default number of simulated recordings."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RankingOptions:
+    """Options of a ranking of models, whose values are checked. `gmwm.select` describes each option."""
+
+    weighting: Weights = "optimal"
+    criterion: Method = "asymptotic"
+    confidence: float = 0.95
+    draws: int = DRAWS
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        one_of(self.weighting, "weighting", ("optimal", "diagonal"))
+        one_of(self.criterion, "criterion", ("asymptotic", "bootstrap"))
+        as_confidence(self.confidence)
+        # Smallest number of simulated recordings that is allowed.
+        as_whole_number(self.draws, "draws", 100)
+        as_whole_number(self.seed, "seed", 0)

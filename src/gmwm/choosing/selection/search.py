@@ -1,18 +1,20 @@
 """Search for the noise model of one axis: first among slow processes, then with terms that the spectrum shows.
 
 1. All models within the family `SLOW` are ranked. If the goodness-of-fit test accepts the recommended model, the search
-ends, unless a Gauss-Markov term is so fast that it may describe a filter in the sensor. 2. Otherwise, two kinds of
-terms are taken from the spectrum. Spectral lines become sinusoids of known frequency. The shape of the noise at high
+ends, unless a Gauss-Markov term is so fast that it may describe a filter in the sensor. 2. Otherwise, three kinds of
+terms are taken from the spectrum. Spectral lines become sinusoids of known frequency. Narrow peaks become damped
+oscillators of known frequency and quality. The shape of the noise at high
 frequencies, which the filter and the resonances of the sensor cause, becomes an ARMA process with known coefficients.
-Both are linear in their unknown scales, so the global optimum of every fit can still be proved. Without a spectrum, an
+All are linear in their unknown scales, so the global optimum of every fit can still be proved. Without a spectrum, an
 AR(2) process is fitted to the wavelet variance. 3. The model error is estimated from the largest of these models, and
-all models within it are ranked again.
+all models within it are ranked again. 4. If the test still rejects all of them, a slow oscillation that the spectrum
+does not resolve is looked for in the wavelet variance.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,25 +22,28 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import GmwmError
 from gmwm.choosing.selection.api import rank_models, select_within
-from gmwm.choosing.selection.options import SLOW, RankingOptions
-from gmwm.choosing.selection.ranking import Ranking
+from gmwm.choosing.selection.ranking import SLOW, Ranking, RankingOptions
 from gmwm.choosing.selection.search_steps import Entry, Exit, SearchStep
 from gmwm.choosing.selection.shape_error import (
     acts_as_filter,
     band_errors,
     process_of,
+    with_oscillator_error,
     with_sampling_error,
     with_shape_error,
 )
 from gmwm.choosing.selection.structure import freedom, nested_models, without_drift, without_values
 from gmwm.fitting.estimation.model_error import Distance, having_error, model_error, nearly_fitted
 from gmwm.fitting.estimation.result import Fit
+from gmwm.measuring.spectrum.line import Bump, Line
 from gmwm.measuring.spectrum.result import PowerSpectrum
 from gmwm.measuring.spectrum.short_memory import SpectralShape, short_memory
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.linear_recursion import Lagged
 from gmwm.theory.processes.model import Model, ModelLike, as_model
 from gmwm.theory.processes.noise import WN
+from gmwm.theory.processes.oscillator import CRITICAL, OSC, SHARPEST
 from gmwm.theory.processes.parameter import Fixed
 from gmwm.theory.processes.sinusoid import SIN
 
@@ -68,33 +73,14 @@ frequencies."""
 NARROW = 0.002
 """A spectral peak that is narrower than this, relative to the sampling rate, is treated as a line. The value is half
 the width of the narrowest peak that the fitted ARMA processes can have; see `gmwm.spectrum.short_memory.POLE`."""
-AROUND = 8
-"""Frequencies within this distance from a line, in units of the frequency resolution, are not used for the shape
-(tests/selection/test_search.py)."""
-_ROUNDS = 2
-"""Number of times that the shape at high frequencies and the slow terms are fitted in turn."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModelChoice:
-    """The models that were fitted to one axis, and the choice among them.
-
-    Attributes
-    ----------
-    ranking : Ranking
-        Ranking of the models that were compared last.
-    wavelet_variance : WaveletVariance
-        Wavelet variance of the data. Its covariance includes the uncertainty of the shape at high frequencies.
-    error : float
-        Relative model error τ, which is not included in this covariance.
-    tried : tuple of str
-        General models that were tried, in order.
-    steps : tuple of SearchStep
-        The steps that led to the choice.
-    band : mapping of str to float
-        Relative standard errors of the bandwidth f_b, the resonance frequency f_r and the quality factor Q_r of the
-        shape at high frequencies; empty if the shape is not from the spectrum.
-    """
+    """The models that were fitted to one axis, and the choice among them. `ranking` has the models that were compared
+    last. The covariance of `wavelet_variance` includes the uncertainty of the shape at high frequencies, but not the
+    relative model error `error`. `tried` are the general models, and `band` the relative standard errors of f_b, f_r
+    and Q_r of a shape from the spectrum."""
 
     ranking: Ranking
     wavelet_variance: WaveletVariance
@@ -114,14 +100,55 @@ class ModelChoice:
 
 
 def search(
-    wv: WaveletVariance,
-    spectrum: PowerSpectrum | None,
-    options: RankingOptions,
-    *,
+    wv: WaveletVariance, spectrum: PowerSpectrum | None, options: RankingOptions, *,
     check: Callable[[], None] = lambda: None,
+) -> ModelChoice:  # fmt: skip
+    """Search for the noise model of one axis, as the module describes; `check` may raise to stop it."""
+    choice = _from_spectrum(wv, spectrum, options, check)
+    if _is_accepted(choice.ranking) and not choice.error:
+        return choice
+    check()
+    return _with_oscillation(choice, options, check) or choice
+
+
+def _with_oscillation(choice: ModelChoice, options: RankingOptions, check: Callable[[], None]) -> ModelChoice | None:
+    """Return the choice with a damped oscillator that is fitted to the wavelet variance, beside the terms that the
+    spectrum shows; None if the test rejects it too."""
+    wv, terms = choice.wavelet_variance, choice.ranking.recommended.fit.model.processes
+    required = [
+        term for term in without_values(Model(terms)).processes if term.nonlinear_parameters() and _is_held(term)
+    ]
+    shaped = any(isinstance(term, Lagged) for term in required)
+    model = Model((*as_model("2*GM + RW" if shaped else "2*GM + WN + QN + RW").processes, OSC(), *required))
+    if freedom(model) > len(wv):
+        return None
+    try:
+        fit = nearly_fitted(model, wv, options.weighting)
+    except GmwmError:
+        return None
+    oscillator = next(process for process in fit.model.processes if process.name == OSC.name and not _is_held(process))
+    bound = Distance.of(fit).surely
+    # The spectrum shows faster oscillations, or they belong to the shape at high frequencies.
+    fastest = wv.rate / (2 * math.pi * FAST)
+    if oscillator.scale == 0 or bound < REJECTED or oscillator.value("frequency") > fastest:
+        return None
+    held = OSC(frequency=Fixed(oscillator.value("frequency")), quality=Fixed(oscillator.value("quality")))
+    curve = with_oscillator_error(wv, fit, [held])
+    family = BESIDE if shaped else SLOW
+    return within_family(
+        family, curve, options, required=(*required, held), check=check, entered="oscillation"
+    ).after(*(replace(step, used=False) for step in choice.steps))  # fmt: skip
+
+
+def _is_held(process: Process) -> bool:
+    """Return whether every parameter is fixed that changes the shape of the wavelet variance."""
+    return all(process.is_fixed(parameter.name) for parameter in process.nonlinear_parameters())
+
+
+def _from_spectrum(
+    wv: WaveletVariance, spectrum: PowerSpectrum | None, options: RankingOptions, check: Callable[[], None]
 ) -> ModelChoice:
-    """Search for the noise model of one axis, as the module describes. `check` is called between steps and may raise to
-    stop."""
+    """Return the choice of steps 1 to 3 of the module."""
     general = nearly_fitted(_largest(SLOW, wv), wv, options.weighting)
     bound = Distance.of(general).surely
     slow = SearchStep(family=general.model.structure, entered="slow", bound=bound, left="all-rejected")
@@ -138,10 +165,11 @@ def search(
             shown = _required_terms(general, wv, spectrum, (), options=options, check=check)
             return _with_filter(choice, shown.choice(BESIDE, options, check, "filter")) if shown.terms else choice
     check()
-    lines = () if spectrum is None else _lines(spectrum, wv)
+    lines = () if spectrum is None else _peaks(spectrum, wv)
     steps = [slow]
     if lines:
         with_lines = nearly_fitted(_largest(SLOW, wv, lines), wv, options.weighting)
+        wv = with_oscillator_error(wv, with_lines, lines)
         bound = Distance.of(with_lines).surely
         if bound >= REJECTED:
             choice = within_family(SLOW, wv, options, required=lines, check=check, entered="lines")
@@ -166,8 +194,7 @@ def _with_filter(choice: ModelChoice, shaped: ModelChoice) -> ModelChoice:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Shown:
-    """Terms that the spectrum shows, the data with the uncertainty of the shape, and the errors of its band
-    (`ModelChoice`)."""
+    """Terms that the spectrum shows, the data with the uncertainty of the shape, and the errors of its band."""
 
     wavelet_variance: WaveletVariance
     terms: tuple[Process, ...]
@@ -205,22 +232,15 @@ def _is_accepted(ranking: Ranking) -> bool:
 
 
 def _has_filter(fit: Fit) -> bool:
-    """Return whether a term has such a short correlation time that it may describe the low-pass filter of the
-    sensor."""
+    """Return whether a term is so fast that it may describe the low-pass filter of the sensor."""
     return any(process.scale > 0 and acts_as_filter(process, fit) for process in fit.model.processes)
 
 
 def within_family(
-    family: ModelLike,
-    wv: WaveletVariance,
-    options: RankingOptions,
-    *,
-    required: Sequence[Process] = (),
-    check: Callable[[], None] = lambda: None,
-    entered: Entry = "within",
-) -> ModelChoice:
-    """Rank all models within a largest one plus `required` terms, with its model error. Lines whose power is zero are
-    dropped."""
+    family: ModelLike, wv: WaveletVariance, options: RankingOptions, *, required: Sequence[Process] = (),
+    check: Callable[[], None] = lambda: None, entered: Entry = "within",
+) -> ModelChoice:  # fmt: skip
+    """Rank all models within a largest one plus `required` terms, with its model error, without lines of zero power."""
     largest = _largest(family, wv, required)
     bound, error = _bound_and_error(largest, wv, options.weighting)
     check()
@@ -261,8 +281,7 @@ def given_curve(model: Model, wv: WaveletVariance, weighting: str) -> WaveletVar
 
 
 def _bound_and_error(model: Model, wv: WaveletVariance, weighting: str) -> tuple[float, float]:
-    """Return the upper bound of the p-value of a model and its relative model error, which is 0 for an accepted
-    model."""
+    """Return the upper bound of the p-value of a model, and its relative model error, 0 if accepted."""
     general = nearly_fitted(model, wv, weighting)
     bound = Distance.of(general).surely
     return bound, model_error(general) if bound < REJECTED else 0.0
@@ -270,13 +289,12 @@ def _bound_and_error(model: Model, wv: WaveletVariance, weighting: str) -> tuple
 
 def _supported_terms(required: Sequence[Process], fit: Fit) -> Sequence[Process]:
     """Return the required terms except lines whose power is estimated as zero."""
-    zero = {p.value("frequency") for p in fit.model.processes if isinstance(p, SIN) and p.scale == 0}
-    return [p for p in required if not (isinstance(p, SIN) and p.value("frequency") in zero)]
+    zero = {(p.name, *p.nonlinear) for p in fit.model.processes if isinstance(p, SIN | OSC) and p.scale == 0}
+    return [p for p in required if not isinstance(p, SIN | OSC) or (p.name, *p.nonlinear) not in zero]
 
 
 def _largest(family: ModelLike, wv: WaveletVariance, required: Sequence[Process] = ()) -> Model:
-    """Return the largest model within `family` plus the required terms that has at most as many parameters as
-    levels."""
+    """Return the largest model within `family` plus the required terms with at most one parameter for each level."""
     optional = without_drift(without_values(as_model(family)), [wv])
     largest = Model((*optional.processes, *required))
     if freedom(largest) <= len(wv):
@@ -286,20 +304,16 @@ def _largest(family: ModelLike, wv: WaveletVariance, required: Sequence[Process]
 
 
 def _required_terms(
-    general: Fit,
-    wv: WaveletVariance,
-    spectrum: PowerSpectrum | None,
-    lines: tuple[Process, ...],
-    *,
-    options: RankingOptions,
-    check: Callable[[], None],
-) -> _Shown:
+    general: Fit, wv: WaveletVariance, spectrum: PowerSpectrum | None, lines: tuple[Process, ...], *,
+    options: RankingOptions, check: Callable[[], None],
+) -> _Shown:  # fmt: skip
     """Return the terms that the spectrum shows. Without a spectrum, fit an AR(2) process to the wavelet variance."""
     if spectrum is None:
         shape = _fitted_shape(wv, options)
         return _Shown(wavelet_variance=wv, terms=() if shape is None else (shape,))
     shape, spectral_shape, slow = None, None, general
-    for _ in range(_ROUNDS):
+    # Number of times that the shape at high frequencies and the slow terms are fitted in turn.
+    for _ in range(2):
         check()
         spectral_shape = _shape(spectrum, slow, wv.rate, shape)
         if spectral_shape is None:
@@ -316,8 +330,8 @@ def _required_terms(
 
 
 def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | None:
-    """Fit an AR(2) process with slow noise, and return it with fixed coefficients; None if it fails or is not a shape
-    at high frequencies."""
+    """Fit an AR(2) with slow noise, and return it with fixed coefficients; None if it is no shape at high
+    frequencies."""
     try:
         general = Model.parse("AR(2) + 2*GM + QN + RW")
         fit = nearly_fitted(general, wv, options.weighting)
@@ -332,29 +346,37 @@ def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | Non
     return process.with_values(**held, **{process.scale_parameter().name: None})
 
 
-def _peaks(spectrum: PowerSpectrum) -> list[tuple[float, float, float]]:
-    """Return frequency (Hz), power and width (Hz) of lines and of peaks too narrow for an ARMA process."""
-    peaks = [(line.frequency, line.amplitude**2 / 2, line.width) for line in spectrum.lines]
-    for bump in spectrum.bumps:
-        if bump.width < NARROW * spectrum.rate:
-            # The power is the integral of a Lorentz peak above the surrounding density.
-            if any(abs(bump.frequency - line.frequency) <= bump.width for line in spectrum.lines):
-                continue  # the same peak was measured as a line
-            peaks.append((bump.frequency, math.pi / 2 * bump.density * (1 - 1 / bump.height) * bump.width, bump.width))
-    return peaks
+def _narrow_bumps(spectrum: PowerSpectrum) -> list[Bump]:
+    """Return the bumps that are too narrow for an ARMA process."""
+    return [
+        bump for bump in spectrum.bumps if bump.width < NARROW * spectrum.rate and CRITICAL < bump.quality < SHARPEST
+    ]
 
 
-def _lines(spectrum: PowerSpectrum, wv: WaveletVariance) -> tuple[Process, ...]:
-    """Return sinusoids of known frequency for the lines that are large enough at some level, the strongest first."""
-    lines = []
-    for frequency, power, _ in _peaks(spectrum):
-        process = SIN(frequency=Fixed(frequency), power=Fixed(power))
-        share = process.wavelet_variance(wv.levels, wv.rate, wv.filter) / np.where(wv.variance > 0, wv.variance, np.inf)
-        if share.max() >= FELT:
-            lines.append((float(share.max()), process))
-    lines.sort(key=lambda pair: -pair[0])
-    free = [SIN(frequency=Fixed(process.value("frequency"))) for _, process in lines[:MOST_FREE]]
-    return (*free, *(process for _, process in lines[MOST_FREE:]))
+def _peaks(spectrum: PowerSpectrum, wv: WaveletVariance) -> tuple[Process, ...]:
+    """Return sinusoids for the lines and oscillators for the narrow bumps that are large enough at some level, the
+    strongest first. Their frequency and quality are fixed, and so is the power of all but the strongest of each kind.
+    """
+    lines = [SIN(frequency=Fixed(line.frequency), power=Fixed(line.amplitude**2 / 2)) for line in spectrum.lines]
+    oscillators = [
+        # The power is the integral of a Lorentz peak above the surrounding density.
+        OSC(
+            frequency=Fixed(bump.frequency), quality=Fixed(bump.quality),
+            sigma2=Fixed(math.pi / 2 * bump.density * (1 - 1 / bump.height) * bump.width),
+        )
+        for bump in _narrow_bumps(spectrum)
+    ]  # fmt: skip
+    return (*_strongest(lines, wv), *_strongest(oscillators, wv))
+
+
+def _strongest(processes: Sequence[Process], wv: WaveletVariance) -> Iterator[Process]:
+    """Yield the processes that are large enough at some level, the strongest first, with free power for the first."""
+    below = np.where(wv.variance > 0, wv.variance, np.inf)
+    shares = [float((p.wavelet_variance(wv.levels, wv.rate, wv.filter) / below).max()) for p in processes]
+    order = [k for k in np.argsort(shares)[::-1].tolist() if shares[k] >= FELT]
+    for place, k in enumerate(order):
+        scale = processes[k].scale_parameter().name
+        yield processes[k].with_values(**{scale: None}) if place < MOST_FREE else processes[k]
 
 
 def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | None) -> SpectralShape | None:
@@ -363,8 +385,11 @@ def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | N
     frequencies, density = smooth.frequencies, smooth.density * rate / 2
     slow = _slow_density([p for p in known.model.processes if type(p) is not type(before)], frequencies, rate)
     used = (frequencies > rate / (2 * math.pi * FAST)) & (density > 0)
-    for frequency, _, width in _peaks(spectrum):
-        used &= np.abs(frequencies - frequency) > max(AROUND * spectrum.resolution, 4 * width)
+    peaks: list[Line | Bump] = [*spectrum.lines, *_narrow_bumps(spectrum)]
+    for peak in peaks:
+        # Frequencies within this distance from a line, in units of the frequency resolution, are not used for the shape
+        # (tests/selection/test_search.py).
+        used &= np.abs(frequencies - peak.frequency) > max(8 * spectrum.resolution, 4 * peak.width)
     mixed = np.flatnonzero(used & (slow <= MIXED * density))
     used &= frequencies >= frequencies[mixed[0]] if mixed.size else False
     if np.count_nonzero(used) < FEWEST:

@@ -10,7 +10,9 @@ from typing import Literal
 from gmwm.base.documents import Documented
 from gmwm.base.text import p_relation
 
-Entry = Literal["within", "model", "slow", "lines", "shape", "filter", "nothing-shown", "without-absent-lines"]
+Entry = Literal[
+    "within", "model", "slow", "lines", "shape", "filter", "nothing-shown", "without-absent-lines", "oscillation"
+]
 Exit = Literal["accepted", "all-rejected", "rejected", "filter-possible", "lines-absent", "model-error", "last"]
 ENTRY_TEXTS: Mapping[Entry, str] = {
     "within": "largest model of the user",
@@ -21,6 +23,7 @@ ENTRY_TEXTS: Mapping[Entry, str] = {
     "filter": "with the shape of the noise at high frequencies, because the model before may describe a filter",
     "nothing-shown": "slow processes, because the data show no further term",
     "without-absent-lines": "without the lines whose power is estimated as zero",
+    "oscillation": "with a slow oscillation that is fitted to the wavelet variance",
 }
 EXIT_TEXTS: Mapping[Exit, str] = {
     "accepted": "The test accepts {model}{p}.",
@@ -43,7 +46,8 @@ class SearchStep(Documented):
         The largest model of the family. All models made of some of its terms belong to the family.
     entered : str
         Why the family was tried: "within" and "model" (given by the user), "slow" (the first family of a search),
-        "lines", "shape" or "filter" (terms from the spectrum), "nothing-shown", or "without-absent-lines".
+        "lines", "shape" or "filter" (terms from the spectrum), "nothing-shown", "without-absent-lines", or
+        "oscillation" (fitted to the wavelet variance).
     bound : float or None
         Upper bound of the p-value of the goodness-of-fit test of any model of the family.
     recommended : str or None

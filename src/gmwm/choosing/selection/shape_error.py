@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,6 +17,7 @@ from gmwm.theory.filters import HAAR, find_filter
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.noise import WN
 from gmwm.theory.processes.ordered import find_class
+from gmwm.theory.processes.oscillator import OSC
 from gmwm.theory.processes.parameter import Fixed
 from gmwm.theory.processes.power import FN
 
@@ -55,19 +57,16 @@ def process_of(shape: SpectralShape | Alternative) -> Process:
 
 
 def acts_as_filter(process: Process, fit: Fit) -> bool:
-    """Return whether a Gauss-Markov process of a fit has such a short correlation time that it may describe the
-    low-pass filter of the sensor."""
+    """Return whether a Gauss-Markov process is so fast that it may describe the low-pass filter of the sensor."""
     time = process.correlation_time(fit.wavelet_variance.rate)
     return time is not None and 0 < time * fit.wavelet_variance.rate <= FILTERED
 
 
 def with_shape_error(wv: WaveletVariance, fit: Fit, shape: SpectralShape, process: Process) -> WaveletVariance:
-    """Add the uncertainty of a shape to the covariance of a wavelet variance.
-
-    It consists of the covariance of the coefficients and the differences to other ARMA orders that describe the
-    spectrum equally well. The density at frequency 0 is held constant, because the fit estimates it. `fit` is a fit
-    with the term `process`, from which the share of the shape at each level is taken.
-    """
+    """Add the uncertainty of a shape to the covariance of a wavelet variance. It consists of the covariance of the
+    coefficients and the differences to other ARMA orders that describe the spectrum equally well. The density at
+    frequency 0 is held constant, because the fit estimates it. `fit` is a fit with the term `process`, from which the
+    share of the shape at each level is taken."""
     if not shape.covariance.size:
         return wv
     nonlinear = np.concatenate([shape.phi, shape.theta]).reshape(1, -1)
@@ -90,9 +89,40 @@ def with_shape_error(wv: WaveletVariance, fit: Fit, shape: SpectralShape, proces
     return _with(wv, CHOSEN * relative * np.outer(share, share))
 
 
+def with_oscillator_error(wv: WaveletVariance, fit: Fit, terms: Sequence[Process]) -> WaveletVariance:
+    """Add the uncertainty of the frequency and the quality of oscillators to the covariance of a wavelet variance.
+
+    For a Lorentz peak with the damping a = πf₀/Q over a duration T, Whittle's likelihood gives the variances a/T of the
+    angular frequency and 1/aT of ln a. `fit` is a fit with the terms, from which their share at each level is taken.
+    """
+    duration = float(wv.samples) / wv.rate
+    for process in terms:
+        if not isinstance(process, OSC):
+            continue
+        frequency, quality = process.value("frequency"), process.value("quality")
+        shape = OSC.standard((frequency, quality))
+        slopes = OSC.shape_jacobian(np.array([[frequency, quality]]), wv.levels, wv.rate)[0] * [frequency, quality]
+        slopes /= shape.wavelet_variance(wv.levels, wv.rate)[:, None]
+        # ln a = ln f₀ − ln Q + …, and the errors of ω₀ and a are uncorrelated.
+        damping = math.pi * frequency / quality
+        frequency_square, decay_square = damping / duration / (2 * math.pi * frequency) ** 2, 1 / (damping * duration)
+        relative = frequency_square * np.outer(slopes.sum(axis=1), slopes.sum(axis=1))
+        relative = relative + decay_square * np.outer(slopes[:, 1], slopes[:, 1])
+        share = (
+            sum(
+                fit.decomposition[term]
+                for term, part in zip(fit.model.terms, fit.model.processes, strict=True)
+                if isinstance(part, OSC) and np.allclose(part.nonlinear, process.nonlinear, rtol=1e-9, atol=0.0)
+            )
+            / fit.implied
+        )
+        wv = _with(wv, CHOSEN * relative * np.outer(share, share))
+    return wv
+
+
 def band_errors(shape: SpectralShape, rate: float) -> dict[str, float]:
-    """Return the relative standard errors of f_b, f_r and Q_r by the delta method, with the differences to other ARMA
-    orders that describe the spectrum equally well."""
+    """Return the relative standard errors of f_b, f_r and Q_r by the delta method, with other ARMA orders that fit
+    equally well."""
     values = np.concatenate([shape.phi, shape.theta])
     if not values.size:
         return {}
@@ -124,11 +154,9 @@ def _unit_curve(shape: SpectralShape | Alternative, wv: WaveletVariance) -> Vect
 
 
 def with_sampling_error(wv: WaveletVariance, fit: Fit) -> WaveletVariance:
-    """Add the uncertainty of flicker noise near half the sampling rate to the covariance of a wavelet variance.
-
-    The model is continuous noise averaged over each sampling interval. Flicker noise of the output stage, or aliased
-    noise, has more power at the first levels, which a fit would attribute to white noise.
-    """
+    """Add the uncertainty of flicker noise near half the sampling rate, which is modelled as an average over each
+    interval. Flicker of the output stage, or aliased noise, has more power there, which a fit would attribute to white
+    noise."""
     flicker = [t for t, p in zip(fit.model.terms, fit.model.processes, strict=True) if isinstance(p, FN) and p.scale]
     if not flicker or find_filter(wv.filter) is not HAAR:
         return wv

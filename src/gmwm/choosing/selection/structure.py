@@ -22,9 +22,6 @@ from gmwm.theory.processes.ordered import find_class
 FELT = 0.1
 """If a drift is less than this share of the wavelet variance at the longest scale, the segments of a recording cannot
 show it (tests/selection/test_gaps.py)."""
-MOST_CANDIDATES = 5000
-"""Largest number of candidates; `select` raises an error for a general model with more
-(tests/selection/test_ranking.py)."""
 
 
 def without_values(model: Model) -> Model:
@@ -46,8 +43,8 @@ def _name(process: Process) -> str:
 
 
 def without_drift(general: Model, recordings: Sequence[WaveletVariance]) -> Model:
-    """Return the model without drifts if the recordings with their gaps show no visible drift. Inside short segments, a
-    slow random process looks like one, but a drift would change the signal far more over all gaps."""
+    """Return the model without drifts unless recordings with their gaps show one: inside short segments, a slow random
+    process looks like a drift, but a drift would change the signal far more over all gaps."""
     if any(wv.rise is None or _is_felt(wv.rise, wv) for wv in recordings):
         return general
     others = tuple(p for p in general.processes if not isinstance(p, DR))
@@ -55,8 +52,7 @@ def without_drift(general: Model, recordings: Sequence[WaveletVariance]) -> Mode
 
 
 def _is_felt(rise: float, wv: WaveletVariance) -> bool:
-    """Return whether a drift with this slope per sample is a visible part of the wavelet variance at the longest
-    scale."""
+    """Return whether this slope is a visible part of the wavelet variance at the longest scale."""
     felt = DR(omega=rise).wavelet_variance(wv.levels[-1:], wv.rate, wv.filter)
     return bool(felt[0] >= FELT * wv.variance[-1])
 
@@ -65,19 +61,17 @@ def nested_models(general: Model) -> list[Model]:
     """Return all models that contain some of the terms of a general model, the largest first.
 
     Processes whose values are all fixed are in every model. A process with an order, such as AR(2), also occurs with
-    every lower order.
+    every lower order. Raises ModelError if no parameter is free, or if there are too many models.
 
     >>> from gmwm import Model
     >>> [model.structure for model in nested_models(Model.parse("2*GM + WN"))]
     ['2*GM + WN', '2*GM', 'GM + WN', 'GM', 'WN']
     >>> [model.structure for model in nested_models(Model.parse("AR(2) + RW"))]
     ['AR(2) + RW', 'AR(2)', 'AR(1) + RW', 'AR(1)', 'RW']
-
-    Raises
-    ------
-    ModelError
-        If no parameter is free, or if there are too many models.
     """
+    # Largest number of candidates; `select` raises an error for a general model with more
+    # (tests/selection/test_ranking.py).
+    most_candidates = 5000
     bare = without_values(general)
     held = [p for p in bare.processes if p.is_complete]
     free = Counter(p for p in bare.processes if not p.is_complete)
@@ -88,9 +82,9 @@ def nested_models(general: Model) -> list[Model]:
         )
     choices = [_choices(process, count) for process, count in free.items()]
     size = math.prod(map(len, choices))
-    if size > MOST_CANDIDATES:
+    if size > most_candidates:
         raise ModelError(
-            f"{general.structure} contains {size - 1} models, more than the largest number of {MOST_CANDIDATES}",
+            f"{general.structure} contains {size - 1} models, more than the largest number of {most_candidates}",
             advice="Use a smaller general model, or pass the candidates to `gmwm.rank`.",
         )
     chosen = ([process for part in parts for process in part] for parts in product(*choices))
@@ -125,8 +119,7 @@ def names_of(processes: Iterable[Process]) -> Counter[str]:
 
 
 def shown_by(fit: Fit) -> Counter[str]:
-    """Return the structure of a fitted model without terms that are zero; a term that acts as another process counts as
-    it."""
+    """Return the structure of a fit without zero terms; a term that acts as another process counts as it."""
     shown, acted = Counter[str](), set[str]()
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
         if term in fit.diagnostics.acts_as:
@@ -200,8 +193,7 @@ def _is_matched(missing: list[str], spare: list[str], *, limits: bool = True) ->
 
 @lru_cache
 def _cases(name: str, limits: bool) -> frozenset[str]:
-    """Return the names of the special cases of a process. With `limits`, these include its limits at the ends of the
-    domain."""
+    """Return the names of the special cases of a process and, with `limits`, of its limits."""
     kind = find_class(name)
     if kind is None:
         return frozenset()

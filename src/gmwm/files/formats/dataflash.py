@@ -87,7 +87,7 @@ class DataflashReader(Reader):
         summary = _LogSummary()
         for message, table in _messages(path, summary):
             _count(summary, message, table)
-        remarks = (Remark.of("log-dropouts", count=summary.damaged),) if summary.damaged else ()
+        remarks = (Remark.of("log-dropouts", case="dropouts", count=summary.damaged),) if summary.damaged else ()
         layouts = [_layout(summary, key, remarks) for key in sorted(summary.counts)]
         if not layouts:
             raise ReadError(

@@ -91,7 +91,7 @@ class DataflashTextReader(Reader):
             raise ReadError(
                 f"{path} holds none of the messages IMU, ACC and GYR", code="no-inertial-data", advice=ADVICE
             )
-        remarks = (Remark.of("log-dropouts", count=log.damaged),) if log.damaged else ()
+        remarks = (Remark.of("log-dropouts", case="dropouts", count=log.damaged),) if log.damaged else ()
         return tuple(_layout(recordings[key], remarks) for key in sorted(recordings))
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:

@@ -124,7 +124,9 @@ class _SentenceReader(Reader):
             )
         layouts = []
         for name in names:
-            lost = (Remark.of("sentences-damaged", name=name, count=damaged[name]),) if damaged[name] else ()
+            lost = (
+                (Remark.of("log-dropouts", case="sentences", name=name, count=damaged[name]),) if damaged[name] else ()
+            )
             left_out = (Remark.of("left-out", case="names", kind="sentences", names=others),) if others else ()
             layout = self._layout(path, name, *firsts[name])
             topic = name if len(names) > 1 else ""

@@ -98,7 +98,7 @@ class UlogReader(Reader):
                 summaries.setdefault(message, _SensorSummary()).add(table)
             elif "gyro_device_id" in (table.dtype.names or ()):
                 selected = int(table["gyro_device_id"][-1])
-        dropouts = (Remark.of("log-dropouts", count=log.dropouts),) if log.dropouts else ()
+        dropouts = (Remark.of("log-dropouts", case="dropouts", count=log.dropouts),) if log.dropouts else ()
         ordered = sorted(summaries, key=lambda message: (message.name, message.instance))
         layouts = [layout for message in ordered if (layout := _layout(message, summaries[message])) is not None]
         if not layouts:

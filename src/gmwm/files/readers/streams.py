@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from gmwm.files.readers.parts import Part
     from gmwm.measuring.spectrum import PowerSpectra
     from gmwm.measuring.spectrum.welch import Detrend
-    from gmwm.measuring.variance.axes_result import WaveletVariances
+    from gmwm.measuring.variance.result import WaveletVariances
 
 CHUNK = 1_000_000
 """Default number of samples in a chunk."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import FrozenArrays, Matrix, Vector, freeze
 from gmwm.base.errors import ModelError
 from gmwm.base.text import Named
 from gmwm.fitting.estimation.linearised import columns_of, relative_covariance, relative_jacobian, sizes_of
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Sandwich:
+class Sandwich(FrozenArrays):
     """Covariance of the estimates, without parameters that are fixed, zero or at an end of their domain.
 
     Attributes
@@ -50,10 +50,6 @@ class Sandwich:
     relative: Matrix
     wavelet: Matrix
     without_spread: Sandwich | None = None
-
-    def __post_init__(self) -> None:
-        for array in (self.values, self.relative, self.wavelet):
-            freeze(array)
 
     def __repr__(self) -> str:
         return f"Sandwich({', '.join(self.names)}, {len(self.wavelet)} levels)"
@@ -99,8 +95,8 @@ def sandwich(fit: Fit) -> Sandwich:
 
 
 def noise_covariance(model: Model, design: Design) -> Matrix:
-    """Return the covariance V (J, J) of the wavelet variance of a model that has noise at every level. Raises
-    ModelError if the model has no noise at some level."""
+    """Return the covariance V (J, J) of the wavelet variance; raises ModelError if the model has no noise at some
+    level."""
     wavelet = covariance(model, design)
     if not np.all(np.diag(wavelet) > 0):
         raise no_noise(model)

@@ -28,10 +28,8 @@ NEIGHBOURS = 12
 
 @dataclass(frozen=True, eq=False)
 class ShapeGrid:
-    """Nodes of a table, one branch after another, and the wavelet variances of a process at these nodes. `nodes` has
-    the search coordinates and `owner` the index of the branch. `spacing` is the width of each cell between two nodes,
-    and zero for a cell that joins two branches. `slopes` has derivatives of `values`; `middle_values` belongs to the
-    midpoints."""
+    """Nodes of a table, one branch (`owner`) after another, with the wavelet variances and their derivatives at the
+    search coordinates `nodes` and in the middle of cells. The `spacing` is 0 for a cell that joins two branches."""
 
     branches: tuple[Branch, ...]
     owner: NDArray[np.int64]
@@ -56,9 +54,8 @@ class ShapeGrid:
 
 @dataclass(frozen=True, eq=False)
 class UnitCurve:
-    """Curve of unit vectors for the global search. `values` and `slopes` are the vectors at the nodes and their
-    derivatives with respect to the position in cells. `margins` bounds the interpolation error in each cell; −1 marks a
-    cell that joins two branches."""
+    """Curve of unit vectors with derivatives with respect to the position in cells. `margins` bounds the interpolation
+    error in each cell; −1 marks a cell that joins two branches."""
 
     values: Matrix
     slopes: Matrix
@@ -72,8 +69,8 @@ Place = tuple[Branch, float]
 def shape_at(
     process: type[Process], parameters: Matrix, levels: NDArray[np.int64], rate: float, filter: WaveletFilter
 ) -> Matrix:
-    """Return the wavelet variances (n, J) of a process with scale coefficient 1 for n sets of nonlinear parameters. The
-    levels (J,) may belong to several measured curves, one after another."""
+    """Return the wavelet variances (n, J) for scale coefficient 1; the levels may belong to several curves, one after
+    another."""
     if np.all(levels[1:] > levels[:-1]):
         return process.shape(parameters, levels, rate, filter)
     ascending, place = np.unique(levels, return_inverse=True)
@@ -130,14 +127,12 @@ def _grid(
 def grid(
     process: type[Process], levels: NDArray[np.int64], samples: int, rate: float, filter: WaveletFilter
 ) -> ShapeGrid:
-    """Tabulate the wavelet variance of `process` over its search domain for a recording of `samples` samples. The table
-    is cached."""
+    """Tabulate the wavelet variance of `process` over its search domain; the table is cached."""
     return _grid(process, tuple(int(j) for j in levels), samples=samples, rate=rate, filter=filter)
 
 
 def unit_curve(values: Matrix, slopes: Matrix, root: Matrix) -> tuple[Matrix, Matrix]:
-    """Multiply the rows of `values` by L = `root`, and scale them to length one. Returns these unit vectors, and their
-    derivatives from the derivatives `slopes` of the rows."""
+    """Multiply rows by L = `root` and scale them to length one; return these unit vectors and their derivatives."""
     weighted = values @ root.T
     length = np.linalg.norm(weighted, axis=1, keepdims=True)
     unit = weighted / length
@@ -167,8 +162,7 @@ def close_up(
     process: type[Process], places: list[Place], width: float, levels: NDArray[np.int64], rate: float,
     filter: WaveletFilter, root: Matrix,
 ) -> tuple[UnitCurve, Vector]:  # fmt: skip
-    """Tabulate one cell of a given width around each place, with exact values at its ends. Returns the table, and the
-    search coordinates (n, 2) of the ends of the cells."""
+    """Tabulate one exact cell of a given width around each place; return the table and the ends (n, 2) of the cells."""
     starts = [min(max(u - width / 2, branch.low), branch.high - width) for branch, u in places]
     ends = np.array([[start, start + width] for start in starts])
     parameters = np.concatenate([branch.values(end) for (branch, _), end in zip(places, ends, strict=True)])

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import FrozenArrays, Matrix, Vector
 from gmwm.base.errors import FitWarning, OptionError
 from gmwm.fitting.estimation.problem import pose
 from gmwm.fitting.estimation.simulated_curves import simulated_variances
@@ -29,7 +29,7 @@ LEAST_FOR_TEST = 19
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Bootstrap:
+class Bootstrap(FrozenArrays):
     """Estimates from recordings that were simulated from a fitted model.
 
     Attributes
@@ -54,10 +54,6 @@ class Bootstrap:
     variances: Matrix
     implied: Matrix
     seed: int
-
-    def __post_init__(self) -> None:
-        for array in (self.estimates, self.objectives, self.variances, self.implied):
-            freeze(array)
 
     def __repr__(self) -> str:
         return f"Bootstrap({len(self.objectives)} draws of {', '.join(self.names)}, seed {self.seed})"
@@ -120,16 +116,15 @@ def bootstrap(
 
 
 def as_draws(draws: int, least: int, what: str, name: str = "draws") -> int:
-    """Check that a number of simulated recordings is a whole number of at least `least`, and return it. `what` says in
-    the error for what purpose this number is required."""
+    """Check that a number of simulated recordings is a whole number of at least `least`, which `what` requires."""
     if isinstance(draws, bool) or not isinstance(draws, int | np.integer) or draws < least:
         raise OptionError(argument=name, expected=f"a whole number of at least {least}, for {what}", got=draws)
     return int(draws)
 
 
 def least_draws(level: float) -> int:
-    """Return the smallest number of draws for an interval of this confidence level. The smallest of n estimates is the
-    quantile 1 / (n + 1), and the largest one the quantile n / (n + 1).
+    """Return the smallest number of draws for an interval of this level: of n estimates, the smallest is the quantile 1
+    / (n + 1).
 
     >>> least_draws(0.95), least_draws(0.99)
     (39, 199)

@@ -45,8 +45,8 @@ ACTS_AS = 1e-6
 
 @dataclass(frozen=True)
 class FittedTerm:
-    """Fitted process with free shape parameters. `values` are its nonlinear parameters, `scale` is its scale
-    coefficient, and `acts_as` is the name of the process that the data cannot distinguish from it, or None."""
+    """Fitted process with free shape parameters `values`. The data cannot distinguish it from the process `acts_as`, if
+    any."""
 
     values: tuple[float, ...]
     scale: float
@@ -67,9 +67,8 @@ class Optimum:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """Result of a global search. All objectives are in the unit of the problem. `best`: global optimum. `bound`,
-    `relaxed`: lower bounds on the objective, from branch and bound and from the convex relaxation. `table`: objective
-    of the best candidate on the tabulated curve. `nodes`: number of nodes of the search tree."""
+    """Result of a global search: the optimum, lower bounds from branch and bound and from the convex relaxation, the
+    objective of the best candidate on the tabulated curve, and the number of nodes of the search tree."""
 
     best: Optimum
     bound: float
@@ -91,8 +90,7 @@ class Search:
         self.positive = problem.weights.positive
 
     def optimum(self, *, certify: bool) -> SearchResult:
-        """Return the global optimum on the exact curve, with lower bounds. If `certify`, the search proves the
-        optimum."""
+        """Return the global optimum on the exact curve, with lower bounds that prove it if `certify`."""
         candidates, bound, relaxed, nodes = self.branch_and_bound(certify=certify)
         least = candidates[0][0]
         lowest = [positions for value, positions in candidates if value <= (1 + TABLE_ERROR) * least]
@@ -100,8 +98,8 @@ class Search:
         return SearchResult(self.snap_to_ends(best), bound, relaxed, table=least, nodes=nodes)
 
     def branch_and_bound(self, *, certify: bool) -> tuple[list[tuple[float, Vector]], float, float, int]:
-        """Search the tabulated curve. Returns the objectives and positions of local optima, the best first, then the
-        lower bound, the bound of the convex relaxation, and the number of nodes."""
+        """Search the tabulated curve; return objectives and positions of local optima, the best first, both bounds and
+        the nodes."""
         curve = table(self.grid, self.problem.root)
         return _core.cone_search(
             self.problem.target, self.fixed, self.positive, curve.values, curve.slopes, curve.margins,
@@ -109,8 +107,8 @@ class Search:
         )  # fmt: skip
 
     def _starts(self) -> Vector:
-        """Return the positions of the starting values of the model on the tabulated curve. The array is empty unless
-        every curved process has a starting value."""
+        """Return the positions of the starting values on the tabulated curve; empty unless every curved process has
+        one."""
         name = self.curved_class.nonlinear_parameters()[0].name
         positions = []
         for place in self.problem.curved:
@@ -163,9 +161,8 @@ class Search:
         return sharp if self.problem.as_low(sharp.objective, best.objective, SETTLED) else best
 
     def follow(self, places: list[Place], *, ends: bool = False) -> Optimum:
-        """Return the local optimum nearest to `places`, the optimum of the problem with slightly different weights. One
-        Newton step is used if it is sufficient. If `ends`, a subclass also finds the ends of the branches that the data
-        cannot distinguish from the places."""
+        """Return the local optimum nearest to `places`, the optimum for slightly different weights, by one Newton step
+        if it is sufficient. If `ends`, a subclass also finds the ends of branches that the data cannot distinguish."""
         start = self.at(places)
         optimum = self._sharpen(start, 1, FOLLOWED)
         return self.polish(places) if optimum is start and places else optimum
@@ -183,8 +180,7 @@ class Search:
         return Optimum(objective, places, weights)
 
     def snap_to_ends(self, best: Optimum) -> Optimum:
-        """Return the optimum after places are moved to an end of their domain if the objective is flat up to this
-        end."""
+        """Return the optimum with places moved to an end of their domain if the objective is flat up to this end."""
         for index, (branch, _) in enumerate(best.places):
             for end in (branch.high, branch.low):
                 optimum = self.at([*best.places[:index], (branch, end), *best.places[index + 1 :]])
@@ -194,8 +190,8 @@ class Search:
         return best
 
     def terms(self, best: Optimum, *, ends: bool = True) -> tuple[FittedTerm, ...]:
-        """Return the curved processes of an optimum with their parameters. If `ends`, they include the process that the
-        data cannot distinguish from each of them."""
+        """Return the curved processes of an optimum and, if `ends`, the process that the data cannot distinguish from
+        each."""
         problem, places = self.problem, best.places
         curved = shapes(self.curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
         scales = problem.scales(curved, best.weights[len(problem.linear) :])
@@ -209,8 +205,8 @@ class Search:
         return (*terms, *[missing] * (len(problem.curved) - len(places)))
 
     def _acts_as(self, best: Optimum, index: int) -> str | None:
-        """Return the name of the process at an end of the branch that fits as well as the curved process `index`, or
-        None."""
+        """Return the name of the process at an end of the branch that fits as well as the curved process `index`, if
+        any."""
         branch, u = best.places[index]
         if best.ends is not None:
             return {1: branch.high_acts_as, -1: branch.low_acts_as}.get(best.ends[index])
@@ -228,10 +224,9 @@ class Search:
 def newton_places(
     problem: Problem, curved_class: type[Process], places: list[Place], weights: Vector, steps: int, reach: float
 ) -> list[Place] | None:
-    """Refine the places of a local optimum by at most `steps` Newton steps; return None if the steps diverge. The
-    objective |target − Σ w a − Σ x g(u)|² is minimised over the weights w and x and the places u together, where a are
-    the unit vectors of the linear processes and g(u) those of the curved processes. Weights that are zero stay zero,
-    places at an end of their branch stay there, and no step of a place may be longer than `reach`."""
+    """Refine the places of a local optimum by at most `steps` Newton steps, none longer than `reach`; None if they
+    diverge. |target − Σ w a − Σ x g(u)|² is minimised over the weights w and x of the linear and curved processes and
+    the places u. Weights of zero and places at an end do not change."""
     linear = len(problem.linear)
     moving = np.array([b.low < u < b.high for b, u in places], dtype=bool)
     if not moving.any() or np.any(weights[linear:] <= 0):
@@ -263,8 +258,7 @@ def newton_places(
 def _step(
     target: Vector, fixed: Matrix, value: Matrix, slope: Matrix, bend: Matrix, x: Vector, moving: Vector
 ) -> Vector | None:
-    """Return the Newton step of all weights, followed by the steps of the places that `moving` marks. `value`, `slope`
-    and `bend` are the unit vectors of the curved processes and their first two derivatives, and `x` are the weights."""
+    """Return the Newton step of all weights `x`, followed by the steps of the places that `moving` marks."""
     rows = np.concatenate([fixed, value])
     residual = target - x @ rows
     weight = x[fixed.shape[0] :, None]
@@ -282,8 +276,8 @@ def _step(
 
 
 def _derivatives(problem: Problem, curved_class: type[Process], places: list[Place]) -> tuple[Matrix, Matrix, Matrix]:
-    """Return the wavelet variances (n, J) of the curved processes at places, and their first two derivatives. The
-    derivatives are with respect to the search coordinate, and all three arrays are multiplied by L."""
+    """Return the weighted wavelet variances (n, J) of the curved processes at places, and their derivatives with
+    respect to u."""
     # Step of the finite differences that give second derivatives. Their errors only slow the convergence.
     count, d = len(places), 1e-3
     points = [(b, np.array([u + shift])) for shift in (0.0, d, -d) for b, u in places]

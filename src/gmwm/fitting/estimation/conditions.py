@@ -33,9 +33,8 @@ from gmwm.theory.processes.model import Model
 
 @dataclass(frozen=True, eq=False)
 class Stack:
-    """Measured curves of all conditions, one after another, and the terms of a model that describes them. `model`:
-    model to fit. `curves`: measured curve of each of S conditions. `factors`: for the index of each process that
-    varies, the values φ_m(c_s) of its functions at the conditions c_s."""
+    """Measured curves of all conditions, one after another, and a model. `factors` has, for the index of each process
+    that varies, the values φ_m(c_s) of its functions at the conditions."""
 
     model: Model
     curves: tuple[WaveletVariance, ...]
@@ -132,9 +131,9 @@ class Stack:
         )
 
     def slopes(self, solution: Solution) -> tuple[list[tuple[int, str | int]], Matrix]:
-        """Return the names and the columns of the derivatives of the curves. The first columns are ∂ν²/∂s for the
-        linear coefficients s. The others belong to the terms with free shapes and are relative to the values of their
-        parameters. There is no column for the shape of a term that acts as another process or is zero."""
+        """Return the names and the columns of the derivatives of the curves: ∂ν²/∂s for the linear coefficients s, then
+        relative ones of terms with free shapes. The shape of a term that acts as another process or is zero has
+        none."""
         _, shaped, _ = by_kind(self.model)
         names: list[tuple[int, str | int]] = list(self.rows)
         columns = list(self.shapes)
@@ -294,8 +293,8 @@ def _goodness(solved: SolvedStack, weighting: str) -> tuple[float, int, float]:
 
 
 def _no_change(solved: SolvedStack, weighting: str) -> float:
-    """Return the p-value of the hypothesis that no term varies with the condition. The statistic is the part of the
-    residuals of a constant model that the functions explain."""
+    """Return the p-value of the hypothesis that no term varies, from the residuals of a constant model that functions
+    explain."""
     from scipy.special import gammaincc
 
     short = _short(solved.stack)
@@ -306,8 +305,8 @@ def _no_change(solved: SolvedStack, weighting: str) -> float:
 
 
 def _misfit(solved: SolvedStack, further: Matrix | None = None) -> tuple[float, int]:
-    """Return the weighted sum of squares of the residuals that some columns do not explain, and the rank of the
-    columns. The columns are the derivatives with respect to the parameters, and the columns `further`."""
+    """Return the weighted sum of squares of the residuals that the derivatives and the columns `further` do not
+    explain, and the rank of these columns."""
     stack = solved.stack
     root = square_root(precision(stack.covariance(solved.models)))
     _, columns = stack.slopes(solved.solution)

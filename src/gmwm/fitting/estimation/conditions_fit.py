@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from gmwm.base.documents import plain
 from gmwm.base.errors import OptionError
-from gmwm.base.plain import plain
 from gmwm.base.plotting import Plotted
-from gmwm.base.tables import align
-from gmwm.base.text import Summarised, p_relation
+from gmwm.base.text import Summarised, align, p_relation
 from gmwm.fitting.estimation.intervals import UNDETERMINED
 from gmwm.fitting.estimation.varies import parse_varies
 from gmwm.measuring.variance.result import WaveletVariance

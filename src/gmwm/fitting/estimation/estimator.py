@@ -202,8 +202,8 @@ def _fitted_conditions(
 
 
 def _draws(start: Sampled, wv: WaveletVariance, data: OneOrSeveral) -> First:
-    """Return the solver that starts from random draws. Drifts are drawn in proportion to the range of the samples, or
-    to the known slope of the data."""
+    """Return the solver that starts from random draws, with drifts in proportion to the range of the samples or to the
+    slope."""
     if isinstance(data, WaveletVariance) or wv.recordings:
         spread = abs(wv.slope or 0.0)
     else:
@@ -228,8 +228,8 @@ def fit_quietly(
 def measure(
     data: OneOrSeveral, rate: float | None, robust: bool, efficiency: float, against: Against = None
 ) -> WaveletVariance:
-    """Return the wavelet variance to which a model is fitted. It is the wavelet variance of a signal, the pooled
-    wavelet variance of several recordings, or `data` itself. Raises OptionError if an option contradicts the data."""
+    """Return the wavelet variance to which a model is fitted, pooled for several recordings. Raises OptionError if an
+    option contradicts the data."""
     conditions = Asked.of(against)
     several = _several(data)
     if several is None:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import freeze
+from gmwm.base.arrays import FrozenArrays
 from gmwm.base.documents import Documented
 from gmwm.base.errors import ModelError
-from gmwm.base.text import Summarised, counted
+from gmwm.base.text import Summarised, counted, p_relation, p_text
 from gmwm.fitting.estimation.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap
 from gmwm.fitting.estimation.intervals import Method
 from gmwm.fitting.estimation.linearised import slopes_of, square_of_rest, usable_in
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class GoodnessOfFit(Documented, Summarised):
+class GoodnessOfFit(FrozenArrays, Documented, Summarised):
     """Test of the hypothesis that the data come from the fitted model.
 
     Attributes
@@ -53,9 +53,6 @@ class GoodnessOfFit(Documented, Summarised):
     left_out: tuple[int, ...]
     method: Method
 
-    def __post_init__(self) -> None:
-        freeze(self.levels)
-
     def summary(self) -> str:
         """Describe the test in one line."""
         law = f"chi-square {self.statistic:.4g} on {self.df} degrees of freedom"
@@ -65,13 +62,12 @@ class GoodnessOfFit(Documented, Summarised):
         every = len(self.levels) == last - first + 1
         used = f"{'' if every else f'{len(self.levels)} of '}levels {first} to {last}"
         verdict = "the model is rejected" if self.pvalue <= 0.05 else "the model is not rejected"
-        sign = "" if self.pvalue_in_words.startswith("<") else "= "
-        return f"{law}, {used}: p {sign}{self.pvalue_in_words}, {verdict} at the 5 % level"
+        return f"{law}, {used}: p {p_relation(self.pvalue)}, {verdict} at the 5 % level"
 
     @property
     def pvalue_in_words(self) -> str:
         """Text of the p-value, with three decimals or as "< 0.001"."""
-        return f"{self.pvalue:.3f}" if self.pvalue >= 0.001 else "< 0.001"
+        return p_text(self.pvalue)
 
     def __str__(self) -> str:
         return self.summary()
@@ -97,10 +93,8 @@ def goodness_of_fit(
     method : "asymptotic" or "bootstrap"
         Source of the p-value: the chi-square distribution, or the objectives of `draws` recordings that are
         simulated from the fitted model, with all levels.
-    draws : int
-        Number of simulated recordings, at least 19, because p is at least 1 / (draws + 1).
-    rng : int or numpy.random.Generator
-        Source of the draws; the same integer gives the same result.
+    draws, rng
+        The same as for `Fit.bootstrap`, with at least 19 draws, because p is at least 1 / (draws + 1).
 
     Returns
     -------

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 Method = Literal["asymptotic", "bootstrap"]
 Interval = tuple[float, float]
 
-ROUNDING = 1e-8
-"""Tolerance of the correlations in a covariance of the user, which may have been written with 8 digits."""
 UNDETERMINED = 14.0
 """Half width of an interval for a logarithm, a factor of a million, above which a parameter is not determined."""
 
@@ -61,10 +59,8 @@ def confidence_intervals(
         Covariance V that replaces the covariance of the fitted model, for example from `empirical_covariance`; only
         with method="asymptotic". It must belong to the wavelet variance that was fitted. The empirical covariance
         of data with outliers belongs to the classical estimate, not to a robust fit.
-    draws : int
-        Number of simulated recordings, at least 2 / (1 − level) − 1, which is 39 for 95 %.
-    rng : int or numpy.random.Generator
-        Source of the draws; the same integer gives the same result.
+    draws, rng
+        The same as for `Fit.bootstrap`, with at least 2 / (1 − level) − 1 draws, which is 39 for 95 %.
 
     Returns
     -------
@@ -139,9 +135,8 @@ def _intervals(
 
 
 def with_quick_intervals(fit: Fit, level: float) -> Fit:
-    """Return a copy of a fit with quickly computed intervals, for models that have little weight in a comparison. The
-    upper limit of a scale coefficient ĉ is then ĉ + z SE(ĉ), without iteration. The fit itself is not changed, so that
-    its intervals stay exact."""
+    """Return a copy of a fit with quick intervals, for models with little weight in a comparison: upper limits ĉ + z
+    SE(ĉ) are not iterated."""
     key = (level, "asymptotic", DRAWS, 0)
     if key in fit.__dict__.get("_intervals", {}):
         return fit
@@ -205,9 +200,8 @@ def parameters_by_name(model: Model) -> dict[str, Parameter]:
 
 
 def about(parameter: Parameter, value: float, reach: float) -> Interval:
-    """Return the confidence interval of a parameter for an estimate `value` and a half width `reach`. The interval is
-    symmetric after a transformation (logarithm or artanh) that keeps its ends inside the domain of the parameter; for a
-    parameter that can be any real number it is value ± reach."""
+    """Return the interval of a parameter for an estimate and a half width `reach`, symmetric after a transformation
+    (logarithm or artanh) that keeps its ends inside the domain of the parameter."""
     if parameter.domain == "real":
         return value - reach, value + reach
     if parameter.domain == "between":
@@ -222,8 +216,9 @@ def about(parameter: Parameter, value: float, reach: float) -> Interval:
 
 
 def _as_covariance(fit: Fit, covariance: Matrix) -> Matrix:
-    """Check that a covariance (J, J) of the wavelet variance of a fit is finite, symmetric and positive
-    semidefinite."""
+    """Check that a covariance (J, J) of a wavelet variance is finite, symmetric and positive semidefinite."""
+    # Tolerance of the correlations in a covariance of the user, which may have been written with 8 digits.
+    rounding = 1e-8
     size = len(fit.wavelet_variance)
     try:
         array = np.asarray(covariance, dtype=np.float64)
@@ -238,10 +233,10 @@ def _as_covariance(fit: Fit, covariance: Matrix) -> Matrix:
         raise _no_covariance(f"have variances on its diagonal; got {diagonal.min():g}", float(diagonal.min()))
     scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     correlation = array / scale[:, None] / scale[None, :]
-    if np.any(np.abs(correlation - correlation.T) > ROUNDING):
+    if np.any(np.abs(correlation - correlation.T) > rounding):
         raise _no_covariance("be symmetric; it differs from its transpose", covariance)
     least, *_, largest = np.linalg.eigvalsh(correlation) if size > 1 else (correlation[0, 0],) * 2
-    if least < -ROUNDING * largest:
+    if least < -rounding * largest:
         raise _no_covariance(
             f"be positive semidefinite; its correlations have the eigenvalue {least:.2g}", float(least)
         )
@@ -257,9 +252,8 @@ def _no_covariance(what: str, got: object) -> OptionError:
 
 def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> float:
     """Return the upper limit of a scale parameter, at which an estimate as small as the actual one has the probability
-    (1 − level)/2. The limit of the scale coefficient c solves c = ĉ + z SE(c), because the standard error increases
-    with c. No process can exceed the data: c times its wavelet variance is at most the upper chi-square limit of each
-    of the J levels, at (1 − level)/(2J)."""
+    (1 − level)/2. It solves c = ĉ + z SE(c), because the standard error increases with c. c times the curve of the
+    process is at most the upper chi-square limit of each of the J levels, at (1 − level)/(2J)."""
     wv = fit.wavelet_variance
     process = fit.model.processes[fit.model.terms.index(term)]
     name = f"{term}.{parameter.name}"
@@ -299,8 +293,8 @@ def _added_error(fit: Fit, name: str) -> float:
 
 
 def _fixed_point(tried: list[tuple[float, float]]) -> float:
-    """Return the fixed point of the line through the last two points (x, f(x)). The last f(x) is returned if there is
-    only one point, or if the line is too steep."""
+    """Return the fixed point of the line through the last two points (x, f(x)), or the last f(x) if this line is too
+    steep."""
     x, value = tried[-1]
     if len(tried) < 2 or tried[0][0] == x:
         return value

@@ -21,8 +21,8 @@ COLLINEAR = 1e-9
 
 
 def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matrix:
-    """Compute the covariance B V Bᵀ (p, p) of parameters, with B = (DᵀΩD)⁻¹DᵀΩ. `slopes` is the Jacobian D (J, p),
-    `matrix` is Ω and `wavelet` is V. The variance of a parameter that the Jacobian does not determine is infinite."""
+    """Compute the covariance B V Bᵀ (p, p) of parameters, B = (DᵀΩD)⁻¹DᵀΩ, from D = `slopes`, Ω = `matrix` and V =
+    `wavelet`. The variance of a parameter that the Jacobian does not determine is infinite."""
     if slopes.shape[1] == 0:
         return np.zeros((0, 0))
     root = square_root(matrix)
@@ -35,15 +35,14 @@ def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matr
 
 
 def usable_in(design: Design) -> NDArray[np.bool_]:
-    """Return a mask (J,) of the levels of a design that have enough degrees of freedom for a test. At the threshold, a
-    test at the 5 % level has this size (docs/validation/goodness.md and recordings.md). If all levels of a recording
-    are available, the two coarsest are left out."""
+    """Return a mask (J,) of the levels with enough degrees of freedom for a test, which then has its size
+    (docs/validation/goodness.md and recordings.md). The two coarsest levels of a recording are left out."""
     return np.asarray(design.degrees_of_freedom > 3.0)
 
 
 def parameter_gain(weighted: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
-    """Return the pseudoinverse (p, J) of a weighted Jacobian LD (J, p), and a mask of undetermined parameters. The mask
-    (p,) marks the parameters that the Jacobian does not determine."""
+    """Return the pseudoinverse (p, J) of a weighted Jacobian LD (J, p), and a mask (p,) of the undetermined
+    parameters."""
     length = np.linalg.norm(weighted, axis=0)
     seen = length > 0
     axes, strength, right = np.linalg.svd(weighted[:, seen] / length[seen], full_matrices=False)
@@ -56,8 +55,8 @@ def parameter_gain(weighted: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
 
 
 def square_of_rest(left: Vector, slopes: Matrix) -> tuple[float, int]:
-    """Return the squared length of the part of a vector that is orthogonal to some columns, and the rank of the
-    columns. `left` is the vector (J,), and `slopes` has the columns (J, p)."""
+    """Return the squared length of the part of a vector (J,) orthogonal to columns (J, p), and the rank of the
+    columns."""
     length = np.linalg.norm(slopes, axis=0)
     axes, strength, _ = np.linalg.svd(slopes[:, length > 0] / length[length > 0], full_matrices=False)
     clear = strength > COLLINEAR * strength.max(initial=0.0)
@@ -66,8 +65,8 @@ def square_of_rest(left: Vector, slopes: Matrix) -> tuple[float, int]:
 
 
 def columns_of(model: Model, acts_as: Mapping[str, str]) -> tuple[list[str], set[str]]:
-    """Return the names of the parameters that are estimated, and the set of those that are reported. The shape of a
-    term that acts as another process is not estimated, and its scale is not reported."""
+    """Return the names of the estimated parameters, and the set of those that are reported. Of a term that acts as
+    another process, the shape is not estimated and the scale is not reported."""
     columns, reported = [], set()
     for term, process in zip(model.terms, model.processes, strict=True):
         if process.scale == 0:
@@ -83,8 +82,7 @@ def columns_of(model: Model, acts_as: Mapping[str, str]) -> tuple[list[str], set
 
 
 def relative_jacobian(model: Model, design: Design, names: list[str] | tuple[str, ...]) -> Matrix:
-    """Compute the derivatives θ ∂ν_j²/∂θ (J, p) of the curve with respect to the logarithms of the parameters
-    `names`."""
+    """Compute the derivatives θ ∂ν_j²/∂θ (J, p) with respect to the logarithms of the parameters `names`."""
     jacobian = model.jacobian(design.levels, design.rate, design.filter)
     place = {name: k for k, name in enumerate(model.names)}
     values = sizes_of(model, names)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import FrozenArrays, Matrix, Vector
 from gmwm.base.documents import Documented
 from gmwm.base.errors import GmwmError
 from gmwm.fitting.estimation.goodness import usable_levels
@@ -33,7 +33,7 @@ IMPLAUSIBLE = 0.01
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RelativeMisfit(Documented):
+class RelativeMisfit(FrozenArrays, Documented):
     """Relative difference between a model and its data. `distance` (J,) is d = ν²/ν̂² − 1 at each level, `error` (J,)
     the relative standard error s of the data, and `judged` (J,) marks the levels with more than 30 degrees of freedom.
     `largest` and `rms` summarise √max(d² − s², 0) over these levels; `tau` (s) is the scale of the largest."""
@@ -44,10 +44,6 @@ class RelativeMisfit(Documented):
     largest: float
     rms: float
     tau: float
-
-    def __post_init__(self) -> None:
-        for array in (self.distance, self.error, self.judged):
-            freeze(array)
 
 
 MANY = 30.0
@@ -73,8 +69,7 @@ def relative_misfit(fit: Fit) -> RelativeMisfit:
 
 def implausible_levels(fit: Fit, size: float = IMPLAUSIBLE) -> np.ndarray[Any, np.dtype[np.bool_]]:
     """Return a mask (J,) of the coarse levels, with at most 30 degrees of freedom, that differ from the model by more
-    than chance explains. Each test uses a chi-square distribution with the mean and variance that the model implies.
-    `size` is the probability that at least one level of a recording of the model is marked."""
+    than chance explains, by chi-square tests with the probability `size` of at least one marked level."""
     from scipy.special import gammainc, gammaincc
 
     wv = fit.wavelet_variance
@@ -90,9 +85,8 @@ def implausible_levels(fit: Fit, size: float = IMPLAUSIBLE) -> np.ndarray[Any, n
 
 
 def model_error(fit: Fit) -> float:
-    """Estimate the relative error τ, at most 1, of a fit whose weights follow from its model; 0 if chance explains the
-    difference from the data. The model is fitted with the weights that follow from τ, and τ is estimated again. Source:
-    Paule and Mandel (1982), J. Res. NBS 87, 377-385."""
+    """Estimate the relative error τ, at most 1, of a fit; 0 if chance explains the difference from the data. The model
+    is fitted with the weights that follow from τ, and τ is estimated again (Paule and Mandel 1982)."""
     error = Distance.of(fit).error()
     # Largest number of fits with weights that follow from the error.
     for _ in range(2 if error else 0):
@@ -113,16 +107,14 @@ def having_error(wv: WaveletVariance, error: float) -> WaveletVariance:
 
 
 def nearly_fitted(model: Model, wv: WaveletVariance, weighting: str) -> Fit:
-    """Fit a model with weights that have converged to a few per cent, to compare models. The fit has no certificate of
-    the global optimum."""
+    """Fit a model, without a certificate, with weights that have converged to a few per cent, to compare models."""
     return Fit.of(nearly_settled(model, wv, weighting)[0], wv, weighting)
 
 
 @dataclass(frozen=True, eq=False)
 class Distance:
-    """Difference between a fit and its data at the J levels that the goodness-of-fit test uses. `left` (J,): residuals
-    ν̂² − ν², in unit². `scatter` (J, J): covariance V of ν̂², including the excess of the data. `slopes` (J, p):
-    derivatives of ν² with respect to the logarithms of the parameters. `curve` (J,): fitted wavelet variance ν²."""
+    """Residuals ν̂² − ν² (`left`), covariance V, derivatives of ν² with respect to the logarithms of the parameters (J,
+    p) and fitted curve, at the J levels of the goodness-of-fit test."""
 
     left: Vector
     scatter: Matrix
@@ -148,21 +140,20 @@ class Distance:
 
     @property
     def surely(self) -> float:
-        """p-value of the test if every level counted as a degree of freedom. It is at least the p-value of any model
-        whose terms are a part of the fitted model."""
+        """p-value if every level counted as a degree of freedom, an upper bound for models made of some of the
+        terms."""
         from scipy.special import gammaincc
 
         return float(gammaincc(self.left.size / 2, self.statistic(0.0) / 2))
 
     def statistic(self, error: float) -> float:
-        """Compute the chi-square statistic for a model with a relative error. The part of the residuals that a change
-        of the parameters explains is left out."""
+        """Compute the chi-square statistic of the residuals that the parameters do not explain, for a relative model
+        error."""
         root = square_root(precision(self.scatter + np.diag((error * self.curve) ** 2)))
         return square_of_rest(root @ self.left, root @ self.slopes)[0]
 
     def error(self) -> float:
-        """Return the relative error for which the statistic equals its degrees of freedom; 0 if it is smaller
-        anyway."""
+        """Return the relative error for which the statistic equals its degrees of freedom; 0 if it is smaller."""
         if self.freedom < 1 or self.statistic(0.0) <= self.freedom:
             return 0.0
         # Smallest error that is considered. It is far below the relative standard error of any level.

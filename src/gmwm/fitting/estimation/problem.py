@@ -78,8 +78,7 @@ class Problem:
 
     def as_low(self, objective: float, least: float, share: float) -> bool:
         """Return whether an objective exceeds `least` by at most a relative `share` plus the rounding error of the
-        residual. If the data equal the curve of a model, objectives are squared rounding errors. Without the second
-        part, the order of summation would decide which one is smaller."""
+        residual. If the data equal the curve of a model, the order of summation would otherwise decide."""
         return objective <= (1 + share) * (sqrt(least) + self.rounding) ** 2
 
     def under(self, matrix: Matrix) -> Problem:
@@ -99,15 +98,14 @@ class Problem:
         return np.ascontiguousarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
     def scales(self, shapes: Matrix, weights: Vector) -> Vector:
-        """Return the scale coefficients of processes from the coefficients (c or x) of their unit vectors. `shapes` has
-        the wavelet variances of the processes for scale coefficient 1."""
+        """Return the scale coefficients from the coefficients (c or x) of unit vectors; `shapes` are for scale
+        coefficient 1."""
         return np.asarray(weights * self.unit / np.linalg.norm(shapes @ self.root.T, axis=1))
 
 
 def pose(model: Model, wv: WaveletVariance, matrix: Matrix | Weights) -> Problem:
     """Return the problem of fitting `model` to `wv` with the weighting matrix Ω, or with shared weights. Raises
-    ModelError if the model has no free parameter, or more free parameters than there are levels; if a scale is fixed
-    while a shape parameter of the same process is free; or if the wavelet filter removes one of the processes."""
+    ModelError unless 1 to J parameters are free, each with a free scale, and the filter removes no process."""
     linear, shaped, held = by_kind(model)
     curved, free = divide_shaped(model, shaped)
     count = len(linear) + sum(1 + len(to_find(model.processes[place])) for place in shaped)
@@ -145,8 +143,8 @@ def weigh(observed: Vector, weights: Weights) -> tuple[float, Vector]:
 
 
 def unit_shape(process: Process, levels: NDArray[np.int64], rate: float, filter: WaveletFilter) -> Vector:
-    """Return the wavelet variance (J,), for scale coefficient 1, of a process with a known shape. Raises ModelError if
-    the wavelet variance is zero at every level."""
+    """Return the wavelet variance (J,), for scale coefficient 1, of a process with a known shape; ModelError if it is
+    zero."""
     return _unit_shape(process, tuple(levels.tolist()), rate, filter)
 
 
@@ -170,9 +168,8 @@ def to_find(process: Process) -> tuple[int, ...]:
 
 
 def divide_shaped(model: Model, shaped: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Divide the processes with a free shape, at the indices `shaped`, into those that branch and bound searches and
-    others. The search covers one class of processes. If the model has several such classes, the class with the most
-    terms is searched."""
+    """Divide processes with a free shape into those that branch and bound searches, all of the class with the most
+    terms, and others."""
     kinds = {place: type(model.processes[place]) for place in shaped}
     with_search = [kind for kind in kinds.values() if len(kind.nonlinear_parameters()) == 1 and kind.search(1024, 1.0)]
     chosen = max(with_search, key=lambda kind: (with_search.count(kind), kind.name), default=None)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import FrozenArrays, Matrix, Vector
 from gmwm.base.random_effects import Effects, confidence_of_mean, effects
 from gmwm.fitting.estimation.linearised import columns_of, parameter_gain, relative_jacobian, square_of_rest, usable_in
 from gmwm.fitting.estimation.weighting import precision, square_root
@@ -38,7 +38,7 @@ LEVEL = 0.95
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Deviations:
+class Deviations(FrozenArrays):
     """Deviations of R recordings from a pooled fit, and the test that all have the same p parameters `names`. `values`
     (R, p) are δ_r, relative to the estimate, and `covariances` (R, p, p) their covariances without a spread; NaN and
     infinite if a recording does not determine a parameter. They account for `model_error`, the relative difference at
@@ -52,10 +52,6 @@ class Deviations:
     model_error: float
     statistic: float
     df: int
-
-    def __post_init__(self) -> None:
-        freeze(self.values)
-        freeze(self.covariances)
 
     @property
     def pvalue(self) -> float:
@@ -86,10 +82,9 @@ class Deviations:
 
     @property
     def of_mean(self) -> Matrix:
-        """Covariance (p, p) that the spread between recordings adds to the covariance of the pooled estimate. Intervals
-        then include the uncertainty of the estimated spread, whether a test finds one or not. For recordings without a
-        spread, they are four times as wide for two recordings, twice for three, and 1.3 times for five
-        (docs/validation/recordings.md)."""
+        """Covariance (p, p) that the spread between recordings adds to the covariance of the pooled estimate, whether a
+        test finds a spread or not. Without a spread, intervals are four times as wide for two recordings, twice for
+        three, and 1.3 times for five (docs/validation/recordings.md)."""
         information = np.sum(np.where(np.isfinite(self.values), 1 / self.variances, 0.0), axis=0)
         informed = information > 0
         half = half_widths(self.values.T[informed], self.variances.T[informed])
@@ -100,8 +95,8 @@ class Deviations:
 
 
 def half_widths(x: Matrix, s2: Matrix) -> Vector:
-    """Return the half widths (m,) of the 95 % confidence intervals of the means of m samples; see `Deviations.of_mean`.
-    `x` (m, n) has the n values of each sample, and `s2` (m, n) their variances without a spread between them."""
+    """Return the half widths (m,) of the 95 % intervals of the means of m samples of n values `x` with variances `s2`
+    (m, n)."""
     alone = effects(x, s2, spread2=np.zeros(len(x)))
     half = NormalDist().inv_cdf((1 + LEVEL) / 2) * alone.error
     several = alone.count > 1
@@ -112,8 +107,7 @@ def half_widths(x: Matrix, s2: Matrix) -> Vector:
 
 
 def deviations(fit: Fit) -> Deviations:
-    """Compute the deviations of the recordings from a pooled fit; the result is stored with the fit. `fit`: fit to
-    several recordings, which are in `fit.wavelet_variance.recordings`."""
+    """Compute the deviations of the recordings from a pooled fit; the result is stored with the fit."""
     if "_deviations" not in fit.__dict__:
         fit.__dict__["_deviations"] = _deviations(fit)
     result: Deviations = fit.__dict__["_deviations"]
@@ -121,9 +115,8 @@ def deviations(fit: Fit) -> Deviations:
 
 
 class _RecordingData(NamedTuple):
-    """Data of the K usable levels of one recording r. `place`: index of the recording. `curve`, `left`, `apart` (K,):
-    fitted curve, and the differences of the curve of the recording from the fitted curve and from the pooled curve.
-    `scatter` (K, K): covariance V_r. `slopes` (K, p): derivatives D_r."""
+    """Data of the K usable levels of one recording r: its index, the fitted curve, the differences of its curve from
+    the fitted (`left`) and from the pooled curve (`apart`), V_r (`scatter`) and D_r (`slopes`)."""
 
     place: int
     curve: Vector
@@ -189,8 +182,7 @@ def _parts(fit: Fit, names: list[str]) -> list[_RecordingData]:
 
 def _error_between(parts: list[_RecordingData]) -> float:
     """Return the relative difference between the recordings at each level that the parameters do not describe; 0 unless
-    a test finds one. Without it, the precise first levels would determine the deviations of all parameters. The
-    chi-square statistic of this part then equals its degrees of freedom."""
+    a test finds one. Without it, the precise first levels would determine the deviations of all parameters."""
     from scipy.special import gammaincc
 
     if len(parts) < 2:
@@ -216,9 +208,8 @@ def _error_between(parts: list[_RecordingData]) -> float:
 
 
 def spread_of_mean(fit: Fit) -> Matrix:
-    """Return what the spread between recordings adds to the covariance of the wavelet variance, (J, J) in unit⁴. The
-    spread changes the parameters, so it moves the curve in the directions of its derivatives. The goodness-of-fit test
-    does not depend on it."""
+    """Return the covariance (J, J), in unit⁴, that the spread between recordings adds: it moves the curve in the
+    directions of its derivatives, so the goodness-of-fit test does not depend on it."""
     result = deviations(fit)
     slopes = relative_jacobian(fit.model, Design.of(fit.wavelet_variance), result.names)
     return np.asarray(slopes @ result.of_mean @ slopes.T)

@@ -244,62 +244,8 @@ class Fit(Documented, Plotted, KalmanMethods):
         return compare_recordings(self)
 
     def datasheet(self, level: float = 0.95) -> Datasheet:
-        """Convert the fit to datasheet numbers N, Q, B, K, R, T_c and q_c, with confidence intervals.
-
-            N = √(σ²Δt)   Q = √(q2) Δt   K = √(γ²f)   R = ωf   T_c = 1/β   q_c = √(2βσ²_GM)
-            B = √(b2) of a flicker term, or else min over τ of the Allan deviation of the model / √(2 ln 2/π)
-            A = √(2P) and f_0 of a line
-
-        Here σ², q2, γ², ω, β, σ²_GM, b2, P and f_0 are the parameters of the processes, f is the sampling rate, and Δt
-        = 1/f. If the model has a flicker term that is not zero, B is the coefficient of that term, as IEEE Std 952
-        defines it. Otherwise B is computed from the minimum of the Allan deviation of the model without its lines. This
-        second kind of B includes the contributions of N and K at the minimum and is at least as large as the first
-        kind, so do not compare the two. If the flicker term is estimated as zero, its upper limit is given as B_f.
-
-        If a term acts as another process on these data, it is added to that process: a Gauss-Markov term that acts as
-        white noise adds to N², and a Gauss-Markov term that acts as a random walk adds to K². A process that the model
-        does not contain gives no number. An AR1 with φ > 0 gives T_c and q_c of the Gauss-Markov process that has the
-        same samples.
-
-        Intervals are computed on the logarithmic scale by the delta method with the joint covariance of the estimates.
-        If a number depends on one parameter only, its interval is the transformed interval of that parameter. R has a
-        sign, and its interval is R ± z SE. If a term is zero or cannot be distinguished from zero, its number is an
-        upper limit, as in `Fit.confidence_intervals`. B is an upper limit too if the data show no minimum.
-
-        The unit of the wavelet variance determines whether the sensor is a gyroscope or an accelerometer. If the unit
-        is unknown, the numbers are in "u", the unit of the data, and have no datasheet units.
-
-        Parameters
-        ----------
-        level : float
-            Confidence level, between 0 and 1.
-
-        Returns
-        -------
-        Datasheet
-            Mapping of symbol to `Entry`, which has the number in SI and in datasheet units.
-
-        Raises
-        ------
-        OptionError
-            If `level` is not between 0 and 1.
-
-        References
-        ----------
-        IEEE Std 952-1997, annex C.
-
-        Examples
-        --------
-        >>> import gmwm
-        >>> x = (gmwm.WN(sigma2=1e-6) + gmwm.RW(gamma2=1e-12)).simulate(100_000, 100.0, rng=1)
-        >>> found = gmwm.fit(gmwm.WN() + gmwm.RW(), gmwm.Signal(x, 100.0, "rad/s")).datasheet()
-        >>> list(found)
-        ['N', 'K', 'B']
-        >>> found["N"].low < 1e-4 < found["N"].high
-        True
-        >>> found["N"].in_units("datasheet")[3]
-        'deg/√h'
-        """
+        """Compute the datasheet numbers N, Q, B, K, R, T_c and q_c, with intervals at the confidence level `level`; see
+        `gmwm.datasheets.datasheet`."""
         from gmwm.choosing.datasheets import datasheet
 
         return datasheet(self, level)
@@ -307,29 +253,7 @@ class Fit(Documented, Plotted, KalmanMethods):
     def budget(self, duration: float | str, *, rest: float | str = 60.0, level: float = 0.95) -> Budget:
         """Compute the growth of the errors of unaided inertial navigation that the noise of this axis causes.
 
-        See `gmwm.navigation.budget` for the equations and their approximations, and for several axes.
-
-        Parameters
-        ----------
-        duration : float or str
-            Time of navigation (s), or text such as "60s" or "10min".
-        rest : float or str
-            Time at rest before the start (s), which gives the biases.
-        level : float
-            Confidence level of the intervals, from 0.5 to below 1.
-
-        Returns
-        -------
-        Budget
-
-        Raises
-        ------
-        OptionError
-            If an option is out of range, or the axis is not named gyro_x … accel_z.
-        ModelError
-            If the axis is not in rad/s or m/s².
-        MissingTheoryError
-            If a term has no state-space form.
+        `duration`, `rest` and `level`, the result and the errors are those of `gmwm.navigation.budget`.
         """
         from gmwm.applications.navigation.api import budget
 
@@ -345,18 +269,14 @@ class Fit(Documented, Plotted, KalmanMethods):
         """
         from polars import DataFrame
 
-        limits, units = self.confidence_intervals(level), self.units()
-        nan = (float("nan"), float("nan"))
+        limits, units, nan = self.confidence_intervals(level), self.units(), float("nan")
         rows = [
             {
-                "parameter": name,
-                "value": value,
-                "low": float(limits.get(name, nan)[0]),
-                "high": float(limits.get(name, nan)[1]),
-                "unit": units.get(name, ""),
+                "parameter": name, "value": value, "low": float(limits.get(name, (nan,))[0]),
+                "high": float(limits.get(name, (nan,))[-1]), "unit": units.get(name, ""),
             }
             for name, value in self.parameters.items()
-        ]
+        ]  # fmt: skip
         return DataFrame(rows)
 
     def require_consistent(self) -> None:
@@ -401,15 +321,10 @@ def _of_terms(
         else:
             parameter = like.scale_parameter()
             yield Remark.of(
-                "correlation-time-unknown",
-                wv.axis,
-                case="fit",
-                term=term,
-                process=name,
-                known="yes",
+                "correlation-time-unknown", wv.axis, case="fit", term=term, process=name, known="yes",
                 parameter=f"{like.name}.{parameter.name}",
                 amount=Quantity(like.value(parameter.name), parameter.unit(wv.unit)),
-            )
+            )  # fmt: skip
     for term in zero:
         yield Remark.of("term-zero", wv.axis, case="fit", term=term)
     for term, process in processes.items():

@@ -20,8 +20,7 @@ from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.errors import MissingTheoryError, ModelError
 from gmwm.base.remarks import Remark
 from gmwm.base.threads import check_stop
-from gmwm.fitting.estimation.exponential_search import search_of
-from gmwm.fitting.estimation.exponential_weights import reweight, search_for_weights
+from gmwm.fitting.estimation.exponential_search import reweight, search_for_weights, search_of
 from gmwm.fitting.estimation.problem import Problem, pose
 from gmwm.fitting.estimation.solver import Solution, final, model_of, move, resume, solve
 from gmwm.fitting.estimation.weighting import precision, weighting_matrix
@@ -35,8 +34,6 @@ REWEIGHTED = ("diagonal", "optimal")
 """Weightings that depend on the estimate."""
 FIXED = 1e-11
 """Relative change of the curve that ends the iteration; tests/estimation/test_fit_laws.py compares fits to 1e-9."""
-ROUNDS = 60
-"""Largest number of iterations, enough for `FIXED` although a weak drift only halves the change each time."""
 PRIOR = 1000.0
 """Degrees of freedom of the fitted curve when it is averaged with the data to scale the covariance.
 
@@ -45,16 +42,12 @@ relative bias of a level of at most 4 / (η + 1000), which is small compared wit
 the degrees of freedom of the level. docs/validation/weighting.md has the resulting bias of the estimates and the
 coverage of their intervals.
 """
-HOPE = 12
-"""Iterations in which the change must fall to a half; otherwise two estimates probably alternate."""
 MIXED = 5
 """Largest number of previous iterations that are combined into the next one."""
 CUTOFF = 1e-6
 """Relative singular value below which a direction of the combination counts as zero."""
 FAR = 0.7
 """Largest change of the logarithm of a parameter by the combination, which is a factor of two."""
-CLOSE = 1e-6
-"""Relative change of the curve below which weights and estimate agree, if `fixed` is not larger."""
 
 
 First = Callable[[Problem], Solution]
@@ -83,13 +76,13 @@ def settle(
     # Largest number of iterations to convergence. A new one is needed if the global search then finds another optimum.
     returns: int = 4,
 ) -> WeightedSolution:
-    """Iterate estimate and weights ("diagonal" or "optimal") until they agree, starting with weights from the data or
-    from the model `start`. A last search with the final weights makes the estimate the proven optimum of the objective
-    with the recorded Ω; `search` omits it, if `start` is an estimate from almost the same data. If estimates alternate,
-    the final weights come from the mixture of all processes with the largest likelihood. `first` replaces the first
-    search, the relative change of the curve `fixed` ends an iteration, and `returns` is the largest number of
-    iterations to convergence. With "optimal", raises MissingTheoryError if a covariance is unknown, and ModelError if a
-    level has no noise."""
+    """Iterate estimate and weights ("diagonal" or "optimal") until they agree, from weights of the data or of the model
+    `start`. A last search with the final weights makes the estimate the proven optimum of the objective with the
+    recorded Ω; `search` omits it, if `start` is from almost the same data. If estimates alternate, the final weights
+    come from the likeliest mixture of all processes. The relative change `fixed` of the curve ends an iteration."""
+
+    # Relative change of the curve below which weights and estimate agree, if `fixed` is not larger.
+    agreement = 1e-6
 
     def finish(problem: Problem, solution: Solution) -> Solution:
         return final(problem, solution, certify=certify) if search else resume(problem, solution)
@@ -108,9 +101,9 @@ def settle(
             return WeightedSolution(problem, finish(problem, solution), (remark,))
         before, solution = _implied_curve(problem, solution, wv), finish(problem, solution)
         change = _change(before, _implied_curve(problem, solution, wv))
-        if change <= max(CLOSE, iteration.change):
+        if change <= max(agreement, iteration.change):
             break
-    if iteration.expected <= max(CLOSE, fixed) and change <= max(CLOSE, fixed):
+    if iteration.expected <= max(agreement, fixed) and change <= max(agreement, fixed):
         return WeightedSolution(problem, solution)
     # Two estimates may alternate, each with weights that lead to the other. Weights that do not depend on the model end
     # this.
@@ -122,9 +115,8 @@ def settle(
 
 @dataclass(frozen=True, eq=False)
 class _Iterated:
-    """Problem with iterated weights, and its solution. `change` and `expected` are the relative changes of the curve in
-    the last iteration and, as expected, in the next one. `reason` says why the model gives no weights; None if it
-    does."""
+    """Problem with iterated weights, its solution, the relative change of the curve in the last and, as `expected`, in
+    the next iteration, and the `reason` why the model gives no weights."""
 
     problem: Problem
     solution: Solution
@@ -136,11 +128,14 @@ class _Iterated:
 def _iterate(
     problem: Problem, solution: Solution, wv: WaveletVariance, weighting: str, *, design: Design, fixed: float
 ) -> _Iterated:
-    """Iterate weights and estimate until the relative change of the curve is at most `fixed`, or until they diverge. A
-    compiled kernel is used if it knows the covariance of every process."""
+    """Iterate weights and estimate until the relative change of the curve is at most `fixed`, or until they diverge."""
+    # Iterations in which the change must fall to a half; otherwise two estimates probably alternate.
+    patience = 12
+    # Largest number of iterations, enough for `FIXED` although a weak drift only halves the change each time.
+    rounds = 60
     search = search_for_weights(problem, design) if weighting == "diagonal" else None
     if search is not None:
-        options = np.array([PRIOR, fixed, FAR, CUTOFF, ROUNDS, HOPE, MIXED], dtype=np.float64)
+        options = np.array([PRIOR, fixed, FAR, CUTOFF, rounds, patience, MIXED], dtype=np.float64)
         result = reweight(search, solution, design.for_weights, options)
         if result is not None:
             best, weights, change, expected = result
@@ -148,7 +143,7 @@ def _iterate(
             return _Iterated(problem, move(search_of(problem), solution, best), change, expected)
     ahead, implied = _Ahead(), _implied_curve(problem, solution, wv)
     history: list[float] = []
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         check_stop()
         try:
             matrix = implied_weights(weighting, ahead.of(problem, solution, wv), design, wv.variance)
@@ -163,15 +158,14 @@ def _iterate(
         history.append(change)
         # The next change is expected to be smaller by the last ratio of changes.
         expected = change * min(1.0, change / history[-2]) if len(history) > 1 and history[-2] > 0 else change
-        if expected <= fixed or (len(history) > HOPE and change > history[-HOPE - 1] / 2):
+        if expected <= fixed or (len(history) > patience and change > history[-patience - 1] / 2):
             break
     return _Iterated(problem, solution, change, expected)
 
 
 def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[WeightedSolution, Matrix]:
-    """Fit a model with weights that have nearly converged, to compare models. The second result is the covariance V (J,
-    J) from which the weights are computed. The last fits are cached, because a search for a model and the ranking after
-    it begin with the same fit."""
+    """Fit a model with weights that have nearly converged; also return the covariance V behind the weights. The last
+    fits are cached, because a search for a model and the ranking after it begin with the same fit."""
     return _nearly_settled(model.processes, wv, weighting)
 
 
@@ -243,10 +237,9 @@ def _logarithms(model: Model) -> dict[str, float]:
 
 
 def implied_weights(weighting: str, model: Model, design: Design, observed: Vector | None = None) -> Matrix:
-    """Compute the weights 1 / V_jj ("diagonal") or V⁻¹ ("optimal") that a model with values implies. With the data
-    `observed` (J,), V is scaled from the curve ν² of the model to ν̄² = (ην̂² + 1000ν²)/(η + 1000) with η degrees of
-    freedom, which makes V larger where the model is below the data. Raises ModelError if the model has no noise at some
-    level, and MissingTheoryError if the covariance of a process is unknown."""
+    """Compute the weights 1 / V_jj ("diagonal") or V⁻¹ ("optimal") under a model. With the data `observed`, V is scaled
+    from the curve ν² to ν̄² = (ην̂² + 1000ν²)/(η + 1000), with η degrees of freedom. Raises ModelError if the model has
+    no noise at some level, and MissingTheoryError if the covariance of a process is unknown."""
     if weighting == "optimal":
         return precision(drawn_covariance(model, design, observed))
     scale = _drawn_scale(model, design, observed)
@@ -254,8 +247,7 @@ def implied_weights(weighting: str, model: Model, design: Design, observed: Vect
 
 
 def reciprocal(variance: Vector, model: Model) -> Vector:
-    """Return the weights 1 / V_jj (J,) for the variances V_jj (J,) under a model. Raises ModelError if the model has no
-    noise at some level."""
+    """Return the weights 1 / V_jj (J,); raises ModelError if the model has no noise at some level."""
     with np.errstate(over="ignore", divide="ignore"):
         weights = 1 / variance
     if not np.all(np.isfinite(weights)):

@@ -25,13 +25,10 @@ def simulated_variances(
     model: Model, design: Design, draws: int, seed: int, *, threads: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Matrix:  # fmt: skip
-    """Simulate independent sample paths of a model with values, and compute their wavelet variances (draws, J) in u².
-    Each batch of paths has a random stream that depends on the seed and its number. The result therefore does not
-    depend on `threads`, and a longer run begins with the rows of a shorter one. Stationary processes start from their
-    stationary distribution, the errors of quantization noise are uniform, and segments between gaps are independent.
-    Each thread (by default one per processor) needs the memory of about three paths, or of three batches of 1 MiB.
-    `progress` is called in the thread of the caller with the number of finished paths. Raises OptionError if `draws`,
-    `seed` or `threads` is out of range, and ModelError if a value is missing or a process cannot be simulated.
+    """Simulate independent sample paths of a model, and compute their wavelet variances (draws, J) in u². Each batch of
+    paths has a random stream that depends on the seed and its number, so the result does not depend on `threads`, and a
+    longer run begins with the rows of a shorter one. Each thread needs the memory of about three paths, or of three
+    batches of 1 MiB. `progress` is called in the thread of the caller with the number of finished paths.
 
     >>> from gmwm.processes import WN
     >>> design = Design(np.arange(1, 4), samples=1000, rate=100.0)
@@ -69,8 +66,8 @@ def simulated_variances(
 
 
 def _measure(model: Model, design: Design, together: int, rng: np.random.Generator, rows: Matrix) -> None:
-    """Fill `rows` (n, J) with the wavelet variances of the first n paths of a batch. A batch is always drawn
-    completely, because the paths depend on its size."""
+    """Fill `rows` with the wavelet variances of the first paths of a batch, which is drawn completely: paths depend on
+    its size."""
     deepest, rows_of_levels = int(design.levels[-1]), design.levels - 1
     segments = [model.simulate(length, design.rate, rng, together) for length in design.lengths]
     for row, *path in zip(rows, *segments, strict=False):
@@ -85,9 +82,8 @@ def _stream(seed: int, batch: int) -> np.random.Generator:
 
 
 def _keep_memory(batch: int) -> None:
-    """Prevent the allocator from returning the memory of a batch to the system. glibc returns free memory above twice
-    the largest block that was freed, up to 32 MiB, and getting it back page by page can take longer than the
-    computation. The block that is allocated and freed here is never accessed and costs nothing."""
+    """Prevent glibc from returning the memory of a batch, above twice the largest freed block, to the system: getting
+    it back page by page can take longer than the computation. The block here is never accessed and costs nothing."""
     np.empty(min(8 * batch, 31 << 17))
 
 

@@ -46,9 +46,8 @@ FOLLOWED = 3
 
 @dataclass(frozen=True)
 class Solution:
-    """Optimum of an estimation problem. It has the scales of the linear processes, the terms with free shapes and their
-    places, and the objective with its bounds. `point` and `curvature` are the coordinates and the second derivatives at
-    the optimum if the problem has free processes."""
+    """Optimum of an estimation problem, with the terms with free shapes and their places. `point` and `curvature` are
+    the coordinates and the second derivatives if the problem has free processes."""
 
     objective: float
     lower_bound: float | None
@@ -93,8 +92,8 @@ def solve(problem: Problem, *, certify: bool, quick: bool = False, near: Solutio
 
 
 def solve_near(problem: Problem) -> Solution:
-    """Find the optimum near the values in the model, without a scan. This is sufficient if the values were estimated
-    from almost the same data."""
+    """Find the optimum near the values in the model, without a scan; sufficient if they come from almost the same
+    data."""
     if not problem.free:
         return solve(problem, certify=False)
     surface = Surface(problem)
@@ -108,8 +107,8 @@ def solve_near(problem: Problem) -> Solution:
 
 
 def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solution:
-    """Find the local optimum that is nearest to the solution of the problem with slightly different weights. If `ends`,
-    also find the process that the data cannot distinguish from each curved term."""
+    """Find the local optimum nearest to the solution for slightly different weights. `ends` also finds
+    indistinguishable ends."""
     if solution.point is not None:
         return _resume_free(problem, solution, ends=ends)
     if problem.curved_class is None:
@@ -145,8 +144,7 @@ def solve_sampled(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
 
 def final(problem: Problem, solution: Solution, *, certify: bool) -> Solution:
     """Solve the problem with the final weights, by the global search or from the optimum that random draws led to.
-    After random draws, the bounds are those of the global search, because the draws may have missed the global optimum.
-    `Start.default` then has the objective that the global search reaches with the same weights."""
+    After draws, the bounds and `Start.default` come from the global search, because draws may miss the optimum."""
     if solution.start.how != "sampled":
         return solve(problem, certify=certify, near=solution)
     followed = resume(problem, solution, ends=True)
@@ -192,9 +190,9 @@ def _lowest(
     problem: Problem, surface: Surface, points: list[ShapePoint], *, count: int = FOLLOWED,
     known: Projection | None = None,
 ) -> tuple[int | None, Projection] | None:  # fmt: skip
-    """Return the best local optimum that descents from points reach, with the index of its point. After a few steps,
-    the better half of the descents continues for a few more steps, and then the best `count` of them are followed to
-    the end. If the `known` optimum is better, it is returned with the index None."""
+    """Return the best local optimum that descents from points reach, with the index of its point, or None if the
+    `known` one is better. After a few steps, the better half continues, and then the best `count` are followed to the
+    end."""
     # Number of steps of each descent before the worse half of the descents is dropped; the others then continue for as
     # many steps. If all descents are followed to the end, the objective is not smaller
     # (tests/estimation/test_arma_fits.py).
@@ -270,8 +268,8 @@ def _resume_free(problem: Problem, solution: Solution, *, ends: bool) -> Solutio
 
 
 def _at_rest(surface: Surface, found: Projection) -> bool:
-    """Return whether the gradient is zero up to rounding errors. Each component must be at most 1e-10 of the product of
-    the lengths of the vectors whose inner product it is."""
+    """Return whether each component of the gradient is at most 1e-10 of the lengths of the vectors that it
+    multiplies."""
     slopes = surface.slopes(found)
     gradient = -slopes @ found.residual
     able = surface.moving(found, gradient)
@@ -280,8 +278,8 @@ def _at_rest(surface: Surface, found: Projection) -> bool:
 
 
 def _solution(problem: Problem, surface: Surface, found: Projection, start: Start, *, ends: bool = True) -> Solution:
-    """Return the solution for an optimum. If `ends`, it includes the process that the data cannot distinguish from each
-    curved term."""
+    """Return the solution for an optimum and, if `ends`, the process that the data cannot distinguish from each curved
+    term."""
     linear = len(problem.linear)
     u, z = surface.split(found.point)
     terms: tuple[FittedTerm, ...] = ()
@@ -304,8 +302,8 @@ def _solution(problem: Problem, surface: Surface, found: Projection, start: Star
 
 
 def model_of(problem: Problem, solution: Solution, slope: float | None) -> Model:
-    """Return the model with the values of a solution, in the same order of terms. A parameter with a sign gets the sign
-    of the `slope` of the data, if the slope is known."""
+    """Return the model with the values of a solution; a parameter with a sign gets the sign of the `slope` of the
+    data."""
     processes = list(problem.model.processes)
     for place, scale in zip(problem.linear, solution.scales, strict=True):
         processes[place] = _with_scale(processes[place], float(scale), slope)

@@ -20,7 +20,7 @@ from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import as_whole_number
 from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.start_context import Dominant, Occasion
+from gmwm.theory.processes.parameter import Dominant, Occasion
 from gmwm.theory.processes.validation import as_seed
 
 How = Literal["convex", "given", "scan", "sampled"]
@@ -107,9 +107,8 @@ class Start(Documented):
 def scanned_points(
     problem: Problem, surface: Surface, alone: list[Alone] | None, kept: int
 ) -> tuple[list[tuple[How, ShapePoint]], int]:
-    """Return the points from which descents start, and the number of points that were evaluated: the values in the
-    model, the point of `alone`, the scans of single free processes, and the best of a sequence of points that fills the
-    box of free coordinates evenly. The curved and linear processes are optimised at each point."""
+    """Return the points from which descents start, and the number of evaluated points: the values in the model, the
+    point of `alone`, and the best of a sequence of points that fills the box of free coordinates evenly."""
     count = sum(free.size for free in surface.frees)
     # If a parameter is fixed, only a few points of the box belong to a valid process, so more points are needed.
     held = any(not free.together for free in surface.frees)
@@ -155,8 +154,7 @@ class Alone:
     units: Matrix
 
     def best(self, others: Matrix, problem: Problem, count: int = 1) -> list[int]:
-        """Return the indices of the `count` best points of the scan, no two of them close to each other. The objective
-        of a point is the minimum over all combinations of its unit vector and the vectors `others`."""
+        """Return the `count` best points of the scan, not close to each other, combined with the vectors `others`."""
         rows = np.ascontiguousarray(np.concatenate([others, self.units[:1]]))
         objectives = np.empty(len(self.units))
         for k, unit in enumerate(self.units):
@@ -188,9 +186,8 @@ def scans_alone(problem: Problem, surface: Surface) -> list[Alone] | None:
 
 
 def _one_by_one(problem: Problem, surface: Surface, every: list[Alone]) -> list[Vector]:
-    """Return the coordinates of the free processes after each of them in turn was optimised until none changes. This
-    finds the frequencies of several lines. Each frequency lies in a narrow band, which the points of a scan of all
-    coordinates miss."""
+    """Return the coordinates after each free process in turn was optimised until none changes. This finds the
+    frequencies of several lines, whose narrow bands the points of a joint scan miss."""
     base = _dictionary(problem)
     at: dict[int, int] = {}
     # Largest number of rounds in which each process in turn is moved to the best point of its scan.
@@ -206,8 +203,7 @@ def _one_by_one(problem: Problem, surface: Surface, every: list[Alone]) -> list[
 
 
 def moved_points(problem: Problem, surface: Surface, every: list[Alone], point: ShapePoint) -> Iterator[ShapePoint]:
-    """Yield points at which one free process is moved to one of the best points of its own scan. The other free
-    processes do not change."""
+    """Yield points at which one free process is moved to one of the best points of its own scan."""
     _, z = surface.split(point)
     base, shapes = _dictionary(problem), surface.free_shapes(z)
     for place, scan in enumerate(every):
@@ -271,9 +267,8 @@ def _with_curved(problem: Problem, surface: Surface, z: list[Vector]) -> ShapePo
 
 
 def _even(count: int, size: int) -> Matrix:
-    """Return points (count, size) that fill the unit cube evenly. They are an additive recurrence modulo 1 with powers
-    of 1/x, where x is the root of x^(d+1) = x + 1 for d = `size` (M. Roberts, The unreasonable effectiveness of
-    quasirandom sequences, 2018)."""
+    """Return points (count, size) that fill the unit cube evenly: an additive recurrence modulo 1 with powers of 1/x,
+    where x^(d+1) = x + 1 for d = `size` (Roberts 2018, The unreasonable effectiveness of quasirandom sequences)."""
     root = 2.0
     for _ in range(60):
         root = (1.0 + root) ** (1.0 / (size + 1))
@@ -282,8 +277,8 @@ def _even(count: int, size: int) -> Matrix:
 
 
 def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, spread: float) -> ShapePoint:
-    """Return the random draw whose wavelet variance is closest to the data, as a point of the problem. `spread`: range
-    of the samples divided by their number, (max x − min x)/N, which scales the draws of drifts."""
+    """Return the random draw whose wavelet variance is closest to the data; `spread` = (max x − min x)/N scales
+    drifts."""
     surface = Surface(problem)
     rng = np.random.default_rng(sampled.rng)
     occasion = _occasion(wv, spread, sampled.draws, rng)
@@ -322,8 +317,8 @@ def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
 
 
 def _occasion(wv: WaveletVariance, spread: float, draws: int, rng: np.random.Generator) -> Occasion:
-    """Run Algorithms 1 and 2 of Balamuta et al. They find the process that dominates the first two levels, and the
-    condition of Algorithm 3 for each draw."""
+    """Run Algorithms 1 and 2 of Balamuta et al.: the process that dominates two levels, and the condition of each
+    draw."""
     dominant = _dominant(wv)
     first = np.ones(draws, dtype=np.int64)
     if dominant == "quantization":

@@ -12,7 +12,7 @@ import numpy as np
 
 from gmwm.base.errors import GmwmError, MissingTheoryError, ModelError
 from gmwm.base.remarks import Dialect, Remark, texts
-from gmwm.base.tables import align
+from gmwm.base.text import align
 from gmwm.fitting.estimation.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap, least_draws
 from gmwm.fitting.estimation.goodness import GoodnessOfFit, goodness_of_fit
 from gmwm.fitting.estimation.intervals import Interval, Method, confidence_intervals
@@ -23,14 +23,10 @@ if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
     from gmwm.fitting.likelihood.result import LikelihoodFit
 
-PROVEN = 1e-3
-"""Largest gap of a global optimum in words, 10 times `CERTIFIED_GAP`, which the limit of nodes may exceed."""
-
 
 @dataclass(frozen=True)
 class IntervalMethod:
-    """Method of intervals and tests, which is either theory or a bootstrap of `draws` recordings, and confidence
-    level."""
+    """Confidence level, and method of intervals and tests: theory, or a bootstrap of `draws` recordings."""
 
     level: float = 0.95
     method: Method = "asymptotic"
@@ -44,8 +40,7 @@ class IntervalMethod:
 
     @property
     def least_draws(self) -> int:
-        """Smallest number of simulated recordings for intervals of this confidence level and a test at the 5 %
-        level."""
+        """Smallest number of simulated recordings for intervals of this level and a test at the 5 % level."""
         return max(LEAST_FOR_TEST, least_draws(self.level))
 
 
@@ -78,8 +73,8 @@ def test_in_words(fit: Fit, how: IntervalMethod) -> tuple[GoodnessOfFit | None, 
 
 
 def inference(fit: Fit, how: IntervalMethod) -> dict[str, Any]:
-    """Return the intervals, the standard errors and the test as plain numbers and strings for JSON. None replaces a
-    number that is infinite, and a test that cannot be computed."""
+    """Return the intervals, the standard errors and the test for JSON; None replaces infinite numbers and a missing
+    test."""
     intervals, _ = intervals_if_known(fit, how)
     test, _ = test_in_words(fit, how)
     return {
@@ -146,8 +141,7 @@ def short_values(fit: Fit, how: IntervalMethod) -> dict[str, str]:
 def short_texts(
     fit: Fit | LikelihoodFit, table: list[ParameterRow], intervals: Mapping[str, Interval], unknown: Collection[str]
 ) -> dict[str, str]:
-    """Return a short text for each parameter: the estimate with its relative standard error, an upper limit, or the
-    process as which the term acts."""
+    """Return the estimate of each parameter with its relative standard error, an upper limit, or how its term acts."""
     words = {}
     for row in table:
         low, high = intervals.get(row.name, (0.0, math.inf))
@@ -192,22 +186,14 @@ def summary(
         Confidence level of the intervals, between 0 and 1.
     method : "asymptotic" or "bootstrap"
         Source of the intervals and the test: theory, or `draws` simulated recordings.
-    draws : int
-        Number of simulated recordings.
-    rng : int or numpy.random.Generator
-        Source of the draws; the same integer gives the same result.
+    draws, rng
+        The same as for `Fit.bootstrap`.
 
     Returns
     -------
     str
-        Text with the model, the number of samples, the rate, the levels and the weighting; the objective with its
-        bounds; the goodness-of-fit test; a table of the parameters with estimate, interval, relative standard error
-        and unit; and the remarks.
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown or out of range.
+        Text with the model, the data, the objective with its bounds, the goodness-of-fit test, a table of the
+        parameters, and the remarks. Raises OptionError if an option is unknown or out of range.
     """
     how = IntervalMethod(level, method, draws, as_seed(rng))
     intervals, missing = intervals_if_known(fit, how)
@@ -231,7 +217,8 @@ def head(fit: Fit, how: IntervalMethod) -> list[str]:
     if start is not None and start.how != "convex":
         certificate = f"no proof; {start.in_words}"
     if fit.gap is not None:
-        proven = fit.gap <= PROVEN and (start is None or start.how != "sampled")
+        # Largest gap of a global optimum in words, 10 times `CERTIFIED_GAP`, which the limit of nodes may exceed.
+        proven = fit.gap <= 1e-3 and (start is None or start.how != "sampled")
         claim = "global optimum" if proven else "best found"
         claim += " given the fixed values" if fit.model.fixed_names else ""
         certificate = f"{claim}, no other fit is lower by more than {100 * fit.gap:.2g} %"
@@ -257,8 +244,7 @@ def as_html(fit: Fit) -> str:
 
 
 def table_html(head: Sequence[str], rows: Iterable[ParameterRow], words: Iterable[str]) -> str:
-    """Return HTML with a title and facts (`head`), a table of parameters with 95 % intervals (`rows`), and remarks. The
-    remarks (`words`) are HTML already."""
+    """Return HTML with a title and facts, a table of parameters with 95 % intervals, and remarks (HTML already)."""
     cells = "".join(
         f"<tr><td>{escape(row.name)}</td><td>{escape(row.estimate)}</td><td>{escape(row.interval)}</td>"
         f"<td>{escape(row.error)}</td><td>{escape(row.unit)}</td></tr>"

@@ -23,18 +23,13 @@ from gmwm.fitting.estimation.problem import Problem, to_find
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
 
-LONGEST = 2.0
-"""Longest Levenberg-Marquardt step in a coordinate. It changes a correlation time by a factor of seven."""
 NOISE = 1e-12
 """Relative difference below which two objectives are equal up to rounding."""
-FAR = 12.0
-"""Distance beyond the scanned range: a factor of 160 000, or a bounded domain up to 1 − 1e-12."""
 _COMPLEX = 1e-30
 
 
 class Coordinates:
-    """Coordinates of one free process. They are the joint coordinates of its class, or one coordinate for each free
-    parameter if some parameters are fixed."""
+    """Coordinates of one free process: those of its class, or one for each free parameter if some are fixed."""
 
     def __init__(self, process: Process) -> None:
         self.kind = type(process)
@@ -61,8 +56,7 @@ class Coordinates:
         return values
 
     def with_slopes(self, z: Vector) -> tuple[Matrix, Matrix]:
-        """Return the nonlinear parameters (1, q) at one point z (d,), and their derivatives (q, d) with respect to z.
-        The derivatives are computed by complex steps."""
+        """Return the nonlinear parameters (1, q) at a point z (d,), and their derivatives (q, d) by complex steps."""
         moved = self.values(z + 1j * _COMPLEX * np.eye(z.size))
         return np.ascontiguousarray(moved[:1].real), np.asarray(moved.imag.T / _COMPLEX)
 
@@ -86,11 +80,12 @@ class Coordinates:
 
     def ends(self, samples: int, rate: float) -> Matrix:
         """Return the bounds (d, 2) of the coordinates, far beyond the scan."""
-        return np.asarray(self.scan_range(samples, rate) + np.array([-FAR, FAR]))
+        # Distance beyond the scanned range: a factor of 160 000, or a bounded domain up to 1 − 1e-12.
+        margin = 12.0
+        return np.asarray(self.scan_range(samples, rate) + np.array([-margin, margin]))
 
     def possible(self, values: Matrix) -> NDArray[np.bool_]:
-        """Return a mask of the rows of nonlinear parameters (n, q) that are valid. Joint coordinates are always
-        valid."""
+        """Return a mask of the valid rows of nonlinear parameters (n, q); joint coordinates are always valid."""
         if self.together:
             return np.ones(len(values), dtype=np.bool_)
         with np.errstate(invalid="ignore"):
@@ -105,8 +100,8 @@ class Coordinates:
 
 @dataclass(frozen=True, eq=False)
 class ShapePoint:
-    """Point in the space of all shapes. `branches` has the branch of each curved process. `x` has the search
-    coordinates u of the curved processes, followed by the coordinates of the free processes."""
+    """Point in the space of all shapes: branches and coordinates u of the curved processes, then coordinates of the
+    free ones."""
 
     branches: tuple[Branch, ...]
     x: Vector
@@ -114,9 +109,8 @@ class ShapePoint:
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """Smallest objective for given shapes, with the non-negative weights of the linear, curved and free processes.
-    `units` are the unit vectors of the processes, `lengths` the lengths of the weighted wavelet variances of the curved
-    and free processes, and `residual` is the target minus the weighted sum of the unit vectors."""
+    """Smallest objective for given shapes, with the non-negative weights and the unit vectors of all processes.
+    `lengths` are those of the weighted curves of curved and free processes, and `residual` is what the sum leaves."""
 
     objective: float
     point: ShapePoint
@@ -128,8 +122,7 @@ class Projection:
 
 @dataclass(frozen=True, eq=False)
 class Curvature:
-    """Second derivatives of the objective, in the unit of the data, with respect to the coordinates that `able`
-    marks."""
+    """Second derivatives of the objective, in the unit of the data, for the coordinates that `able` marks."""
 
     able: NDArray[np.bool_]
     hessian: Matrix
@@ -147,8 +140,7 @@ class Surface:
         self.ends = np.concatenate([np.empty((0, 2)), *ends])
 
     def split(self, point: ShapePoint) -> tuple[Vector, list[Vector]]:
-        """Return the search coordinates of the curved processes, and the coordinates of each free process, of a
-        point."""
+        """Return the search coordinates of the curved processes, and the coordinates of each free process."""
         count = len(point.branches)
         return point.x[:count], [point.x[count + a : count + b] for a, b in self.spans]
 
@@ -188,8 +180,8 @@ class Surface:
         return np.concatenate([np.empty((0, problem.levels.size)), *rows])
 
     def curved_alone(self, z: list[Vector]) -> Search:
-        """Return the search for the curved processes if the free processes have the fixed coordinates `z`. Free
-        processes whose wavelet variance is zero are left out."""
+        """Return the search for the curved processes with fixed free ones, without those whose wavelet variance is
+        zero."""
         problem, curves = self.problem, self.free_shapes(z)
         assert problem.curved_class is not None
         seen = np.any(curves > 0, axis=1)
@@ -204,8 +196,8 @@ class Surface:
         return shapes(curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
 
     def slopes(self, found: Projection) -> Matrix:
-        """Return the derivatives (d, J) of Σ weight · unit vector with respect to every coordinate. The lengths by
-        which the unit vectors are scaled are treated as constants."""
+        """Return the derivatives (d, J) of Σ weight · unit vector with respect to every coordinate, for constant
+        lengths."""
         problem, first = self.problem, len(self.fixed)
         u, z = self.split(found.point)
         branches = found.point.branches
@@ -231,8 +223,7 @@ class Surface:
         return np.asarray((np.concatenate(rows) @ problem.root.T) * share[:, None])
 
     def moving(self, found: Projection, gradient: Vector) -> NDArray[np.bool_]:
-        """Return a mask of the coordinates that can change. The process must have a weight, and a step against the
-        gradient must not leave the branch."""
+        """Return a mask of the coordinates of processes with a weight for which a step does not leave the branch."""
         first, count = len(self.fixed), len(found.point.branches)
         free = [np.full(f.size, w > 0) for f, w in zip(self.frees, found.weights[first + count :], strict=True)]
         able = np.concatenate([found.weights[first : first + count] > 0, *free])
@@ -251,6 +242,8 @@ class Surface:
 
     def downhill(self, start: ShapePoint | Projection, steps: int = 100) -> Projection | None:
         """Return the point that at most `steps` Levenberg-Marquardt steps reach; None if `start` is not valid."""
+        # Longest Levenberg-Marquardt step in a coordinate. It changes a correlation time by a factor of seven.
+        longest_step = 2.0
         best = start if isinstance(start, Projection) else self.at(start)
         if best is None:
             return None
@@ -268,7 +261,7 @@ class Surface:
             while damping < 1e10:
                 step = np.zeros(best.point.x.size)
                 damped = square + damping * np.diag(size + np.finfo(float).tiny)
-                step[able] = np.clip(_solve(damped, -gradient[able]), -LONGEST, LONGEST)
+                step[able] = np.clip(_solve(damped, -gradient[able]), -longest_step, longest_step)
                 trial = self.at(self.move(best.point, step))
                 if trial is not None and trial.objective < best.objective:
                     better = trial
@@ -291,9 +284,9 @@ class Surface:
         return np.asarray(slopes - (slopes @ basis) @ basis.T)
 
     def sharpen(self, best: Projection, curvature: Curvature | None = None) -> tuple[Projection, Curvature | None]:
-        """Return the optimum after Newton steps, and the last second derivatives. Steps that increase the objective are
-        rejected. The same second derivatives are used until the steps converge slowly. `curvature` are the second
-        derivatives of the problem with slightly different weights."""
+        """Return the optimum after Newton steps, and the last second derivatives. They are kept, from `curvature` of
+        slightly different weights on, until the steps converge slowly. Steps that increase the objective are
+        rejected."""
         square, before, computed = self.problem.unit**2, np.inf, 0
         for _ in range(15):
             gradient = -self.slopes(best) @ best.residual
@@ -331,8 +324,8 @@ class Surface:
         return best, curvature
 
     def _hessian(self, best: Projection, able: NDArray[np.bool_]) -> Matrix | None:
-        """Return the Hessian for the coordinates that `able` marks, by differences of gradients. It is None if it is
-        not positive definite."""
+        """Return the Hessian for the coordinates in `able`, by differences of gradients; None unless positive
+        definite."""
         count, step = int(np.count_nonzero(able)), 1e-4
         if count == 0:
             return None
@@ -354,8 +347,7 @@ class Surface:
 
 
 def _solve(matrix: Matrix, right: Vector) -> Vector:
-    """Solve a symmetric system after scaling it to unit diagonal; a singular system gives the solution of least
-    norm."""
+    """Solve a symmetric system, scaled to unit diagonal, with the least norm if it is singular."""
     size = np.sqrt(np.diag(matrix))
     size = np.where(size > 1e-150, size, 1.0)
     scaled = matrix / np.outer(size, size)

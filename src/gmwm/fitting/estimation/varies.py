@@ -27,8 +27,7 @@ class Function:
 
 @dataclass(frozen=True)
 class Varies:
-    """Functions φ_m of the condition c in the variance Σ_m s_m φ_m(c) of a term. `condition`: name of the condition; ""
-    if the functions do not name it. `functions`: functions φ_m."""
+    """Functions φ_m of the condition c (`condition`, "" if none names it) in the variance Σ_m s_m φ_m(c) of a term."""
 
     condition: str
     functions: tuple[Function, ...]
@@ -64,8 +63,8 @@ class Varies:
         return cls(next(iter(names), ""), tuple(functions))
 
     def at(self, conditions: Vector, term: str) -> Matrix:
-        """Return the values φ_m(c_s) (m, s) of the functions at the conditions c_s (s,). `term` is named in errors.
-        Raises ModelError if a function is negative at a condition, or the conditions cannot separate the functions."""
+        """Return the values φ_m(c_s) (m, s) of the functions at conditions; raises ModelError if one is negative, or if
+        the conditions cannot separate them."""
         rows = np.array([function.of(conditions) for function in self.functions])
         for function, row in zip(self.functions, rows, strict=True):
             if np.any(row < 0):
@@ -84,8 +83,7 @@ class Varies:
 
 
 def parse_varies(varies: Mapping[str, str]) -> tuple[dict[str, Varies], str]:
-    """Parse the sum of functions that describes the variance of each term, and find the name of the condition. Raises
-    OptionError if a sum cannot be parsed, or two sums name different conditions."""
+    """Parse the functions of each term, and find the name of the condition; raises OptionError if two names differ."""
     if not isinstance(varies, Mapping):
         raise OptionError(argument="varies", expected="a mapping such as {'WN': '1 + rate**2'}", got=varies)
     sums = {term: Varies.parse(text) for term, text in varies.items()}
@@ -100,8 +98,7 @@ def _power(power: int) -> Callable[[Vector], Vector]:
 
 
 def _hats(inside: str, text: str) -> list[Function]:
-    """Return one piecewise linear function for each number in hats(…). It is 1 at this number and 0 at the others, and
-    constant outside their range."""
+    """Return one piecewise linear function for each number in hats(…): 1 there, 0 at the others, constant outside."""
     try:
         places = np.array([float(word) for word in inside.split(",")])
     except ValueError:

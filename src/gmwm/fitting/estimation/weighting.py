@@ -23,8 +23,8 @@ Weighting = Literal["diagonal", "optimal", "identity"] | ArrayLike
 
 
 def usual_weighting(model: Model) -> Literal["diagonal", "optimal"]:
-    """Return the default weighting, "optimal" if a process has several free shape parameters, and else "diagonal".
-    docs/validation/weighting.md has the study behind this choice."""
+    """Return the default weighting, "optimal" if a process has several free shape parameters
+    (docs/validation/weighting.md)."""
     several = any(
         sum(not process.is_fixed(p.name) for p in process.nonlinear_parameters()) > 1 for process in model.processes
     )
@@ -32,16 +32,14 @@ def usual_weighting(model: Model) -> Literal["diagonal", "optimal"]:
 
 
 def sampling_variance(wv: WaveletVariance) -> Vector:
-    """Approximate the variance of the estimates ν̂_j² from the data, Var ν̂_j² ≈ 2 ν̄_j⁴ / η_j, in unit⁴. ν̄² is ν̂²
-    after smoothing at levels with few coefficients. η_j = max(M_j / 2^j, 1) are the degrees of freedom. For a robust
-    ν̂² they are multiplied by the efficiency, which gives an upper bound on its variance."""
+    """Approximate the variance of ν̂_j² from the data, Var ν̂_j² ≈ 2 ν̄_j⁴ / η_j, in unit⁴, with ν̂² smoothed at levels
+    with few coefficients. For a robust ν̂², η_j times the efficiency gives an upper bound."""
     return 2 * smoothed(wv) ** 2 / wv.degrees_of_freedom
 
 
 def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
-    """Return the weighting matrix Ω (J, J), in unit⁻⁴, without a model. "diagonal" is 1 / `sampling_variance`, a vector
-    the diagonal. Raises DataError if the variance of a level is zero or its square overflows, and OptionError if the
-    matrix has the wrong shape, is not finite, or is not symmetric and positive definite."""
+    """Return the weighting matrix Ω (J, J), in unit⁻⁴, without a model: "diagonal" is 1 / `sampling_variance`, a vector
+    the diagonal. Raises DataError if a variance is zero or overflows, and OptionError for an invalid matrix."""
     size = len(wv)
     if isinstance(weighting, str):
         if weighting == "identity":
@@ -93,9 +91,8 @@ def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
 
 
 def weighting_remarks(matrix: Matrix, wv: WaveletVariance) -> tuple[Remark, ...]:
-    """Return a remark if the weights of a user look like a covariance that was not inverted. The diagonal of the
-    weights must agree with the variances V_jj of the estimates at every level with enough degrees of freedom, and must
-    differ much from 1 / V_jj at one of these levels."""
+    """Return a remark if the weights of a user look like a covariance that was not inverted: their diagonal agrees with
+    the variances V_jj at every usable level, and differs much from 1 / V_jj at one."""
     # Smallest degrees of freedom of the levels that `weighting_remarks` uses. The relative standard error of ν̂_j² is
     # then at most 1/2. Pinned by tests/estimation/test_weights.py.
     usable = (wv.degrees_of_freedom >= 8.0) & (wv.variance > 0) & (np.diag(matrix) > 0)
@@ -113,9 +110,8 @@ def weighting_remarks(matrix: Matrix, wv: WaveletVariance) -> tuple[Remark, ...]
 
 
 def precision(covariance: Matrix) -> Matrix:
-    """Return the inverse of a covariance V (J, J) of wavelet variances. V is scaled to unit diagonal first, because the
-    variances of the levels differ by many powers of ten. Eigenvalues below the rounding error are replaced by the
-    rounding error. Raises ModelError if the variance of a level is zero."""
+    """Return the inverse of a covariance V (J, J), scaled to unit diagonal first. Eigenvalues below the rounding error
+    are replaced by it. Raises ModelError if the variance of a level is zero."""
     scale = np.sqrt(np.diag(covariance))
     if not (np.all(np.isfinite(scale)) and np.all(scale > 0)):
         raise ModelError(
@@ -148,8 +144,8 @@ class Weights:
 
 
 def square_root(matrix: Matrix) -> Matrix:
-    """Return the upper triangular matrix L with LᵀL = Ω, the Cholesky factor of Ω. It is computed after Ω is scaled to
-    unit diagonal. Raises OptionError if Ω is not positive definite."""
+    """Return the upper triangular Cholesky factor L with LᵀL = Ω, from Ω scaled to unit diagonal; OptionError unless
+    positive definite."""
     diagonal = np.diag(matrix)
     if np.all(diagonal > 0):
         scale = np.sqrt(diagonal)

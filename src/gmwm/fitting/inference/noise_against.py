@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import FrozenArrays, Matrix, Vector
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, FitWarning, OptionError
 from gmwm.base.text import Summarised
@@ -20,20 +20,12 @@ from gmwm.measuring.covariance.tails import excess_covariance
 from gmwm.measuring.regression.against import TIME, Against, Asked, CovariateTerm
 from gmwm.measuring.regression.api import regress, without
 from gmwm.measuring.regression.blocks import BlockClock
-from gmwm.measuring.regression.columns import HOUR
-from gmwm.measuring.regression.covariates import Covariates
+from gmwm.measuring.regression.covariates import HOUR, Covariates
 from gmwm.measuring.regression.least_squares import haar
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
 from gmwm.theory.processes.model import ModelLike
-
-LEAST_FREEDOM = 30.0
-"""Least degrees of freedom of a level: the joint test then rejects 3 % at 5 % (docs/validation/regression.md)."""
-LEAST_RANGE = 0.5
-"""Least ratio of the variance of means over a scale to the variance of the condition, which must change slowly."""
-SUPPORTED = 4.0
-"""Least ratio of a scale parameter to its standard error; the slope of a weaker term is too uncertain."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +48,7 @@ class Slope:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class NoiseAgainst(Documented, Summarised):
+class NoiseAgainst(FrozenArrays, Documented, Summarised):
     """Dependence of the noise of an axis on a condition.
 
     Attributes
@@ -92,10 +84,6 @@ class NoiseAgainst(Documented, Summarised):
     pvalue: float
     terms: dict[str, Slope]
     pvalue_terms: float | None
-
-    def __post_init__(self) -> None:
-        freeze(self.levels)
-        freeze(self.tau)
 
     def summary(self) -> str:
         """Format a table of the slopes of levels and terms in per cent per unit, with standard errors and p-values."""
@@ -254,29 +242,33 @@ def _shares(model: ModelLike, wv: WaveletVariance, used: NDArray[np.bool_]) -> t
     errors, parts = result.sandwich.errors, {}
     for name, process in zip(result.model.terms, result.model.processes, strict=True):
         scale = f"{name}.{process.scale_parameter().name}"
-        if scale in errors and abs(result.parameters[scale]) > SUPPORTED * errors[scale]:
+        # Least ratio of a scale parameter to its standard error; the slope of a weaker term is too uncertain.
+        if scale in errors and abs(result.parameters[scale]) > 4.0 * errors[scale]:
             parts[name] = (result.decomposition[name] / result.implied)[used]
     return list(parts), np.column_stack(list(parts.values())) if parts else np.zeros((int(np.sum(used)), 0))
 
 
 def _slow(signal: Signal, values: Vector, design: Design) -> NDArray[np.bool_]:
-    """Return a mask (J,) of the levels that are used. They have enough degrees of freedom, and the condition is nearly
-    constant over the samples of a coefficient."""
+    """Return a mask (J,) of the levels with enough degrees of freedom and a nearly constant condition in a
+    coefficient."""
+    # Least degrees of freedom of a level: the joint test then rejects 3 % at 5 % (docs/validation/regression.md).
+    least_freedom = 30.0
     mask, total = np.zeros(design.levels.size, dtype=bool), float(np.var(values))
     for k, (level, freedom) in enumerate(zip(design.levels.tolist(), design.degrees_of_freedom, strict=True)):
-        if freedom >= LEAST_FREEDOM:
+        if freedom >= least_freedom:
             away = np.concatenate([_running(values[a:b], 1 << level) for a, b in _long(signal, level)])
             away -= np.mean(away)
             variance = float(np.mean(away**2))
             # If the condition is rarely far from its mean, the slope has fewer degrees of freedom.
-            few = freedom * variance**2 < LEAST_FREEDOM * float(np.mean(away**4))
-            mask[k] = variance >= LEAST_RANGE * total and not few
+            few = freedom * variance**2 < least_freedom * float(np.mean(away**4))
+            # Least ratio of the variance of means over a scale to the variance of the condition, which must change
+            # slowly.
+            mask[k] = variance >= 0.5 * total and not few
     return mask
 
 
 def _parts(signal: Signal, values: Vector, level: int) -> tuple[NDArray[np.int64], Vector, Vector]:
-    """Divide the coefficients of a level into parts. Returns, for each part, the number of coefficients, the sum of
-    their squares, and the mean of the condition."""
+    """Divide the coefficients of a level into parts: their number, sum of squares, and mean condition in each part."""
     pieces = [
         (haar(signal.values[a:b] - np.mean(signal.values[a:b]), level) ** 2, _running(values[a:b], 1 << level))
         for a, b in _long(signal, level)
@@ -294,9 +286,8 @@ def _parts(signal: Signal, values: Vector, level: int) -> tuple[NDArray[np.int64
 
 
 def _slope(counts: NDArray[np.int64], sums: Vector, means: Vector) -> tuple[float, float]:
-    """Return the relative change of the standard deviation of the noise per unit of the condition, at one level. The
-    second result is the standard deviation of the condition over the parts of the level. `counts`, `sums`, `means`
-    (n,): number of coefficients, sum of their squares, and mean of the condition for each of n parts."""
+    """Return the relative change of the standard deviation per unit of the condition at one level, and the standard
+    deviation of the condition over the parts."""
     away = means - np.average(means, weights=counts)
     spread = float(np.sqrt(np.average(away**2, weights=counts)))
     c, slope = away / spread, 0.0

@@ -13,12 +13,11 @@ from typing import Any, Literal
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector, as_rate, freeze
+from gmwm.base.documents import plain
 from gmwm.base.errors import ModelError, OptionError
-from gmwm.base.plain import plain
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark, texts
-from gmwm.base.tables import align
-from gmwm.base.text import Named, Summarised, counted, duration_text
+from gmwm.base.text import Named, Summarised, align, counted, duration_text
 from gmwm.fitting.estimation.asymptotic import sandwich_of
 from gmwm.fitting.estimation.problem import pose
 from gmwm.fitting.estimation.weighting import precision, usual_weighting
@@ -33,8 +32,6 @@ LONGEST = 2**40
 """Largest number of samples of a planned recording, which is 350 years at 100 Hz."""
 BEYOND = 1e4
 """Multiple of the planned duration up to which `Plan.needed` searches."""
-PER_OCTAVE = 4
-"""Number of lengths per factor of two that `Plan.needed` evaluates before it bisects."""
 _LEAST, _MOST = 1e-295, 1e295
 """Allowed range of squared variances. It is the range of double precision, 1e±308, with a margin for sums over 2⁴⁰
 samples."""
@@ -42,8 +39,8 @@ samples."""
 
 @dataclass(frozen=True)
 class PlannedGaps:
-    """Gaps of a planned recording, which repeat the gaps of a pilot recording. `filled`: share of the samples that are
-    filled. `segments`: lengths of the segments of the pilot recording; () if all its gaps are filled or it has no gaps.
+    """Gaps of a planned recording, which repeat those of a pilot: the share of `filled` samples, and the lengths of its
+    segments.
 
     >>> gaps = PlannedGaps(segments=(500, 1500))
     >>> gaps.design(1200, 100.0)[0].segments, gaps.shortest(512)
@@ -62,8 +59,7 @@ class PlannedGaps:
         return bool(self.filled or self.segments)
 
     def shortest(self, least: int) -> int:
-        """Return the length (samples) of the shortest recording with a segment of `least` samples. Raises OptionError
-        if all segments are shorter than `least` samples."""
+        """Return the length (samples) of the shortest recording with a segment of `least` samples."""
         before = 0
         for length in self.segments:
             if length >= least:
@@ -77,8 +73,8 @@ class PlannedGaps:
         return least
 
     def design(self, samples: int, rate: float) -> tuple[Design, float]:
-        """Return the design of a recording of `samples` samples, and a factor by which its covariance is multiplied. If
-        the segments are repeated m times, the design has one repetition, and the factor is 1/m."""
+        """Return the design of a recording of `samples` samples, and a factor of its covariance: 1/m for m
+        repetitions."""
         filled, share, segments = round(self.filled * samples), 1.0, self.segments
         if not segments:
             return Design(np.arange(1, samples.bit_length()), samples, rate, filled=filled), share
@@ -298,8 +294,11 @@ class Plan(Summarised, Plotted):
         return self._cache[samples]
 
     def _samples_needed(self, k: int, accuracy: float) -> float:
-        """Return the number of samples from which the relative error of parameter k is at most `accuracy`. It is
-        infinite if it exceeds the horizon."""
+        """Return the number of samples from which the relative error of parameter k is at most `accuracy`; else
+        infinity."""
+
+        # Number of lengths per factor of two that `Plan.needed` evaluates before it bisects.
+        per_octave = 4
 
         def enough(samples: int) -> bool:
             return bool(self._at(samples)[k] <= accuracy)
@@ -313,7 +312,7 @@ class Plan(Summarised, Plotted):
             low, high = (low, middle) if enough(1 << middle) else (middle + 1, high)
         # From octave to octave the error falls by more than it can rise within an octave. The largest length at which
         # it reaches the accuracy is therefore within one octave of `high`.
-        near = (np.arange(-PER_OCTAVE, PER_OCTAVE + 1) / PER_OCTAVE + high).tolist()
+        near = (np.arange(-per_octave, per_octave + 1) / per_octave + high).tolist()
         grid = sorted({min(max(round(2.0**at), 1 << (len(self.errors) + 1)), last) for at in near} | {last})
         short = [place for place, samples in enumerate(grid) if not enough(samples)]
         if not short:
@@ -399,8 +398,7 @@ def plan(
 def relative_errors(
     model: Model, samples: int, rate: float, weighting: Literal["diagonal", "optimal"], losses: PlannedGaps = NONE
 ) -> tuple[tuple[str, ...], Vector]:
-    """Return the names of the p free parameters, and their relative standard errors (p,), for a recording. The
-    recording has `samples` samples and the gaps `losses`."""
+    """Return the names of the p free parameters, and their relative standard errors (p,), for a recording."""
     design, share = losses.design(samples, rate)
     wavelet = share * covariance(model, design)
     errors = sandwich_of(model, design, _weights(wavelet, weighting), wavelet)
@@ -421,8 +419,7 @@ def _weights(wavelet: Matrix, weighting: Literal["diagonal", "optimal"]) -> Matr
 
 
 def _free(model: Model, rate: float) -> int:
-    """Return the number of free parameters of a model. Raises ModelError if a parameter has no value or a term is
-    zero."""
+    """Return the number of free parameters; raises ModelError if a parameter has no value or a term is zero."""
     missing = {
         term: [parameter for parameter, value in process.values.items() if value is None]
         for term, process in zip(model.terms, model.processes, strict=True)
@@ -451,8 +448,7 @@ def _free(model: Model, rate: float) -> int:
 
 
 def _require_range(model: Model, samples: int, rate: float) -> None:
-    """Check that squared variances of recordings of up to `samples` samples are within the range of double
-    precision."""
+    """Check that squared variances of recordings of up to `samples` samples are within double precision."""
     levels = np.arange(1, samples.bit_length())
     shown = model.wavelet_variance(levels, rate)
     freedom = np.maximum(samples / np.ldexp(1.0, levels), 1.0)
@@ -468,8 +464,8 @@ def _require_range(model: Model, samples: int, rate: float) -> None:
 
 
 def samples_of(duration: float, rate: float, free: int, losses: PlannedGaps = NONE) -> int:
-    """Return the number of samples of a recording of `duration` (s). Raises OptionError unless the recording has more
-    levels than `free`, the number of free parameters."""
+    """Return the samples of a recording of `duration` (s); raises OptionError unless it has more levels than `free`
+    parameters."""
     is_number = isinstance(duration, int | float | np.number) and not isinstance(duration, bool)
     if not (is_number and math.isfinite(duration) and duration > 0):
         raise OptionError(argument="duration", expected="a positive number (s)", got=duration)

@@ -22,15 +22,11 @@ from gmwm.measuring.regression.covariates import Covariates
 from gmwm.measuring.regression.result import Regression
 from gmwm.recording.signals import Signal
 
-_STEP = 0.05
-"""Step of a coordinate for the derivative that gives the degrees of freedom of standard errors."""
-
 
 @dataclass(frozen=True, eq=False)
 class Regressed:
-    """A recording together with the columns of a regression on conditions. `signal`: the recording. `covariates`: the
-    conditions. `first`: a first regression by wavelet levels. Its estimate of the time constant of a warm-up is used in
-    the columns. `record`: the recording for the Kalman filter, with the columns."""
+    """A recording, its conditions, a first regression by wavelet levels, whose estimate of the time constant of a
+    warm-up is used in the columns, and the recording for the Kalman filter with these columns."""
 
     signal: Signal
     covariates: Covariates
@@ -39,8 +35,8 @@ class Regressed:
 
     @classmethod
     def of(cls, data: Signal | ArrayLike, rate: float | None, record: Record, asked: Asked) -> Regressed:
-        """Compute the regression columns at every sample of a recording. Raises DataError or OptionError if a covariate
-        cannot be used."""
+        """Compute the regression columns at every sample; raises DataError or OptionError if a covariate cannot be
+        used."""
         signal = data if isinstance(data, Signal) else Signal(as_vector(data, "data"), as_rate(rate))
         covariates = Covariates.of(asked.terms, dict(asked.arrays or {}), signal)
         first = regress(signal, covariates)
@@ -55,13 +51,15 @@ class Regressed:
 
     def regression(self, problem: LikelihoodProblem, found: Maximum) -> Regression:
         """Return the regression at a maximum of the likelihood: coefficients, covariance and degrees of freedom."""
+        # Step of a coordinate for the derivative that gives the degrees of freedom of standard errors.
+        distance = 0.05
         estimates, covariance = self._at(problem, found.z)
         relative = np.zeros((len(estimates) + 1, len(found.active)))
         inverse = np.linalg.inv(covariance)
         for a, k in enumerate(found.active):
             step = np.zeros(found.z.size)
-            step[k] = _STEP
-            slope = (self._at(problem, found.z + step)[1] - self._at(problem, found.z - step)[1]) / (2 * _STEP)
+            step[k] = distance
+            slope = (self._at(problem, found.z + step)[1] - self._at(problem, found.z - step)[1]) / (2 * distance)
             relative[:-1, a] = np.diag(slope) / np.diag(covariance)
             relative[-1, a] = np.trace(inverse @ slope) / len(estimates)
         information = found.evaluation.information

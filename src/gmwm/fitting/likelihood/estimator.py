@@ -11,16 +11,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.base.errors import FitWarning, ModelError
-from gmwm.base.remarks import Remark
+from gmwm.base.errors import DataError, FitWarning, MissingTheoryError, ModelError
+from gmwm.base.remarks import Quantity, Remark
 from gmwm.fitting.estimation import Fit, fit
+from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.likelihood.conditions import Regressed
-from gmwm.fitting.likelihood.curve_test import misfit
 from gmwm.fitting.likelihood.problem import LikelihoodProblem, RegressionEstimate, as_mean, nothing_to_chance
 from gmwm.fitting.likelihood.record import Record, as_record
 from gmwm.fitting.likelihood.result import LikelihoodDiagnostics, LikelihoodFit
 from gmwm.fitting.likelihood.search import LikelihoodSearch, Maximum
 from gmwm.fitting.likelihood.system import LEVEL, assemble, require_state
+from gmwm.measuring.covariance import Design
+from gmwm.measuring.covariance.api import variances
 from gmwm.measuring.regression.against import Against, Asked
 from gmwm.recording.signals import Signal
 from gmwm.theory.processes.base import Process
@@ -32,8 +34,7 @@ from gmwm.theory.processes.parameter import Fixed
 def loglikelihood(
     model: Model | Process | str, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None
 ) -> float:
-    """Compute the exact Gaussian log-likelihood of a recording; see `Model.loglikelihood`. The slope of a drift has the
-    value that the model states."""
+    """Compute the exact Gaussian log-likelihood; see `Model.loglikelihood`. The slope of a drift is the model's."""
     terms = as_model(model)
     missing = [name for name, value in terms.parameters.items() if value is None]
     if missing:
@@ -238,9 +239,8 @@ def _rename(name: str, terms: dict[str, str]) -> str:
 
 
 def _level(problem: LikelihoodProblem, level: RegressionEstimate, best: Model) -> tuple[float | None, float | None]:
-    """Return the estimated mean of the recording and its standard error. Both are None if the mean is known, or if a
-    random walk of the model includes it. If the variance of the random walk is estimated as zero, its constant level is
-    the mean."""
+    """Return the estimated mean of the recording and its standard error; None if it is known or part of a random walk.
+    If the variance of the random walk is estimated as zero, its constant level is the mean."""
     if problem.mean is None:
         zero = {term for term, process in zip(best.terms, best.processes, strict=True) if process.scale == 0}
         for k, regressor in enumerate(problem.regressors):
@@ -251,8 +251,7 @@ def _level(problem: LikelihoodProblem, level: RegressionEstimate, best: Model) -
 
 
 def _acts_as(problem: LikelihoodProblem, found: Maximum, best: Model, renamed: dict[str, str]) -> dict[str, str]:
-    """Return the terms whose shape parameter is at an end of its domain, with the process that each is equivalent to
-    there."""
+    """Return the terms whose shape parameter is at an end of its domain, with the equivalent process there."""
     out = {}
     for k in found.at_end:
         coordinate = problem.coordinates[k]
@@ -324,8 +323,7 @@ def invert(information: Matrix) -> Matrix:
 
 
 def jacobian(problem: LikelihoodProblem, model: Model) -> dict[str, Vector]:
-    """Return the derivatives ∂θ/∂z (q,) of each parameter θ with respect to the coordinates z, by name of the
-    parameter."""
+    """Return the derivatives ∂θ/∂z (q,) of each parameter θ with respect to the coordinates z, by name."""
     out: dict[str, Vector] = {}
     q = len(problem.coordinates)
     for k, coordinate in enumerate(problem.coordinates):
@@ -341,3 +339,36 @@ def jacobian(problem: LikelihoodProblem, model: Model) -> dict[str, Vector]:
         for parameter, value in zip(process.nonlinear_parameters(), slope.tolist(), strict=True):
             out.setdefault(f"{term}.{parameter.name}", np.zeros(q))[k] = value
     return out
+
+
+def misfit(fit: LikelihoodFit) -> Remark | None:
+    """Return a remark if a model does not describe the wavelet variance of its recording. Most information in the
+    samples is about the fastest process, so errors at long scales hardly affect the likelihood or the whiteness. η_j
+    ν̂²_j / ν²_j is about chi-square with η_j = 2 ν⁴_j / V_jj degrees of freedom; p-values are adjusted by Holm's
+    method."""
+    from scipy.special import gammainc, gammaincc
+
+    # Significance level, small because the fit does not minimise this distance (tests/likelihood/test_misfit.py).
+    level = 1e-3
+    try:
+        wv = fit.wavelet_variance
+        usable = usable_levels(wv)
+        spread = variances(fit.model, Design.of(wv).only(usable))
+    except (DataError, MissingTheoryError):
+        return None  # the recording is too short for a wavelet variance, or a process has no covariance
+    implied, measured = fit.implied[usable], wv.variance[usable]
+    if not np.any(usable) or not np.all(implied > 0):
+        return None
+    half = implied**2 / spread
+    scores = half * measured / implied
+    pvalues = 2 * np.minimum(gammainc(half, scores), gammaincc(half, scores))
+    pvalue = float(min(1.0, pvalues.size * np.min(pvalues)))
+    if pvalue >= level:
+        return None
+    ratios = implied / np.maximum(measured, 1e-9 * implied)
+    worst = int(np.argmax(np.where(pvalues.size * pvalues < level, np.abs(np.log(ratios)), 0.0)))
+    ratio = float(ratios[worst])
+    return Remark.of(
+        "likelihood-misfit", fit.axis, tau=Quantity(float(wv.tau[usable][worst]), "s"), ratio=max(ratio, 1 / ratio),
+        side="above" if ratio > 1 else "below", pvalue=pvalue,
+    )  # fmt: skip

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Vector, freeze
+from gmwm.base.arrays import FrozenArrays, Vector
 from gmwm.base.errors import OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised
@@ -48,7 +48,7 @@ class Check:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Residuals(Summarised, Plotted):
+class Residuals(FrozenArrays, Summarised, Plotted):
     """Standardised innovations z_t = v_t/√S_t of a recording, with tests of whiteness and normality.
 
     v_t is the error of the one-step prediction of a Kalman filter, and S_t is its variance.
@@ -79,12 +79,6 @@ class Residuals(Summarised, Plotted):
     axis: str = ""
     estimated: int = 0
     spent: Vector | None = None
-
-    def __post_init__(self) -> None:
-        freeze(self.values)
-        freeze(self.times)
-        if self.spent is not None:
-            freeze(self.spent)
 
     @cached_property
     def observed(self) -> Vector:
@@ -242,21 +236,17 @@ def residuals(
     )  # fmt: skip
 
 
-_ENOUGH = 65_536
-"""Largest number of samples from which `spent` is computed; it hardly depends on the length."""
-
-
 def spent(problem: LikelihoodProblem) -> Vector:
-    """Return the degrees of freedom (L,) that the estimation of parameters takes from the autocorrelation at lags 1 …
-    L. Let r be the autocorrelation of the N residuals for the true parameters θ, and r̂ the one for the estimate θ̂.
-    With D = ∂r/∂θ, r̂ ≈ r + D(θ̂ − θ) has the covariance (1 − N D I⁻¹ Dᵀ)/N, where I is the information matrix. At lag
-    k, the parameters therefore take N D_k I⁻¹ D_kᵀ degrees of freedom. The sum over all lags is one for each parameter,
-    except for a common scale of all terms. The formula holds for efficient estimates. D is computed by finite
-    differences. Source: Box and Pierce (1970), JASA 65, 1509-1526, section 3."""
+    """Return the degrees of freedom (L,) that estimated parameters take from the autocorrelation at lags 1 … L. With
+    the autocorrelation r of the N residuals for the true parameters, D = ∂r/∂θ by finite differences, and the
+    information matrix I, r̂ ≈ r + D(θ̂ − θ) has the covariance (1 − N D I⁻¹ Dᵀ)/N. At lag k, they therefore take N D_k
+    I⁻¹ D_kᵀ. This holds for efficient estimates (Box and Pierce 1970, JASA 65, 1509-1526, section 3)."""
+    # Largest number of samples from which `spent` is computed; it hardly depends on the length.
+    longest = 65_536
     record = problem.record
-    if record.values.size > _ENOUGH:
-        part = replace(record, values=record.values[:_ENOUGH])
-        problem = replace(problem, record=part if part.observed > _ENOUGH // 2 else record)
+    if record.values.size > longest:
+        part = replace(record, values=record.values[:longest])
+        problem = replace(problem, record=part if part.observed > longest // 2 else record)
     # Largest number of lags of `spent`. It is larger than the default number of lags of all tests in gmwm.
     lags = min(1000, problem.record.observed // 2)
     z = problem.at(problem.model)

@@ -67,8 +67,8 @@ class _ProfileLikelihood:
         self.fit, self.z = fit, z
 
     def has(self, name: str) -> bool:
-        """Return whether a profile interval exists for a parameter, which must depend on one coordinate only. Raises
-        ModelError if the fit was read from a file, which does not hold the recording."""
+        """Return whether a parameter depends on one coordinate only; raises ModelError for a fit from a file, without
+        recording."""
         if self.fit.record is None:
             raise ModelError(
                 f"the profile interval of {name} needs the recording, and the fit was read from a file",
@@ -82,8 +82,7 @@ class _ProfileLikelihood:
         return row is not None and np.count_nonzero(row) == 1
 
     def interval(self, name: str, parameter: Parameter) -> Interval:
-        """Return the interval at whose ends the square root of the deviance is z, the quantile of the confidence
-        level."""
+        """Return the interval at whose ends the square root of the deviance is z."""
         row = self._row(name)
         assert row is not None
         k = int(np.flatnonzero(row)[0])
@@ -107,8 +106,7 @@ class _ProfileLikelihood:
         return jacobian(self.problem, self.fit.model).get(name)
 
     def _end(self, k: int, name: str, side: int) -> float | None:
-        """Return the value at which the profile is z²/2 below its maximum on one side, or None if there is no such
-        value."""
+        """Return the value at which the profile is z²/2 below its maximum on one side, if any."""
         best = self.problem.at(self.fit.model)
         low, high = self.problem.bounds[k]
         if self.problem.coordinates[k].shape is None and side < 0:
@@ -144,8 +142,8 @@ class _ProfileLikelihood:
         return self._parameter(best[k] + step, k, name)
 
     def _along(self, best: Vector, k: int) -> Vector:
-        """Return the direction of the profile of coordinate k at the maximum, and set `reach` to its standard error.
-        The direction is I⁻¹e_k / (I⁻¹)_kk, with I the information matrix and e_k the unit vector of the coordinate."""
+        """Return the direction I⁻¹e_k / (I⁻¹)_kk of the profile at the maximum, and set `reach` to its standard
+        error."""
         gone = {k for k, c in enumerate(self.problem.coordinates) if c.shape is None and best[k] == -math.inf}
         terms = {self.problem.coordinates[i].term for i in gone}
         active = [i for i, c in enumerate(self.problem.coordinates) if c.term not in terms]
@@ -160,8 +158,7 @@ class _ProfileLikelihood:
         return along
 
     def _limit_from_zero(self, k: int, name: str, best: Vector) -> float | None:
-        """Return the upper limit of the scale of a term that is zero at the maximum. At this scale, the profile is z²/2
-        below the maximum."""
+        """Return the scale of a term that is zero at the maximum at which the profile is z²/2 below it."""
         at = best.copy()
         at[k] = self.problem.faint(best, k, self.fit.model, 1e-3)
         evaluation = self.problem.evaluate(at, [k])
@@ -188,9 +185,8 @@ class _ProfileLikelihood:
         return self._parameter(coordinate, k, name)
 
     def _root(self, z: Vector, k: int) -> tuple[float, Vector]:
-        """Return the square root of the deviance, and the coordinates of the maximum with coordinate k held at its
-        value. The deviance is twice the difference between the maximum of the log-likelihood and its profile at
-        coordinate k."""
+        """Return the square root of the deviance, twice the fall of the profile log-likelihood from its maximum, and
+        the coordinates of the maximum with coordinate k held at its value."""
         # Accuracy of the maximised log-likelihood in a profile. At the ends of a 95 % interval, the profile is about 2
         # below its maximum.
         maximum = LikelihoodSearch(self.problem, held=(k,), tolerance=1e-3, revive=False).run(z)

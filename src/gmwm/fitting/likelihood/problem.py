@@ -26,13 +26,6 @@ from gmwm.fitting.likelihood.system import (
 from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.parameter import Branch
 
-LEAST_DECAY = 1e-3
-"""Duration of the recording divided by the longest correlation time that the search allows. With this correlation time,
-the correlation over the whole recording is e^(−1e-3). Its difference from 1 changes no variance by more than 0.1 %,
-which is less than the standard error of any scale."""
-_FAR = 12.0
-"""Limit of the absolute value of any other shape coordinate; for a logarithm, this is a factor of 160 000."""
-
 
 @dataclass(frozen=True, eq=False)
 class RegressionEstimate:
@@ -45,8 +38,7 @@ class RegressionEstimate:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The log-likelihood of a model, with its gradient (q,) and information matrix (q, q) with respect to q
-    coordinates."""
+    """Log-likelihood, its gradient (q,) and information matrix (q, q) with respect to q coordinates."""
 
     value: float
     gradient: Vector
@@ -56,8 +48,7 @@ class Evaluation:
 
 @dataclass(frozen=True, eq=False)
 class LikelihoodProblem:
-    """A likelihood as a function of coordinates, for a model with starting values and a recording. `model`: the model
-    with starting values of all parameters. `record`: the recording. `mean`: mean of the recording if it is known."""
+    """Likelihood as a function of coordinates, for a model with starting values, a recording, and its mean if known."""
 
     model: Model
     record: Record
@@ -140,8 +131,7 @@ class LikelihoodProblem:
         return np.array(out)
 
     def at_point(self, z: Vector) -> Model:
-        """Return the model with the parameter values at coordinates z (q,). The coordinate −inf of a scale stands for
-        0."""
+        """Return the model with the parameter values at coordinates z (q,); −inf of a scale stands for 0."""
         processes = list(self.model.processes)
         by_term: dict[int, dict[int, float]] = {}
         for coordinate, value in zip(self.coordinates, z.tolist(), strict=True):
@@ -158,6 +148,12 @@ class LikelihoodProblem:
     @cached_property
     def bounds(self) -> Matrix:
         """Bounds (q, 2) of the coordinates, beyond which the recording cannot distinguish shapes."""
+        # Limit of the absolute value of any other shape coordinate; for a logarithm, this is a factor of 160 000.
+        farthest = 12.0
+        # Duration of the recording divided by the longest correlation time that the search allows. With this
+        # correlation time, the correlation over the whole recording is e^(−1e-3). Its difference from 1 changes no
+        # variance by more than 0.1 %, which is less than the standard error of any scale.
+        least_decay = 1e-3
         out, samples = [], self.record.values.size
         for coordinate in self.coordinates:
             if coordinate.shape is None:
@@ -165,17 +161,17 @@ class LikelihoodProblem:
                 continue
             parameter = self.model.processes[coordinate.term].nonlinear_parameters()[coordinate.shape]
             if parameter.domain == "positive" and parameter.time_power == -1:
-                out.append((math.log(LEAST_DECAY * self.rate / samples), math.log(40.0 * self.rate)))
+                out.append((math.log(least_decay * self.rate / samples), math.log(40.0 * self.rate)))
             elif parameter.domain == "between":
-                far = 0.5 * math.log(2.0 * samples / LEAST_DECAY)
+                far = 0.5 * math.log(2.0 * samples / least_decay)
                 out.append((-far, far))
             else:
-                out.append((-_FAR, _FAR))
+                out.append((-farthest, farthest))
         return np.array(out).reshape(-1, 2)
 
     def faint(self, z: Vector, k: int, model: Model, share: float) -> float:
-        """Return a value for scale coordinate k at which its term is negligible. The wavelet variance of the term is
-        then at most the fraction `share` of the wavelet variance of the model, at every level."""
+        """Return a scale coordinate at which the wavelet variance of term k is at most `share` of the model's at every
+        level."""
         levels, at = max(int(math.log2(self.record.observed)), 1), z.copy()
         at[k] = 0.0
         curve = self.at_point(at).processes[self.coordinates[k].term].wavelet_variance(levels, self.rate)
@@ -191,8 +187,7 @@ class LikelihoodProblem:
         return _likelihood(assemble(model, self.rate), self.series, self.regressors)
 
     def evaluate(self, z: Vector, active: Sequence[int]) -> Evaluation | None:
-        """Return the log-likelihood, gradient and information matrix for the `active` coordinates, or None if
-        undefined."""
+        """Evaluate the `active` coordinates; None if the likelihood is undefined."""
         try:
             model = self.at_point(z)
         except OverflowError:  # a scale can diverge along a profile
@@ -248,8 +243,8 @@ def _inverse(gram: Matrix) -> Matrix:
 
 
 def standardise(problem: LikelihoodProblem, model: Model) -> tuple[Vector, int]:
-    """Return the standardised innovations (N,) and the number of fitted regression coefficients. The innovations are
-    NaN where a sample is missing. The coefficients are estimated from the whole recording."""
+    """Return the standardised innovations (N,), NaN for missing samples, and the number of coefficients from the whole
+    recording."""
     system = assemble(model, problem.rate)
     value, level = _likelihood(system, problem.series, problem.regressors)
     if not math.isfinite(value):

@@ -16,9 +16,9 @@ from gmwm.recording.signals import MINIMUM_SAMPLES, Imu, Signal
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Equally spaced samples of one axis, NaN where one is missing, with optional columns of a regression. `start` is
-    the time of the first sample (s). `centre` is near the values and is subtracted before squares, to avoid
-    cancellation. `columns` (p, N) have the standard deviation 1, `scales` (p,) before they were scaled."""
+    """Equally spaced samples of one axis, NaN where one is missing, from the time `start` (s). `centre` is near the
+    values and is subtracted before squares. Regression `columns` (p, N) have the standard deviation 1, `scales` (p,)
+    before."""
 
     values: Vector
     rate: float
@@ -49,8 +49,8 @@ class Record:
         return np.asarray(self.start + np.arange(self.values.size) / self.rate)
 
     def signal(self) -> Signal:
-        """Return the recording as a signal with its short gaps filled, for its wavelet variance. If most samples are in
-        segments that are too short, missing samples are interpolated linearly instead."""
+        """Return the signal with short gaps filled, or all missing samples interpolated if most segments are too
+        short."""
         signal = Signal.from_missing(self.values, self.rate, self.unit, self.axis).fill_gaps()
         usable = sum(b - a for a, b in signal.segments if b - a >= MINIMUM_SAMPLES)
         if 2 * usable >= len(signal):
@@ -60,10 +60,10 @@ class Record:
         return Signal(values, self.rate, self.unit, self.axis)
 
 
-def as_record(data: Signal | ArrayLike, rate: float | None, *, name: str = "data") -> Record:
+def as_record(data: Signal | ArrayLike, rate: float | None) -> Record:
     """Make a recording for the Kalman filter. Gaps of a signal become missing samples, whose number follows from the
     time stamps (1 if the clock was set back); in an array, NaN or a masked value is missing. `rate` is needed for an
-    array only; `name` is the argument in messages. Raises DataError if fewer than 8 samples are observed, a value is
+    array only. Raises DataError if fewer than 8 samples are observed, a value is
     infinite, or gaps are much longer than the recording; ModelError if all samples are equal; OptionError if the rate
     is missing or differs from the signal's."""
     if isinstance(data, Signal):
@@ -75,12 +75,12 @@ def as_record(data: Signal | ArrayLike, rate: float | None, *, name: str = "data
         values, step, unit, axis, start = _with_gaps(data), data.rate, data.unit, data.axis, data.start
     elif isinstance(data, Imu):
         raise DataError(
-            f"{name} must be one axis; got a recording of {', '.join(data)}", argument=name,
+            f"data must be one axis; got a recording of {', '.join(data)}", argument="data",
             advice="Pass one axis, for example `imu['{axis}']`.", axis=data.axes[0],
         )  # fmt: skip
     else:
         samples = np.ma.filled(data.astype(np.float64), np.nan) if isinstance(data, np.ma.MaskedArray) else data
-        values, unit, axis, start = as_vector(samples, name, finite=False).copy(), "", "", 0.0
+        values, unit, axis, start = as_vector(samples, "data", finite=False).copy(), "", "", 0.0
         step = as_rate(rate)
     observed = np.isfinite(values)
     seen = values if bool(np.all(observed)) else values[observed]
@@ -88,15 +88,15 @@ def as_record(data: Signal | ArrayLike, rate: float | None, *, name: str = "data
     if endless:
         at = int(np.argmax(np.isinf(values)))
         raise DataError(
-            f"{axis or name} must be finite; got {counted(endless, 'infinite value')}, the first at index {at}",
-            argument=name,
+            f"{axis or 'data'} must be finite; got {counted(endless, 'infinite value')}, the first at index {at}",
+            argument="data",
             advice="Mark missing samples as NaN.",
         )
     if seen.size < MINIMUM_SAMPLES:
         raise DataError(
-            f"{axis or name} must have at least {MINIMUM_SAMPLES} samples that are not missing; got {seen.size} of "
+            f"{axis or 'data'} must have at least {MINIMUM_SAMPLES} samples that are not missing; got {seen.size} of "
             f"{values.size}",
-            argument=name,
+            argument="data",
             got=seen.size,
         )
     centre = float(np.mean(seen))

@@ -11,21 +11,14 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.fitting.likelihood.problem import Evaluation, LikelihoodProblem
 
-LONGEST = 2.0
-"""Longest step in a coordinate. In the logarithm of a scale, it is a factor of seven."""
 # The constants below decide which terms are set to zero, and which are added again. tests/likelihood/test_fit_ml.py
 # pins them: terms without support in the data are estimated as zero, and supported terms are found again.
-_PLACES = 12
-"""Number of values of the shape parameter at which a term that is zero is tried."""
-_GONE = 1e-7
-"""Derivative and information of the logarithm of a scale below which its term is set to zero."""
 
 
 @dataclass(frozen=True, eq=False)
 class Maximum:
     """Local maximum of the likelihood at the coordinates `z` (q,), −inf for the scale of a term that is zero. `active`
-    are the numbers of the coordinates that are not at a bound and do not belong to such a term; `at_end` has the shape
-    coordinates at a bound, −1 for the lower and 1 for the upper one."""
+    are the free coordinates; `at_end` has shape coordinates at their lower (−1) or upper bound (1)."""
 
     z: Vector
     active: tuple[int, ...]
@@ -39,9 +32,9 @@ Progress = Callable[[int, float], None]
 
 
 class LikelihoodSearch:
-    """Search for a local maximum of a likelihood. The coordinates `held` do not change. `progress` is called after each
-    evaluation with their number and the log-likelihood. The search ends when the expected increase is below
-    `tolerance`. `revive` tries at the end to add terms again that became zero."""
+    """Search for a local maximum in all coordinates but `held`, until the expected increase is below `tolerance`.
+    `progress` is called with the number of evaluations and the log-likelihood. `revive` tries to add terms that became
+    zero."""
 
     def __init__(
         self,
@@ -62,8 +55,7 @@ class LikelihoodSearch:
         self.scales = {c.term: k for k, c in enumerate(problem.coordinates) if c.shape is None}
 
     def run(self, start: Vector) -> Maximum | None:
-        """Return the local maximum that the search reaches from `start`, or None if the likelihood is undefined at
-        `start`."""
+        """Return the local maximum that the search reaches; None if the likelihood is undefined at `start`."""
         z = self._apart(np.clip(start, *self.problem.bounds.T))
         self.gone = {c.term for c, value in zip(self.problem.coordinates, start, strict=True) if value == -math.inf}
         z, evaluation, converged = self._climb(z)
@@ -102,8 +94,8 @@ class LikelihoodSearch:
         return evaluation
 
     def _climb(self, z: Vector) -> tuple[Vector, Evaluation | None, bool]:
-        """Climb to a local maximum with steps d = (I + μ diag I)⁻¹ g (gradient g, information matrix I, damping μ). The
-        steps end when the expected increase of the log-likelihood is below the tolerance or its rounding error."""
+        """Climb by steps d = (I + μ diag I)⁻¹ g (gradient g, information matrix I, damping μ) until the expected
+        increase is negligible."""
         active = self._active(z)
         now = self._evaluate(z, active)
         if now is None:
@@ -149,22 +141,25 @@ class LikelihoodSearch:
         return z, now, converged
 
     def _step(self, now: Evaluation, z: Vector, active: list[int], damping: float) -> tuple[Vector, float]:
-        """Return a step of the active coordinates inside their bounds, and the expected increase of the
-        log-likelihood."""
+        """Return a step of the active coordinates inside their bounds, and the expected increase."""
+        # Longest step in a coordinate. In the logarithm of a scale, it is a factor of seven.
+        longest_step = 2.0
         bounds, at = self.problem.bounds[active], z[active]
-        low = np.maximum(bounds[:, 0] - at, -LONGEST)
-        high = np.minimum(bounds[:, 1] - at, LONGEST)
+        low = np.maximum(bounds[:, 0] - at, -longest_step)
+        high = np.minimum(bounds[:, 1] - at, longest_step)
         step = box_step(now.information, now.gradient, low=low, high=high, damping=damping)
         return step, float(now.gradient @ step - 0.5 * step @ now.information @ step)
 
     def _give_up(self, now: Evaluation, z: Vector, active: list[int]) -> bool:
         """Mark terms as zero whose scale no longer affects the likelihood, and return whether there are any."""
+        # Derivative and information of the logarithm of a scale below which its term is set to zero.
+        negligible = 1e-7
         gone = set()
         for term, k in self.scales.items():
             if k not in active:
                 continue
             slope = now.gradient[active.index(k)]
-            if -_GONE < slope <= 0 and now.information[active.index(k), active.index(k)] < _GONE:
+            if -negligible < slope <= 0 and now.information[active.index(k), active.index(k)] < negligible:
                 gone.add(term)
         if not gone or len(self.gone | gone) >= len(self.problem.model.processes):
             return False
@@ -199,8 +194,7 @@ class LikelihoodSearch:
         return z
 
     def _apart(self, z: Vector) -> Vector:
-        """Separate the starting values of repeated terms with the same shape. Terms with equal values have equal
-        gradients and would remain equal during the search."""
+        """Separate the starting values of repeated terms: with equal gradients they would remain equal."""
         z = z.copy()
         seen: list[tuple[type, Vector]] = []
         for term, process in enumerate(self.problem.model.processes):
@@ -214,10 +208,9 @@ class LikelihoodSearch:
         return z
 
     def _back(self, z: Vector, now: Evaluation, term: int) -> tuple[Vector, Evaluation, bool] | None:
-        """Return the maximum with a term added that was zero, or None if the likelihood does not increase. The term is
-        first added with a negligible scale. With the gradient g and the information I for the logarithm of the scale,
-        the expected increase of the log-likelihood is g²/2I. If the term has one shape parameter, the whole range of
-        this parameter is tried."""
+        """Return the maximum with a term added that was zero, if the likelihood increases. From a negligible scale, the
+        expected increase is g²/2I, with gradient g and information I. The whole range of one shape parameter is
+        tried."""
         k = self.scales.get(term)
         if k is None or k in self.held:
             return None
@@ -244,8 +237,9 @@ class LikelihoodSearch:
         return None
 
     def _places(self, z: Vector, term: int) -> list[Vector]:
-        """Return points (q,) at which to try a term. They cover the range of its shape parameter if it has one;
-        otherwise the present shape is the only point."""
+        """Return points (q,) at which to try a term, over the range of its shape parameter if it has one."""
+        # Number of values of the shape parameter at which a term that is zero is tried.
+        places = 12
         mine = [i for i, c in enumerate(self.problem.coordinates) if c.term == term and c.shape is not None]
         if len(mine) != 1:
             return [z.copy()]
@@ -255,7 +249,7 @@ class LikelihoodSearch:
         # also detect processes that decay within one sample.
         high += 1.6
         out = []
-        for share in (np.arange(_PLACES) + 0.5) / _PLACES:
+        for share in (np.arange(places) + 0.5) / places:
             at = z.copy()
             at[mine[0]] = np.clip(low + share * (high - low), *self.problem.bounds[mine[0]])
             out.append(at)
@@ -263,9 +257,8 @@ class LikelihoodSearch:
 
 
 def box_step(information: Matrix, gradient: Vector, low: Vector, high: Vector, damping: float) -> Vector:
-    """Return the step d between `low` and `high` that maximises g·d − ½ dᵀ(I + μ diag I)d, by an active-set method. g
-    is the gradient, I the information matrix and μ the damping. A coordinate that would leave the bounds is held at its
-    bound, and released if the gradient there points inwards."""
+    """Return the step d between `low` and `high` that maximises g·d − ½ dᵀ(I + μ diag I)d, by an active-set method: a
+    coordinate that would leave the bounds is held there, and released if the gradient points inwards."""
     size = np.sqrt(np.diag(information))
     size = np.where(size > 0, size, 1.0)
     scaled = information / np.outer(size, size)

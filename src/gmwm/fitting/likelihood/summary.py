@@ -36,8 +36,7 @@ def in_words(
     fit: LikelihoodFit, level: float, intervals: Mapping[str, Interval], residuals: Residuals | None = None,
     missing: Remark | None = None,
 ) -> str:  # fmt: skip
-    """Write the summary of a fit from intervals and residuals that are already computed. `missing` is a remark that
-    states why there are no intervals."""
+    """Write the summary of a fit; the remark `missing` states why there are no intervals."""
     words = texts(without_axis(missing, *fit.remarks))
     lines = [*head(fit, residuals), "", *table_text(rows(fit, intervals), level)]
     return "\n".join([*lines, "", *words] if words else lines)
@@ -53,8 +52,7 @@ def as_html(fit: LikelihoodFit) -> str:
 def intervals_if_known(
     fit: LikelihoodFit, level: float, method: Method = "wald"
 ) -> tuple[dict[str, Interval], Remark | None]:
-    """Return the confidence intervals and None. If they cannot be computed, return no intervals and a remark with the
-    reason."""
+    """Return the confidence intervals and None, or no intervals and a remark with the reason."""
     try:
         return confidence_intervals(fit, level, method), None
     except ModelError as error:
@@ -62,8 +60,7 @@ def intervals_if_known(
 
 
 def own_residuals(fit: LikelihoodFit) -> Residuals | None:
-    """Return the residuals of the fitted recording, or None if the fit was read from a file. The effect of conditions
-    is subtracted from the recording."""
+    """Return the residuals of the recording without the effect of conditions; None if the fit was read from a file."""
     if fit.record is None:
         return None
     record = fit.record if fit.regression is None else fit.record.without(fit.regression.estimates)

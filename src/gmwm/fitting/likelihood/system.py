@@ -27,9 +27,8 @@ STEP = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Regressor:
-    """A known function of time with an unknown coefficient. `course` (N,): the function at each sample. `label`: LEVEL,
-    the label of the term, or the name of a condition. `flat`: true if the coefficient is integrated out (a level or a
-    condition), False if it is a parameter of the model (a drift)."""
+    """A known function of time (`course`, N) with an unknown coefficient, labelled LEVEL or by its term or condition.
+    The coefficient is integrated out if `flat` (a level or a condition), else a parameter of the model (a drift)."""
 
     course: Vector
     label: str
@@ -38,8 +37,7 @@ class Regressor:
 
 @dataclass(frozen=True, eq=False)
 class TermBlock:
-    """One term of a model in the joint state vector. `label`: label of the term. `process`: the process with its
-    values. `space`: its state space. `first`, `last`: the states of the term are first … last − 1."""
+    """One term of a model in the joint state vector, with the states first … last − 1."""
 
     label: str
     process: Process
@@ -66,8 +64,7 @@ class System:
 
 
 def require_state(process: Process) -> None:
-    """Raise an error if a process has no state-space form. Raises MissingTheoryError if the process does not define
-    `state_space`."""
+    """Raise MissingTheoryError if a process has no state-space form."""
     if not process.has("state_space"):
         raise MissingTheoryError(
             f"{process.name} does not define state_space, which the likelihood and the Kalman filter need",
@@ -90,8 +87,7 @@ def _certain(space: StateSpace) -> bool:
 
 
 def assemble(model: Model, rate: float) -> System:
-    """Assemble the state space of the random terms of a model with values. Raises MissingTheoryError if a term has no
-    state-space form."""
+    """Assemble the state space of the random terms; raises MissingTheoryError if a term has none."""
     blocks, at = [], 0
     for label, process in zip(model.terms, model.processes, strict=True):
         require_state(process)
@@ -108,8 +104,7 @@ def assemble(model: Model, rate: float) -> System:
 
 
 def _start(space: StateSpace) -> Matrix:
-    """Return the initial covariance of the states. A state of unknown initial level has the variance of one step,
-    because the level itself is a regressor."""
+    """Return the initial covariance of the states: one step for an unknown level, which itself is a regressor."""
     start = np.array(space.P0)
     unknown = space.diffuse
     start[unknown, :] = 0.0
@@ -153,9 +148,7 @@ def _course(space: StateSpace, state: int, samples: int) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """Derivatives of F, Q, H, R and P0 of the joint state space with respect to q coordinates. `F`, `Q`, `P0` (q, p,
-    p): derivatives of the transition matrix, the process noise and the initial covariance. `H` (q, p): derivatives of
-    the observation row. `R` (q,): derivatives of the variance of the measurement noise."""
+    """Derivatives of F, Q, H, R and P0 of the joint state space with respect to q coordinates (first axis)."""
 
     F: Matrix
     Q: Matrix
@@ -166,8 +159,7 @@ class Slopes:
 
 @dataclass(frozen=True)
 class FreeCoordinate:
-    """A free coordinate of the likelihood. `term`: number of the term in the model. `shape`: number of the shape
-    coordinate of the term; None for the logarithm of its scale."""
+    """A free coordinate: the number of its term, and of the shape coordinate (None for the logarithm of the scale)."""
 
     term: int
     shape: int | None = None

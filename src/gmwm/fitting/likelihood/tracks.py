@@ -33,8 +33,6 @@ Modelled = Fit | LikelihoodFit | Model | Process | str
 
 BIAS = "bias"
 """Label of the bias, which is the sum of the level of the recording and of all slow terms, as in navigation filters."""
-FARTHEST = 10_000_000
-"""Largest number of predicted samples. Each takes about 100 bytes, so this number takes 1 GB."""
 RATES_ALIKE = 1e-3
 """Two rates are treated as equal if their relative difference is below this value, because rates from time stamps vary
 between recordings. Parameters per sample then change by at most 0.1 %. Pinned by tests/likelihood/test_tracks.py."""
@@ -151,10 +149,12 @@ def predict_tracks(
     model: Modelled, data: Signal | ArrayLike, steps: int, rate: float | None = None, *, mean: float | None = None
 ) -> Tracks:
     """Predict the latent processes after the end of a recording; see `Model.predict`."""
+    # Largest number of predicted samples. Each takes about 100 bytes, so this number takes 1 GB.
+    farthest = 10_000_000
     steps = as_whole_number(steps, "steps", 1)
-    if steps > FARTHEST:
+    if steps > farthest:
         raise OptionError(
-            argument="steps", expected=f"at most {FARTHEST}", got=steps,
+            argument="steps", expected=f"at most {farthest}", got=steps,
             advice="Predict at a lower rate with `model.continuous(rate).discrete(lower_rate)`.",
         )  # fmt: skip
     return _tracks("predict", model, data=data, rate=rate, mean=mean, steps=steps)
@@ -219,8 +219,7 @@ def pose_filter(
 
 
 def _sums(problem: LikelihoodProblem, system: System) -> tuple[list[str], Matrix, Matrix]:
-    """Return the labels of the g tracks, and the weights of the states (g, p) and of the regressors (g, m) in each
-    track."""
+    """Return the labels of the g tracks, and the weights of states (g, p) and regressors (g, m) in each."""
     regressors = problem.regressors
     labels, states, shares = [], [], []
     bias, carried = np.zeros(system.H.size), np.zeros(len(regressors))
@@ -247,15 +246,13 @@ def _sums(problem: LikelihoodProblem, system: System) -> tuple[list[str], Matrix
 
 
 def wanders(process: Process, rate: float) -> bool:
-    """Return whether a process is part of the bias. This holds if its correlation time is longer than one sample and it
-    is not a sinusoid."""
+    """Return whether a process is part of the bias: slower than one sample, and not a sinusoid."""
     time = process.correlation_time(rate)
     return process.line(rate) is None and (time is None or time * rate > 1.0)
 
 
 def _add_known(problem: LikelihoodProblem, system: System, found: dict[str, tuple[Vector, Vector]]) -> None:
-    """Add to the tracks what was subtracted from the recording: its centre or known mean, and drifts with known
-    slopes."""
+    """Add what was subtracted from the recording: its centre or known mean, and drifts with known slopes."""
     bias = found[BIAS][0]
     bias += problem.centre
     levelled = [r.label for r in problem.regressors if r.flat]

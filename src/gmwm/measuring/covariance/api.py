@@ -86,16 +86,9 @@ def ratio_variances(model: Model, design: Design) -> Vector:
 
 
 def wavelet_covariance(
-    model: ModelLike,
-    samples: int | Sequence[int],
-    rate: float,
-    *,
-    levels: int | ArrayLike | None = None,
-    filter: str | WaveletFilter = "haar",
-    transform: Transform = "modwt",
-    robust: bool = False,
-    efficiency: float = 0.6,
-) -> Matrix:
+    model: ModelLike, samples: int | Sequence[int], rate: float, *, levels: int | ArrayLike | None = None,
+    filter: str | WaveletFilter = "haar", transform: Transform = "modwt", robust: bool = False, efficiency: float = 0.6,
+) -> Matrix:  # fmt: skip
     """Compute the exact covariance V = Cov(ν̂², ν̂²) of the wavelet variance of a model, without simulation.
 
     For a Gaussian signal,
@@ -178,13 +171,9 @@ def wavelet_covariance(
 
 
 def as_design(
-    samples: int | Sequence[int],
-    rate: float,
-    levels: int | ArrayLike | None,
-    filter: str | WaveletFilter,
-    transform: Transform,
-    efficiency: float | None,
-) -> Design:
+    samples: int | Sequence[int], rate: float, levels: int | ArrayLike | None, filter: str | WaveletFilter,
+    transform: Transform, efficiency: float | None,
+) -> Design:  # fmt: skip
     """Create a design from the arguments of `wavelet_covariance`, and check that every level has a coefficient."""
     rate, wavelet = as_rate(rate), find_filter(filter)
     lengths = list(samples) if isinstance(samples, Sequence) else [samples]
@@ -202,18 +191,11 @@ def as_design(
     if wanted[-1] > deepest:
         needed = wavelet.width(int(wanted[-1]))
         raise OptionError(
-            f"level {wanted[-1]} needs {needed} samples; got {samples}",
-            argument="samples",
-            got=samples,
+            f"level {wanted[-1]} needs {needed} samples; got {samples}", argument="samples", got=samples,
             advice="Use fewer {--levels}, or more samples.",
-        )
+        )  # fmt: skip
     segments = tuple(map(int, lengths)) if len(lengths) > 1 else ()
     return Design(
-        levels=wanted,
-        samples=sum(map(int, lengths)),
-        rate=rate,
-        filter=wavelet,
-        transform=transform,
-        efficiency=efficiency,
-        segments=segments,
-    )
+        levels=wanted, samples=sum(map(int, lengths)), rate=rate, filter=wavelet, transform=transform,
+        efficiency=efficiency, segments=segments,
+    )  # fmt: skip

@@ -13,10 +13,6 @@ from gmwm.measuring.variance.robust import FEW
 from gmwm.measuring.variance.transform import Transform, coefficient_counts, loss_factor, pooled_counts
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
 
-MOST = 0.01
-"""Largest relative error of a level by which the excess covariance changes the weights of a fit
-(tests/covariance/test_excess.py)."""
-
 
 @dataclass(frozen=True, eq=False)
 class Design:
@@ -76,18 +72,10 @@ class Design:
     def of(cls, wv: WaveletVariance) -> Design:
         """Return the design of a wavelet variance."""
         return cls(
-            levels=wv.levels,
-            samples=wv.samples,
-            rate=wv.rate,
-            filter=find_filter(wv.filter),
-            transform=wv.transform,
-            efficiency=wv.efficiency,
-            segments=wv.segments,
-            filled=wv.filled,
-            strides=wv.strides,
-            excess=wv.excess,
+            levels=wv.levels, samples=wv.samples, rate=wv.rate, filter=find_filter(wv.filter), transform=wv.transform,
+            efficiency=wv.efficiency, segments=wv.segments, filled=wv.filled, strides=wv.strides, excess=wv.excess,
             model_error=wv.model_error,
-        )
+        )  # fmt: skip
 
     @property
     def lengths(self) -> tuple[int, ...]:
@@ -144,7 +132,9 @@ class Design:
         """
         if self.excess is None:
             return self
-        return replace(self, excess=np.diag(np.minimum(np.diag(self.excess), MOST**2)))
+        # Largest relative error of a level by which the excess covariance changes the weights of a fit
+        # (tests/covariance/test_excess.py).
+        return replace(self, excess=np.diag(np.minimum(np.diag(self.excess), 0.01**2)))
 
     def segment(self, length: int, counts: NDArray[np.int64]) -> Design | None:
         """Return the design of one segment of a given length; None if the segment has no level.

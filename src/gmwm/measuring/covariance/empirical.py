@@ -31,24 +31,13 @@ from gmwm.theory.filters import WaveletFilter
 PRIOR = 8.0
 """Weight of the Gaussian covariance of the mixture, as a number of tapers. Pinned by
 tests/covariance/test_empirical.py, as are the next two constants."""
-BANDWIDTH = 0.125
-"""Bandwidth of the tapers, relative to 2^−k."""
-MOST_TAPERS = 128
-"""Largest number of tapers of a level."""
-_CELLS = 2048
-"""Number of time intervals over which squares are summed. There are 16 intervals for each of 128 tapers, and a taper
-hardly changes within an interval."""
 _FROM_A_MODEL = "Compute the covariance of a model with `wavelet_covariance(model, samples, rate)`."
 
 
 def empirical_covariance(
-    x: Signal | ArrayLike,
-    rate: float | None = None,
-    *,
-    levels: int | None = None,
-    filter: str | WaveletFilter = "haar",
-    transform: Transform = "modwt",
-) -> Matrix:
+    x: Signal | ArrayLike, rate: float | None = None, *, levels: int | None = None,
+    filter: str | WaveletFilter = "haar", transform: Transform = "modwt",
+) -> Matrix:  # fmt: skip
     """Estimate the covariance V = Cov(ν̂², ν̂²) of the wavelet variance from the signal, which need not be Gaussian.
 
     Variances and correlations are
@@ -134,8 +123,7 @@ def empirical_covariance(
 
 
 def _definite(correlation: Matrix, prior: Matrix) -> Matrix:
-    """Average the correlations with the prior correlations, with the smallest weight that makes them positive
-    definite."""
+    """Average the correlations with the prior ones, with the smallest weight that makes them positive definite."""
     least = 0.1 * float(np.linalg.eigvalsh(prior)[0])
     for share in np.linspace(0.0, 1.0, 21):
         mixed = np.asarray((1.0 - share) * correlation + share * prior)
@@ -148,14 +136,16 @@ def _definite(correlation: Matrix, prior: Matrix) -> Matrix:
 
 
 def _measured(values: Vector, variance: Vector, design: Design) -> tuple[Vector, Matrix, Vector]:
-    """Return Var ν̂_j² / ν̂_j⁴ (J,), the correlations (J, J), and the number of tapers (J,) of each level.
-
-    The number of tapers is 0 at a level with too few coefficients.
-    """
-    size, cell = design.levels.size, -(-design.samples // _CELLS)
+    """Return Var ν̂_j² / ν̂_j⁴ (J,), correlations (J, J), and the number of tapers (J,), 0 with too few
+    coefficients."""
+    # Number of time intervals over which squares are summed. There are 16 intervals for each of 128 tapers, and a taper
+    # hardly changes within an interval.
+    size, cell = design.levels.size, -(-design.samples // 2048)
     count = -(-design.samples // cell)
     apart = np.ones(size) if design.transform == "dwt" else np.ldexp(1.0, design.levels)
-    tapers = np.minimum(np.floor(2 * BANDWIDTH * design.counts / apart), MOST_TAPERS)
+    # Bandwidth of the tapers, relative to 2^−k.
+    # Largest number of tapers of a level.
+    tapers = np.minimum(np.floor(2 * 0.125 * design.counts / apart), 128)
     tapers[tapers < 2] = 0.0
     sums, numbers, moving = np.zeros((size, count)), np.zeros((size, count)), np.ones(size, dtype=bool)
     # Rounding error of a coefficient, which is a sum over the taps of the filter. The error of W² is 2 |W| times as
@@ -187,10 +177,8 @@ def _measured(values: Vector, variance: Vector, design: Design) -> tuple[Vector,
 
 
 def _squares(values: Vector, design: Design) -> Iterator[tuple[NDArray[np.int64], Vector]]:
-    """Yield, level by level, the times and the squares of the coefficients that only use samples of the recording.
-
-    Times are counted in samples, without the missing samples in gaps.
-    """
+    """Yield, level by level, the times (samples, without those missing in gaps) and the squares of the inner
+    coefficients."""
     segments, first = [], 0
     for length in design.lengths:
         segment = design.segment(length, design.counts)

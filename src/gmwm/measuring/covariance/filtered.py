@@ -41,15 +41,6 @@ FEWEST = 2**15
 """Smallest number of positive lags in a sum, unless the recording is shorter."""
 _ALIKE = 2e-5
 """Largest relative change of V_jj with twice as many lags for which a spacing of lags is accepted."""
-_TAPS = 256
-"""Largest filter length for which the fourth cumulant of uniform errors is used. A sum over a longer filter is nearly
-Gaussian."""
-_NOTHING = 1e-9
-"""Covariance of a coefficient and the signal, relative to the largest such covariance, below which far lags are left
-out."""
-_FELT = 1e-6
-"""Squared correlation ρ² below which only the first term of the robust expansion, in ρ², is used; the next term is in
-ρ⁴."""
 
 
 def covariance(model: Model, design: Design) -> Matrix:
@@ -81,10 +72,7 @@ def ratio_variances(model: Model, design: Design) -> Vector:
 
 
 class Lags:
-    """Sums over lags that give V for a model and a design.
-
-    If `beyond`, the sums only have the terms of the robust expansion after the first term.
-    """
+    """Sums over lags that give V; with `beyond`, only the terms of the robust expansion after the first."""
 
     def __init__(self, model: Model, design: Design, *, beyond: bool = False) -> None:
         self.design, self.beyond, self.few = design, beyond, design.few
@@ -97,13 +85,13 @@ class Lags:
         present = [] if design.efficiency is not None else [p for p in model.processes if p.scale > 0]
         self.cumulant = sum(process.error_cumulant for process in present)
         deepest = int(design.levels[-1]) if self.cumulant else 0
-        self.error_filters = filtered.error_filters(design.filter, deepest, _TAPS)
+        # Largest filter length for which the fourth cumulant of uniform errors is used. A sum over a longer filter is
+        # nearly Gaussian.
+        self.error_filters = filtered.error_filters(design.filter, deepest, 256)
 
     def stage(self, a: int) -> int:
-        """Return the exponent `stage` of the largest spacing 2^stage of lags that is accurate for V_jj.
-
-        j is the level at index a. The spacing is then also accurate for V_jk with coarser levels k.
-        """
+        """Return the exponent `stage` of the largest spacing 2^stage of lags that is accurate for V_jj, and so for
+        V_jk, of the level j at index a and coarser levels k."""
         level = int(self.design.levels[a])
         if self.design.transform == "dwt":
             return level - 1
@@ -117,8 +105,7 @@ class Lags:
         return stage
 
     def row(self, a: int, stage: int, end: int) -> Vector:
-        """Compute V_jk for the level j at index a and the levels k at indices a … `end` − 1, from lags 2^stage
-        apart."""
+        """Compute V_jk for the levels at indices a and a … `end` − 1, from lags 2^stage apart."""
         design = self.design
         sums = [
             weighed(self._terms(values, a, b), first, stage=stage, design=design, a=a, b=b)
@@ -128,11 +115,8 @@ class Lags:
         return np.asarray(total / design.counts[a] / design.counts[a:end])
 
     def covariances(self, a: int, stage: int, end: int) -> Iterator[tuple[int, int, Vector]]:
-        """Yield, for each level k, its index and Cov(W_{j,t}, W_{k,t+u}) at lags u that are 2^stage apart.
-
-        The covariances are given by the first lag, divided by 2^stage, and an array of values. j and k are as for
-        `row`.
-        """
+        """Yield, for each level k, its index and Cov(W_{j,t}, W_{k,t+u}) at lags u that are 2^stage apart: the first
+        lag over 2^stage, and the values. j and k are as for `row`."""
         while len(self.known) <= stage:
             self.known.append(_halved(self.known[-1], self.design.filter))
         below = (self.design.levels[a:end] - stage).tolist()
@@ -142,11 +126,8 @@ class Lags:
             yield b, first, values
 
     def _with_signal(self, stage: int, level: int) -> tuple[int, Vector]:
-        """Return Cov(W_{j,t}, X_{t+u}), as the first lag u and an array of values.
-
-        X are the scaling coefficients of level `stage`, and `level` is the level j minus `stage`. The lags are all
-        those at which the recording has a pair, without negligible covariances at both ends.
-        """
+        """Return Cov(W_{j,t}, X_{t+u}), as the first lag and values at all lags with a pair that are not negligible. X
+        are the scaling coefficients of level `stage`, and `level` is the level j minus `stage`."""
         filter, known = self.design.filter, self.known[stage]
         done, smooth = self.smooth.get(stage, (0, np.concatenate([known[:0:-1], known])))
         while done < level:
@@ -159,10 +140,8 @@ class Lags:
         return self.cross[stage, level]
 
     def _terms(self, values: Vector, a: int, b: int) -> Vector:
-        """Compute the covariance of the squares of two coefficients from their covariance.
-
-        For a robust estimate, it is the covariance of the functions that replace the squares.
-        """
+        """Compute the covariance of the squares of two coefficients, or of their robust replacements, from their
+        covariance."""
         terms = values * values
         if self.design.efficiency is None or self.few[a] or self.few[b]:
             terms *= 2.0
@@ -175,10 +154,8 @@ class Lags:
         return terms
 
     def _excess(self, a: int, end: int) -> Vector:
-        """Compute the contribution κ₄ Σ_l Σ_m d_{j,l}² d_{k,m}² n(m − l) of errors e_t that are not Gaussian.
-
-        d_{j,l} are the coefficients in W_{j,t} = Σ_l d_{j,l} e_{t−l}, and j and k are as for `row`.
-        """
+        """Compute the contribution κ₄ Σ_l Σ_m d_{j,l}² d_{k,m}² n(m − l) of non-Gaussian errors e_t, W_{j,t} = Σ_l
+        d_{j,l} e_{t−l}; j and k are as for `row`."""
         total = np.zeros(end - a)
         fine, filters = int(self.design.levels[a]), self.error_filters
         for b in range(a, end):
@@ -206,7 +183,9 @@ def _robust(squares: Vector, size: float, efficiency: float) -> Vector:
     """Compute ν_j² ν_k² Σ_q c_q ρ^q from the squared covariances `squares` and ν_j² ν_k² = `size`."""
     weights = hermite_weights(efficiency)
     terms = np.asarray(weights[0] * squares)
-    felt = np.flatnonzero(squares > _FELT * size)
+    # Squared correlation ρ² below which only the first term of the robust expansion, in ρ², is used; the next term is
+    # in ρ⁴.
+    felt = np.flatnonzero(squares > 1e-6 * size)
     rho2 = squares[felt] / size
     terms[felt] = size * rho2 * np.polyval(weights[::-1], rho2)
     return terms
@@ -245,11 +224,8 @@ def _halved(known: Vector, filter: WaveletFilter) -> Vector:
 def _against(
     cross: tuple[int, Vector], n: int, filter: WaveletFilter, levels: list[int]
 ) -> Iterator[tuple[int, Vector]]:
-    """Yield Cov(W_{j,t}, W_{k,t+u}) of the first level j with each level k, as the first lag and an array of values.
-
-    `cross` is the covariance of the coefficients of the first level and the signal, and n is the number of lags at
-    which the covariance of the signal is known.
-    """
+    """Yield Cov(W_{j,t}, W_{k,t+u}) of the first level j with each level k, as the first lag and values, from its
+    covariance with the signal (`cross`), whose covariance is known at n lags."""
     first, smooth = cross
     last = n - filter.width(levels[0])
     for level in range(1, levels[-1] + 1):
@@ -268,7 +244,9 @@ def _against(
 def _cropped(values: Vector, first: int) -> tuple[int, Vector]:
     """Remove negligible values at both ends, and return the lag of the first remaining value and these values."""
     size = np.abs(values)
-    there = np.flatnonzero(size > _NOTHING * size.max())
+    # Covariance of a coefficient and the signal, relative to the largest such covariance, below which far lags are left
+    # out.
+    there = np.flatnonzero(size > 1e-9 * size.max())
     begin, end = (there[0], there[-1] + 1) if there.size else (0, 1)
     return first + int(begin), values[begin:end].copy()
 
@@ -298,10 +276,8 @@ def means(model: Model, design: Design) -> Vector:
 
 
 def weighed(terms: Vector, first: int, stage: int, design: Design, a: int, b: int) -> float:
-    """Compute Σ_u n(u) f(u) from the values `terms` of f at the lags 2^stage (first, first + 1, …).
-
-    n(u) is the number of pairs of coefficients of the levels at indices a and b.
-    """
+    """Compute Σ_u n(u) f(u) from values of f at the lags 2^stage (first, first + 1, …); n(u) are the pairs at indices a
+    and b."""
     if design.transform == "dwt":
         ahead = first % 2
         terms = terms[ahead::2]
@@ -328,12 +304,9 @@ def weighed(terms: Vector, first: int, stage: int, design: Design, a: int, b: in
 
 
 def _decimated_pairs(design: Design, a: int, b: int, lags: NDArray[np.int64]) -> Vector:
-    """Return the number of pairs of decimated coefficients whose last samples are 2^j `lags` apart; j is the finer
-    level.
-
-    Only coefficients that do not depend on the boundary count. Coefficient n of level j ends at sample 2^j (n + 1) − 1.
-    The coefficients of the coarser level with n + 1 from `low` to `high` have a partner in the finer level at this lag.
-    """
+    """Return the number of pairs of inner decimated coefficients whose last samples are 2^j `lags` apart; j is the
+    finer level. Coefficient n of level j ends at sample 2^j (n + 1) − 1. Those of the coarser level with n + 1 from
+    `low` to `high` have a partner in the finer level at this lag."""
     fine, coarse = int(design.levels[a]), int(design.levels[b])
     ratio, ends = 1 << (coarse - fine), (design.samples >> fine, design.samples >> coarse)
     starts = ends[0] - int(design.counts[a]), ends[1] - int(design.counts[b])

@@ -27,10 +27,8 @@ from gmwm.theory.processes.model import Model
 
 
 def knows(model: Model, design: Design) -> bool:
-    """Return whether this module can compute the covariance.
-
-    This requires the maximal-overlap Haar transform, and a closed form or a short memory for every process.
-    """
+    """Return whether this module can compute the covariance: maximal-overlap Haar transform, and only processes with a
+    closed form or a short memory."""
     present = [process for process in model.processes if process.scale > 0]
     if not design.running_sum:
         return False
@@ -70,10 +68,8 @@ def ratio_variances(model: Model, design: Design) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class _Pairs:
-    """Indices of the finer and the coarser level of each pair, in the order of the kernel.
-
-    `half` and `counts` are the half-scales h and the numbers M of coefficients of all levels.
-    """
+    """Indices of the finer and the coarser level of each pair, in the order of the kernel, with the half-scales h and
+    the numbers M of coefficients of all levels."""
 
     finer: NDArray[np.int64]
     coarser: NDArray[np.int64]
@@ -105,13 +101,9 @@ def _entries(model: Model, design: Design, *, diagonal: bool) -> Vector:
 
 
 def _strided(model: Model, design: Design, place: int, stride: int) -> Vector:
-    """Compute V_jk for a level j that uses only every s-th coefficient, and for k = j and all coarser levels.
-
-    If time is measured in steps of s = `stride` samples, these are levels of a recording of N/s samples. All lags
-    between their coefficients are multiples of s, so the sums are sums over all lags of that shorter recording. The
-    covariance of such a level and a level that uses all coefficients equals the covariance without strides, because all
-    lags between them occur equally often.
-    """
+    """Compute V_jk for a level j that uses only every s-th coefficient, and for k = j and all coarser levels. In steps
+    of s = `stride` samples, these are sums over all lags of a recording of N/s samples. Together with a level without
+    strides, all lags occur equally often, so the covariance is that without strides."""
     levels = design.levels[place:]
     within = replace(
         design, levels=levels - int(np.log2(stride)), samples=design.samples // stride,
@@ -140,25 +132,15 @@ def _strided(model: Model, design: Design, place: int, stride: int) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class _Split:
-    """The processes of a model: a sum of exponentials, and smooth processes that are approximately such a sum.
-
-    Attributes
-    ----------
-    terms : ExponentialSum
-        All processes of this form together.
-    smooth : list of Process
-        The other processes.
-    """
+    """The processes of a model: those that together are the sum of exponentials `terms`, and the others (`smooth`),
+    which are approximately such a sum."""
 
     terms: ExponentialSum
     smooth: list[Process]
 
     def sums(self, design: Design, *, diagonal: bool) -> tuple[Vector, Vector]:
-        """Compute Σ n Cov and Σ n Cov² for all pairs of levels, or for all levels if `diagonal`.
-
-        Products of smooth processes are summed over the nodes of Gauss rules. Their products with the exponentials
-        oscillate and are computed from the approximation.
-        """
+        """Compute Σ n Cov and Σ n Cov² for all pairs of levels, or for all levels if `diagonal`. Products of smooth
+        processes are summed over Gauss nodes; products with exponentials oscillate and use the approximation."""
         tables = [(_table(process, design, diagonal), process.scale) for process in self.smooth]
         first, second = lag_sums(design.levels, design.samples, self.terms, tables, diagonal=diagonal)
         if self.smooth:
@@ -174,11 +156,8 @@ class _Split:
 
 
 def _split(present: list[Process], design: Design) -> _Split | None:
-    """Return the processes as a sum of exponentials and smooth processes.
-
-    It is None if the estimate is robust, if a process has another form, or if no covariance oscillates beside a smooth
-    process: a Gauss rule then needs few nodes for all of them together.
-    """
+    """Return the processes as a sum of exponentials and smooth processes; None if the estimate is robust, a process has
+    another form, or no covariance oscillates beside a smooth process: a Gauss rule then needs few nodes for all."""
     if design.efficiency is not None:
         return None
     sums = [nodes.exponential_sum(process, design.rate) for process in present]
@@ -212,19 +191,11 @@ def _shape_table(
 
 
 def _over_lags(
-    model: Model,
-    design: Design,
-    pairs: _Pairs,
-    at: LagGrid,
-    weight: Vector,
-    starts: NDArray[np.int64],
+    model: Model, design: Design, pairs: _Pairs, at: LagGrid, weight: Vector, starts: NDArray[np.int64],
     stride: int = 1,
-) -> Vector:
-    """Compute V_jk for pairs of levels from the covariances of their coefficients at the nodes `at`.
-
-    `weight` are the weights of the nodes, and `starts` the first node of each pair. The coefficients are `stride`
-    samples apart.
-    """
+) -> Vector:  # fmt: skip
+    """Compute V_jk for pairs of levels from the covariances of their coefficients at the nodes `at`, with weights and
+    the first node of each pair (`starts`). The coefficients are `stride` samples apart."""
     present = [process for process in model.processes if process.scale > 0]
     if design.efficiency is None:
         first, second = nodes.product_sums(present, at, weight, starts, rate=design.rate)
@@ -243,10 +214,8 @@ def _slope(model: Model) -> float:
 
 
 def _of_sums(model: Model, design: Design, pairs: _Pairs, *, first: Vector, second: Vector, stride: int = 1) -> Vector:
-    """Compute V_jk for pairs of levels from the sums `first` = Σ n Cov and `second` = Σ n Cov² over lags.
-
-    n is the number of pairs of coefficients at a lag, and Cov their covariance.
-    """
+    """Compute V_jk for pairs of levels from the sums `first` = Σ n Cov and `second` = Σ n Cov² over lags with n
+    pairs."""
     scale = 4 * pairs.outer(pairs.half)
     total = 2 / scale**2 * second
     if slope := _slope(model):
@@ -260,17 +229,11 @@ def _of_sums(model: Model, design: Design, pairs: _Pairs, *, first: Vector, seco
 
 
 def _robust_sum(
-    present: list[Process],
-    pairs: _Pairs,
-    design: Design,
-    covariance: Vector,
-    weight: Vector,
+    present: list[Process], pairs: _Pairs, design: Design, covariance: Vector, weight: Vector,
     starts: NDArray[np.int64],
-) -> Vector:
-    """Compute, for each pair of levels, the sum that replaces Σ n Cov² for a robust estimate.
-
-    It is ½ σ_j² σ_k² Σ_q c_q Σ_u n(u) ρ^q, where σ_j² and σ_k² are the variances of the coefficients.
-    """
+) -> Vector:  # fmt: skip
+    """Compute ½ σ_j² σ_k² Σ_q c_q Σ_u n(u) ρ^q, which replaces Σ n Cov² for a robust estimate, with variances σ² of
+    coefficients."""
     assert design.efficiency is not None
     half = pairs.half
     own = nodes.coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), design.rate)
@@ -283,11 +246,8 @@ def _robust_sum(
 
 
 def _excess(pairs: _Pairs, samples: int) -> Vector:
-    """Compute the factor Σ_a Σ_b c_a² c_b² n(b − a) of the fourth cumulant κ₄ for each pair of levels.
-
-    The weights c = (1, −2, 1) belong to the offsets 0, h and 2h of each level. n is the number of pairs of coefficients
-    that have an error in common.
-    """
+    """Compute the factor Σ_a Σ_b c_a² c_b² n(b − a) of κ₄ for each pair of levels: weights c = (1, −2, 1) at the
+    offsets 0, h and 2h, and n pairs of coefficients with an error in common."""
     fine, coarse = pairs.half[pairs.finer], pairs.half[pairs.coarser]
     total = np.zeros(fine.size)
     for a, weight_a in ((0, 1.0), (1, 4.0), (2, 1.0)):

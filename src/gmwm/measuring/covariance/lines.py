@@ -37,12 +37,10 @@ from gmwm.theory.processes.model import Model
 FEW_LAGS = 2**14
 """Largest number of lags in the sum. Recordings up to this length use all lags; longer recordings with a slow sinusoid
 use lags that are further apart. Pinned by tests/covariance/test_lines.py, as is the next constant."""
-_TURN = 32
-"""Smallest number of lags per period of the sinusoid for which lags may be further apart."""
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class TermLine:
     """Sinusoid, with the gains of the wavelet filters of a design at its frequency.
 
     Attributes
@@ -65,16 +63,9 @@ class Line:
         return math.sqrt(2.0 * self.power)
 
 
-def apart(model: Model, design: Design) -> tuple[Model | None, tuple[Line, ...]]:
-    """Separate the noise of a model from its sinusoids.
-
-    The noise is None if the model has only sinusoids, and it is the model itself if there is no sinusoid.
-
-    Raises
-    ------
-    MissingTheoryError
-        If there are sinusoids, and the estimate is robust.
-    """
+def apart(model: Model, design: Design) -> tuple[Model | None, tuple[TermLine, ...]]:
+    """Separate the noise of a model from its sinusoids. The noise is None if the model has only sinusoids, and the
+    model itself if it has none. Raises MissingTheoryError for sinusoids in a robust estimate."""
     seen = [process.line(design.rate) for process in model.processes]
     if not any(seen):
         return model, ()
@@ -86,10 +77,10 @@ def apart(model: Model, design: Design) -> tuple[Model | None, tuple[Line, ...]]
             advice="Use the classical wavelet variance with {--robust=no}.",
         )
     rest = tuple(process for process, at in zip(model.processes, seen, strict=True) if at is None)
-    return (Model(rest) if rest else None), tuple(Line(*at, _gains(at[1], design)) for _, at in felt)
+    return (Model(rest) if rest else None), tuple(TermLine(*at, _gains(at[1], design)) for _, at in felt)
 
 
-def excess(noise: Model | None, lines: tuple[Line, ...], design: Design, *, diagonal: bool) -> Matrix:
+def excess(noise: Model | None, lines: tuple[TermLine, ...], design: Design, *, diagonal: bool) -> Matrix:
     """Compute the contribution of sinusoids to V (J, J), or to its diagonal (J,), in u⁴."""
     total = _of_phases(noise, lines, design)
     if noise is not None:
@@ -114,7 +105,7 @@ def _gains(cycles: float, design: Design) -> NDArray[np.complex128]:
 # --- the phases ---------------------------------------------------------------------------------------
 
 
-def _of_phases(noise: Model | None, lines: tuple[Line, ...], design: Design) -> Matrix:
+def _of_phases(noise: Model | None, lines: tuple[TermLine, ...], design: Design) -> Matrix:
     """Compute ½ Re Σ c_j c_k* (J, J), the covariance that the random phases cause; see the module docstring."""
     mean = np.zeros(design.levels.size) if noise is None else filtered.means(noise, design)
     turning = []
@@ -149,12 +140,9 @@ def _mean_turn(cycles: float, design: Design) -> NDArray[np.complex128]:
 # --- line and noise -----------------------------------------------------------------------------------
 
 
-def _with_noise(noise: Model, line: Line, design: Design, *, density: float, diagonal: bool) -> Matrix:
-    """Compute 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) (J, J), the contribution of the product of a sinusoid and noise.
-
-    `density` is the spectral density of the noise at the frequency of the sinusoid, for levels that are not summed over
-    lags.
-    """
+def _with_noise(noise: Model, line: TermLine, design: Design, *, density: float, diagonal: bool) -> Matrix:
+    """Compute 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) (J, J), the product of a sinusoid and noise, from the spectral
+    `density` of the noise at the sinusoid for levels that are not summed over lags."""
     size, counts = design.levels.size, design.counts.astype(np.float64)
     stages = _stages(line, design)
     total = np.zeros((size, size))
@@ -178,15 +166,14 @@ def _with_noise(noise: Model, line: Line, design: Design, *, density: float, dia
     return total
 
 
-def _stages(line: Line, design: Design) -> NDArray[np.int64]:
-    """Return the exponent `stage` (J,) of the spacing 2^stage of the lags for each level and the coarser levels.
-
-    It is −1 if the spectral density is used instead of a sum over lags.
-    """
+def _stages(line: TermLine, design: Design) -> NDArray[np.int64]:
+    """Return the exponent `stage` (J,) of the spacing 2^stage of lags for each level; −1 for the spectral density
+    instead."""
     if design.transform == "dwt":
         return design.levels - 1
     stage = max(-(-design.samples // FEW_LAGS) - 1, 0).bit_length()
-    if stage and abs(line.cycles) * (_TURN << stage) > 1:
+    # Smallest number of lags per period of the sinusoid for which lags may be further apart.
+    if stage and abs(line.cycles) * (32 << stage) > 1:
         return np.full(design.levels.size, -1)
     enough = design.levels >= stage + filtered.OVERSAMPLED if stage else np.ones(design.levels.size, dtype=np.bool_)
     return np.where(enough, stage, -1)
@@ -212,11 +199,8 @@ def _density(noise: Model, cycles: list[float], design: Design) -> Vector:
 def _summed_density(
     kind: type[Process], nonlinear: tuple[float, ...], cycles: float, *, samples: int, rate: float
 ) -> float:
-    """Compute the spectral density of a process with scale coefficient 1 at the frequency ω = 2π `cycles`.
-
-    It is Σ_m c(m) cos ωm / |1 − e^(iω)|², where c(m) = 2A(m) − A(m − 1) − A(m + 1) is the covariance of differences of
-    successive samples and A the generalised covariance.
-    """
+    """Compute the spectral density for scale coefficient 1 at ω = 2π `cycles`, Σ_m c(m) cos ωm / |1 − e^(iω)|², with
+    the covariance c(m) = 2A(m) − A(m − 1) − A(m + 1) of differences and the generalised covariance A."""
     known = kind.standard(nonlinear).generalised_covariance(np.arange(-1, samples + 1), rate)
     difference = (known[1:-1] - known[:-2]) - (known[2:] - known[1:-1])
     terms = difference * np.cos(2.0 * np.pi * np.fmod(cycles * np.arange(difference.size), 1.0))

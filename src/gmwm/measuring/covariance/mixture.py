@@ -23,21 +23,11 @@ from gmwm.theory.processes.model import Model
 PRIOR = 30.0
 """Degrees of freedom of the smooth curve when it is averaged with a level, so that a level with one coefficient does
 not determine a fit. Pinned by tests/estimation/test_weights.py."""
-_PLACES = 48
-"""Number of correlation times of each process with a correlation time."""
-_ROUNDS = 30
-"""Largest number of iterations."""
-_SETTLED = 1e-3
-"""Relative change of the curve below which the iterations end. The curve is only used for weights, which need two
-digits; tests/estimation/test_weights.py pins the fits that use it."""
 
 
 def smoothed(wv: WaveletVariance) -> Vector:
-    """Compute the average (J,) of the estimates ν̂² and the smooth curve ν̃².
-
-    The average is (η ν̂² + 30 ν̃²)/(η + 30), where η are the degrees of freedom of ν̂². If the variance of a level is
-    zero, ν̂² is returned unchanged.
-    """
+    """Compute (η ν̂² + 30 ν̃²)/(η + 30) (J,) with the smooth curve ν̃² and η degrees of freedom; ν̂² if a level is
+    zero."""
     if not np.all(wv.variance > 0):
         return wv.variance
     unit = 2.0 ** np.floor(np.log2(wv.variance.max()))
@@ -56,13 +46,10 @@ def drawn(observed: Vector, freedom: Vector, curve: Vector) -> Vector:
 def mixture(
     variance: Vector, freedom: Vector, design: Design, *, within: float = np.inf, random: bool = False
 ) -> tuple[Vector, Model]:
-    """Compute the smooth curve (J,) through positive variances (J,), and the mixture of processes as a model.
-
-    `freedom` (J,) are the degrees of freedom of the variances. The mixture only has processes whose covariance is
-    known. If `within` is given, the mixture has no drift and no process with a correlation time above `within` (s),
-    except random walks and flicker noise. If `random`, it has no drift and no sinusoid. Their wavelet variance is not
-    random, so V of the coarsest levels would be too small.
-    """
+    """Compute the smooth curve (J,) through positive variances with `freedom` (J,), and the mixture of processes with a
+    known covariance as a model. With `within`, it has no drift and no correlation time above `within` (s), except
+    random walks and flicker noise. With `random`, it has no drift and no sinusoid: their wavelet variance is not
+    random, so V of the coarsest levels would be too small."""
     levels = tuple(design.levels.tolist())
     processes, shapes = _candidates(levels, design.longest, design.rate, design.filter)
     known = _known(levels, design.longest, rate=design.rate, filter=design.filter, within=within)
@@ -93,8 +80,7 @@ def _is_random(process: Process) -> bool:
 
 
 def _short(process: Process, rate: float, within: float) -> bool:
-    """Return whether a process has mean zero, and a correlation time that is at most `within` (s), infinite or
-    unknown."""
+    """Return whether a process has mean zero, and a correlation time up to `within` (s), infinite or unknown."""
     time = process.correlation_time(rate)
     return not np.any(process.mean(np.arange(2))) and (time is None or time <= within or time == np.inf)
 
@@ -106,7 +92,8 @@ def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vecto
     for k in range(1, curve.size):
         curve[k] = max(curve[k], curve[k - 1] / 4)
     weights = np.zeros(len(shapes))
-    for _ in range(_ROUNDS):
+    # Largest number of iterations.
+    for _ in range(30):
         # Fisher scoring of the gamma likelihood: least squares with weights from the last curve.
         root = np.sqrt(freedom / 2) / curve
         rows = shapes * root
@@ -114,7 +101,9 @@ def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vecto
         found, _ = _core.nonnegative_least_squares(root * observed, np.ascontiguousarray(rows / length))
         weights = found / length[:, 0]
         before, curve = curve, weights @ shapes
-        if np.all(np.abs(curve - before) <= _SETTLED * before):
+        # Relative change of the curve below which the iterations end. The curve is only used for weights, which need
+        # two digits; tests/estimation/test_weights.py pins the fits that use it.
+        if np.all(np.abs(curve - before) <= 1e-3 * before):
             break
     return curve, weights
 
@@ -123,10 +112,7 @@ def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vecto
 def _candidates(
     levels: tuple[int, ...], samples: int, rate: float, filter: WaveletFilter
 ) -> tuple[tuple[Process, ...], Matrix]:
-    """Return all processes with scale coefficient 1, and their wavelet variances (n, J).
-
-    Processes with a correlation time are included at many correlation times.
-    """
+    """Return all processes with scale coefficient 1, at many correlation times, and their wavelet variances (n, J)."""
     number = np.asarray(levels, dtype=np.int64)
     kinds: dict[str, type[Process]] = {}
     for kind in registry.values():
@@ -138,7 +124,8 @@ def _candidates(
             processes.append(kind.standard())
             rows.append(kind.shape(np.empty((1, 0)), number, rate, filter))
         for branch in kind.search(samples, rate):
-            places = branch.values(np.linspace(branch.low, branch.high, _PLACES))
+            # Number of correlation times of each process with a correlation time.
+            places = branch.values(np.linspace(branch.low, branch.high, 48))
             processes += map(kind.standard, places)
             rows.append(kind.shape(places, number, rate, filter))
     shapes = np.concatenate(rows)

@@ -21,18 +21,12 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import WANDERING, WHITE, LagGrid
 
-KEPT = 1024
-"""Largest memory of a process (samples) for which the nodes of the sums over lags are cached. For 19 levels, they take
-46 MB at most, and 6 MB if no process has a memory."""
 MOST_NODES = 800_000
 """Largest number of nodes that are cached together, which take 28 MB. For 19 levels without a memory, these are 4 to 30
 sets."""
 END = 20.0
 """Lower end of the range of decay rates, multiplied by the number of samples, below which the nodes do not change. The
 kernel divides the lags at distances that double up to the number of samples, or up to 40 divided by the rate."""
-SHARED = 2_000_000
-"""Largest number of nodes of a grid for which the covariances of fixed shapes are cached. Each node and shape takes 8
-bytes."""
 RECENT = 1_050_000
 """Largest number of values that are cached for the shapes of a grid that are not fixed."""
 
@@ -46,11 +40,8 @@ _COVARIANCES = {
 def lags(
     present: list[Process], design: Design, *, diagonal: bool, decays_of: float | None = None, stride: int = 1
 ) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
-    """Return the nodes of the sums over lags for all pairs of levels, their weights, and the first node of each pair.
-
-    Lags are measured in steps of `stride` samples. `decays_of` is the sampling rate (Hz), if it differs from the rate
-    of the design.
-    """
+    """Return the nodes of the sums over lags, in steps of `stride` samples, their weights, and the first node of each
+    pair. `decays_of` is the sampling rate (Hz), if it differs from the rate of the design."""
     rate = design.rate if decays_of is None else decays_of
     # Strides larger than 1 are even, so an alternating covariance does not alternate at multiples of a stride.
     decays = [(decay if stride == 1 else abs(decay) * stride) for process in present for decay in process.decays(rate)]
@@ -110,7 +101,9 @@ class _Grids:
                 self._kept[key] = found
         if found is None or found.levels[: len(levels)] != levels:
             found = _computed(levels, key)
-            if key[-1] <= KEPT:
+            # Largest memory of a process (samples) for which the nodes of the sums over lags are cached. For 19 levels,
+            # they take 46 MB at most, and 6 MB if no process has a memory.
+            if key[-1] <= 1024:
                 with self._lock:
                     self._kept.pop(key, None)
                     self._kept[key] = found
@@ -161,11 +154,8 @@ def total_at(shapes: list[Vector], scales: list[float], at: LagGrid) -> Vector:
 def product_sums(
     present: list[Process], at: LagGrid, weight: Vector, starts: NDArray[np.int64], rate: float
 ) -> tuple[Vector, Vector]:
-    """Compute the sums Σ n Cov and Σ n Cov² over the nodes of each pair of levels.
-
-    An exponential autocovariance is computed pair by pair, which avoids large arrays. If its shape is needed a second
-    time, its covariances at all nodes are cached.
-    """
+    """Compute Σ n Cov and Σ n Cov² over the nodes of each pair of levels, for exponentials pair by pair to avoid large
+    arrays. If a shape is needed a second time, its covariances at all nodes are cached."""
     parts = [None if at.pieces is None else _exponential_part(process, rate) for process in present]
     exponential = [part for part in parts if part is not None]
     shapes, scales = shapes_at([p for p, part in zip(present, parts, strict=True) if part is None], at, rate)
@@ -199,14 +189,13 @@ def _forget(at: LagGrid) -> None:
 
 
 def shapes_at(present: list[Process], at: LagGrid, rate: float) -> tuple[list[Vector], list[float]]:
-    """Return the covariances of the processes at the nodes, as shapes and factors.
-
-    If there are many nodes, the only shape is the sum of all covariances.
-    """
+    """Return the covariances at the nodes, as shapes and factors; for many nodes, their sum is the only shape."""
     if at.whole is not None:
         shapes, scales = shapes_at(present, at.whole, rate)
         return [shape[: at.lag.size] for shape in shapes], scales
-    if at.lag.size > SHARED:
+    # Largest number of nodes of a grid for which the covariances of fixed shapes are cached. Each node and shape takes
+    # 8 bytes.
+    if at.lag.size > 2_000_000:
         total = np.zeros_like(at.lag)
         for process in present:
             total += process.coefficient_covariance(at, rate)
@@ -255,10 +244,8 @@ def _exponential_part(process: Process, rate: float) -> tuple[float, float] | No
 
 
 def exponential_sum(process: Process, rate: float) -> ExponentialSum | None:
-    """Return the `exponential_sum` of the class that defines the covariance of the process.
-
-    A subclass may have another covariance than the class from which it inherits `exponential_sum`.
-    """
+    """Return the `exponential_sum` of the class that defines the covariance, because a subclass may have another
+    one."""
     kind = next(kind for kind in type(process).__mro__ if _COVARIANCES & vars(kind).keys())
     terms: ExponentialSum | None = vars(kind).get("exponential_sum", Process.exponential_sum)(process, rate)
     return terms

@@ -13,32 +13,10 @@ from gmwm.measuring.covariance.robust import ratio_skewness
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.model import ModelLike, as_model
 
-_OVERLAP = 1.3
-"""Factor by which overlapping coefficients increase the skewness; it is 1.1 to 1.45 in simulations.
-tests/covariance/test_ratio.py and docs/validation/contamination-test.md measure the size of the resulting test."""
-_MEDIAN_EFFICIENCY = 0.3675
-"""Gaussian efficiency of (MAD / 0.67449)², which replaces a robust estimate without a root (Rousseeuw and Croux 1993,
-JASA 88)."""
-
 
 def ratio_errors(robust: WaveletVariance, tested: NDArray[np.bool_], model: ModelLike | None) -> Vector:
-    """Compute the standard errors of log(ν̂²/ν̃²) in Gaussian noise, for the classical ν̂² and the robust ν̃².
-
-    Parameters
-    ----------
-    robust : WaveletVariance
-        Robust wavelet variance with J levels.
-    tested : (J,) bool array
-        Mask of the levels for which the standard error is computed.
-    model : Model, Process or str, optional
-        Model whose parameters all have values, for the correlations of the coefficients; by default the mixture of all
-        processes with the largest likelihood.
-
-    Returns
-    -------
-    array
-        Standard error for each level in `tested`.
-    """
+    """Compute the standard errors of log(ν̂²/ν̃²) in Gaussian noise at the levels in `tested`, for the classical ν̂²
+    and the `robust` ν̃², with correlations of `model`, by default the likeliest mixture of all processes."""
     if not np.any(tested):
         return np.empty(0)
     whole = Design.of(robust)
@@ -57,17 +35,16 @@ def ratio_errors(robust: WaveletVariance, tested: NDArray[np.bool_], model: Mode
     square = np.where(square > 0, square, beyond / whole.degrees_of_freedom[tested])
     outcomes = robust.diagnostics.get("robust", {}).get("outcome", ["root"] * len(robust))
     fallen = np.array([outcome == "mad" for outcome in outcomes])[tested]
-    square *= np.where(fallen, max((2 / _MEDIAN_EFFICIENCY - 2) / beyond, 1.0), 1.0)
+    # Gaussian efficiency of (MAD / 0.67449)², which replaces a robust estimate without a root (Rousseeuw and Croux
+    # 1993, JASA 88).
+    square *= np.where(fallen, max((2 / 0.3675 - 2) / beyond, 1.0), 1.0)
     return np.sqrt(square)
 
 
 def ratio_law(place: Vector, error: Vector, efficiency: float) -> tuple[Vector, Vector]:
-    """Approximate the distribution of log(ν̂²/ν̃²) by a gamma distribution with the same skewness.
-
-    The logarithm of the ratio, divided by its standard error `error`, is distributed approximately as (G − k) / √k,
-    where G has a gamma distribution with the shape k. `place` is an observed value of the logarithm in standard errors.
-    The two results are k and the argument for which `scipy.special.gammaincc` returns the probability of a larger
-    ratio.
-    """
-    shape = (2 / (_OVERLAP * ratio_skewness(efficiency) * error)) ** 2
+    """Approximate the distribution of log(ν̂²/ν̃²) / `error` by (G − k) / √k with a gamma variable G of the same
+    skewness. Returns the shape k, and the argument of `scipy.special.gammaincc` for a larger ratio than `place`."""
+    # Factor by which overlapping coefficients increase the skewness; it is 1.1 to 1.45 in simulations.
+    # tests/covariance/test_ratio.py and docs/validation/contamination-test.md measure the size of the resulting test.
+    shape = (2 / (1.3 * ratio_skewness(efficiency) * error)) ** 2
     return shape, np.maximum(shape + place * np.sqrt(shape), 0.0)

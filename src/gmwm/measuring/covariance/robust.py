@@ -10,11 +10,6 @@ import numpy as np
 from gmwm.base.arrays import Vector, freeze
 from gmwm.measuring.variance.biweight import biweight
 
-HIGHEST = 16
-"""Order of the last Hermite polynomial; tests/covariance/test_sums.py pins the weights."""
-_TAIL = 12.0
-"""Number of standard deviations beyond the cut-off at which a Gaussian density is negligible: e^(−72)."""
-
 
 def hermite_weights(efficiency: float) -> Vector:
     """Return the weights c_2, c_4, …, c_16 of the Hermite expansion of the robust estimate.
@@ -43,7 +38,8 @@ def _weights(efficiency: float) -> Vector:
     # ρ is even, and 0 beyond c. The Gauss rule covers 0 to c and counts both signs of r.
     rho = c * gauss / math.sqrt(2 * math.pi) * np.exp(-(r**2) / 2) * r**2 * (1 - (r / c) ** 2) ** 4
     before, here, moments = np.ones_like(r), r, []
-    for q in range(1, HIGHEST + 1):
+    # Order of the last Hermite polynomial; tests/covariance/test_sums.py pins the weights.
+    for q in range(1, 16 + 1):
         if q % 2 == 0:
             moments.append(float(rho @ here) ** 2 / math.factorial(q))
         before, here = here, r * here - q * before
@@ -67,11 +63,13 @@ def ratio_skewness(efficiency: float) -> float:
     >>> round(ratio_skewness(0.6), 2), round(ratio_skewness(0.9), 1)
     (8.86, 22.7)
     """
+    # Number of standard deviations beyond the cut-off at which a Gaussian density is negligible: e^(−72).
+    tail = 12.0
     law = biweight(efficiency)
     nodes, gauss = np.polynomial.legendre.leggauss(128)
     # ρ and its derivatives have a kink at c, so there is one Gauss rule on each side.
-    r = np.concatenate([law.c * (1 + nodes) / 2, law.c + _TAIL * (1 + nodes) / 2])
-    step = np.concatenate([law.c * gauss, _TAIL * gauss])
+    r = np.concatenate([law.c * (1 + nodes) / 2, law.c + tail * (1 + nodes) / 2])
+    step = np.concatenate([law.c * gauss, tail * gauss])
     density = step * np.exp(-(r**2) / 2) / math.sqrt(2 * math.pi)
     v = np.minimum((r / law.c) ** 2, 1.0)
     q, square = 1 - v, law.c**2

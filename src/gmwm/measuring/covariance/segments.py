@@ -13,18 +13,11 @@ from gmwm.measuring.covariance.design import Design
 EXACT = 64
 """Largest number of different segment lengths that are computed individually. For more lengths, results are
 interpolated."""
-_OCTAVE = 8
-"""Number of nodes of the interpolation per octave of segment length. The error is at most 1 %
-(tests/covariance/test_segments.py)."""
 
 
 def pooled(design: Design, alone: Callable[[Design], Matrix]) -> Matrix:
-    """Compute V_jk = Σ_s M_sj M_sk V_sjk / (M_j M_k) from the covariances V_s (J, J) of the segments s.
-
-    `alone` returns V_s for the design of a segment, or its diagonal (J,); the result then is the diagonal of V. M_sj is
-    the number of coefficients of level j in segment s, and M_j that in all segments. Segments are treated as
-    independent. Segments of the same length have the same V_s.
-    """
+    """Compute V_jk = Σ_s M_sj M_sk V_sjk / (M_j M_k) for independent segments with M_sj coefficients of level j.
+    `alone` returns V_s (J, J) for the design of a segment, or its diagonal; segments of equal length share it."""
     counts, total = design.counts, None
     for length, times in lengths_of(design.lengths):
         segment = design.segment(length, counts)
@@ -44,15 +37,15 @@ def _outer(values: Matrix, dimensions: int) -> Matrix:
 
 
 def lengths_of(lengths: tuple[int, ...]) -> Iterator[tuple[int, float]]:
-    """Yield segment lengths to compute, and the number of segments that each length represents.
-
-    M² V is a convex function of the length, and nearly linear for segments longer than a few scales. Therefore, if
-    there are many lengths, a segment with a length between two nodes is divided between both nodes.
-    """
+    """Yield segment lengths to compute, and the number of segments that each represents. M² V is convex in the length
+    and nearly linear beyond a few scales, so a length between two nodes is divided between both nodes."""
+    # Number of nodes of the interpolation per octave of segment length. The error is at most 1 %
+    # (tests/covariance/test_segments.py).
+    octave = 8
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
     if sizes.size > EXACT:
-        steps = np.arange(_OCTAVE * math.log2(sizes[0]) - 1, _OCTAVE * math.log2(sizes[-1]) + 1)
-        grid = np.unique(np.rint(np.exp2(np.ceil(steps) / _OCTAVE)).astype(np.int64))
+        steps = np.arange(octave * math.log2(sizes[0]) - 1, octave * math.log2(sizes[-1]) + 1)
+        grid = np.unique(np.rint(np.exp2(np.ceil(steps) / octave)).astype(np.int64))
         nodes = np.unique(np.concatenate([sizes[[0, -1]], grid[(grid > sizes[0]) & (grid < sizes[-1])]]))
         right = np.clip(np.searchsorted(nodes, sizes), 1, nodes.size - 1)
         share = (sizes - nodes[right - 1]) / (nodes[right] - nodes[right - 1])

@@ -23,7 +23,7 @@ import numpy as np
 
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.measuring.variance.panels import LEAST, Panels
+from gmwm.measuring.variance.open_segments import LEAST, Panels
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
 
@@ -47,19 +47,12 @@ standard error by 2.5 %. Smaller values occur by chance if levels of a low-pass 
 AGREEMENT = 0.1
 """Largest relative difference between the measured wavelet variance of a level and the wavelet variance that follows
 from the spectral density. Levels with a larger difference are not used."""
-NEARLY = 0.98
-"""Share of the largest λ − 1 that is sufficient. Of the loadings that reach it, those with the fewest levels of loading
-1 are used."""
-_SEGMENT = 8192
-"""Length (samples) of the longest segments from which the spectral density is estimated."""
 
 
 class TailSums:
-    """Sums over a signal that arrives in chunks, from which the matrix E of the module docstring is estimated.
-
-    The memory is small. It has two matrices for each block length, one spectral density, and a few numbers for each
-    131 072 samples.
-    """
+    """Sums over a signal that arrives in chunks, from which the matrix E of the module docstring is estimated. The
+    memory is small. It has two matrices for each block length, one spectral density, and a few numbers for each 131 072
+    samples."""
 
     def __init__(self) -> None:
         self._panels = Panels(LEAST)
@@ -82,8 +75,7 @@ class TailSums:
             self._add(panel)
 
     def excess(self, wv: WaveletVariance) -> Matrix | None:
-        """Return the matrix E (J, J) for the levels of `wv`, the classical wavelet variance of all samples; None if
-        zero."""
+        """Return the matrix E (J, J) for the levels of `wv`, the classical curve of all samples; None if zero."""
         self.gap()
         if not self._power or not np.all(wv.variance > 0):
             return None
@@ -124,7 +116,8 @@ class TailSums:
             if y.shape[0] < 2:
                 break
             y = 0.5 * (y[0 : y.shape[0] // 2 * 2 : 2] + y[1 : y.shape[0] // 2 * 2 : 2])
-        length = min(_SEGMENT, 1 << int(np.log2(panel.size // 16)))
+        # Length (samples) of the longest segments from which the spectral density is estimated.
+        length = min(8192, 1 << int(np.log2(panel.size // 16)))
         number, power = self._power.get(length, (0.0, np.zeros(length // 2 + 1)))
         more, part = _power(panel, length)
         self._power[length] = number + more, power + part
@@ -147,27 +140,14 @@ class TailSums:
 
 
 def excess_covariance(x: Signal, wv: WaveletVariance) -> Matrix | None:
-    """Estimate the relative covariance E that heavy tails or a varying variance add to that of a Gaussian signal.
+    """Estimate the relative covariance E (J, J) that heavy tails or a varying variance add to that of Gaussian noise.
 
-    Parameters
-    ----------
-    x : Signal
-        The signal.
-    wv : WaveletVariance
-        Classical Haar wavelet variance of the signal.
+    `wv` is the classical Haar wavelet variance of the signal. E = c l lᵀ, with a size c and a loading l_j of each
+    level; see the module docstring. The result is None if a Gaussian signal explains the covariance.
 
-    Returns
-    -------
-    (J, J) array or None
-        Positive semi-definite matrix E = c l lᵀ, with a size c and a loading l_j of each level; see the module
-        docstring. None if a Gaussian signal explains the covariance.
-
-    Examples
-    --------
     >>> from gmwm import wavelet_variance
     >>> x = Signal(np.random.default_rng(1).standard_t(6, size=200_000), rate=100.0)
-    >>> excess = excess_covariance(x, wavelet_variance(x))
-    >>> bool(2.0 < excess[0, 0] * 200_000 < 5.0)  # the excess kurtosis is 3
+    >>> bool(2.0 < excess_covariance(x, wavelet_variance(x))[0, 0] * 200_000 < 5.0)  # the excess kurtosis is 3
     True
     """
     sums = TailSums()
@@ -184,25 +164,23 @@ def _shapes(wv: WaveletVariance) -> Matrix:
 
 
 def _common_factor(relative: Matrix, gaussian: Matrix, shapes: Matrix) -> tuple[Vector, float]:
-    """Return the common factor √c l (J,), and the ratio λ of the two variances.
-
-    `relative` is the measured relative covariance, and `gaussian` is G. If relative = G + c l lᵀ, the mean with the
-    weights u has λ = 1 + c (u·l)² / uᵀ G u. The weights u_j = l_j / G_jj are used. The weights G⁻¹ l would contain
-    differences of nearly equal levels, which depend on the ends of the blocks.
-    """
+    """Return the common factor √c l (J,), and the ratio λ of the two variances. If `relative` = G + c l lᵀ with G =
+    `gaussian`, the mean with the weights u has λ = 1 + c (u·l)² / uᵀ G u. The weights are u_j = l_j / G_jj, because G⁻¹
+    l would contain differences of nearly equal levels, which depend on the ends of the blocks."""
     reach = gaussian.shape[0]
     fine = shapes[:, :reach]
     weights = fine / np.diag(gaussian)
     expected = np.einsum("ij,jk,ik->i", weights, gaussian, weights)
     ratios = np.einsum("ij,jk,ik->i", weights, relative, weights) / expected
-    best = int(np.argmax(ratios - 1 >= NEARLY * (np.max(ratios) - 1)))
+    # Share of the largest λ − 1 that is sufficient. Of the loadings that reach it, those with the fewest levels of
+    # loading 1 are used.
+    best = int(np.argmax(ratios - 1 >= 0.98 * (np.max(ratios) - 1)))
     size = np.sqrt(max(ratios[best] - 1, 0.0) * expected[best]) / np.sum(weights[best] * fine[best])
     return np.asarray(size * shapes[best]), float(ratios[best])
 
 
 def _block_means(panel: Vector, levels: int, count: int) -> Matrix:
-    """Compute the mean squares (count, levels) of the coefficients that begin in each of the first blocks of a
-    panel."""
+    """Compute the mean squares (count, levels) of the coefficients that begin in each block of a panel."""
     # All coefficients are used, because those of rounding errors are uncorrelated even if they are one sample apart.
     y = np.empty((count, levels))
     _core.haar_block_squares(_core.running_sum(panel), BLOCK, y)
@@ -210,10 +188,8 @@ def _block_means(panel: Vector, levels: int, count: int) -> Matrix:
 
 
 def _power(panel: Vector, length: int) -> tuple[float, Vector]:
-    """Return the number of segments of a panel, and the sum of their periodograms.
-
-    The segments overlap by one half, and a Hann window is used.
-    """
+    """Return the number of segments of a panel, half overlapping with a Hann window, and the sum of their
+    periodograms."""
     from scipy.fft import rfft
 
     window = np.hanning(length + 1)[:-1]
@@ -232,11 +208,8 @@ def _power(panel: Vector, length: int) -> tuple[float, Vector]:
 
 
 def _gaussian(power: Vector, length: int, number: float) -> tuple[Matrix, Vector]:
-    """Compute G = N Cov(ν̂_j², ν̂_k²) / (ν_j² ν_k²) for a Gaussian signal with a given spectral density, and ν_j².
-
-    `power` is the mean of `number` periodograms of segments of `length` samples. The results have the levels that these
-    segments resolve.
-    """
+    """Compute G = N Cov(ν̂_j², ν̂_k²) / (ν_j² ν_k²) of Gaussian noise and ν_j², at the levels that segments resolve,
+    from `power`, the mean of `number` periodograms of segments of `length` samples."""
     levels = min(MOST_LEVELS, int(np.log2(length // FINE)))
     frequency = np.arange(1, power.size) / length
     half = np.ldexp(1.0, np.arange(levels))[:, None]
@@ -252,11 +225,8 @@ def _gaussian(power: Vector, length: int, number: float) -> tuple[Matrix, Vector
 
 
 def with_common_tails(curves: Mapping[str, WaveletVariance]) -> dict[str, WaveletVariance]:
-    """Return the curves of recordings of the same noise, all with a covariance E if at least one of them has it.
-
-    A recording that is too short to show heavy tails gets the E of the longest recording that shows them, scaled to its
-    own length.
-    """
+    """Return the curves of recordings of the same noise, all with a covariance E if one has it: a recording too short
+    to show heavy tails gets the E of the longest one that shows them, scaled to its length."""
     known = [wv for wv in curves.values() if wv.excess is not None]
     if not known:
         return dict(curves)

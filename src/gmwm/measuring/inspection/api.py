@@ -28,18 +28,6 @@ from gmwm.recording.batches import Batch, Batches, Segments, Streamed
 from gmwm.recording.resolution import Sample, before_rounding, step_of
 from gmwm.recording.signals import Imu, Signal
 
-_RESTLESS = 4.0
-"""Largest ratio of the standard deviation of a window to the median over all windows for a sensor at rest
-(tests/test_inspection_limits.py, as the next three constants)."""
-_CHANGES = 0.1
-"""Share of samples with a changed output, above which rounding does not explain a window without any change."""
-_TURN = 0.1
-"""Change of the direction of gravity (degrees) above which there is a remark, as by a bias of 1.7 mg."""
-_MEDIAN_OF_SQUARE = 0.4549
-"""Median of the square of a standard normal variable."""
-_UNEXPLAINED = 5.0
-"""Change of the direction of gravity (standard errors) that noise does not explain."""
-
 Values = Callable[[str, int, int], Vector]
 """Function of axis, first and last index that returns the samples of a half-open range."""
 
@@ -108,8 +96,7 @@ def _not_a_recording(value: object) -> OptionError:
 
 
 class FirstPass:
-    """The first of two passes over the batches of a recording: finds the segments and the quantization step of each
-    axis."""
+    """The first of two passes over the batches: finds the segments and the quantization step of each axis."""
 
     def __init__(self, batches: Batches) -> None:
         self._batches = batches
@@ -134,10 +121,7 @@ class FirstPass:
         return RecordingStatistics(
             source=recording.source, remarks=recording.remarks, base=base,
             extent=Extent.of(
-                recording.rate,
-                self._segments.ranges,
-                self._segments.starts,
-                base.left,
+                recording.rate, self._segments.ranges, self._segments.starts, base.left,
                 gaps_known=self._segments.gaps_known,
             ),
             resolutions={axis: step_of(sample.values()) for axis, sample in self._samples.items()},
@@ -168,8 +152,7 @@ class RecordingStatistics:
             self._same += _repetitions(batch)
 
     def result(self, conditions: Conditions = NOTHING) -> Inspection:
-        """Return the inspection, after the last batch. The effect of the conditions is removed before the test for
-        trends."""
+        """Return the inspection, after the last batch, with trends tested without the effect of the conditions."""
         extent, statistics = self._extent, self._axes
         axes = {axis: self._axis(axis, sums) for axis, sums in statistics.items()}
         gravity, tilt, tilt_noise = _gravity(statistics, axes, extent.samples)
@@ -191,20 +174,18 @@ class RecordingStatistics:
             axis: motion for axis, sums in statistics.items() if (motion := _restless(sums, extent)) is not None
         }
         stuck = {axis: self._stuck(axis, sums) for axis, sums in statistics.items()}
-        turned = tilt is not None and tilt > max(_TURN, _UNEXPLAINED * tilt_noise)
+        # Change of the direction of gravity (degrees) above which there is a remark, as by a bias of 1.7 mg.
+        # Change of the direction of gravity (standard errors) that noise does not explain.
+        turned = tilt is not None and tilt > max(0.1, 5.0 * tilt_noise)
         moved = tilt is not None and turned and tilt > findings.MOVED
         remarks = (
-            *findings.of_time(extent, self._base, self._same),
-            *findings.of_stuck(stuck),
-            *findings.of_motion(restless, tilt if turned else None, knocks),
-            *findings.of_steps(tuple(steps)),
-            *findings.of_trends(trends, self._units, extent, self._base.left > 0),
-            *findings.of_gravity(gravity),
-            *findings.of_rounding(axes, extent.rate),
-            *findings.of_units(self._densities()),
+            *findings.of_time(extent, self._base, self._same), *findings.of_stuck(stuck),
+            *findings.of_motion(restless, tilt if turned else None, knocks), *findings.of_steps(tuple(steps)),
+            *findings.of_trends(trends, self._units, extent, self._base.left > 0), *findings.of_gravity(gravity),
+            *findings.of_rounding(axes, extent.rate), *findings.of_units(self._densities()),
             *findings.of_conditions(conditions.found, conditions.unknown),
             *(remark for remark in self._remarks if remark.code not in findings.OF_STAMPS),
-        )
+        )  # fmt: skip
         segments = len(extent.segments)
         return Inspection(
             source=self._source, rate=extent.rate, duration=extent.samples / extent.rate, samples=extent.samples,
@@ -226,13 +207,14 @@ class RecordingStatistics:
         )  # fmt: skip
 
     def _stuck(self, axis: str, sums: AxisStatistics) -> tuple[float, float] | None:
-        """Return the first time (s) at which the output of an axis is constant for a window, and the share of such
-        windows. The result is None if there are none, or if rounding explains them."""
+        """Return the first time (s) at which an axis is constant for a window, and the share of such windows; None if
+        rounding explains them."""
         measured = sums.steps.counts > 0
         still, step = measured & (sums.steps.means == 0), self._resolutions[axis] or 0.0
         moving = measured & ~still
         # The mean square of the differences is step² times the share of samples at which the output changes, or more.
-        if not np.any(still) or not np.any(moving) or np.median(sums.steps.means[moving]) < _CHANGES * step**2:
+        # Share of samples with a changed output, above which rounding does not explain a window without any change.
+        if not np.any(still) or not np.any(moving) or np.median(sums.steps.means[moving]) < 0.1 * step**2:
             return None
         first, _ = self._extent.windows()[int(np.argmax(still))]
         return float(self._extent.times([first])[0]), float(np.mean(still[measured]))
@@ -250,7 +232,8 @@ class RecordingStatistics:
                 squares = [np.median(sums.steps.means[measured]) / rate]
                 changes = np.concatenate([np.empty(0), *(np.diff(means) for _, means in sums.means())])
                 if changes.size:
-                    squares.append(np.median(changes**2) / _MEDIAN_OF_SQUARE * sums.length / rate)
+                    # 0.4549 is the median of the square of a standard normal variable.
+                    squares.append(np.median(changes**2) / 0.4549 * sums.length / rate)
                 densities[axis] = math.sqrt(min(squares) / 2) * unit.factor
         return densities
 
@@ -279,8 +262,7 @@ def _noise(axis: str, sums: AxisStatistics, conditions: Conditions) -> list[tupl
 def _gravity(
     statistics: Mapping[str, AxisStatistics], axes: Mapping[str, AxisInspection], samples: int
 ) -> tuple[float | None, float | None, float]:
-    """Return the norm of the mean specific force (m/s²), its largest change of direction (°), and that of noise alone
-    (°)."""
+    """Return the norm of the mean specific force (m/s²), its largest turn (°), and that of noise alone (°)."""
     names = ("accel_x", "accel_y", "accel_z")
     if any(axis not in statistics or axes[axis].unit != SI_UNIT["accel"] for axis in names):
         return None, None, 0.0
@@ -297,13 +279,14 @@ def _gravity(
 
 
 def _restless(sums: AxisStatistics, extent: Extent) -> tuple[float, float, float] | None:
-    """Return the begin and length (s) of the window with the largest standard deviation without outliers, and its ratio
-    to the median of all windows; None if the ratio is usual.
-    """
+    """Return begin and length (s) of the window with the largest standard deviation, and its ratio to the median; None
+    if usual."""
     spreads = np.sqrt(sums.calm.variances())
     changing = spreads[sums.steps.means > 0]  # windows in which the output is not stuck
     usual, worst = float(np.median(changing)) if changing.size else 0.0, int(np.argmax(spreads))
-    if usual > 0 and spreads[worst] > _RESTLESS * usual:
+    # Largest ratio of the standard deviation of a window to the median over all windows for a sensor at rest
+    # (tests/test_inspection_limits.py, as the next three constants).
+    if usual > 0 and spreads[worst] > 4.0 * usual:
         first, last = extent.windows()[worst]
         begin, end = extent.times([first, last - 1])
         return float(begin), float(end - begin), float(spreads[worst] / usual)

@@ -12,8 +12,8 @@ _SLAB = 256 * BLOCK  # samples that are processed together; it affects memory an
 
 
 class AxisStatistics:
-    """Statistics of one axis: moments, outliers and levels. `extent` has the segments and times of the recording, whose
-    samples are passed to `update` in order. `resolution` is the quantization step, 0 if none is visible."""
+    """Moments, outliers and levels of one axis, whose samples are passed to `update` in order. The quantization step
+    `resolution` is 0 if none is visible."""
 
     def __init__(self, extent: Extent, resolution: float) -> None:
         self._extent, self._resolution = extent, resolution
@@ -57,8 +57,7 @@ class AxisStatistics:
         return [(first, np.concatenate(medians)) for first, medians in self._levels]
 
     def means(self) -> list[tuple[int, Vector]]:
-        """Return the first sample and the block means, without outliers, of each range that has at least five
-        blocks."""
+        """Return the first sample and the block means, without outliers, of each range with five blocks."""
         return [(first, np.concatenate(means)) for first, means in self._means]
 
     def runs(self) -> list[Vector]:

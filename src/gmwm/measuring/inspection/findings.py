@@ -25,28 +25,8 @@ MOVED = 1.0
 
 _NOISY = 0.1
 """Noise density (deg/s/√Hz) at the upper end of low-cost gyroscopes (docs/howto/units.md)."""
-_OFF = 0.02
-"""Relative error of gravity above which there is a remark, more than a good accelerometer has."""
-_WRONG = 0.15
-"""Relative error of gravity above which the unit may be wrong. Offsets of 100 mg on three axes and a scale factor error
-of 3 %, which low-cost parts may have, change gravity by up to 15 %."""
-_JITTER = 0.1
-"""Jitter of the time stamps (sampling intervals) above which there is a remark."""
-_TWICE = 0.1
-"""Largest relative difference between the numbers of repeated time stamps and of repeated samples, for rows that were
-written twice. If time stamps are only rounded, the samples differ."""
-_FEW = 1e-3
-"""Share of rows written twice, below which there is no remark on them. N is too large by half of this share."""
-_LATE = 0.5
-"""Largest share of the recording that a warm-up may take; the rest must suffice for a calibration
-(docs/howto/record.md)."""
 OF_STAMPS = ("stamps-irregular",)
 """Remarks of a reader on the time stamps. `of_time` makes them again."""
-_COARSE = 2.0
-"""Largest quantization step (standard deviations of the noise) at which the rounding error is white noise of variance
-step²/12. N is then known to 2 %, and slow changes of the mean to 3 % (docs/validation/rounding.md)."""
-_ROUNDED = 0.7
-"""Quantization step (standard deviations σ of the noise) above which rounding adds at least 2 %, step²/24σ², to N."""
 
 
 def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
@@ -63,19 +43,22 @@ def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
     if base.lost:
         yield Remark.of("samples-lost", case="lost", count=base.lost)
     if base.duplicates:
-        many = base.duplicates > _FEW * extent.samples
-        twice = many and abs(same / base.duplicates - 1) <= _TWICE
+        # Share of rows written twice, below which there is no remark on them. N is too large by half of this share.
+        many = base.duplicates > 1e-3 * extent.samples
+        # Largest relative difference between the numbers of repeated time stamps and of repeated samples, for rows that
+        # were written twice. If time stamps are only rounded, the samples differ.
+        twice = many and abs(same / base.duplicates - 1) <= 0.1
         repeated = Remark.of("stamps-irregular", case="repeated", count=base.duplicates)
         yield Remark.of("rows-repeated", count=base.duplicates) if twice else repeated
     if base.backward:
         yield Remark.of("stamps-irregular", case="backward", count=base.backward)
-    if base.jitter * base.rate > _JITTER:
+    # Jitter of the time stamps (sampling intervals) above which there is a remark.
+    if base.jitter * base.rate > 0.1:
         yield Remark.of("stamps-irregular", case="jitter", share=float(base.jitter * base.rate))
 
 
 def of_stuck(stuck: Mapping[str, tuple[float, float] | None]) -> Iterator[Remark]:
-    """Yield remarks on axes whose output stops changing, with the first such time (s) and the share of the
-    recording."""
+    """Yield remarks on axes whose output stops changing, with the time (s) and the share of the recording."""
     for axis, finding in stuck.items():
         if finding is not None:
             yield Remark.of("axis-stuck", axis, time=Quantity(finding[0], "s"), share=finding[1])
@@ -84,9 +67,8 @@ def of_stuck(stuck: Mapping[str, tuple[float, float] | None]) -> Iterator[Remark
 def of_motion(
     restless: Mapping[str, tuple[float, float, float]], tilt: float | None, knocks: tuple[Knock, ...]
 ) -> Iterator[Remark]:
-    """Yield remarks on motion and knocks. `restless` has begin and length (s) of the window with the largest standard
-    deviation and its ratio to the usual one, for axes where it is unusual. `tilt` is the change of the direction of
-    gravity (degrees), None if noise explains it."""
+    """Yield remarks on knocks and motion: windows with an unusual standard deviation (`restless`: begin, length (s),
+    ratio), and a change of the direction of gravity (`tilt`, degrees) that noise does not explain."""
     if restless:
         axis = max(restless, key=lambda name: restless[name][2])
         time, window, ratio = restless[axis]
@@ -149,7 +131,8 @@ def beginning_to_omit(trends: tuple[Trend, ...], duration: float) -> float | Non
     """Return the time (s) at the beginning of a recording that is best left out because of large warm-ups; 0 if there
     is none, and None if too little would be left of the recording."""
     longest = _longest(trends, small=False)
-    return None if longest > _LATE * duration else round_up(longest) if longest else 0.0
+    # At least half of the recording must be left for a calibration (docs/howto/record.md).
+    return None if longest > 0.5 * duration else round_up(longest) if longest else 0.0
 
 
 def _longest(trends: tuple[Trend, ...], small: bool) -> float:
@@ -171,8 +154,8 @@ def omission_remarks(inspection: Inspection, start: float) -> tuple[Remark, ...]
 
 
 def of_conditions(regressions: Mapping[str, Regression], unknown: str) -> Iterator[Remark]:
-    """Yield remarks on the axes that depend on conditions, and on those that do not. `unknown` is the reason why the
-    temperature cannot be used, or ""."""
+    """Yield remarks on the axes that depend on conditions and those that do not, or why the temperature is
+    `unknown`."""
     if unknown:
         yield Remark.of("conditions", case="unknown", reason=unknown)
     for axis, regression in regressions.items():
@@ -192,8 +175,8 @@ def of_conditions(regressions: Mapping[str, Regression], unknown: str) -> Iterat
 
 
 def removal_remark(axis: str, regression: Regression, left_in: str = "") -> Remark:
-    """Make the remark on an effect that is removed. `left_in` is a phrase about the effect if it were not removed; by
-    default about the Allan deviation three octaves below the longest averaging time."""
+    """Make the remark on an effect that is removed. `left_in` says what it would do otherwise; by default to the Allan
+    deviation three octaves below the longest averaging time."""
     level = max(regression.share.size - 3, 1)
     times = 1 / math.sqrt(max(1 - float(regression.share[level - 1]), 1e-4))
     time = duration_text(2.0 ** (level - 1) / regression.rate)
@@ -211,8 +194,7 @@ def covariates_text(regression: Regression) -> str:
 
 
 def effect_text(regression: Regression) -> str:
-    """Format the first coefficient with half its 95 % interval in the unit of a datasheet, as "0.0123 ± 0.0009
-    (deg/s)/°C"."""
+    """Format the first coefficient with half its 95 % interval, as "0.0123 ± 0.0009 (deg/s)/°C"."""
     column = regression.columns[0]
     coefficient = regression[column.name]
     half = (coefficient.interval()[1] - coefficient.interval()[0]) / 2
@@ -249,9 +231,12 @@ def round_up(seconds: float) -> float:
 def of_gravity(gravity: float | None) -> Iterator[Remark]:
     """Yield a remark if the norm of the mean specific force (m/s²) differs from gravity."""
     error = 0.0 if gravity is None else gravity / STANDARD_GRAVITY - 1
-    if gravity is not None and abs(error) > _OFF:
+    # Relative error of gravity above which there is a remark, more than a good accelerometer has.
+    if gravity is not None and abs(error) > 0.02:
         norm, expected = Quantity(gravity, "m/s²"), Quantity(STANDARD_GRAVITY, "m/s²")
-        if abs(error) > _WRONG:
+        # Offsets of 100 mg on three axes and a scale factor error of 3 %, which low-cost parts may have, change gravity
+        # by up to 15 %. With a larger error, the unit may be wrong.
+        if abs(error) > 0.15:
             yield Remark.of("unit-doubtful", case="gravity", norm=norm, expected=expected)
         else:
             yield Remark.of("unit-contradicted", case="gravity", norm=norm, expected=expected, share=100 * error)
@@ -264,9 +249,13 @@ def of_rounding(axes: Mapping[str, AxisInspection], rate: float) -> Iterator[Rem
             continue
         ratio = axis.lsb / axis.before_rounding if axis.before_rounding else math.inf
         step = _as_printed(axis.lsb, axis.unit)
-        if ratio > _COARSE:
+        # Largest quantization step (standard deviations of the noise) at which the rounding error is white noise of
+        # variance step²/12. N is then known to 2 %, and slow changes of the mean to 3 % (docs/validation/rounding.md).
+        if ratio > 2.0:
             yield Remark.of("coarse-output", name, step=step, ratio=ratio, numbers=("N", "B", "K", "Q", "q_c"))
-        elif ratio > _ROUNDED:
+        # Quantization step (standard deviations σ of the noise) above which rounding adds at least 2 %, step²/24σ², to
+        # N.
+        elif ratio > 0.7:
             density = in_datasheet_units(axis.lsb / math.sqrt(12 * rate), 0.5, axis.unit)
             yield Remark.of("output-rounded", name, step=step, ratio=ratio, density=density)
 
@@ -278,8 +267,8 @@ def _as_printed(value: float, unit: str) -> Quantity:
 
 
 def of_units(densities: Mapping[str, float]) -> Iterator[Remark]:
-    """Yield remarks on gyroscopes whose noise density (rad/s/√Hz) makes the unit doubtful. If deg/s is read as rad/s,
-    the noise is 57 times as large."""
+    """Yield remarks on gyroscopes whose noise density (rad/s/√Hz) makes the unit doubtful: deg/s as rad/s is 57 times
+    as large."""
     noisy = {axis: degrees for axis, density in densities.items() if (degrees := math.degrees(density)) > _NOISY}
     limit = Quantity(_NOISY, "deg/s/√Hz")
     for axis in noisy:

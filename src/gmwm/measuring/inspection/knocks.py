@@ -16,24 +16,6 @@ BLOCK = 1000
 as all constants here but `FEWEST`)."""
 FEWEST = 64
 """Smallest number of samples of a segment for a local standard deviation, whose relative error is then 9 %."""
-_KNOCK = 8.0
-"""Smallest distance of an outlier from the local median, in local standard deviations; by chance once in 10¹⁵ samples.
-"""
-_BURST = 1.0
-"""Longest time (s) between outliers of the same knock."""
-_LEVELS = 256
-"""Number of blocks whose medians are compared for jumps."""
-_SHORTEST = 100
-"""Smallest number of samples of such a block."""
-_DIFFERENCES = 32
-"""Smallest number of differences between block medians from which their usual size is estimated."""
-_STEP = 8.0
-"""Smallest size of a jump, in standard deviations of these differences."""
-_REACH = 32.0
-"""Largest error of the position of a jump (samples), in units of (σ/size)². That of the most likely position exceeds 11
-in 5 % of the cases (Yao 1987, Annals of Statistics 15, 1321-1328); squared differences have the median 0.91 σ²."""
-_ISOLATED = 4.0
-"""Smallest ratio of a jump to the changes before and after it. For a ramp it is 2."""
 
 Indices = NDArray[np.int64]
 Outliers = tuple[Indices, Vector]
@@ -42,9 +24,8 @@ Outliers = tuple[Indices, Vector]
 
 @dataclass(frozen=True, kw_only=True)
 class Knock:
-    """A burst of outliers on `axes`. `time` (s) is that of the first outlier, counted from the first sample of the file
-    like the option `skip` of `read`, `duration` (s) the time from the first to the last one, and `peak` the largest
-    deviation in local standard deviations."""
+    """A burst of outliers on `axes`, from `time` (s since the first sample of the file) for `duration` (s), with the
+    largest deviation `peak` in local standard deviations."""
 
     time: float
     duration: float
@@ -77,35 +58,34 @@ def knocks_of(outliers: Mapping[str, Outliers], extent: Extent) -> tuple[Knock, 
     index, deviation, axis_number = index[order], deviation[order], axis_number[order]
     times = extent.times(index)
     seams = np.searchsorted([first for first, _ in extent.segments], index, side="right")
-    begins = np.flatnonzero((np.diff(times) > _BURST) | (np.diff(seams) != 0)) + 1
+    # Longest time (s) between outliers of the same knock.
+    begins = np.flatnonzero((np.diff(times) > 1.0) | (np.diff(seams) != 0)) + 1
     knocks = []
     for a, b in zip([0, *begins.tolist()], [*begins.tolist(), index.size], strict=True):
         shown = tuple(axes[k] for k in np.unique(axis_number[a:b]))
         knocks.append(
             Knock(
-                time=float(times[a]),
-                duration=float(times[b - 1] - times[a]),
-                axes=shown,
+                time=float(times[a]), duration=float(times[b - 1] - times[a]), axes=shown,
                 peak=float(np.max(deviation[a:b])),
             )
-        )
+        )  # fmt: skip
     return tuple(knocks)
 
 
 def outliers_of(blocks: Vector, resolution: float) -> Outliers:
-    """Find the samples that are far from the median of their block, one block in each row. Return their indices in the
-    flattened array and their distances in standard deviations, which are at least half the `resolution`, the
-    quantization step."""
+    """Find the samples far from the median of their block (row): indices in the flattened array, and distances in
+    standard deviations, which are at least half the `resolution`."""
     distance = np.abs(blocks - row_medians(blocks)[:, None])
     spread = _usual_spread(blocks, distance, resolution)
-    at = np.flatnonzero((distance > _KNOCK * spread) & (spread > 0))
+    # Smallest distance of an outlier from the local median, in local standard deviations; by chance once in 10¹⁵
+    # samples.
+    at = np.flatnonzero((distance > 8.0 * spread) & (spread > 0))
     return at, distance.ravel()[at] / spread.ravel()[at // blocks.shape[1]]
 
 
 def _usual_spread(blocks: Vector, distance: Vector, step: float) -> Vector:
-    """Estimate the standard deviation of each block without its knocks. A knock raises it, so the median distance is an
-    upper bound. For coarsely quantized values this distance is accurate to one step only, so one step is added, and the
-    result is at least half a step."""
+    """Bound the standard deviation of each block without its knocks by the median distance. For coarsely quantized
+    values it is accurate to one step, so one step is added, and the result is at least half a step."""
     bound = row_medians(distance)[:, None] / 0.67449 + step
     spread = np.minimum(np.std(blocks, axis=1, keepdims=True), bound)
     return np.asarray(np.maximum(spread, 0.5 * step))
@@ -113,30 +93,27 @@ def _usual_spread(blocks: Vector, distance: Vector, step: float) -> Vector:
 
 def level_length(samples: int) -> int:
     """Return the number of samples in the blocks whose medians are compared."""
-    return max(samples // _LEVELS, _SHORTEST)
+    # Number of blocks whose medians are compared for jumps.
+    # Smallest number of samples of such a block.
+    return max(samples // 256, 100)
 
 
 def steps_of(
     axis: str, levels: Sequence[tuple[int, Vector]], extent: Extent, resolution: float,
     values: Callable[[int, int], Vector],
 ) -> list[Step]:  # fmt: skip
-    """Find lasting jumps of the mean within segments, ordered by time.
-
-    The medians m_i of 256 blocks, with at least 100 samples each, follow the mean and are not affected by knocks. The
-    difference m_{i+2} − m_i contains the whole of a jump in block i + 1. It is a jump if it exceeds two limits. The
-    first is 8 standard deviations of all such differences, estimated from their median absolute deviation, so that a
-    random walk is not a jump. The second is 4 times the changes before and after it, so that a warm-up is not a jump.
-    The first and the last three blocks of a segment are excluded. No jump was found in 8680 simulated recordings of
-    seven models with 3400 to 100 000 samples; tests/test_inspection.py repeats a part of them.
-
-    `levels` has the first sample and the medians of each segment with at least five blocks, and `values(first, last)`
-    returns a range of samples, to locate the jump. Half the `resolution` is the smallest standard deviation that is
-    used.
-    """
+    """Find lasting jumps of the mean within segments, ordered by time. The medians m_i of 256 blocks, with at least 100
+    samples each, follow the mean without knocks, and m_{i+2} − m_i contains the whole of a jump in block i + 1. It must
+    exceed 8 standard deviations of all such differences, by their median absolute deviation, so that a random walk is
+    not a jump, and 4 times the changes before and after it, so that a warm-up is not a jump. The first and the last
+    three blocks are excluded. No jump was found in 8680 simulated recordings of seven models; tests/test_inspection.py
+    repeats a part of them. `levels` has the first sample and the medians of each segment, and `values(first, last)`
+    returns samples, to locate the jump. Half the `resolution` is the smallest standard deviation."""
     length = level_length(extent.samples)
     changes = [level[2:] - level[:-2] for _, level in levels]
     everything = np.concatenate([np.empty(0), *changes])
-    if everything.size < _DIFFERENCES:
+    # Smallest number of differences between block medians from which their usual size is estimated.
+    if everything.size < 32:
         return []
     usual = float(np.median(everything))
     spread = max(float(np.median(np.abs(everything - usual))) / 0.67449, 0.5 * resolution)
@@ -146,7 +123,9 @@ def steps_of(
         # Changes just before and just after the two blocks. At the ends of a segment a warm-up looks like a jump.
         before, behind = np.append(np.inf, neighbours[:-2]), np.append(neighbours[2:], np.inf)
         size = np.abs(change - usual)
-        least = np.maximum(_STEP * spread, _ISOLATED * np.maximum(before, behind))
+        # Smallest size of a jump, in standard deviations of these differences.
+        # Smallest ratio of a jump to the changes before and after it. For a ramp it is 2.
+        least = np.maximum(8.0 * spread, 4.0 * np.maximum(before, behind))
         at = np.flatnonzero((size > least) & (spread > 0))
         # Several neighbouring blocks can show the same jump.
         for group in np.split(at, np.flatnonzero(np.diff(at) > 2) + 1) if at.size else []:
@@ -154,16 +133,16 @@ def steps_of(
             begin = first + i * length
             part = values(begin, begin + 3 * length)
             place = begin + _corner(part, level[i], level[i + 2])
-            reach = 1 + _REACH * float(np.median(np.diff(part) ** 2)) / change[i] ** 2
+            # Largest error of the position of a jump (samples), in units of (σ/size)². That of the most likely position
+            # exceeds 11 in 5 % of the cases (Yao 1987, Annals of Statistics 15, 1321-1328); squared differences have
+            # the median 0.91 σ².
+            reach = 1 + 32.0 * float(np.median(np.diff(part) ** 2)) / change[i] ** 2
             steps.append(
                 Step(
-                    time=float(extent.times([place])[0]),
-                    axis=axis,
-                    size=float(change[i]),
-                    times=float(size[i] / spread),
-                    at_gap=extent.has_short_gap(place, reach),
+                    time=float(extent.times([place])[0]), axis=axis, size=float(change[i]),
+                    times=float(size[i] / spread), at_gap=extent.has_short_gap(place, reach),
                 )
-            )
+            )  # fmt: skip
     return steps
 
 

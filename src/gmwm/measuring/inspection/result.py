@@ -105,10 +105,8 @@ class Inspection(Documented, Summarised):
 
 
 REST: Mapping[Dialect, str] = {
-    Dialect.PYTHON: "summary(every=True)",
-    Dialect.SHELL: "--all-remarks",
-    Dialect.HTML: "",
-}
+    Dialect.PYTHON: "summary(every=True)", Dialect.SHELL: "--all-remarks", Dialect.HTML: "",
+}  # fmt: skip
 """The option that shows the remarks that the text does not contain."""
 
 

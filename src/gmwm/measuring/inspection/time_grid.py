@@ -22,8 +22,8 @@ Range = tuple[int, int]
 
 @dataclass(frozen=True)
 class Extent:
-    """Segments of a recording (half-open index ranges) and their start times, counted from the first sample of the
-    file. `gaps_known` tells whether the lengths of the gaps are known."""
+    """Segments (half-open index ranges) with start times since the first sample of the file, and whether lengths of
+    gaps are known."""
 
     rate: float
     segments: tuple[Range, ...]
@@ -34,8 +34,7 @@ class Extent:
     def of(
         cls, rate: float, segments: Sequence[Range], clock: Sequence[float], left: float, *, gaps_known: bool = True
     ) -> Extent:
-        """Make the extent of segments whose start times `clock` (s) are counted from any zero; the first sample gets
-        `left` (s)."""
+        """Make the extent of segments with start times `clock` (s) from any zero; the first sample gets `left` (s)."""
         begins = begins_of(rate, segments, clock)
         return cls(rate, tuple(segments), tuple(left + begin for begin in begins), gaps_known)
 
@@ -66,9 +65,8 @@ class Extent:
         return times_of(indices, self.rate, self.segments, self.starts)
 
     def windows(self) -> list[Range]:
-        """Return about 64 half-open index ranges of similar length, whose means can be compared. A window contains no
-        gap that is too long to fill, with one exception: neighbouring ranges that are shorter than half a window are
-        joined. If the result is still too short, it is left out."""
+        """Return about 64 half-open index ranges of similar length, whose means can be compared. None contains a gap
+        that is too long to fill, unless both sides are shorter than half a window; too short ones are left out."""
         length = max(self.samples // _WINDOWS, 1)
         ranges: list[Range] = []
         joined = False  # whether the last range consists of short segments and may still grow

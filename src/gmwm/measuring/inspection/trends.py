@@ -16,8 +16,6 @@ from gmwm.measuring.inspection.wander import CourseProfile, Likelihood
 
 Kind = Literal["exponential", "linear", "quadratic"]
 
-_FEWEST = 48
-"""Smallest number of blocks for the test (tests/test_inspection_trends.py: false alarms at 70 and 256 blocks)."""
 _SIZE = 0.01
 """Significance level of the test (docs/validation/trends.md)."""
 _TAIL = (8.5, 0.4)
@@ -78,7 +76,8 @@ def trend_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> 
     """
     length = level_length(extent.samples)
     start, y = _longest(means, extent, length)
-    if y.size < _FEWEST or not np.any(np.diff(y)):
+    # Smallest number of blocks for the test (tests/test_inspection_trends.py: false alarms at 70 and 256 blocks).
+    if y.size < 48 or not np.any(np.diff(y)):
         return None
     test = TrendTest(y)
     if test.kind is None or test.pvalue > _SIZE:
@@ -159,9 +158,8 @@ class TrendTest:
         return float(course[0] - course[-1]) if self.kind != "exponential" else self._size
 
     def walks(self) -> tuple[float, float, float]:
-        """Return the variance γ² of a step of the random walk over one block in addition to the trend, its 95 % upper
-        limit, and γ² if the trend is treated as noise.
-        """
+        """Return the variance γ² of a step of the random walk over one block besides the trend, its 95 % limit, and γ²
+        without a trend."""
         likelihood, at = self._likelihood, np.arange(self._means.size) + 0.5
         courses = self._lines if self.kind == "quadratic" else self._lines[:1]
         if self.kind == "exponential":
@@ -171,8 +169,7 @@ class TrendTest:
         return walk, limit, likelihood.walk(courses[:0], alone=True)[0]
 
     def until(self) -> float | None:
-        """Return the time (blocks) after which the rest of a warm-up is below one standard error of the noise, or
-        None."""
+        """Return the time (blocks) after which the rest of a warm-up is below one standard error of the noise."""
         n, profile = self._means.size, self._profile()
         if self.kind != "exponential" or self.tau > n:
             return None
@@ -205,8 +202,7 @@ class TrendTest:
         return np.asarray(line * at / n + curve * (at / n) ** 2)
 
     def _decays(self, times: Vector) -> tuple[CourseProfile, Matrix]:
-        """Return the profile likelihoods with an exponential of each time constant, and the transformed
-        exponentials."""
+        """Return the profile likelihoods with an exponential of each time constant, and the exponentials."""
         at = np.arange(self._means.size) + 0.5
         courses = self._likelihood.transform(np.exp(-at / times[:, None]))
         return self._likelihood.with_one(courses), courses

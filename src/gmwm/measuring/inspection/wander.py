@@ -22,10 +22,6 @@ _TIMES = (1.5, 5.0, 16.0)
 walk."""
 _PLATEAUS = np.geomspace(1e-2, 1e4, 13)
 """Spectral density of the Gauss-Markov process at low frequency, relative to the density of the white noise."""
-_LIMIT = 3.841
-"""Rise of −2 log L at the upper limit of a random walk: the 95 % quantile of χ² with one degree of freedom. The 90 %
-quantile, which is usual for a one-sided limit of 95 %, gives limits that are too low in 10 to 20 % of recordings,
-because a Gauss-Markov process can replace a random walk (docs/validation/trends.md)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +76,7 @@ def _markov(transform: Matrix, time: float) -> Vector:
 
 
 def _crossing(walks: Vector, excess: Vector) -> float:
-    """Return the largest γ² at which `excess` is still zero or negative, interpolated between neighbours on the
-    grid."""
+    """Return the largest γ² at which `excess` is not positive, interpolated on the grid."""
     inside = excess <= 0
     largest = float(np.max(walks[inside]))
     # The walk grows from model to model, and starts again at zero for the next Gauss-Markov process.
@@ -132,8 +127,7 @@ class Likelihood:
         return self._profile((self._flat - taken)[:, None])
 
     def with_step(self, models: Vector, first: int) -> float:
-        """Return the smallest −2 log L with a jump between or in the middle of blocks from `first` on, for some noise
-        models."""
+        """Return the smallest −2 log L with a jump between or in the middle of blocks from `first` on."""
         columns = self.grid.transform[:, first:]
         shapes = np.hstack([columns, (columns[:, 1:] + columns[:, :-1]) / 2])
         weights = self.grid.weights[models]
@@ -141,14 +135,16 @@ class Likelihood:
         return float(np.min(self._minus2(self._flat[models] - np.max(taken, axis=1), self.grid.logs[models])))
 
     def walk(self, courses: Matrix, *, alone: bool = False) -> tuple[float, float]:
-        """Return the variance γ² of a step of the random walk in addition to courses (p, n − 1), and its 95 % upper
-        limit. The restricted likelihood (REML) excludes the low frequencies that the transformed courses explain;
-        otherwise the walk would be underestimated. For an exponential, its derivative with respect to the time constant
-        is a course too. With `alone`, the noise model has no Gauss-Markov process, which can replace a random walk."""
+        """Return the variance γ² of a step of the random walk besides courses (p, n − 1), and its 95 % limit, by REML,
+        which excludes the low frequencies that the courses explain. The derivative of an exponential with respect to
+        its time constant is a course too. With `alone`, no Gauss-Markov process can replace the walk."""
         grid, used = self.grid, _WALKS.size if alone else len(self.grid.walks)
         values, scales = self._restricted_likelihood(grid.weights[:used], grid.logs[:used], courses)
         best = int(np.argmin(values))
-        limit = _crossing(grid.walks[:used] * scales, values - values[best] - _LIMIT)
+        # Rise of −2 log L at the upper limit of a random walk: the 95 % quantile of χ² with one degree of freedom. The
+        # 90 % quantile, which is usual for a one-sided limit of 95 %, gives limits that are too low in 10 to 20 % of
+        # recordings, because a Gauss-Markov process can replace a random walk (docs/validation/trends.md).
+        limit = _crossing(grid.walks[:used] * scales, values - values[best] - 3.841)
         if not grid.walks[best]:
             return 0.0, limit
         # Between two neighbours of `_WALKS`, whose ratio is 1.48.

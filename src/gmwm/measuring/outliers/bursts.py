@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector, as_rate, as_vector, freeze
+from gmwm.base.arrays import FrozenArrays, Vector, as_rate, as_vector
 from gmwm.base.documents import Documented
 from gmwm.measuring.variance.biweight import NORMAL_QUARTILE
-from gmwm.measuring.variance.panels import Panels, panel_length
+from gmwm.measuring.variance.open_segments import Panels, panel_length
 from gmwm.recording.resolution import Sample, step_of
 from gmwm.recording.signals import Signal
 
@@ -51,7 +51,7 @@ Ranges = NDArray[np.int64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Bursts(Documented):
+class Bursts(FrozenArrays, Documented):
     """Bursts of large wavelet coefficients at each of L levels.
 
     Attributes
@@ -70,10 +70,6 @@ class Bursts(Documented):
     energy: Vector
     time: Vector
     count: int
-
-    def __post_init__(self) -> None:
-        for name in ("tau", "energy", "time"):
-            freeze(getattr(self, name))
 
     @property
     def material(self) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ from gmwm.base.time_base import times_of
 from gmwm.measuring.outliers.bursts import Ranges, burst_ranges, coefficients
 from gmwm.measuring.outliers.screening import Replaced
 from gmwm.measuring.outliers.spikes import find_spikes, repaired
-from gmwm.measuring.variance.panels import panel_length
+from gmwm.measuring.variance.open_segments import panel_length
 from gmwm.recording.gaps import drawn
 from gmwm.recording.resolution import lsb
 from gmwm.recording.signals import Signal
@@ -65,12 +65,10 @@ def cleaned(x: Signal) -> Cleaned:
         signal=signal,
         knocks=knocks,
         replaced=Replaced(
-            spikes=len(spikes),
-            largest=spikes.largest,
-            knocks=tuple((start, stop) for start, stop in times.tolist()),
+            spikes=len(spikes), largest=spikes.largest, knocks=tuple((start, stop) for start, stop in times.tolist()),
             in_knocks=int(np.sum(knocks[:, 1] - knocks[:, 0])),
         ),
-    )
+    )  # fmt: skip
 
 
 def _knocks(values: Vector, rate: float) -> Ranges:
@@ -97,8 +95,7 @@ def _of_panel(values: Vector, rate: float, step: float) -> Ranges:
 
 
 def _mirror(values: Vector, ranges: Ranges) -> Vector:
-    """Replace each range by the mirrored samples next to it on a straight line, for the search for weak parts of
-    knocks."""
+    """Replace ranges by the mirrored samples next to them on a straight line, to search for weak parts of knocks."""
     out = values.copy()
     for first, last in ranges.tolist():
         size, half = last - first, (last - first) // 2

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm.base.arrays import Vector, as_vector, freeze
+from gmwm.base.arrays import FrozenArrays, Vector, as_vector
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.remarks import Quantity, Remark, texts
@@ -42,7 +42,7 @@ Reason = Literal["few", "rounded", "nothing"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Verdict(Documented, Summarised):
+class Verdict(FrozenArrays, Documented, Summarised):
     """The result of the test for outliers, level by level.
 
     Attributes
@@ -101,10 +101,6 @@ class Verdict(Documented, Summarised):
     largest: float = 0.0
     replaced: Replaced = NOTHING_REPLACED
     dependence: Dependence | None = None
-
-    def __post_init__(self) -> None:
-        for array in (self.levels, self.tau, self.excess, self.critical, self.standard_errors, self.pvalues):
-            freeze(array)
 
     @property
     def tested(self) -> NDArray[np.bool_]:

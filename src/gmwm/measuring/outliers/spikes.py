@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector, freeze, row_medians
+from gmwm.base.arrays import FrozenArrays, Vector, row_medians
 from gmwm.base.errors import DataError, OptionError
 from gmwm.measuring.outliers.bursts import NEIGHBOURHOOD
 from gmwm.measuring.variance.biweight import NORMAL_QUARTILE
@@ -56,7 +56,7 @@ _PASSES, _SETTLED = 5, 0.01
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Spikes:
+class Spikes(FrozenArrays):
     """Isolated wrong samples.
 
     Attributes
@@ -67,10 +67,6 @@ class Spikes:
 
     indices: NDArray[np.int64]
     deviations: Vector
-
-    def __post_init__(self) -> None:
-        freeze(self.indices)
-        freeze(self.deviations)
 
     def __len__(self) -> int:
         return int(self.indices.size)

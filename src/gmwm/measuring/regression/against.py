@@ -14,10 +14,6 @@ from gmwm.recording.signals import Signal
 
 AUTO, NONE = "auto", "none"
 TIME, WARM_UP, TEMPERATURE = "time", "warmup", "temperature"
-MOST_DEGREES = 5
-"""Highest degree of a polynomial: the degree that sensor drivers use for temperature compensation."""
-MOST_KNOTS = 10
-"""Largest number of inner knots of a spline."""
 _EXPECTED = "text such as 'temperature:2,lag', 'time:3' or 'warmup', an array, or a mapping of names to arrays"
 _UNITS = {TEMPERATURE: "°C", TIME: "h"}
 
@@ -61,21 +57,25 @@ class CovariateTerm:
         >>> CovariateTerm.parse("temperature:2,lag")
         CovariateTerm(name='temperature', degree=2, lag=True, knots=0, exact=False)
         """
+        # Largest number of inner knots of a spline.
+        most_knots = 10
+        # Highest degree of a polynomial: the degree that sensor drivers use for temperature compensation.
+        most_degrees = 5
         name, _, options = text.strip().partition(":")
         if not re.fullmatch(r"[A-Za-z_]\w*", name) or name in (AUTO, NONE):
             raise OptionError(argument="against", expected=_EXPECTED, got=text)
         degree, knots, words = 1, 0, set()
         for word in filter(None, (part.strip() for part in options.split(","))):
-            if word.isdigit() and 1 <= int(word) <= MOST_DEGREES:
+            if word.isdigit() and 1 <= int(word) <= most_degrees:
                 degree = int(word)
-            elif (match := re.fullmatch(r"knots=(\d+)", word)) and 1 <= int(match[1]) <= MOST_KNOTS:
+            elif (match := re.fullmatch(r"knots=(\d+)", word)) and 1 <= int(match[1]) <= most_knots:
                 knots = int(match[1])
             elif word in ("lag", "exact"):
                 words.add(word)
             else:
                 raise OptionError(
                     argument="against",
-                    expected=f"a degree from 1 to {MOST_DEGREES}, knots=1 to {MOST_KNOTS}, lag or exact after {name!r}",
+                    expected=f"a degree from 1 to {most_degrees}, knots=1 to {most_knots}, lag or exact after {name!r}",
                     got=word,
                 )
         if (name == WARM_UP and options) or (name == TIME and words) or (knots and degree > 1):

@@ -11,10 +11,8 @@ from numpy.typing import ArrayLike
 from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector
 from gmwm.base.errors import DataError, OptionError
 from gmwm.measuring.regression.against import WARM_UP, Asked
-from gmwm.measuring.regression.columns import HOUR
-from gmwm.measuring.regression.covariates import Covariates
-from gmwm.measuring.regression.least_squares import COLLINEAR, RegressionDesign, Weighted
-from gmwm.measuring.regression.noise import NoiseMixtures
+from gmwm.measuring.regression.covariates import HOUR, Covariates
+from gmwm.measuring.regression.least_squares import COLLINEAR, NoiseMixtures, RegressionDesign, Weighted
 from gmwm.measuring.regression.result import Points, Regression
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY
@@ -31,12 +29,6 @@ errors of the former."""
 OPTIMISM = 2.0
 """The variances of the coefficients are too small by a factor of about 1 + OPTIMISM/(3 + degrees of freedom), because
 the weights come from the same data. Chosen in simulations with other seeds than docs/validation/regression.md."""
-FEWEST = 2.0
-"""Smallest number of degrees of freedom of a standard error, from the same simulations. The formula returns 1 if the
-data can neither show nor exclude a slow process; an effect of five standard errors would then not be significant."""
-_ROUNDS = 4
-"""Number of rounds that estimate noise, weights and coefficients in turn. The third one changes a standard error by
-less than 1 %."""
 
 
 def regress(signal: Signal, covariates: Covariates, *, automatic: bool = False) -> Regression:
@@ -48,16 +40,11 @@ def regress(signal: Signal, covariates: Covariates, *, automatic: bool = False) 
 def regress_axis(
     means: Vector, covariates: Covariates, *, axis: str = "", unit: str = "", automatic: bool = False
 ) -> Regression:
-    """Regress an axis on covariates by generalised least squares.
-
-    Each frequency is weighted by the inverse of the power spectral density of the noise, which is estimated from the
-    residuals together with the coefficients. The standard errors account for slow noise, so that two independent random
-    walks do not appear related. `means` (n,) are the block means of the axis, with outlying samples clipped.
-
-    If `automatic`, the regression is applied only if the axis depends on the temperature; the square, the rate of
-    change and the cube of the temperature are added if significant at the 1 % level. Raises DataError if the columns
-    are collinear, or if the axis is constant.
-    """
+    """Regress an axis, with block means (n,) without outliers, on covariates by generalised least squares with the
+    inverse power spectral density of the noise, estimated from the residuals together with the coefficients. Standard
+    errors account for slow noise, so that two random walks do not appear related. If `automatic`, only if the axis
+    depends on the temperature; its square, rate of change and cube are added if significant at the 1 % level. Raises
+    DataError if columns are collinear or the axis is constant."""
     regression = regress_means(means, covariates, axis=axis, unit=unit)
     if automatic:
         regression = (
@@ -69,10 +56,9 @@ def regress_axis(
 
 
 def _coarse(regression: Regression, means: Vector, covariates: Covariates) -> tuple[float, float, float] | None:
-    """Return the first coefficient from the longer half of the scales, its standard error, and the shortest of them
-    (s). The result is None unless this coefficient is significantly farther from zero than the coefficient from all
-    scales. Reading errors that are correlated in time are not detected as errors; they make it too small at short
-    scales."""
+    """Return the first coefficient from the longer half of the scales, its standard error, and the shortest scale (s),
+    if it is significantly farther from zero: undetected reading errors that are correlated in time make it too small at
+    short scales."""
     if not regression.terms[0].is_measured or regression.terms[0].exact:
         return None
     clock = covariates.clock
@@ -110,6 +96,9 @@ def _extend(regression: Regression, means: Vector, covariates: Covariates) -> Re
 
 def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit: str = "") -> Regression:
     """Regress block means (n,) of an axis on covariates, without the automatic choice; see `regress_axis`."""
+    # Smallest number of degrees of freedom of a standard error, from the same simulations. The formula returns 1 if the
+    # data can neither show nor exclude a slow process; an effect of five standard errors would then not be significant.
+    fewest = 2.0
     clock = covariates.clock
     present = clock.present()
     solved = _iterate(means, covariates, present, clock.whole())
@@ -117,11 +106,11 @@ def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit
     beta, lags = weighted.estimate(means), noise.covariances(len(means))
     parts = [weighted.covariances(part) for part in lags]
     covariance = noise.average(parts)
-    freedoms = [max(noise.freedom_of([part[:, k, k] for part in parts]), FEWEST) for k in range(beta.size)]
+    freedoms = [max(noise.freedom_of([part[:, k, k] for part in parts]), fewest) for k in range(beta.size)]
     factors = np.sqrt(1 + OPTIMISM / (3 + np.array(freedoms)))
     covariance = covariance * np.outer(factors, factors)
     inverse = np.linalg.pinv(covariance, hermitian=True)
-    freedom = max(noise.freedom_of([np.einsum("ab,kba->k", inverse, part) for part in parts]), FEWEST)
+    freedom = max(noise.freedom_of([np.einsum("ab,kba->k", inverse, part) for part in parts]), fewest)
     statistic = float(beta @ inverse @ beta) / beta.size
     residuals = means - covariates.smooth_matrix(solved.tau) @ beta
     raw, remaining = design.variances(means), design.variances(residuals)
@@ -146,8 +135,7 @@ def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit
 
 @dataclass(frozen=True, eq=False)
 class _Iteration:
-    """Result of the iteration: the weighted regression, the noise, the share of it that is left, and tau of a warm-up
-    (s)."""
+    """Result of the iteration: the regression, the noise, the share of it that is left, and tau of a warm-up (s)."""
 
     weighted: Weighted
     noise: NoiseMixtures
@@ -167,7 +155,9 @@ def _iterate(means: Vector, covariates: Covariates, present: np.ndarray, whole: 
     scales = 2.0 ** np.arange(1, design.levels + 1)
     freedom = np.maximum(design.counts / scales, 1.0)
     shares, variances = np.ones(design.levels), design.variances(means)
-    for _ in range(_ROUNDS):
+    # Number of rounds that estimate noise, weights and coefficients in turn. The third one changes a standard error by
+    # less than 1 %.
+    for _ in range(4):
         if not np.all(variances > 0):
             raise DataError("the signal is constant at some scale, so that it cannot be regressed", argument="against")
         noise = NoiseMixtures.of(variances / shares, freedom * shares, len(means))
@@ -215,9 +205,8 @@ def regressed_variance(
     data: WaveletVariance | Signal | ArrayLike, rate: float | None, asked: Asked, *, robust: bool = False,
     efficiency: float = EFFICIENCY,
 ) -> WaveletVariance:  # fmt: skip
-    """Estimate the wavelet variance of a signal after the effect of covariates is subtracted. The attribute
-    `regression` of the result contains the regression. Raises OptionError or DataError if a covariate cannot be used,
-    or if `data` is a wavelet variance, which has no samples."""
+    """Estimate the wavelet variance, with attribute `regression`, of a signal without the effect of covariates. Raises
+    OptionError or DataError if a covariate cannot be used, or `data` has no samples."""
     if isinstance(data, WaveletVariance):
         raise OptionError(
             "against needs the samples; got a WaveletVariance",
@@ -238,8 +227,8 @@ def restate(
     regression: Regression, signal: Signal, covariates: Covariates, estimates: Vector, *, covariance: Matrix,
     freedoms: tuple[float, ...], freedom: float,
 ) -> Regression:  # fmt: skip
-    """Return a copy of a regression with other estimates (p,), their covariance (p, p) and degrees of freedom. The
-    joint test and the residuals are computed again."""
+    """Return a regression with other estimates, covariance and degrees of freedom, and their joint test and
+    residuals."""
     clock = covariates.clock
     present = clock.present()
     means = clock.means(signal.values, clipped=True)

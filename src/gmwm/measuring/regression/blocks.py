@@ -15,8 +15,6 @@ from gmwm.recording.batches import BATCH
 BLOCKS = 4096
 """Smallest number of blocks, if the recording has at least as many samples. Standard errors then differ by less than
 0.1 % from those with all samples (docs/validation/regression.md)."""
-MOST = 1 << 17
-"""Largest number of blocks including those in gaps. It limits the memory for a recording with long gaps."""
 CLIPPED = 8.0
 """Distance from the median of the block, in standard deviations, at which samples are clipped, so that a shock changes
 a block mean only slightly. Gaussian noise reaches it once in 10¹⁵ samples."""
@@ -24,7 +22,8 @@ a block mean only slightly. Gaussian noise reaches it once in 10¹⁵ samples.""
 
 def usual_length(samples: int, end: int) -> int:
     """Return the number of samples in a block, for `samples` samples and `end` with the missing samples in gaps."""
-    return 1 << max(int(max(samples // BLOCKS, end // MOST)).bit_length() - 1, 0)
+    # Largest number of blocks including those in gaps. It limits the memory for a recording with long gaps.
+    return 1 << max(int(max(samples // BLOCKS, end // (1 << 17))).bit_length() - 1, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,8 +164,7 @@ class BlockClock:
         return float(np.median(every)) if every.size else 0.0
 
     def interpolate(self, means: Vector, first: int, last: int) -> Vector:
-        """Return block means interpolated linearly between the centres of non-empty blocks, at the samples first … last
-        − 1."""
+        """Interpolate block means linearly between centres of non-empty blocks, at samples first … last − 1."""
         at, curve = self._lines(means)
         samples = np.arange(first, last)
         begins, _, offsets = self._ranges.T
@@ -190,8 +188,7 @@ class BlockClock:
         return np.asarray(np.diff(CubicSpline(edges, sums)(at)) / np.diff(at))
 
     def _lines(self, means: Vector) -> tuple[Vector, Vector]:
-        """Return the times (sampling intervals) and values of the nodes of a line through the means of non-empty
-        blocks."""
+        """Return times (sampling intervals) and values of nodes of a line through the means of non-empty blocks."""
         filled = np.flatnonzero(self.present() if np.any(self.present()) else self.counts() > 0)
         at = np.asarray((filled + 0.5) * self.length - 0.5, dtype=np.float64)
         curve = means[filled]

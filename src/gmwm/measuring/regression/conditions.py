@@ -40,8 +40,8 @@ class Seen:
 
     @classmethod
     def of(cls, recording: Streamed, length: int, *, curves: bool = False, threads: int | None = None) -> Seen:
-        """Read a recording and sum it over blocks of `length` samples. With `curves`, also measure its wavelet
-        variances. Raises ReadError or DataError if `read` would refuse the recording."""
+        """Read a recording in blocks of `length` samples and, with `curves`, its wavelet variances. Raises ReadError or
+        DataError as `read` would."""
         segments, parts = Segments(), list[Vector]()
         sums = {axis: np.zeros(0) for axis in recording.axes}
         measured = curves_of(recording, recording.axes, robust=False) if curves else {}
@@ -87,9 +87,8 @@ class Conditions:
     def of(
         cls, signals: Mapping[str, Signal], asked: Asked, temperature: Vector | None, *, threads: int | None = None
     ) -> Conditions:
-        """Regress the axes of a recording, which were sampled at the same times. With the automatic choice, axes that
-        cannot be regressed are left out. Raises OptionError or DataError if a requested covariate is missing or cannot
-        be used."""
+        """Regress the axes of a recording, without those that fail if the choice is automatic. Raises OptionError or
+        DataError if a requested covariate is missing or cannot be used."""
         if not signals or not _is_requested(asked, temperature is not None):
             return cls()
         clock = next(iter(signals.values()))

@@ -1,4 +1,5 @@
-"""Prepare the covariates of a recording: block means, scales that are used, and regression columns."""
+"""Prepare the covariates of a recording (block means, scales that are used) and compute the columns of a regression:
+powers, splines and rates of change of covariates, and functions of time."""
 
 from __future__ import annotations
 
@@ -12,7 +13,6 @@ from gmwm.base.errors import DataError, OptionError
 from gmwm.base.time_base import times_of
 from gmwm.measuring.regression.against import TEMPERATURE, TIME, WARM_UP, CovariateTerm
 from gmwm.measuring.regression.blocks import BlockClock
-from gmwm.measuring.regression.columns import HOUR, Basis
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.recording.resolution import lsb
 from gmwm.recording.signals import Signal
@@ -20,15 +20,6 @@ from gmwm.recording.signals import Signal
 KNOWN = 10.0
 """A scale is used if the wavelet variance of the covariate is at least this number times that of its reading error. The
 error makes a coefficient from all used scales too small by less than 1 % (docs/validation/regression.md)."""
-LARGE_STEPS = 2.5
-"""A covariate with quantization step q must have a wavelet variance of at least this number times q² at some scale. If
-it changes by four steps in all, a coefficient is too small by 4 % (docs/validation/regression.md)."""
-WINDOWS = 256
-"""Number of windows; a quantized covariate that moves up and down in nearly all of them is dithered."""
-FEWEST_BLOCKS = 32
-"""Smallest number of blocks for a regression. They contain five scales."""
-FEWEST_KNOWN = 8
-"""Smallest number of blocks of the shortest scale that is used. Two scales are then used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +42,8 @@ class Covariates:
 
     @classmethod
     def of(cls, terms: Sequence[CovariateTerm], arrays: Mapping[str, Vector], signal: Signal) -> Covariates:
-        """Prepare the covariates of a recording. `signal` is one of its signals and states the times of the samples.
-        Raises DataError if a covariate is missing, is constant, has another length, or has too large errors at all
-        scales."""
+        """Prepare the covariates at the times of `signal`. Raises DataError if one is missing, is constant, has another
+        length, or has too large errors at all scales."""
         usual = 1 if any(term.exact for term in terms) else None
         clock = BlockClock.of(signal.rate, signal.segments, signal.starts, length=usual)
         block, lowest, values_by_name, smooth = clock.length, 1, dict(arrays), dict(arrays)
@@ -76,8 +66,7 @@ class Covariates:
 
     @classmethod
     def slow(cls, term: CovariateTerm, values: Vector, signal: Signal) -> Covariates:
-        """Prepare one covariate that changes slowly. Only its block means are used, even if it is exact. Errors are as
-        for `of`."""
+        """Prepare one slow covariate from block means, even if it is exact; errors are as for `of`."""
         if not term.exact:
             return cls.of([term], {term.name: values}, signal)
         _require_usable(term, {term.name: values}, signal)
@@ -92,10 +81,12 @@ class Covariates:
         arrays: Mapping[str, Vector], *, lowest: int, block: int,
     ) -> Covariates:  # fmt: skip
         """Prepare covariates from their block means. The attributes of the class describe `lowest` and `block`."""
+        # Smallest number of blocks for a regression. They contain five scales.
+        fewest_blocks = 32
         present = clock.present()
-        if np.count_nonzero(present) < FEWEST_BLOCKS:
+        if np.count_nonzero(present) < fewest_blocks:
             raise DataError(
-                f"a regression needs at least {FEWEST_BLOCKS} blocks of {clock.length / clock.rate:g} s; the recording "
+                f"a regression needs at least {fewest_blocks} blocks of {clock.length / clock.rate:g} s; the recording "
                 f"has {int(np.count_nonzero(present))}",
                 argument="against",
                 advice="Record for longer, or use {--against=none}.",
@@ -189,7 +180,8 @@ def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
     step = lsb(values)
     step = 0.0 if step is None or _is_dithered(values) else step
     level = known_level(values, signal, step)
-    if level is None or len(signal) >> (level - 1) < FEWEST_KNOWN:
+    # Smallest number of blocks of the shortest scale that is used. Two scales are then used.
+    if level is None or len(signal) >> (level - 1) < 8:
         raise DataError(
             f"the covariate {name} changes by no more than its reading error at the scales of this recording",
             argument="against",
@@ -209,7 +201,9 @@ def known_level(values: Vector, signal: Signal, step: float) -> int | None:
     valley = 0 if step else min(max(int(np.ceil(np.log2(_usual_run(values)))), 0), curve.size - 1)
     while valley + 1 < curve.size and curve[valley + 1] < curve[valley]:
         valley += 1
-    if np.max(curve) < LARGE_STEPS * step**2:
+    # A covariate with quantization step q must have a wavelet variance of at least this number times q² at some scale.
+    # If it changes by four steps in all, a coefficient is too small by 4 % (docs/validation/regression.md).
+    if np.max(curve) < 2.5 * step**2:
         return None
     at = np.arange(curve.size)
     error = np.maximum(1 / 12 * step**2, curve[valley] * 2.0 ** (valley - at))
@@ -218,8 +212,8 @@ def known_level(values: Vector, signal: Signal, step: float) -> int | None:
 
 
 def without_steps(values: Vector, step: float) -> Vector:
-    """Smooth a quantized series by a spline that passes halfway between two values when the series changes. The result
-    differs from the series by at most half a step. A series that often jumps back is returned unchanged."""
+    """Smooth a quantized series by a spline halfway between two values at a change, within half a step; not if it often
+    jumps back."""
     from scipy.interpolate import CubicSpline
 
     at = np.flatnonzero(values[1:] != values[:-1])
@@ -232,11 +226,13 @@ def without_steps(values: Vector, step: float) -> Vector:
 
 def _is_dithered(values: Vector) -> bool:
     """Return whether a quantized reading jumps up and down in nearly all windows, so that its mean is not quantized."""
+    # Number of windows; a quantized covariate that moves up and down in nearly all of them is dithered.
+    count = 256
     changes = np.flatnonzero(values[1:] != values[:-1])
     rises = values[changes + 1] > values[changes]
     turns = changes[1:][rises[1:] != rises[:-1]]
-    windows = np.unique(turns * WINDOWS // values.size)
-    return windows.size >= 0.9 * WINDOWS
+    windows = np.unique(turns * count // values.size)
+    return windows.size >= 0.9 * count
 
 
 def _beside(signal: Signal, values: Vector) -> Signal:
@@ -247,3 +243,88 @@ def _beside(signal: Signal, values: Vector) -> Signal:
 def _usual_run(values: Vector) -> float:
     """Return the mean number of consecutive samples with the same reading."""
     return values.size / max(int(np.count_nonzero(values[1:] != values[:-1])), 1)
+
+
+HOUR = 3600.0
+_SIGNS = {2: "²", 3: "³", 4: "⁴", 5: "⁵"}
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a regression, of the covariate `term`, such as "temperature^2", "temperature lag", "temperature
+    knot 1" or "warmup tau", and its unit, such as "°C²", or ""."""
+
+    name: str
+    term: str
+    power: str = ""
+
+
+@dataclass(frozen=True)
+class Basis:
+    """The terms of a regression, the values of covariates (time in hours) without effect, and all knots of splines."""
+
+    terms: tuple[CovariateTerm, ...]
+    references: Mapping[str, float]
+    knots: Mapping[str, tuple[float, ...]]
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """The columns, in the order of the terms."""
+        return tuple(column for term in self.terms for column in _columns(term))
+
+    def matrix(self, values: Mapping[str, Vector], times: Vector, tau: float | None) -> Matrix:
+        """Return the columns (n, p) for values of the covariates, times (s), and the time constant (s)."""
+        return np.hstack([self._of_term(term, values.get(term.name, times), times, tau) for term in self.terms])
+
+    def along(self, name: str, points: Vector) -> Matrix:
+        """Return the columns (m, p) for values of one covariate, with zero for others and rates of change."""
+        parts = []
+        for term in self.terms:
+            if term.name == name:
+                points_or_times = points * HOUR if name == TIME else points
+                parts.append(self._of_term(replace(term, lag=False), points_or_times, points, None))
+                parts += [np.zeros((points.size, 1))] * term.lag
+            else:
+                parts.append(np.zeros((points.size, len(_columns(term)))))
+        return np.hstack(parts)
+
+    def _of_term(self, term: CovariateTerm, values: Vector, times: Vector, tau: float | None) -> Matrix:
+        if term.name == WARM_UP:
+            assert tau is not None
+            decay = np.exp(-times / tau)
+            return np.column_stack([decay, times / tau * decay])
+        covariate = values / HOUR if term.name == TIME else values
+        offsets = covariate - self.references[term.name]
+        columns = [offsets**power for power in range(1, term.degree + 1)]
+        if term.knots:
+            at_reference = _spline(np.array([self.references[term.name]]), self.knots[term.name])
+            curved = _spline(covariate, self.knots[term.name])
+            columns += [curve - zero for curve, zero in zip(curved, at_reference, strict=True)]
+        if term.lag:
+            columns.append(np.gradient(values, times))
+        return np.column_stack(columns)
+
+
+def _columns(term: CovariateTerm) -> list[Column]:
+    name, unit = term.name, term.unit
+    if name == WARM_UP:
+        return [Column(name, name), Column(f"{name} tau", name)]
+    columns = [Column(name, name, unit)]
+    columns += [Column(f"{name}^{k}", name, unit and unit + _SIGNS[k]) for k in range(2, term.degree + 1)]
+    columns += [Column(f"{name} knot {k}", name, unit) for k in range(1, term.knots + 1)]
+    if term.lag:
+        columns.append(Column(f"{name} lag", name, unit and f"{unit}/s"))
+    return columns
+
+
+def _spline(values: Vector, knots: tuple[float, ...]) -> list[Vector]:
+    """Return the nonlinear columns of a natural cubic spline (Hastie, Tibshirani and Friedman 2009, eq. 5.4)."""
+    at, last = np.array(knots), knots[-1]
+    width = last - at[0]
+
+    def part(k: int) -> Vector:
+        cubes = np.maximum(values - at[k], 0.0) ** 3 - np.maximum(values - last, 0.0) ** 3
+        return np.asarray(cubes / (last - at[k]) / width)
+
+    end = part(len(knots) - 2)
+    return [part(k) - end for k in range(len(knots) - 2)]

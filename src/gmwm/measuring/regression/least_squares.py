@@ -14,12 +14,13 @@ from functools import cached_property
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector, runs_of
+from gmwm.measuring.covariance.design import Design
+from gmwm.measuring.covariance.mixture import mixture
+from gmwm.theory.processes.base import Process
 
 COLLINEAR = 1e6
 """Condition number of P, scaled to unit diagonal, above which columns are collinear. A standard error is then up to
 1000 times as large as without the other columns."""
-GRID = 4096
-"""Largest number of frequencies at which the power spectral density is evaluated. Other weights are interpolated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +69,15 @@ class RegressionDesign:
         return [(first, last) for first, last in runs_of(self.present).tolist() if last - first > 1]
 
     def weights(self, density: Callable[[Vector], Vector], highest: float = 0.5) -> list[Vector]:
-        """Compute, for each run, the weights 1/S(f) at the frequencies (cycles per value) of its cosine transform. They
-        are zero above `highest`, where the errors of the columns are too large."""
+        """Compute the weights 1/S(f) of the cosine transform of each run; zero above `highest`, where columns have too
+        large errors."""
+        # Largest number of frequencies at which the power spectral density is evaluated. Other weights are
+        # interpolated.
+        points = 4096
         weights: dict[int, Vector] = {}
         for size in {last - first for first, last in self.runs}:
             at = np.arange(1, size) / (2 * size)
-            grid = at if size <= GRID else np.geomspace(at[0], at[-1], GRID)
+            grid = at if size <= points else np.geomspace(at[0], at[-1], points)
             inverse = np.exp(np.interp(np.log(at), np.log(grid), -np.log(density(grid))))
             weights[size] = np.concatenate([[0.0], np.where(at <= highest, inverse, 0.0)])
         return [weights[last - first] for first, last in self.runs]
@@ -131,8 +135,8 @@ class Weighted:
         return np.asarray(self.rows.T @ np.where(self.design.present, values, 0.0))
 
     def covariance_rows(self, lags: Vector) -> Matrix:
-        """Compute Σ Bᵀ (n, p), for noise with the generalised covariance `lags` at the lags 0 … n − 1. The columns of U
-        sum to zero in every run, so each run may have its own offset, and a random walk is allowed."""
+        """Compute Σ Bᵀ (n, p) for the generalised covariance `lags`. Columns of U sum to zero in every run, so each run
+        may have its own offset, and a random walk is allowed."""
         from scipy import fft
 
         n = len(self.rows)
@@ -144,8 +148,7 @@ class Weighted:
 
     @cached_property
     def lag_products(self) -> Matrix:
-        """Sums Σ_t (B_at B_b,t+l + B_a,t+l B_bt) over the rows a and b of B at the lags l = 1 … n − 1 (n, p, p). The
-        first entry, for lag 0, is Σ_t B_at B_bt."""
+        """Sums Σ_t (B_at B_b,t+l + B_a,t+l B_bt) at the lags l = 1 … n − 1 (n, p, p), and Σ_t B_at B_bt at 0."""
         from scipy import fft
 
         n = len(self.rows)
@@ -187,3 +190,78 @@ def _complete(present: np.ndarray, width: int) -> np.ndarray:
     """Return the mask of the windows of `width` values that have no missing value."""
     sums = np.concatenate([[0], np.cumsum(present)])
     return np.asarray(sums[width:] - sums[:-width] == width)
+
+
+LONGEST = (0.01, 0.03, 0.12, 0.5)
+"""Limits for the correlation time in the mixtures, relative to the length of the recording. All include a random walk.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Mixture:
+    """The likeliest mixture of K processes for correlation times up to a limit, with its curves (K, J) and its
+    weight."""
+
+    processes: tuple[Process, ...]
+    parts: Matrix
+    weight: float
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseMixtures:
+    """Weighted average of mixtures that describe a wavelet variance with `freedom`; `curve` (J,) is the average."""
+
+    mixtures: tuple[Mixture, ...]
+    curve: Vector
+    freedom: Vector
+
+    @classmethod
+    def of(cls, variance: Vector, freedom: Vector, samples: int) -> NoiseMixtures:
+        """Estimate the noise of `samples` values with a wavelet variance (J,) and its degrees of freedom."""
+        design = Design(np.arange(1, variance.size + 1), samples=samples, rate=1.0)
+        fits = [mixture(variance, freedom, design, within=share * samples) for share in LONGEST]
+        # −2 log L, with a Gamma distribution for the wavelet variance of each level.
+        loss = np.array([float(np.sum(freedom * (variance / curve + np.log(curve)))) for curve, _ in fits])
+        # Penalty that is added to −2 log L of all mixtures except the first one: a parameter decreases it by one to two
+        # by chance. Without it, standard errors for a random walk were too small by a quarter
+        # (docs/validation/regression.md).
+        loss[1:] += 4.0
+        weights = np.exp(-(loss - loss.min()) / 2)
+        weights /= weights.sum()
+        mixtures = tuple(
+            Mixture(
+                model.processes, np.array([p.wavelet_variance(variance.size, 1.0) for p in model.processes]), float(w)
+            )
+            for (_, model), w in zip(fits, weights, strict=True)
+        )
+        return cls(mixtures, sum(w * curve for (curve, _), w in zip(fits, weights, strict=True)), freedom)
+
+    def covariances(self, lags: int) -> list[Matrix]:
+        """Return, for each mixture, the generalised covariances of its processes (K, n) at the lags 0 … n − 1."""
+        at = np.arange(lags)
+        return [np.array([p.generalised_covariance(at, 1.0) for p in parts.processes]) for parts in self.mixtures]
+
+    def psd(self, frequencies: Vector) -> Vector:
+        """Return the power spectral density of the average at frequencies in cycles per value."""
+        density = np.zeros(frequencies.shape)
+        for parts in self.mixtures:
+            density += parts.weight * sum(p.psd(frequencies, 1.0) for p in parts.processes)
+        return density
+
+    def average(self, of_mixtures: Sequence[Matrix]) -> Matrix:
+        """Return the weighted average over the mixtures of sums over their processes, the first axis of each array."""
+        return np.asarray(sum(m.weight * part.sum(axis=0) for m, part in zip(self.mixtures, of_mixtures, strict=True)))
+
+    def freedom_of(self, shares: Sequence[Vector]) -> float:
+        """Return 2 C²/Var Ĉ of an estimated variance C, by Satterthwaite's approximation, from the contributions of all
+        processes of each mixture (`shares`)."""
+        totals = np.array([float(np.sum(part)) for part in shares])
+        weights = np.array([mixed.weight for mixed in self.mixtures])
+        mean = float(weights @ totals)
+        variance = float(weights @ (totals - mean) ** 2)
+        for mixed, part in zip(self.mixtures, shares, strict=True):
+            # The scales are treated as a weighted least-squares fit to independent levels with variance 2 ν⁴/η each.
+            rows = mixed.parts * np.sqrt(self.freedom / 2) / np.sum(mixed.parts, axis=0)
+            relative = np.linalg.pinv(rows @ rows.T, rcond=1e-10, hermitian=True)
+            variance += mixed.weight * float(part @ relative @ part)
+        return float(np.clip(2 * mean**2 / variance, 1.0, 1e6)) if variance > 0 else 1e6

@@ -9,18 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Matrix, Vector, as_vector, freeze
+from gmwm.base.arrays import FrozenArrays, Matrix, Vector, as_vector
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised, duration_text
 from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.regression.against import TEMPERATURE, WARM_UP, CovariateTerm
-from gmwm.measuring.regression.columns import Basis, Column
+from gmwm.measuring.regression.covariates import Basis, Column
 from gmwm.measuring.variance.result import WaveletVariance
-
-LEFT = 0.5
-"""If less than this share of the noise is left at a level, this and all coarser levels are dropped
-(docs/validation/regression.md)."""
 
 
 class Effect(NamedTuple):
@@ -39,17 +35,13 @@ class Effect(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Points:
-    """Means of an axis over parts of the recording (m,), before and after the effect is subtracted, for a plot. `at`
-    are the means of the first covariate; for time and for a warm-up, the unit is hours."""
+class Points(FrozenArrays):
+    """Means of an axis over parts (m,), before and after the effect is subtracted, against the first covariate (time in
+    hours)."""
 
     at: Vector
     before: Vector
     after: Vector
-
-    def __post_init__(self) -> None:
-        for name in ("at", "before", "after"):
-            freeze(getattr(self, name))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +71,7 @@ class Coefficient:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Regression(Summarised, Plotted, Mapping[str, Coefficient]):
+class Regression(FrozenArrays, Summarised, Plotted, Mapping[str, Coefficient]):
     """Regression of one axis on conditions: a mapping from the names of the columns to their coefficients.
 
     Attributes
@@ -133,10 +125,6 @@ class Regression(Summarised, Plotted, Mapping[str, Coefficient]):
     points: Points
     applied: bool = True
     coarse: tuple[float, float, float] | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("covariance", "kept", "share"):
-            freeze(getattr(self, name))
 
     def __getitem__(self, name: str) -> Coefficient:
         from scipy.special import stdtr
@@ -268,8 +256,11 @@ class Regression(Summarised, Plotted, Mapping[str, Coefficient]):
         level is divided by the remaining share, and its relative covariance is increased accordingly. From the first
         level on at which less than half of the noise is left, the levels are dropped.
         """
+        # If less than this share of the noise is left at a level, this and all coarser levels are dropped
+        # (docs/validation/regression.md).
+        limit = 0.5
         shares = np.concatenate([self.kept, np.zeros(len(wv))])[: len(wv)]
-        count = int(np.argmax(shares < LEFT)) if np.any(shares < LEFT) else shares.size
+        count = int(np.argmax(shares < limit)) if np.any(shares < limit) else shares.size
         eta = wv.degrees_of_freedom[:count]
         shares, excess = shares[:count], None if wv.excess is None else wv.excess[:count, :count]
         lost = np.diag(2 / eta * (1 / shares - 1))

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Vector, as_rate, as_vector
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.locks import OneAtATime, one_at_a_time
+from gmwm.base.threads import OneAtATime, one_at_a_time
 from gmwm.measuring.spectrum.peaks import find_peaks
 from gmwm.measuring.spectrum.result import PowerSpectrum
 from gmwm.measuring.spectrum.welch import Detrend, Periodograms, degrees_of_freedom, one_sided_density, periodograms

@@ -169,13 +169,10 @@ class PowerSpectrum(Documented, Summarised, Plotted):
 
         return DataFrame(
             {
-                "frequency": self.frequencies,
-                "density": self.density,
-                "lower": self.lower,
-                "upper": self.upper,
+                "frequency": self.frequencies, "density": self.density, "lower": self.lower, "upper": self.upper,
                 "degrees_of_freedom": self.degrees_of_freedom,
             }
-        )
+        )  # fmt: skip
 
     def summary(self) -> str:
         """Format the root density in each octave, the lines and the bumps."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import FrozenArrays, Matrix, Vector
 
 STEPS = ((1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 2))
 """Numbers of roots (p, q) that are added to the best process so far, for filters up to order 4, moving averages and
@@ -53,7 +53,7 @@ class Alternative:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SpectralShape:
+class SpectralShape(FrozenArrays):
     """ARMA process whose power spectral density describes the measured density at high frequencies: X_t = Σ φ_i X_{t−i}
     + ε_t + Σ θ_i ε_{t−i}. `innovation` is the variance of ε (unit²), and `covariance` that of the errors of the
     coefficients. `misfit` is the mean squared difference between the logarithms of both densities, relative to its
@@ -65,10 +65,6 @@ class SpectralShape:
     covariance: Matrix
     misfit: float
     alternatives: tuple[Alternative, ...] = ()
-
-    def __post_init__(self) -> None:
-        for array in (self.phi, self.theta, self.covariance):
-            freeze(array)
 
     @property
     def density(self) -> float:

@@ -129,15 +129,10 @@ def _peaks(grid: DensityGrid, level: float) -> list[WidePeak]:
         if width is not None:
             peaks.append(
                 WidePeak(
-                    frequency=_summit(grid, k),
-                    width=width,
-                    density=float(grid.density[k]),
-                    level=between,
-                    freedom=float(grid.freedom[k]),
-                    p_value=float(p[k]),
-                    compact=_is_compact(grid, k, between),
+                    frequency=_summit(grid, k), width=width, density=float(grid.density[k]), level=between,
+                    freedom=float(grid.freedom[k]), p_value=float(p[k]), compact=_is_compact(grid, k, between),
                 )
-            )
+            )  # fmt: skip
     return peaks
 
 

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 
 PART_MEMORY = 64 << 20
 """Default limit of the size of a worker's result for a part (bytes). It is a choice; six axes have 19 exact levels."""
-PART_BYTES = 4 << 30
-"""Default for the largest size of a part (bytes). If a worker is lost, this much must be read again."""
 RETRIES = 2
 """Number of retries of a part after an error that is not caused by the content of the file."""
 
@@ -46,54 +44,29 @@ G = TypeVar("G", WaveletAccumulator, SecondPass)
 
 
 def part_levels(axes: int) -> int:
-    """Return the default number of exact levels, for which the result of a worker for a part has at most `PART_MEMORY`
-    bytes."""
+    """Return the default number of exact levels, for results of workers of at most `PART_MEMORY` bytes."""
     # The result has the samples at both ends: 16 bytes for each of 2^exact samples.
     return exact_levels(axes, PART_MEMORY, 16)
 
 
 def measure_in_parts(
-    stream: Stream,
-    curves: Mapping[str, AxisCurves],
-    *,
-    scheduler: str | Client | None = None,
-    workers: int | None = None,
-    parts: int | None = None,
-    done: Callable[[int], None] | None = None,
+    stream: Stream, curves: Mapping[str, AxisCurves], *, scheduler: str | Client | None = None,
+    workers: int | None = None, parts: int | None = None, done: Callable[[int], None] | None = None,
     prepare: Callable[[Batch], Batch] | None = None,
-) -> None:
+) -> None:  # fmt: skip
     """Measure the curves of a recording in one or two passes, in several processes or on several machines.
 
-    The result is the same as in one process. Each worker reads its parts of the file directly. The size of its result
-    does not grow with the length of the parts. If a worker is lost, another one reads its part again.
-
-    Parameters
-    ----------
-    stream : Stream
-        The recording. The workers must be able to read its file under the same path.
-    curves : mapping of axis to AxisCurves
-        Empty curves, to which all samples are added.
-    scheduler : str, distributed.Client or None
-        Address of a Dask scheduler, or a client of one; None to start worker processes on this machine.
-    workers : int, optional
-        Number of processes to start if no scheduler is given.
-    parts : int, optional
-        Number of parts of the recording; by default four for each thread of the workers.
-    done : callable, optional
-        Function that is called in the calling thread with the number of samples so far, after each part. In a second
-        pass the count continues, up to twice the number of samples.
-    prepare : callable, optional
-        Function that is applied to each batch before it is measured. It can be pickled.
+    The result is the same as in one process. Each worker reads its parts of the file directly, under the same path.
+    The size of its result does not grow with the length of the parts. If a worker is lost, another one reads its part
+    again. `curves` are empty; all samples are added to them. `scheduler` and `workers` are those of `connect`. By
+    default there are four `parts` for each thread of the workers. `done` is called in the calling thread with the
+    number of samples so far; in a second pass the count continues. `prepare` is applied to each batch.
     """
     with connect(scheduler, workers) as client:
         crew = _Crew(
-            client,
-            stream,
-            {axis: axis_curves.change for axis, axis_curves in curves.items()},
-            parts=parts,
-            done=done,
+            client, stream, {axis: axis_curves.change for axis, axis_curves in curves.items()}, parts=parts, done=done,
             prepare=prepare,
-        )
+        )  # fmt: skip
         first = crew.measure({axis: partial(_beginning, axis_curves.first) for axis, axis_curves in curves.items()})
         for axis, axis_curves in curves.items():
             axis_curves.first = first[axis]
@@ -115,8 +88,7 @@ class _Measured(Generic[G]):
     summary: RowSummary
 
     def has_short_gaps(self, rate: float) -> bool:
-        """Return whether the part has a gap that may be filled, or follows one. Sample numbers then differ from row
-        numbers."""
+        """Return whether a gap of the part, or before it, may be filled: samples and rows then have other numbers."""
         late = [seconds - 1 / rate for _, seconds in self.summary.gaps]
         return bool(np.any(is_short(lost_samples(late, rate))))
 
@@ -132,10 +104,8 @@ class _Measured(Generic[G]):
 
 @dataclass(frozen=True, eq=False)
 class _Begin(Generic[G]):
-    """For each axis, a function that creates the accumulator of a part from the number of its first sample.
-
-    It is a class and not a dict, because Dask would treat each entry of a dict separately.
-    """
+    """For each axis, a function that creates the accumulator of a part. Dask would treat the entries of a dict
+    separately."""
 
     axes: Mapping[str, Callable[[int], G]]
     changes: Mapping[str, Change | None]
@@ -171,8 +141,7 @@ class _PartMeasurement:
 
 
 def _measure(part: Part, begin: _Begin[G]) -> _Measured[G] | GmwmError:
-    """Measure a part in a worker. An error in the file is returned and not raised, because Dask would repeat the
-    work."""
+    """Measure a part in a worker; return an error in the file, because Dask would repeat the work if it were raised."""
     reader = PartReader(part)
     axes = {axis: create(part.first) for axis, create in begin.axes.items()}
     try:
@@ -198,17 +167,14 @@ class _Crew:
         if parts is None:
             path = None if not isinstance(stream._rows, FileRows) else stream._rows.path
             # With several parts for each thread, a slow worker does not delay the others much.
-            parts = max(4 * self._threads(), (path.stat().st_size if path else 0) // PART_BYTES)
+            # Default for the largest size of a part (bytes). If a worker is lost, this much must be read again.
+            parts = max(4 * self._threads(), (path.stat().st_size if path else 0) // (4 << 30))
         self._parts: tuple[Part, ...] = stream.parts(parts)
         self._whole: tuple[Part, ...] = stream.parts(1)
 
     def measure(self, axes: Mapping[str, Callable[[int], G]]) -> Mapping[str, G]:
-        """Measure all parts and merge them in order; raise the first error in the file.
-
-        `axes` has, for each axis, a function that creates an accumulator from the number of the first sample. Parts
-        number their samples by the rows of the file. If rows are lost, or gaps may be filled, the recording is
-        measured again as one part.
-        """
+        """Measure all parts and merge them in order; raise the first error in the file. Parts number their samples by
+        the rows of the file. If rows are lost, or gaps may be filled, the recording is measured again as one part."""
         if not axes:
             return {}
         result = self._measure_parts(axes)
@@ -255,10 +221,7 @@ class _Crew:
         return max(1, int(sum(self._client.nthreads().values())))
 
     def _hold(self, begin: _Begin[G]) -> Any:
-        """Send the functions that create accumulators to the cluster once, for all parts.
-
-        They are the result of a separate task, which Dask repeats if the worker that holds it is lost.
-        """
+        """Send the functions to the cluster once, as a task that Dask repeats if the worker that holds them is lost."""
         packed = zlib.compress(pickle.dumps(begin), 1)
         with self._dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GB"}):
             return self._client.submit(_unpack, packed, pure=False, retries=RETRIES)

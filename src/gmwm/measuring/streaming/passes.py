@@ -13,10 +13,9 @@ from gmwm.base.units import SI_UNIT
 from gmwm.measuring.spectrum import PowerSpectra, SpectrumAccumulator
 from gmwm.measuring.spectrum.welch import Detrend
 from gmwm.measuring.variance.accumulate import WaveletAccumulator
-from gmwm.measuring.variance.axes_result import WaveletVariances
 from gmwm.measuring.variance.biweight import EFFICIENCY, biweight, require_robust
 from gmwm.measuring.variance.open_segments import exact_levels, held_samples
-from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.measuring.variance.result import WaveletVariance, WaveletVariances
 from gmwm.measuring.variance.second_pass import SecondPass
 from gmwm.recording.batches import Batch, Batches, Streamed, feed
 from gmwm.recording.chunks import Chunk
@@ -33,11 +32,6 @@ Change = Callable[[Signal], Signal]
 """Function that changes the samples of an axis before their gaps are filled."""
 
 
-LIVE_BLOCK = 1 << 13
-"""Number of samples whose gaps are filled together while a recording is watched: 80 s at 100 Hz. The value is a
-choice."""
-
-
 class Measurement(Protocol):
     """Protocol of an object that measures one axis batch by batch; see `measure`."""
 
@@ -49,10 +43,8 @@ class Measurement(Protocol):
 
 
 def measure(batches: Iterable[Batch], measured: Mapping[str, Measurement], threads: int | None = None) -> None:
-    """Add all batches to the measurements of some axes, one thread for each axis, with short gaps filled.
-
-    All batches are read even if no axis is measured.
-    """
+    """Add all batches to the measurements of some axes, one thread each, with short gaps filled; all batches are
+    read."""
     if not measured:
         for _ in batches:
             pass
@@ -141,20 +133,11 @@ class AxisCurves:
 
 
 def stream_variance(
-    stream: Stream,
-    *,
-    levels: int | None = None,
-    exact: int | None = None,
-    robust: bool = False,
-    efficiency: float = EFFICIENCY,
-    passes: int = 2,
-    confidence: float = 0.95,
-    threads: int | None = None,
-    scheduler: str | Client | None = None,
-    workers: int | None = None,
-    parts: int | None = None,
+    stream: Stream, *, levels: int | None = None, exact: int | None = None, robust: bool = False,
+    efficiency: float = EFFICIENCY, passes: int = 2, confidence: float = 0.95, threads: int | None = None,
+    scheduler: str | Client | None = None, workers: int | None = None, parts: int | None = None,
     done: Callable[[int], None] | None = None,
-) -> WaveletVariances:
+) -> WaveletVariances:  # fmt: skip
     """Compute the wavelet variance of each axis of a recording of any length; see `Stream.wavelet_variance`."""
     as_confidence(confidence)
     require_robust(robust, efficiency)
@@ -170,20 +153,10 @@ def stream_variance(
 
 
 def measured_curves(
-    stream: Stream,
-    axes: Sequence[str],
-    *,
-    levels: int | None = None,
-    exact: int | None = None,
-    robust: bool = True,
-    efficiency: float = EFFICIENCY,
-    passes: int = 2,
-    threads: int | None = None,
-    scheduler: str | Client | None = None,
-    workers: int | None = None,
-    parts: int | None = None,
-    done: Callable[[int], None] | None = None,
-) -> dict[str, AxisCurves]:
+    stream: Stream, axes: Sequence[str], *, levels: int | None = None, exact: int | None = None, robust: bool = True,
+    efficiency: float = EFFICIENCY, passes: int = 2, threads: int | None = None, scheduler: str | Client | None = None,
+    workers: int | None = None, parts: int | None = None, done: Callable[[int], None] | None = None,
+) -> dict[str, AxisCurves]:  # fmt: skip
     """Measure the classical wavelet variance of some axes, and the robust one if `robust`, in one or two passes.
 
     Parameters and errors are the same as for `Stream.wavelet_variance`.
@@ -242,8 +215,11 @@ def unit_of(recording: Imu | Streamed, axis: str) -> str:
 
 
 def feed_chunks(chunks: Iterable[Chunk], measured: Mapping[str, WaveletAccumulator]) -> None:
-    """Add chunks to the accumulators of some axes as they arrive; gaps are filled in small blocks, to keep the delay
-    short."""
+    """Add chunks to accumulators as they arrive, with gaps filled in small blocks to keep the delay short."""
+
+    # Number of samples whose gaps are filled together while a recording is watched: 80 s at 100 Hz. The value is a
+    # choice.
+    block = 1 << 13
 
     def batches() -> Iterator[Batch]:
         segment = -1
@@ -255,19 +231,15 @@ def feed_chunks(chunks: Iterable[Chunk], measured: Mapping[str, WaveletAccumulat
             yield Batch(signals, chunk.first, chunk.segment == segment)
             segment = chunk.segment
 
-    for batch in filled(batches(), 1, block=LIVE_BLOCK, context=LIVE_BLOCK // 2):
+    for batch in filled(batches(), 1, block=block, context=block // 2):
         for axis, accumulator in measured.items():
             accumulator.feed(batch.signals[axis], batch.continues_on(axis))
 
 
 def stream_psd(
-    stream: Streamed,
-    *,
-    length: int | None = None,
-    detrend: Detrend = "constant",
-    confidence: float = 0.95,
+    stream: Streamed, *, length: int | None = None, detrend: Detrend = "constant", confidence: float = 0.95,
     done: Callable[[int], None] | None = None,
-) -> PowerSpectra:
+) -> PowerSpectra:  # fmt: skip
     """Estimate the power spectral density of each axis of a recording of any length; see `Stream.psd`."""
     as_confidence(confidence)
     measured = {

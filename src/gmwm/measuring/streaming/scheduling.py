@@ -25,20 +25,11 @@ workers."""
 
 @contextmanager
 def connect(scheduler: str | Client | None = None, workers: int | None = None) -> Iterator[Client]:
-    """Connect to a Dask scheduler, or to worker processes that are started on this machine.
+    """Connect to a Dask scheduler by its address or client, or to `workers` processes with one thread each here.
 
-    Processes that are started here end with the block. A client that is passed is not closed.
+    None starts processes here, by default one per processor. They end with the block; a client that is passed is not
+    closed. They import the script that runs, which must have its work under `if __name__ == "__main__":`.
 
-    Parameters
-    ----------
-    scheduler : str, distributed.Client or None
-        Address of a scheduler, such as tcp://10.0.0.5:8786, or a client; None to start worker processes here. These
-        import the script that runs, which must have its work under `if __name__ == "__main__":`.
-    workers : int, optional
-        Number of worker processes with one thread each; by default the number of processors.
-
-    Examples
-    --------
     >>> with connect("127.0.0.1") as client:
     ...     client.submit(sum, [1, 2]).result()
     Traceback (most recent call last):
@@ -90,8 +81,7 @@ def library() -> Any:
 
 
 def _processes(distributed: Any, workers: int, folder: str) -> Any:
-    """Start a scheduler in this process, and worker processes with one thread each, which limits Polars to one thread
-    too."""
+    """Start a scheduler here, and workers with one thread each, which limits Polars to one thread too."""
     try:
         return distributed.LocalCluster(
             n_workers=workers,

@@ -11,7 +11,7 @@ import numpy as np
 
 from gmwm.base.arrays import Vector, as_rate
 from gmwm.base.errors import DataError, OptionError, ReadError
-from gmwm.base.locks import one_at_a_time
+from gmwm.base.threads import one_at_a_time
 from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY, biweight, require_robust
@@ -174,8 +174,7 @@ class WaveletAccumulator(SegmentedAccumulator):
         )
 
     def _sketches(self) -> SketchCoefficients:
-        """Return the sketches of the coefficients so far; raise DataError if there are fewer than 8 samples without a
-        gap."""
+        """Return the sketches so far; raise DataError if there are fewer than 8 samples without a gap."""
         self._fold()
         reach = self._variances()[1].size
         sketches: Sketches = self._all_statistics()

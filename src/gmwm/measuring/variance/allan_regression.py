@@ -69,18 +69,10 @@ def coefficient_unit(term: Term, unit: str, units: Literal["si", "datasheet"] = 
 
 @dataclass(frozen=True, kw_only=True)
 class SlopeLine:
-    """Line of fixed slope that was fitted to a range of an Allan deviation.
+    """Line of fixed slope that was fitted to the averaging times `first` to `last` (s) of an Allan deviation.
 
-    Parameters
-    ----------
-    term : str
-        Noise term: "Q", "N", "B", "K" or "R".
-    coefficient : float
-        Coefficient of the term, in the unit of the data and seconds.
-    first, last, points : float, float, int
-        First and last averaging times (s) of the range, and number of values that were used.
-    bound : bool
-        Whether the coefficient is only an upper bound: the bias instability of a curve that still falls at its end.
+    `coefficient` is in the unit of the data and seconds, and `points` the number of values. If `bound`, it is only an
+    upper bound: the bias instability of a curve that still falls at its end.
     """
 
     term: Term
@@ -306,8 +298,7 @@ def _inside(term: Term, bounds: tuple[float, float], tau: Vector) -> NDArray[np.
 
 
 def _fitted_range(log_tau: Vector, log_deviation: Vector, slope: float, tolerance: float) -> NDArray[np.bool_]:
-    """Mark the longest run of values in which the local slope differs from `slope` by at most `tolerance`, if there is
-    one."""
+    """Mark the longest run of values with a local slope within `tolerance` of `slope`, if there is one."""
     chosen = np.zeros(log_tau.size, dtype=bool)
     near = np.abs(np.diff(log_deviation) / np.diff(log_tau) - slope) <= tolerance
     length, start = 0.0, None

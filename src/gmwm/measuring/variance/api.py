@@ -13,7 +13,6 @@ from gmwm.base import _core
 from gmwm.base.arrays import Vector, as_rate, as_vector, require_finite
 from gmwm.base.errors import DataError
 from gmwm.measuring.confidence_limits import chi_square_limits
-from gmwm.measuring.variance.axes_result import WaveletVariances
 from gmwm.measuring.variance.biweight import require_robust
 from gmwm.measuring.variance.coefficients import (
     CoefficientSource,
@@ -22,7 +21,7 @@ from gmwm.measuring.variance.coefficients import (
     PooledCoefficients,
 )
 from gmwm.measuring.variance.phase import SCALE_DOWN, TOO_LARGE, contradicting_rate
-from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.measuring.variance.result import WaveletVariance, WaveletVariances
 from gmwm.measuring.variance.rise import RiseSums
 from gmwm.measuring.variance.robust import RobustVariances, robust_variances
 from gmwm.measuring.variance.transform import (
@@ -202,8 +201,7 @@ def wavelet_variance(
 def variances_alone(
     segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int, efficiency: float | None
 ) -> Vector:
-    """Estimate the wavelet variances of levels 1 … J from segments of finite samples, without limits and remarks. The
-    estimates are robust if an efficiency is given, and classical if it is None."""
+    """Estimate the wavelet variances of levels 1 … J, robust if an efficiency is given, without limits and remarks."""
     if efficiency is None:
         return _classical(segments, filter, transform, levels)[0]
     return _robust(segments, filter, transform=transform, levels=levels, efficiency=efficiency).variance
@@ -212,8 +210,8 @@ def variances_alone(
 def _classical(
     segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int
 ) -> tuple[Vector, list[float]]:
-    """Compute the mean square, at each level, over all coefficients of all segments. The kernel of the Haar filter also
-    returns the mean rise of each segment with two samples or more."""
+    """Compute the mean square of all coefficients at each level, and the mean rises of segments from the Haar
+    kernel."""
     numbers = np.arange(1, levels + 1, dtype=np.int64)
     estimates, rises = [], []
     for segment, reach in _reaching(segments, filter, transform, levels):
@@ -266,9 +264,8 @@ def _plain(values: Vector, filter: WaveletFilter, transform: Transform, levels: 
 
 
 def _slope(segments: Sequence[Vector], rises: Sequence[float] = ()) -> float:
-    """Return the mean slope of a signal (unit per sample). Raises DataError if a value is not finite. The weights are
-    the squared lengths of the segments, between those for a random walk (lengths) and for white noise (cubes). `rises`
-    are slopes of the segments from the kernel; they are not finite if a value or a sum is not."""
+    """Return the mean slope (unit per sample), weighted by squared lengths of segments, between those for a random walk
+    and for white noise. `rises` are slopes from the kernel, not finite if a value or a sum is not (DataError)."""
     long = [segment for segment in segments if segment.size > 1]
     kernel_rises = rises or [math.nan] * len(long)
     slopes = [rise if math.isfinite(rise) else _rise(values) for rise, values in zip(kernel_rises, long, strict=True)]

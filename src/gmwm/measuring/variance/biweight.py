@@ -105,9 +105,9 @@ def _legendre() -> tuple[Vector, Vector]:
 
 
 def newton(criterion: Criterion, tolerance: float) -> tuple[float | None, int]:
-    """Find the root that Newton's method in log σ² reaches from 0; return it and the number of evaluations. The root is
-    None if the criterion does not decrease at an iterate, or an iterate leaves the accepted range. This excludes the
-    spurious root at 0.07 σ², where the criterion increases, which exists even without outliers."""
+    """Find the root that Newton's method in log σ² reaches from 0, and count evaluations. None if the criterion does
+    not decrease or an iterate leaves the range; this excludes the spurious root at 0.07 σ², which exists even without
+    outliers."""
     place = 0.0
     for count in range(1, 41):
         value, slope = criterion(place)
@@ -132,10 +132,9 @@ class Scan:
 
 
 def scan(criterion: Criterion, tolerance: float) -> Scan:
-    """Find a root at which the criterion decreases, starting from log σ² = 0, and all local maxima. If the criterion is
-    positive at 0, σ² is too small there, and the first root above 0 is chosen; if it is negative, the first root below
-    0. The iteration σ² ← σ² mean ρ / a would converge to the same root. Without a root in this direction, the nearest
-    root in the other direction is chosen."""
+    """Find a root at which the criterion decreases, from log σ² = 0, and all local maxima. If the criterion is positive
+    at 0, σ² is too small, and the first root above is chosen, otherwise the first below, as by σ² ← σ² mean ρ / a, or
+    the nearest in the other direction."""
     grid = np.linspace(-REACH, REACH, 61)
     values = np.array([criterion(float(place))[0] for place in grid])
     inside = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:])) + 1
@@ -151,9 +150,7 @@ def scan(criterion: Criterion, tolerance: float) -> Scan:
 
 
 def root_beyond(criterion: Criterion, peak: float, tolerance: float) -> tuple[float | None, int]:
-    """Find the root above the local maximum near `peak`, or None without a positive value near `peak`; also return the
-    number of evaluations.
-    """
+    """Find the root above the local maximum near `peak` if it is positive, and count evaluations."""
     low, high = peak - 0.2, peak + 0.2
     value, place, count = -1.0, peak, 0
     while value <= 0:
@@ -174,9 +171,8 @@ def root_beyond(criterion: Criterion, peak: float, tolerance: float) -> tuple[fl
 
 
 def _between(criterion: Criterion, low: float, high: float, tolerance: float) -> tuple[float, int]:
-    """Find the root between `low`, where the criterion is positive, and `high`, where it is negative, by Newton's
-    method within this interval. Return also the number of evaluations.
-    """
+    """Find the root between a positive criterion at `low` and a negative one at `high` by Newton's method, and count
+    evaluations."""
     place, count = (low + high) / 2, 0
     for count in range(1, 101):  # noqa: B007
         value, slope = criterion(place)

@@ -44,8 +44,8 @@ class StatisticsCollector(Protocol):
         """Return the statistic of an array of coefficients of one level, which can be empty."""
 
     def at(self, level: int, part: Any, resolution: float) -> Statistics:
-        """Return the statistics of all levels, with `part` at `level`. Any |W| up to `resolution` can be a rounding
-        error."""
+        """Return the statistics of all levels, with `part` at `level`; |W| up to `resolution` can be rounding
+        errors."""
 
     def empty(self) -> Statistics:
         """Return the statistics of no coefficients."""
@@ -182,21 +182,17 @@ def _empty(collector: StatisticsCollector | None, step: int) -> LevelStatistic |
 def blocks_of(
     sums: Vector, start: int, stop: int, *, steps: list[int], collector: StatisticsCollector | None = None
 ) -> list[Blocks]:
-    """Build the blocks of the samples `start` … `stop` − 1, for each step, a power of two times the first one. `sums`
-    are the sums of all samples before each multiple of the first step, and of all samples."""
+    """Build the blocks of samples for each step, a power of two times the first one, from sums before its multiples and
+    of all samples."""
     base, first, total = steps[0], -(-start // steps[0]), float(sums[-1])
     marks = sums[:-1]
     return [
         _of(
-            step,
-            start,
-            stop=stop,
-            marks=marks[(-first) % (step // base) :: step // base],
-            total=total,
+            step, start, stop=stop, marks=marks[(-first) % (step // base) :: step // base], total=total,
             collector=collector,
         )
         for step in steps
-    ]
+    ]  # fmt: skip
 
 
 def _of(step: int, start: int, stop: int, marks: Vector, total: float, collector: StatisticsCollector | None) -> Blocks:

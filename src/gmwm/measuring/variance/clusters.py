@@ -22,13 +22,10 @@ Family: TypeAlias = Literal["allan", "hadamard", "total"]
 Kind: TypeAlias = Literal["overlapping", "nonoverlapping", "modified"]
 
 _TITLES = {
-    ("allan", "overlapping"): "Overlapping Allan",
-    ("allan", "nonoverlapping"): "Allan",
-    ("allan", "modified"): "Modified Allan",
-    ("hadamard", "overlapping"): "Overlapping Hadamard",
-    ("hadamard", "nonoverlapping"): "Hadamard",
-    ("total", "overlapping"): "Total Allan",
-}
+    ("allan", "overlapping"): "Overlapping Allan", ("allan", "nonoverlapping"): "Allan",
+    ("allan", "modified"): "Modified Allan", ("hadamard", "overlapping"): "Overlapping Hadamard",
+    ("hadamard", "nonoverlapping"): "Hadamard", ("total", "overlapping"): "Total Allan",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -20,8 +20,8 @@ class CoefficientSource(Protocol):
     counts: NDArray[np.int64]
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
-        """Return Σ v q³, Σ v q⁴ and the number of terms for each level, with v = min(W²/limit, 1) and q = 1 − v.
-        `limits` has (cσ)² for each level, or 0 for a level to skip. Only about one in `every` coefficients is used."""
+        """Return Σ v q³, Σ v q⁴ and the number of terms, v = min(W²/limit, 1) and q = 1 − v, from about one in `every`
+        coefficients; `limits` has (cσ)² for each level, or 0 to skip it."""
 
     def sample(self, k: int, size: int) -> Vector:
         """Return |W| at `size` evenly spread positions, or all |W| if there are no more."""
@@ -57,13 +57,11 @@ def haar_resolution(peak: float, level: int) -> float:
     return float(np.finfo(float).eps * peak * (4 + 2 ** (level / 2)) / 2**level)
 
 
-LARGEST = 2.0**38
-"""Largest distance of a value from the median, relative to the median of these distances. With larger values, the
-rounding error of the running sum exceeds 1e-4 of a typical coefficient."""
-
-
 def require_digits(x: Vector) -> None:
     """Raise DataError if a value is so large that the running sum loses the digits of the other values."""
+    # Largest distance of a value from the median, relative to the median of these distances. With larger values, the
+    # rounding error of the running sum exceeds 1e-4 of a typical coefficient.
+    limit = 2.0**38
     sample = x[:: max(1, x.size // SAMPLE)]
     middle = float(np.median(sample))
     largest = max(float(x.max()) - middle, middle - float(x.min()))
@@ -71,11 +69,11 @@ def require_digits(x: Vector) -> None:
     if not sizes.any():
         sizes = np.abs(x - middle)
     typical = float(np.median(sizes[sizes > 0])) if largest > 0 else 0.0
-    if largest <= LARGEST * typical:
+    if largest <= limit * typical:
         return
     index = int(np.argmax(np.abs(x - middle)))
     raise DataError(
-        f"the value {x[index]:.3g} at index {index} is more than {LARGEST:.0e} times as large as the others differ, so "
+        f"the value {x[index]:.3g} at index {index} is more than {limit:.0e} times as large as the others differ, so "
         "that they have no digits beside it in double precision",
         got=float(x[index]),
         advice=MISSING_SAMPLES,
@@ -126,8 +124,8 @@ class PlainCoefficients(CoefficientSource):
         return sums[0], sums[1], sums[2]
 
     def sample(self, k: int, size: int) -> Vector:
-        """Return one |W| from each of `size` equal intervals. Positions follow the golden ratio, so a periodic W does
-        not alias."""
+        """Return one |W| from each of `size` intervals, at golden-ratio positions, so that a periodic W does not
+        alias."""
         w = self.levels[k]
         if size >= w.size:
             return np.abs(w)

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
 
-MOST_TERMS = 240
-"""Largest number of terms of the sum over lags; a longer sum is replaced by a quadrature rule with this many nodes."""
 LARGEST_FINITE = 100
 """Largest product of the cluster size and d + 1 for which the covariance of the sampled process is used; for larger
 products, that of the process in continuous time."""
@@ -57,6 +55,8 @@ def degrees_of_freedom(
 
 
 def _of_one_noise(alpha: int, m: NDArray[np.int64], points: int, d: int, overlapping: bool, modified: bool) -> Vector:
+    # Largest number of terms of the sum over lags; a longer sum is replaced by a quadrature rule with this many nodes.
+    most_terms = 240
     stride = m.astype(np.float64) if overlapping else np.ones(m.size)
     length = m * (d + 1) if modified else m * d + 1
     estimates = 1.0 + np.floor(stride * (points - length) / m)
@@ -66,9 +66,9 @@ def _of_one_noise(alpha: int, m: NDArray[np.int64], points: int, d: int, overlap
 
     # Nodes 0 … terms of the sum, with `density` nodes per cluster.
     terms = np.minimum(estimates, (d + 1) * stride)
-    coarse = terms > MOST_TERMS
-    density = np.where(coarse, MOST_TERMS / np.minimum(clusters, d + 1), stride)
-    terms = np.where(coarse, MOST_TERMS, terms)
+    coarse = terms > most_terms
+    density = np.where(coarse, most_terms / np.minimum(clusters, d + 1), stride)
+    terms = np.where(coarse, most_terms, terms)
     total = clusters * density
     finite = np.ones(m.size) if modified else np.where(m * (d + 1) <= LARGEST_FINITE, m, np.inf)
     if alpha == 1 and not modified:
@@ -137,8 +137,8 @@ def _kernel(t: Vector, alpha: int) -> Vector:
 
 
 def _flicker_phase(u: Vector, f: Vector) -> Vector:
-    """Compute s_x for α = 1 at the lag t = u/F: 2 ln F minus the second difference of u² ln|u| with step 1. Far from 0
-    the difference follows from its series 2 ln|u| + 3 − 1/(6u²), which avoids cancellation."""
+    """Compute s_x for α = 1 at t = u/F: 2 ln F minus the second difference of u² ln|u|, far from 0 by its series 2
+    ln|u| + 3 − 1/(6u²) without cancellation."""
     far = np.abs(u) > 1000
     near = np.where(far, 0.0, u)
     difference = _square_log(near - 1) + _square_log(near + 1) - 2 * _square_log(near)

@@ -9,9 +9,6 @@ import numpy as np
 from gmwm.base import _core
 from gmwm.base.arrays import Vector
 
-SMALL = 4096
-"""Default size of the buffer of small chunks, so that single samples do not each need an array."""
-
 
 class HeldSamples:
     """Samples in the order of their arrival, divided into segments by gaps.
@@ -28,10 +25,12 @@ class HeldSamples:
     """
 
     def __init__(self, buffer: Vector | None = None) -> None:
+        # Default size of the buffer of small chunks, so that single samples do not each need an array.
+        size = 4096
         self._segments: list[list[Vector]] = [[]]
         self._lengths, self._size = [0], 0
-        self._small = SMALL if buffer is None else buffer.size
-        self._place(np.empty(SMALL) if buffer is None else buffer)
+        self._small = size if buffer is None else buffer.size
+        self._place(np.empty(size) if buffer is None else buffer)
 
     def __getstate__(self) -> dict[str, Any]:
         self._flush()

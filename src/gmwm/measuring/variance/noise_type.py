@@ -27,14 +27,11 @@ class NoiseType:
 
 
 NOISE_TYPES = (
-    NoiseType("white PM", 2, -1.0, "quantization noise"),
-    NoiseType("flicker PM", 1, -1.0),
+    NoiseType("white PM", 2, -1.0, "quantization noise"), NoiseType("flicker PM", 1, -1.0),
     NoiseType("white FM", 0, -0.5, "angle or velocity random walk"),
-    NoiseType("flicker FM", -1, 0.0, "bias instability"),
-    NoiseType("random walk FM", -2, 0.5, "rate random walk"),
-    NoiseType("flicker walk FM", -3, 1.0),
-    NoiseType("random run FM", -4, 1.5),
-)
+    NoiseType("flicker FM", -1, 0.0, "bias instability"), NoiseType("random walk FM", -2, 0.5, "rate random walk"),
+    NoiseType("flicker walk FM", -3, 1.0), NoiseType("random run FM", -4, 1.5),
+)  # fmt: skip
 """The noise types in descending order of α."""
 DRIFT = NoiseType("drift", -2, 1.0, "rate ramp")
 """A linear change of the rate. Its limits are computed for α = −2, the smallest α with a finite Allan variance."""
@@ -171,8 +168,8 @@ def modified_ratio(phase: Vector, n: int) -> float:
 
 
 def _by_modified_ratio(ratio: float, n: int) -> NoiseType:
-    """Return the noise type for the ratio R(n) of the modified to the overlapping Allan variance. In theory it is 1/n
-    for white PM, 3.37/(1.04 + 3 ln n) for flicker PM, and ½ for white FM."""
+    """Return the noise type for R(n): in theory 1/n for white PM, 3.37/(1.04 + 3 ln n) for flicker PM, ½ for white
+    FM."""
     white, flicker, frequency = 1 / n, 3.37 / (1.04 + 3 * math.log(n)), 0.5
     if n >= 64 and ratio > math.sqrt(flicker * frequency):
         return _BY_EXPONENT[0]

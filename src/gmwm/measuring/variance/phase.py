@@ -52,9 +52,8 @@ def phase_of(
     x: Signal | ArrayLike, rate: float | None, data: Data, *, straighten: bool = False, octaves: bool = False
 ) -> Phase:
     """Compute the phase: the running sum of the rate without its mean, or the given phase without a straight line. With
-    `straighten`, a straight line is subtracted from the rate, which reduces the rounding errors of third differences.
-    With `octaves`, the sums of squared second differences at octaves are computed in the same pass. Raises DataError or
-    OptionError for unusable samples or options, as `allan_variance` does."""
+    `straighten`, the rate loses a straight line too, against rounding in third differences. With `octaves`, sums of
+    squared second differences come from the same pass. Raises errors as `allan_variance` does."""
     one_of(data, "data", ("rate", "phase"))
     if isinstance(x, Signal):
         if rate is not None and rate != x.rate:
@@ -147,8 +146,7 @@ def cluster_sizes(clusters: Clusters | ArrayLike, largest: int, usual: int | Non
 def mean_squares(
     kernel: Callable[[int], float], clusters: NDArray[np.int64], counts: NDArray[np.int64], progress: Progress | None
 ) -> Vector:
-    """Divide the sum of squares that `kernel` returns for each cluster size by the number of terms. Ctrl-C stops
-    between two sizes."""
+    """Divide the sums of squares of `kernel` by the numbers of terms; Ctrl-C stops between two sizes."""
     sums = np.empty(clusters.size)
     for k, n in enumerate(clusters.tolist()):
         if progress is not None:

@@ -23,12 +23,9 @@ at most 0.3 %."""
 
 
 def pool(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
-    """Pool the wavelet variances of independent recordings of one unit: ν̂_j² = Σ_r M_rj ν̂_rj² / Σ_r M_rj.
-
-    Recordings may have different means and lengths, and no coefficient extends from one recording into another. They
-    are treated like the segments of one recording with gaps, also for the covariance. The attribute `recordings` of the
-    result has the single curves; a single curve is returned unchanged. Raises DataError if the recordings differ in
-    their rate, unit, filter, transform or estimator.
+    """Pool independent recordings of one unit like segments of one recording with gaps: ν̂_j² = Σ_r M_rj ν̂_rj² / Σ_r
+    M_rj. The attribute `recordings` has the single curves; a single curve is returned unchanged. Raises DataError if
+    they differ in their rate, unit, filter, transform or estimator.
 
     >>> from gmwm import WN, wavelet_variance
     >>> days = {day: wavelet_variance(WN(sigma2=1.0).simulate(4096, 100.0, rng=k), 100.0)

@@ -65,8 +65,7 @@ _ROW_SUMS = np.column_stack([np.arange(ROW, dtype=np.float64), np.ones(ROW)])
 
 @dataclass(frozen=True, eq=False)
 class ThinnedValues:
-    """Every 2^k-th value of a recording, counted from its beginning. `every` is their distance (samples), a power of
-    two, and `first` the index of the first one, a multiple of `every`."""
+    """Every 2^k-th value of a recording, from index `first` on; `every` is their distance (samples)."""
 
     every: int = 1
     first: int = 0
@@ -95,8 +94,7 @@ class ThinnedValues:
         return ThinnedValues(distance, first, values)
 
     def winsorised_rise(self, start: int, lengths: tuple[int, ...]) -> WinsorisedRise:
-        """Return the object that computes the mean rise in the second pass, with clipping limits from the kept values.
-        `start` is the index of the first sample, and `lengths` are the lengths of the segments."""
+        """Return the mean rise of the second pass for segments of `lengths`, with clipping limits from these values."""
         middle = float(np.median(self.values)) if self.values.size else 0.0
         spread = float(np.median(np.abs(self.values - middle))) if self.values.size else 0.0
         sizes = np.array(lengths, dtype=np.float64)
@@ -120,8 +118,7 @@ class WinsorisedRise:
     weights: Vector
 
     def rise(self, x: Vector, start: int) -> float:
-        """Return the contribution of samples of one segment, the first of which has the index `start`, to the mean
-        rise."""
+        """Return the contribution to the mean rise of samples of one segment from index `start` on."""
         k = int(np.searchsorted(self.edges, start, side="right")) - 1
         if not 0 <= k < self.weights.size:
             return 0.0  # more samples than in the first pass

@@ -20,9 +20,6 @@ from gmwm.base.arrays import Vector, as_vector
 from gmwm.measuring.variance.biweight import NORMAL_QUARTILE, Biweight, Criterion, biweight, newton, root_beyond, scan
 from gmwm.measuring.variance.coefficients import SAMPLE, CoefficientSource, PlainCoefficients
 
-PART = 8
-"""Before the passes over all coefficients, one Newton step uses one eighth of the recording, if this part has more
-independent coefficients than the sample of the level."""
 TOLERANCE = 1e-11
 """Predicted error of log σ² below which a level has converged."""
 FEW = 2
@@ -169,18 +166,21 @@ def _on_all(source: CoefficientSource, k: int, level: _RootSearch, tuning: Biwei
 
 def _polish(source: CoefficientSource, levels: Sequence[_RootSearch], tuning: Biweight) -> None:
     """Refine the sample roots of all levels by Newton's method on all coefficients, pass by pass."""
+    # Before the passes over all coefficients, one Newton step uses one eighth of the recording, if this part has more
+    # independent coefficients than the sample of the level.
+    stride = 8
     active = np.array([level.rooted and level.outcome is None for level in levels])
     start = np.array([level.start for level in levels])
     place = np.array([level.place for level in levels])
     before: tuple[Vector, Vector, Vector] | None = None
     # Coefficients less than 2^j apart are strongly correlated, so N coefficients count as N / 2^j independent ones.
-    fine = active & (source.counts / PART >= SAMPLE * 2.0 ** np.arange(1, len(levels) + 1))
+    fine = active & (source.counts / stride >= SAMPLE * 2.0 ** np.arange(1, len(levels) + 1))
     # Two or three passes are typical. `_settle` solves a level that has not converged.
     for number in range(-int(fine.any()), 8):
         if not active.any():
             return
         limits = np.where(fine if number < 0 else active, tuning.c**2 * start * np.exp(place), 0.0)
-        cubed, fourth, count = source.sums(limits, PART if number < 0 else 1)
+        cubed, fourth, count = source.sums(limits, stride if number < 0 else 1)
         value, slope = tuning.criterion(cubed, fourth, np.maximum(count, 1.0))
         falls = active & (slope < 0)
         step = np.where(falls, -value, 0.0) / np.where(falls, slope, 1.0)
@@ -202,10 +202,9 @@ def _polish(source: CoefficientSource, levels: Sequence[_RootSearch], tuning: Bi
 def _interpolate(
     before: tuple[Vector, Vector, Vector], here: tuple[Vector, Vector, Vector], step: Vector
 ) -> tuple[Vector, Vector]:
-    """Return the step to the root of the cubic through the last two points and slopes, and the predicted error. The
-    cubic is log σ² as a function of the criterion. Its error is proportional to the product of the squared distances of
-    both points from the root; the error of a Newton step, to the squared distance of the later point. The Newton step
-    is used if the later criterion is not below a tenth of the earlier one."""
+    """Return the step to the root of the cubic log σ² of the criterion through two points and slopes, and the error, as
+    the squared distances of both points from the root. If the later criterion is not below a tenth of the earlier, it
+    is a Newton step."""
     (x0, y0, d0), (x1, y1, d1) = before, here
     usable = (np.abs(y1) < 0.1 * np.abs(y0)) & (d0 < 0) & (d1 < 0)
     span = np.where(usable, y1 - y0, 1.0)
@@ -220,8 +219,8 @@ def _interpolate(
 
 
 def _settle(source: CoefficientSource, k: int, level: _RootSearch, tuning: Biweight) -> None:
-    """Solve a level without a root on its sample, or that has not converged, by a scan of all coefficients. Without a
-    root, the variance follows from the MAD, or is 0 if the MAD is 0."""
+    """Solve a level that has not converged on its sample by a scan of all coefficients, or take the MAD without a
+    root."""
     criterion = _on_all(source, k, level, tuning)
     root: float | None = None
     if level.rooted:

@@ -16,7 +16,7 @@ import numpy as np
 from gmwm.base import _core
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.locks import one_at_a_time
+from gmwm.base.threads import one_at_a_time
 from gmwm.measuring.variance.biweight import REACH, Biweight, Criterion, biweight, scan
 from gmwm.measuring.variance.coefficients import SAMPLE
 from gmwm.measuring.variance.open_segments import SegmentedAccumulator
@@ -29,8 +29,6 @@ from gmwm.measuring.variance.sketch import SketchCoefficients
 if TYPE_CHECKING:
     from gmwm.measuring.variance.accumulate import WaveletAccumulator
 
-NEAR = 0.02
-"""Largest distance in log σ² from the exact sums at which the linear correction is used."""
 DOUBT = 0.01
 """Threshold for the maximum of the criterion and for its slope at the root, relative to a. Below it, only one of sketch
 and exact coefficients may have a root, so the second pass collects the sums for both cases."""
@@ -38,10 +36,8 @@ and exact coefficients may have a root, so the second pass collects the sums for
 
 class SecondPass(SegmentedAccumulator):
     """Second pass over a recording, which computes the exact robust variance from the sketches of the first pass.
-
     `WaveletAccumulator.second_pass` creates it. It must receive the same samples with the same gaps, in chunks of any
-    size. Parts that `part` creates can be processed separately and merged in order.
-    """
+    size. Parts that `part` creates can be processed separately and merged in order."""
 
     def __init__(
         self, first: WaveletAccumulator, request: SumRequest, winsorised: WinsorisedRise, start: int, efficiency: float
@@ -59,10 +55,7 @@ class SecondPass(SegmentedAccumulator):
 
     @one_at_a_time
     def merge(self, following: SecondPass) -> SecondPass:
-        """Merge this part with the part that directly follows it.
-
-        Raises OptionError if `following` does not begin where this part ends, or belongs to another first pass.
-        """
+        """Merge the part that directly follows; raises OptionError if it does not, or belongs to another first pass."""
         self._require_following(following, "exact", "levels", "efficiency")
         for name in ("limits", "low", "high", "kept"):
             if not np.array_equal(getattr(self._request, name), getattr(following._request, name)):
@@ -189,6 +182,8 @@ class Corrected:
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
         """Return the sums over the sketches plus a correction that is linear in log σ²; `every` is ignored."""
+        # Largest distance in log σ² from the exact sums at which the linear correction is used.
+        distance = 0.02
         cubed, fourth, count = self._sketched.sums(limits)
         for k in np.flatnonzero(limits > 0).tolist():
             if self._request.kept[k]:
@@ -197,9 +192,9 @@ class Corrected:
                 way = math.log(limits[k] / self._request.limits[k])
                 # d Σ v q⁴ / d log σ² = 4 Σ v q³ − 5 Σ v q⁴
                 slope = 4 * self._cubed[k] - 5 * self._fourth[k]
-                off = self._fourth[k] + slope * min(max(way, -NEAR), NEAR)
+                off = self._fourth[k] + slope * min(max(way, -distance), distance)
                 fourth[k] += off
-                cubed[k] += (5 * off + (slope if abs(way) <= NEAR else 0.0)) / 4
+                cubed[k] += (5 * off + (slope if abs(way) <= distance else 0.0)) / 4
         return cubed, fourth, count
 
     def sample(self, k: int, size: int) -> Vector:

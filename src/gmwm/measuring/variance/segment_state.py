@@ -17,9 +17,6 @@ from gmwm.measuring.variance.sketch import SKETCH_COLLECTOR, Sketch, Sketches
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-LONGEST = 1 << 61
-"""Largest number of samples of a stored state: a 64-bit integer can hold its sum with the first index."""
-
 
 @dataclass(frozen=True, eq=False)
 class SegmentState:
@@ -136,17 +133,12 @@ class SegmentState:
     def arrays(self, prefix: str) -> dict[str, Any]:
         """Return the state as numbers and arrays by name; the names start with `prefix`."""
         return {
-            f"{prefix}start": self.start,
-            f"{prefix}count": self.count,
-            f"{prefix}reference": self.reference,
-            f"{prefix}head": self.head,
-            f"{prefix}tail": self.tail,
-            f"{prefix}squares": self.squares,
+            f"{prefix}start": self.start, f"{prefix}count": self.count, f"{prefix}reference": self.reference,
+            f"{prefix}head": self.head, f"{prefix}tail": self.tail, f"{prefix}squares": self.squares,
             f"{prefix}blocks": np.array([b.numbers() for b in self.blocks]),
             f"{prefix}heads": np.concatenate([b.heads for b in self.blocks]),
-            f"{prefix}tails": np.concatenate([b.tails for b in self.blocks]),
-            **self._sketch_arrays(prefix),
-        }
+            f"{prefix}tails": np.concatenate([b.tails for b in self.blocks]), **self._sketch_arrays(prefix),
+        }  # fmt: skip
 
     def _sketch_arrays(self, prefix: str) -> dict[str, Any]:
         if self.statistics is None:
@@ -196,18 +188,19 @@ LARGEST_SUM = 1e140
 
 def as_count(value: Any, least: int = 0) -> int:
     """Return a stored number of samples; raise ValueError if no recording has that number."""
+    # Largest number of samples of a stored state: a 64-bit integer can hold its sum with the first index.
+    longest = 1 << 61
     count = int(value)
-    if not least <= count <= LONGEST:
-        raise ValueError(f"a number of samples must be from {least} to {LONGEST}")
+    if not least <= count <= longest:
+        raise ValueError(f"a number of samples must be from {least} to {longest}")
     return count
 
 
 def _sums_of(
     before: Vector, x: Vector, reference: float, *, start: int, exact: int, collector: StatisticsCollector | None
 ) -> tuple[Vector, Vector, Statistics | None]:
-    """Return Σ W² (exact,) of the coefficients that end in x, the sums for the blocks, and the further statistics. The
-    samples x follow `before`, which is relative to `reference`, and begin at sample `start` of the recording. Σ W² is
-    computed only if the collector needs it or there is no collector."""
+    """Return Σ W² (exact,) of coefficients that end in x, if needed, the sums for blocks, and the statistics. The
+    samples x follow `before`, which is relative to `reference`, and begin at sample `start`."""
     step = (2 << exact) // STEPS
     reach = min(exact, (before.size + x.size).bit_length() - 1) if collector is None or collector.squares else 0
     squares = np.zeros(exact)

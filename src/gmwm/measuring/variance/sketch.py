@@ -61,8 +61,7 @@ class Sketch:
 
     @classmethod
     def of_haar(cls, running_sum: Vector, level: int, begin: int, end: int) -> Sketch:
-        """Build the sketch of the Haar coefficients W_{j,t} of one level, begin ≤ t < end and t ≥ 2^j − 1, from a
-        running sum."""
+        """Build the sketch of Haar coefficients, begin ≤ t < end and t ≥ 2^j − 1, from a running sum."""
         if running_sum.size <= 1 << level:
             return cls()
         return cls(*_core.haar_sketch(running_sum, level, begin, end))
@@ -323,8 +322,7 @@ class _Bins:
         return np.asarray(self.mean[k] + (2.0 * inside - 1.0) * self.half[k])
 
     def edges(self, ranks: Counts) -> tuple[float, float]:
-        """Return the lower edge of the bin of the first rank and the upper edge of the bin of the last rank, widened
-        for rounding."""
+        """Return the lower edge of the first rank's bin and the upper edge of the last's, widened for rounding."""
         means = self.mean[np.searchsorted(self.ends, ranks, side="right")]
         first, last = means.view(np.int64) >> _BELOW_BIN
         low, high = (np.array([first, last + 1], dtype=np.int64) << _BELOW_BIN).view(np.float64).tolist()

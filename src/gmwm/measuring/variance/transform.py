@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector, as_vector, freeze
+from gmwm.base.arrays import FrozenArrays, Vector, as_vector
 from gmwm.base.errors import OptionError
 from gmwm.recording.options import one_of
 from gmwm.recording.signals import Signal
@@ -21,7 +21,7 @@ Boundary = Literal["periodic", "reflection"]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class _Transform:
+class _Transform(FrozenArrays):
     """Coefficients of a wavelet transform."""
 
     filter: WaveletFilter
@@ -29,10 +29,6 @@ class _Transform:
     smooth: Vector
     samples: int
     boundary: Boundary
-
-    def __post_init__(self) -> None:
-        for values in (*self.details.values(), self.smooth):
-            freeze(values)
 
     @property
     def levels(self) -> int:
@@ -126,11 +122,9 @@ class Dwt(_Transform):
 
 
 def modwt(
-    x: Signal | ArrayLike,
-    filter: str | WaveletFilter = "haar",
-    levels: int | None = None,
+    x: Signal | ArrayLike, filter: str | WaveletFilter = "haar", levels: int | None = None,
     boundary: Boundary = "periodic",
-) -> Modwt:
+) -> Modwt:  # fmt: skip
     """Compute the maximal-overlap discrete wavelet transform of a signal of any length.
 
     With V_0 = X and the wavelet filter h, W_{j,t} = Σ_l h_l V_{j−1, t−2^(j−1)l} / √2. V_{j,t} is the same sum with the
@@ -182,11 +176,9 @@ def modwt(
 
 
 def dwt(
-    x: Signal | ArrayLike,
-    filter: str | WaveletFilter = "haar",
-    levels: int | None = None,
+    x: Signal | ArrayLike, filter: str | WaveletFilter = "haar", levels: int | None = None,
     boundary: Boundary = "periodic",
-) -> Dwt:
+) -> Dwt:  # fmt: skip
     """Compute the discrete wavelet transform of a signal of any length.
 
     With V_0 = X and the wavelet filter h, W_{j,n} = Σ_l h_l V_{j−1, 2n+1−l}. V_{j,n} is the same sum with the scaling
@@ -265,8 +257,7 @@ def _maximal_overlap(filter: WaveletFilter) -> tuple[Vector, Vector]:
 
 
 def _decimate(values: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
-    """Compute the coefficients of the next level, Σ_l f_l V_{2n+1−l} with f = g and h, and indices modulo the even
-    length."""
+    """Compute the next level, Σ_l f_l V_{2n+1−l} with f = g and h, and indices modulo the even length."""
     half = values.size // 2
     smooth, detail = np.zeros(half), np.zeros(half)
     for l, (g, h) in enumerate(zip(filter.scaling, filter.wavelet, strict=True)):  # noqa: E741
@@ -305,8 +296,8 @@ def _first_interior(filter: WaveletFilter, level: int) -> int:
 def coefficient_counts(
     samples: int | NDArray[np.int64], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
 ) -> NDArray[np.int64]:
-    """Return the number M_j of coefficients that only use samples of the recording; ≤ 0 if there are none. There are N
-    − L_j + 1 of the maximal-overlap transform; the decimated transform has every 2^j-th of them."""
+    """Return the numbers M_j = N − L_j + 1 of inner coefficients, or every 2^j-th if decimated; ≤ 0 if there are
+    none."""
     if transform == "modwt":
         return np.asarray(samples - filter.widths(levels) + 1, dtype=np.int64)
     first = np.array([_first_interior(filter, int(j)) for j in levels], dtype=np.int64)
@@ -316,9 +307,8 @@ def coefficient_counts(
 def pooled_counts(
     lengths: Sequence[int], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the total number M_j of coefficients of several segments, and the edf η_j of their mean square. M_j = Σ_s
-    M_sj, and η_j = M_j² / Σ_s (M_sj² / η_sj) with η_sj ≥ 1. If no segment is shorter than two scales, η_j = M_j / 2^j;
-    it is larger if there are many segments with few coefficients."""
+    """Return M_j = Σ_s M_sj of several segments, and the edf η_j = M_j² / Σ_s (M_sj² / η_sj) with η_sj ≥ 1, which
+    exceed M_j / 2^j if many segments have few coefficients."""
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
     segment_counts = np.maximum(coefficient_counts(sizes[:, None], levels, filter, transform), 0)
     counts = np.asarray(times @ segment_counts, dtype=np.int64)
@@ -345,8 +335,8 @@ def degrees_of_freedom(
 
 
 def loss_factor(filled: int, samples: int) -> float:
-    """Return the factor by which filled samples increase the covariance of wavelet variances. It is 1 + 2.5 p for a
-    share p of filled samples, which add scatter but no information."""
+    """Return the factor 1 + 2.5 p of the covariance for a share p of filled samples, which add scatter but no
+    information."""
     return 1.0 + 2.5 * filled / samples
 
 
@@ -358,8 +348,7 @@ def variances(values: Vector, filter: WaveletFilter, transform: Transform, level
 
 
 def inner_coefficients(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> list[Vector]:
-    """Return the coefficients of levels 1 … J that do not depend on the boundary. Decimated coefficients, 2^(j/2) times
-    the maximal-overlap coefficients, are scaled to the size of the latter."""
+    """Return the coefficients of levels 1 … J without boundary; decimated ones are scaled by 2^(−j/2) to the others."""
     centred = values - _core.mean(values)
     coefficients = modwt(centred, filter, levels) if transform == "modwt" else dwt(centred, filter, levels)
     inside = coefficients.interior

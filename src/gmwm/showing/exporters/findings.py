@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from gmwm.base.remarks import Quantity, Remark
@@ -31,8 +32,12 @@ def remarks_of(noise: Noise, confidence: float) -> Iterator[Remark]:
 
 
 def of_lines(axis: str, fit: Fit) -> Iterator[Remark]:
-    """Yield a remark for each sinusoid of an axis, because the parameters of the file do not include sinusoids."""
-    unit = fit.wavelet_variance.unit or "u"
+    """Yield a remark for each sinusoid and each slow oscillation of an axis, because the file does not include them."""
+    wv = fit.wavelet_variance
+    unit = wv.unit or "u"
+    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+        if process.line(wv.rate) is None and process.oscillation() is not None:
+            yield from (replace(remark, subject=axis) for remark in process.remarks(term, wv.samples, wv.rate))
     for line in lines_of(fit):
         frequency, amplitude = Quantity(line.frequency, "Hz"), Quantity(line.amplitude, unit)
         yield Remark.of("lines", axis, case="file", term=line.term, frequency=frequency, amplitude=amplitude)

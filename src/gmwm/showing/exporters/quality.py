@@ -6,10 +6,9 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from gmwm.choosing.datasheets.filter_numbers import samples_in
+from gmwm.choosing.datasheets.filter_numbers import samples_in, smallest_error
 from gmwm.choosing.datasheets.misfit import curve_ratio
-from gmwm.choosing.datasheets.own_filter import smallest_error
-from gmwm.choosing.datasheets.prediction import Gain, Prediction
+from gmwm.choosing.datasheets.prediction import FilterGain, Forecast
 from gmwm.showing.exporters.reduction import NAMES, AxisNoise, SensorNoise
 
 TIMES = (1.0, 10.0, 60.0)
@@ -41,10 +40,10 @@ def qualities(axis: AxisNoise) -> tuple[Quality, ...]:
 
 def _quality(axis: AxisNoise, time: float) -> Quality:
     processes, rate = axis.fit.model.processes, axis.fit.wavelet_variance.rate
-    samples, gain = samples_in(time, rate), Gain(axis.K.value / (axis.N.value * rate))
-    error = Prediction.of(processes, rate, samples).error(gain)[0]
+    samples, gain = samples_in(time, rate), FilterGain(axis.K.value / (axis.N.value * rate))
+    error = Forecast.of(processes, rate, samples).error(gain)[0]
     ratio = curve_ratio(axis.fit)
-    real = error if ratio is None else Prediction.of(processes, rate, samples, ratio).error(gain)[0]
+    real = error if ratio is None else Forecast.of(processes, rate, samples, ratio).error(gain)[0]
     least = smallest_error(processes, rate, samples)
     stated = axis.N.value**2 * rate * gain.claim(samples)[0]
     return Quality(None if least is None else math.sqrt(max(error / least, 1.0)), math.sqrt(stated / real))

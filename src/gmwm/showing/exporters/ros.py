@@ -94,7 +94,7 @@ def sample_variance(fit: Fit) -> float:
 
 def _noises(fit: Fit) -> list[tuple[str, Process]]:
     pairs = zip(fit.model.terms, fit.model.processes, strict=True)
-    return [(term, p) for term, p in pairs if p.scale > 0 and p.line(fit.wavelet_variance.rate) is None]
+    return [(term, p) for term, p in pairs if p.scale > 0 and p.oscillation() is None]
 
 
 def _grows(fit: Fit, term: str, process: Process) -> bool:

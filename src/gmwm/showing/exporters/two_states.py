@@ -132,7 +132,9 @@ class Curve:
         rate = fit.wavelet_variance.rate
         clusters = np.unique(np.round(np.geomspace(low, high, POINTS) * rate).astype(np.int64))
         clusters = clusters[clusters >= 1]
-        processes = [p for p in fit.model.processes if p.scale > 0 and p.line(rate) is None and not is_ramp_of(p, rate)]
+        processes = [
+            p for p in fit.model.processes if p.scale > 0 and p.oscillation() is None and not is_ramp_of(p, rate)
+        ]
         return cls(clusters, rate, np.sum([p.allan_variance(clusters, rate) for p in processes], axis=0))
 
     @property

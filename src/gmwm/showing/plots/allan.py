@@ -12,7 +12,7 @@ import numpy as np
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
-from gmwm.measuring.variance.allan_regression import Term, coefficient_unit
+from gmwm.measuring.variance.allan_regression import AllanRegression, Term, coefficient_unit
 from gmwm.measuring.variance.clusters import ClusterVariance
 from gmwm.showing.plots.axes import number_text, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE, band_edges, closed_panel, curves_then_bands
@@ -30,6 +30,7 @@ from gmwm.showing.plots.figure import (
     drawable,
     single_panel,
 )
+from gmwm.showing.plots.imu import grid_figure
 from gmwm.showing.plots.labels import axis_title, sensor_and_letter, sensor_title
 from gmwm.showing.plots.style import DASHED, GREY, OBSERVED, curve_stroke, letter_stroke, term_stroke
 from gmwm.showing.plots.view import UnitSystem, View, view_of
@@ -37,7 +38,6 @@ from gmwm.showing.plots.view import UnitSystem, View, view_of
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from gmwm.measuring.variance.allan_regression import AllanRegression
     from gmwm.measuring.variance.result import WaveletVariance
 
 SLOPES = (("+1", 1.0), ("+½", 0.5), ("0", 0.0), ("−½", -0.5), ("−1", -1.0))
@@ -75,7 +75,7 @@ def cluster_view(curve: ClusterVariance, units: UnitSystem) -> ClusterView:
 
 
 def allan_panel(
-    curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "si", guides: bool = True, title: str = ""
+    curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "auto", guides: bool = True, title: str = ""
 ) -> Panel:
     """Return a panel with deviations of the same quantity and unit, and their confidence bands. The legend shows the
     names of several curves. With `guides`, the panel has guides for the slopes of noise processes."""
@@ -109,7 +109,7 @@ def _marks(curve: ClusterVariance, view: ClusterView, stroke: Stroke, label: str
     lower, upper = band_edges(cast("WaveletVariance", curve), view)
     # If a curve has many points, symbols at all of them would hide the curve and its band.
     shown = stroke if len(curve) <= 60 else replace(stroke, symbol=None, dash=())
-    limits = f"{100 * curve.confidence:g} % confidence"
+    limits = f"{100 * curve.confidence:g} % limits, identified noise"
     return [
         Line(x, y, stroke=shown, label=label, layer=FRONT),
         Band(x, lower, upper, stroke.colour, opacity=opacity, label=limits, layer=BAND),
@@ -160,8 +160,11 @@ def _share(values: Vector, limits: tuple[float, float]) -> Vector:
     return np.asarray(np.log10(drawable(values) / limits[0]) / math.log10(limits[1] / limits[0]))
 
 
-def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides: bool = True) -> Panel:
-    """Return the panel that `plot_avlr` draws: the deviation, the fitted lines, and a symbol at each coefficient."""
+def avlr_panel(
+    regression: AllanRegression, *, units: UnitSystem = "auto", guides: bool = True, alone: bool = True
+) -> Panel:
+    """Return the panel that `plot_avlr` draws: the deviation, the fitted lines, and a symbol at each coefficient. If it
+    shares a legend with others (not `alone`), the coefficients are a text in the panel."""
     curve = regression.allan
     view = cluster_view(curve, units)
     bare = allan_panel({view.title: curve}, units=units, guides=False, title=axis_title(curve.axis))
@@ -170,12 +173,14 @@ def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides:
         replace(mark, stroke=replace(mark.stroke, symbol=None)) if isinstance(mark, Line) else mark
         for mark in bare.marks
     ]
+    values = []
     y = _axis_with(bare, [view.factor * line.deviation(line.reading_time) for line in regression.lines])
-    for k, line in enumerate(regression.lines):
-        unit, factor = coefficient_unit(line.term, curve.unit, units)
+    for line in regression.lines:
+        unit, factor = coefficient_unit(line.term, curve.unit, "datasheet" if view.of_datasheets else "si")
         sign = "≤" if line.bound else "="
         text = f"{line.term} {sign} {number_text(factor * line.coefficient)} {unit}"
-        stroke = replace(term_stroke(k), width=1.1)
+        values.append(text)
+        stroke = replace(term_stroke(list(SYMBOLS).index(line.term)), width=1.1)
         # The line extends by a factor of 5 beyond the averaging times of its fit (tests/plots/test_plot_limits.py).
         tau = np.array([min(line.first, line.reading_time) / 5.0, max(line.last, line.reading_time) * 5.0])
         marks.append(Line(tau, view.factor * line.deviation(tau), stroke=stroke, label="", layer=MIDDLE))
@@ -185,8 +190,11 @@ def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides:
         where = "at the minimum" if line.slope == 0 else f"at τ = {line.reading_time:.3g} s"
         inside = y.limits[0] < height[0] < y.limits[1] and bare.x.limits[0] < at[0] < bare.x.limits[1]
         where += "" if inside else " (outside the axes)"
-        marks.append(Line(at, height, stroke=symbol, label=f"{text}, {where}", layer=FRONT + 1))
+        label = f"{text}, {where}" if alone else f"Point that gives {line.term}"
+        marks.append(Line(at, height, stroke=symbol, label=label, layer=FRONT + 1))
     panel = replace(bare, y=y, marks=tuple(marks))
+    if not alone:
+        return replace(panel, texts=(*panel.texts, Text("\n".join(values), 0.62, 0.97 - 0.045 * len(values))))
     return with_guides(panel) if guides else panel
 
 
@@ -200,19 +208,26 @@ def _axis_with(panel: Panel, heights: Sequence[Vector]) -> Axis:
     return value_axis((min(low, *(0.8 * h for h in points)), max(high, *(1.25 * h for h in points))), panel.y.label)
 
 
-def allan_figure(curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "si", guides: bool = True) -> Figure:
+def allan_figure(
+    curves: Mapping[str, ClusterVariance] | Mapping[str, AllanRegression], *, units: UnitSystem = "auto",
+    guides: bool = True,
+) -> Figure:  # fmt: skip
     """Return the figure that `plot_allan_axes` draws, with a panel for each sensor that shows all of its axes."""
-    is_mapping = isinstance(curves, Mapping) and all(isinstance(curve, ClusterVariance) for curve in curves.values())
-    if not is_mapping or not curves:
+    named = dict(curves) if isinstance(curves, Mapping) else {}
+    variances = {name: curve for name, curve in named.items() if isinstance(curve, ClusterVariance)}
+    regressions = {name: curve for name, curve in named.items() if isinstance(curve, AllanRegression)}
+    if not named or len(named) not in (len(variances), len(regressions)):
         raise OptionError(
             argument="curves",
             expected="a mapping of names to ClusterVariance such as {'gyro_x': allan_x, 'gyro_y': allan_y}",
             got=curves,
         )
+    if regressions:
+        return grid_figure({name: avlr_panel(r, units=units, alone=False) for name, r in regressions.items()})
     sensors: dict[str, dict[str, ClusterVariance]] = {}
-    for name, curve in curves.items():
+    for name, variance in variances.items():
         sensor, letter = sensor_and_letter(name)
-        sensors.setdefault(sensor, {})[letter.upper() if sensor else name] = curve
+        sensors.setdefault(sensor, {})[letter.upper() if sensor else name] = variance
     panels = tuple(
         allan_panel(group, units=units, guides=guides, title=sensor_title(sensor) if sensor else "")
         for sensor, group in sensors.items()
@@ -222,7 +237,7 @@ def allan_figure(curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "
 
 @drawing
 def plot_allan(
-    result: ClusterVariance, *, units: UnitSystem = "si", guides: bool = True, ax: Axes | None = None,
+    result: ClusterVariance, *, units: UnitSystem = "auto", guides: bool = True, ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw the deviation over the averaging time, with its confidence band, on logarithmic axes.
@@ -241,15 +256,16 @@ def plot_allan(
 
 @drawing
 def plot_avlr(
-    regression: AllanRegression, *, units: UnitSystem = "si", guides: bool = True, ax: Axes | None = None,
+    regression: AllanRegression, *, units: UnitSystem = "auto", guides: bool = True, ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw the Allan deviation with the fitted lines and the points that give Q, N, B, K and R.
 
     Parameters
     ----------
-    units : "si" or "datasheet"
-        Units of the plot: rad/s and m/s², or deg/h and mg with coefficients in units such as deg/√h.
+    units : "auto", "datasheet" or "si"
+        Units of the plot: deg/h and mg with coefficients in units such as deg/√h, or rad/s and m/s². By default
+        datasheet units, if the data have a unit of angular rate or acceleration.
     guides : bool
         Whether to draw the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1
         (ramp).
@@ -259,14 +275,14 @@ def plot_avlr(
 
 @drawing
 def plot_allan_axes(
-    curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "si", guides: bool = True,
-    path: str | os.PathLike[str] | None = None,
+    curves: Mapping[str, ClusterVariance] | Mapping[str, AllanRegression], *, units: UnitSystem = "auto",
+    guides: bool = True, path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
-    """Draw the deviations of several axes, with one panel for each sensor.
+    """Draw the deviations of several axes, with one panel for each sensor. Regressions have one panel for each axis.
 
     Parameters
     ----------
-    curves : mapping of axis name to ClusterVariance
+    curves : mapping of axis name to ClusterVariance or AllanRegression
         Curves by axis, for example {"gyro_x": allan_x, "accel_z": allan_z}. Curves with other names share one panel.
     guides : bool
         As for `plot_allan`.

@@ -9,9 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from gmwm.base.arrays import Vector
-from gmwm.showing.plots.figure import Axis, Tick, drawable
+from gmwm.showing.plots.figure import Axis, Figure, Panel, Tick, drawable
 
-_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_POWERS = tuple("⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_SUPERSCRIPT = str.maketrans("-0123456789", "".join(_POWERS))
 
 _DURATIONS = (
     (60.0, "1 min"), (600.0, "10 min"), (3600.0, "1 h"), (6 * 3600.0, "6 h"),
@@ -95,6 +96,21 @@ def _tick_texts(values: Sequence[float]) -> list[str]:
     if all(0.999e-3 <= value <= 1.001e4 for value in values):
         return [f"{value:.6g}" for value in values]
     return [power_text(value) for value in values]
+
+
+def one_tick_form(figure: Figure) -> Figure:
+    """Return the figure with powers of ten on all of its logarithmic value axes, if any of them needs powers of ten."""
+    axes = [panel.y for panel in figure.panels if panel.y.linear == 0]
+    if not any(tick.label.startswith("10") and tick.label[2:3] in _POWERS for axis in axes for tick in axis.ticks):
+        return figure
+
+    def renamed(panel: Panel | None) -> Panel | None:
+        if panel is None or panel.y.linear:
+            return panel
+        ticks = tuple(Tick(tick.value, tick.label and power_text(tick.value)) for tick in panel.y.ticks)
+        return replace(panel, y=replace(panel.y, ticks=ticks))
+
+    return replace(figure, rows=tuple(tuple(map(renamed, row)) for row in figure.rows))
 
 
 def power_text(value: float) -> str:

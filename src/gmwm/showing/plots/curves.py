@@ -31,6 +31,8 @@ the model behind them remains visible."""
 
 def view_for(wv: WaveletVariance, view: ViewName, units: UnitSystem) -> View:
     """Return the view of a wavelet variance by its name and unit system. The Allan deviation needs the Haar filter."""
+    if view == "auto" and wv.filter != "haar":
+        view = "wavelet"
     chosen = view_of(wv.unit, view, units)
     if chosen.name == "allan" and wv.filter != "haar":
         raise OptionError(
@@ -53,7 +55,7 @@ def observed_marks(
     robust = ", robust" if wv.robust else ""
     name = label or {"wavelet": "Wavelet variance", "allan": "Allan deviation"}[view.name] + robust
     fitted = np.ones(y.shape, dtype=bool) if used is None else np.asarray(used, dtype=bool)
-    band = confidence_band(x, *band_edges(wv, view), colour=stroke.colour, confidence=wv.confidence)
+    band = confidence_band(x, *band_edges(wv, view), colour=stroke.colour, label=limits_label(wv))
     line = Line(x, y, stroke=stroke if fitted.all() else replace(stroke, symbol=None), label=name, layer=FRONT)
     if fitted.all():
         return line, band
@@ -64,10 +66,15 @@ def observed_marks(
     )  # fmt: skip
 
 
-def confidence_band(x: Vector, lower: Vector, upper: Vector, *, colour: str, confidence: float) -> Band:
-    """Return the band between confidence limits, with the confidence level in the legend."""
-    label = f"{100 * confidence:g} % confidence"
+def confidence_band(x: Vector, lower: Vector, upper: Vector, *, colour: str, label: str) -> Band:
+    """Return the band between confidence limits."""
     return Band(x, lower, upper, colour, opacity=0.22, label=label, layer=BAND)
+
+
+def limits_label(wv: WaveletVariance) -> str:
+    """Return the legend entry of the limits of a wavelet variance. Their degrees of freedom count independent
+    coefficients and assume no type of noise, unlike those of `gmwm.allan_variance`."""
+    return f"{100 * wv.confidence:g} % limits, any noise"
 
 
 def curves_then_bands(marks: Iterable[Mark], curves: int) -> list[Mark]:
@@ -111,7 +118,7 @@ def _zeros(wv: WaveletVariance, view: View, stroke: Stroke, name: str) -> Foot |
     return Foot(view.time(wv.tau)[zero], symbol, f"{label} at {count} of {zero.size} scales")
 
 
-def wavelet_variance_panel(wv: WaveletVariance, *, view: ViewName = "wavelet", units: UnitSystem = "si") -> Panel:
+def wavelet_variance_panel(wv: WaveletVariance, *, view: ViewName = "auto", units: UnitSystem = "auto") -> Panel:
     """Return the panel that `plot_wavelet_variance` draws."""
     shown = view_for(wv, view, units)
     return closed_panel([shown], [wv], observed_marks(wv, shown), title=axis_title(wv.axis))
@@ -119,7 +126,7 @@ def wavelet_variance_panel(wv: WaveletVariance, *, view: ViewName = "wavelet", u
 
 @drawing
 def plot_wavelet_variance(
-    wv: WaveletVariance, *, view: ViewName = "wavelet", units: UnitSystem = "si", label: str | None = None,
+    wv: WaveletVariance, *, view: ViewName = "auto", units: UnitSystem = "auto", label: str | None = None,
     color: str | None = None, ax: Axes | None = None, path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw the wavelet variance over the scale, with its confidence band, on logarithmic axes.

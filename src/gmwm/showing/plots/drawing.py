@@ -16,11 +16,12 @@ if TYPE_CHECKING:
 P = ParamSpec("P")
 
 _OPTIONS = {
-    "view": """view : "wavelet" or "allan"
-    Quantity to draw: the wavelet variance ν² against the scale τ (s), or the Allan deviation √(2ν²) against the
-    averaging time τ/2 (s).""",
-    "units": """units : "si" or "datasheet"
-    Units of the plot: rad/s and m/s², or deg/h and mg. Data in other units are not converted.""",
+    "view": """view : "auto", "allan" or "wavelet"
+    Quantity to draw: the Allan deviation √(2ν²) against the averaging time τ/2 (s), or the wavelet variance ν² against
+    the scale τ (s). By default the Allan deviation, if the filter is Haar's.""",
+    "units": """units : "auto", "datasheet" or "si"
+    Units of the plot: deg/h and mg, or rad/s and m/s². By default, Allan deviations are in datasheet units, and
+    everything else is in SI units. Data in other units are not converted.""",
     "ax": """ax : matplotlib Axes, optional
     Axes to draw on; by default the axes of a new figure.""",
     "path": """path : path, optional
@@ -46,10 +47,11 @@ def drawing(describe: Callable[P, Figure]) -> Callable[P, MatplotlibFigure]:
 
     @wraps(describe)
     def plot(*arguments: P.args, **options: P.kwargs) -> MatplotlibFigure:
+        from gmwm.showing.plots.axes import one_tick_form
         from gmwm.showing.plots.matplotlib import draw
 
         places: dict[str, Any] = {name: options.get(name) for name in ("ax", "path")}
-        return draw(describe(*arguments, **options), **places)
+        return draw(one_tick_form(describe(*arguments, **options)), **places)
 
     plot.__doc__ = _documentation(inspect.getdoc(describe) or "", [*inspect.signature(describe).parameters])
     return plot

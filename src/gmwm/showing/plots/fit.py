@@ -17,6 +17,7 @@ from gmwm.showing.plots.figure import Figure, Line, Panel, Stroke, Text, drawabl
 from gmwm.showing.plots.labels import axis_title, datasheet_label, model_text, term_label
 from gmwm.showing.plots.style import GREY, IMPLIED, term_strokes
 from gmwm.showing.plots.view import UnitSystem, View, ViewName
+from gmwm.theory.processes.ordered import Ordered
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,7 +36,7 @@ tests/plots/test_plot_limits.py."""
 
 
 def fit_panel(
-    fit: Fitted, *, view: ViewName = "wavelet", units: UnitSystem = "si", decomposition: bool = True, alone: bool = True
+    fit: Fitted, *, view: ViewName = "auto", units: UnitSystem = "auto", decomposition: bool = True, alone: bool = True
 ) -> Panel:
     """Return the panel that `plot_fit` draws. If it shares a legend with others (not `alone`), the legend names the
     terms without parameters, and a text in the panel lists the terms that are zero."""
@@ -75,9 +76,11 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ..
         if not np.any(np.isfinite(y)):
             zero.append(term)
             continue
-        label = term
+        label = "Sensor filter" if isinstance(processes[term], Ordered) else term
         if term in sinusoids:
             label = f"{len(sinusoids)} lines" if alone else "Lines"
+        elif not alone and processes[term].line(fit.wavelet_variance.rate) is not None:
+            label = "Lines"
         elif alone:
             label = _term_entry(term, processes[term], view, fit.wavelet_variance)
             acting = fit.diagnostics.acts_as.get(term)
@@ -125,7 +128,7 @@ def _with_hidden_terms(panel: Panel, terms: tuple[Line, ...]) -> Panel:
 
 @drawing
 def plot_fit(
-    fit: Fitted, *, view: ViewName = "wavelet", units: UnitSystem = "si", decomposition: bool | None = None,
+    fit: Fitted, *, view: ViewName = "auto", units: UnitSystem = "auto", decomposition: bool | None = None,
     label: str | None = None, color: str | None = None, ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip

@@ -26,8 +26,8 @@ SINGLE = 120.0
 
 
 def imu_figure(
-    items: Mapping[str, Item | Mapping[str, Item]], *, split: bool = True, view: ViewName = "wavelet",
-    units: UnitSystem = "si",
+    items: Mapping[str, Item | Mapping[str, Item]], *, split: bool = True, view: ViewName = "auto",
+    units: UnitSystem = "auto",
 ) -> Figure:  # fmt: skip
     """Return the figure that `plot_imu` draws."""
     if not isinstance(items, Mapping) or not items:
@@ -49,8 +49,8 @@ def imu_figure(
 
 @drawing
 def plot_imu(
-    items: Mapping[str, Item | Mapping[str, Item]], *, split: bool = True, view: ViewName = "wavelet",
-    units: UnitSystem = "si", path: str | os.PathLike[str] | None = None,
+    items: Mapping[str, Item | Mapping[str, Item]], *, split: bool = True, view: ViewName = "auto",
+    units: UnitSystem = "auto", path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw all axes of an inertial unit.
 
@@ -83,7 +83,11 @@ def _grid(items: Mapping[str, Item | dict[str, Item]], view: ViewName, units: Un
             panels[name] = fit_panel(cast("Fit", item), view=view, units=units, alone=False)
         else:
             panels[name] = wavelet_variance_panel(wavelet_variance_of(item), view=view, units=units)
-    panels = _join_entries(panels)
+    return grid_figure(_join_entries(panels))
+
+
+def grid_figure(panels: Mapping[str, Panel]) -> Figure:
+    """Return a figure with a panel for each axis, one row for each sensor, and common scales."""
     rows = _arrange({name: replace(panel, title=axis_title(name)) for name, panel in panels.items()})
     columns = len(rows[0])
     if columns > 1:

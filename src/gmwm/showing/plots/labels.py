@@ -13,8 +13,7 @@ from gmwm.showing.plots.view import View
 
 if TYPE_CHECKING:
     from gmwm.theory.processes.base import Process
-    from gmwm.theory.processes.parameter import Parameter
-    from gmwm.theory.processes.physical import Physical
+    from gmwm.theory.processes.parameter import Parameter, Physical
 
 _SENSORS = {"gyro": "Gyroscope", "accel": "Accelerometer", "mag": "Magnetometer"}
 

@@ -6,7 +6,6 @@ import io
 import os
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import repeat
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -119,7 +118,7 @@ def _new_picture(figure: Figure) -> MatplotlibFigure:
     # 200 dpi in a notebook; `savefig` below chooses its own resolution.
     picture = Picture(figsize=(figure.width * MILLIMETRE, figure.height * MILLIMETRE), dpi=200, layout="constrained")
     handles: dict[str, Artist] = {}
-    for row, place in zip(map(_wrap_titles, figure.rows, repeat(figure.width)), _places(picture, figure), strict=True):
+    for row, place in zip(_with_titles(figure), _places(picture, figure), strict=True):
         for panel, (part, at) in zip(row, place, strict=True):
             if panel is not None:
                 for label, handle in draw_panel(panel, part.add_subplot(at)).items():
@@ -137,6 +136,19 @@ def _wrap_titles(row: Sequence[Panel | None], width: float) -> list[Panel | None
     """Return a row of panels with their titles wrapped to the width of a panel, if the figure is `width` mm wide."""
     room = (width / len(row) - 18.0) * MILLIMETRE * 72  # 18 mm are for the labels on both sides of a panel
     return [panel and replace(panel, title=fold(panel.title, room, TEXT_SIZE)) for panel in row]
+
+
+def _with_titles(figure: Figure) -> list[list[Panel | None]]:
+    """Return the rows of panels with wrapped titles. Titles in a grid have the same number of lines, so that its rows
+    have the same height."""
+    rows = [_wrap_titles(row, figure.width) for row in figure.rows]
+    if figure.heights or len({len(row) for row in rows}) > 1:
+        return rows
+    most = max(panel.title.count("\n") for panel in figure.panels)
+    return [
+        [panel and replace(panel, title="\n" * (most - panel.title.count("\n")) + panel.title) for panel in row]
+        for row in rows
+    ]
 
 
 def _places(picture: MatplotlibFigure, figure: Figure) -> list[list[tuple[FigureBase, SubplotSpec]]]:

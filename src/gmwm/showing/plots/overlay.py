@@ -60,7 +60,7 @@ def checked_items(items: Mapping[str, Any]) -> dict[str, Item]:
 
 
 def overlay_panel(
-    items: Mapping[str, Item], *, view: ViewName = "wavelet", units: UnitSystem = "si",
+    items: Mapping[str, Item], *, view: ViewName = "auto", units: UnitSystem = "auto",
     strokes: Sequence[Stroke] | None = None, title: str = "",
 ) -> Panel:  # fmt: skip
     """Return a panel with several curves in the same unit and their confidence bands. A fit is drawn with symbols for
@@ -103,7 +103,7 @@ def _faint(mark: Mark) -> Mark:
 
 
 def comparison_figure(
-    items: Mapping[str, Item], *, view: ViewName = "wavelet", units: UnitSystem = "si", title: str = ""
+    items: Mapping[str, Item], *, view: ViewName = "auto", units: UnitSystem = "auto", title: str = ""
 ) -> Figure:
     """Return the figure that `plot_comparison` draws."""
     panel = overlay_panel(checked_items(items), view=view, units=units, title=title)
@@ -112,7 +112,7 @@ def comparison_figure(
 
 @drawing
 def plot_comparison(
-    items: Mapping[str, Item], *, view: ViewName = "wavelet", units: UnitSystem = "si", title: str = "",
+    items: Mapping[str, Item], *, view: ViewName = "auto", units: UnitSystem = "auto", title: str = "",
     ax: Axes | None = None, path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw several wavelet variances in one panel, for example classical and robust, or two recordings.
@@ -134,7 +134,7 @@ def plot_comparison(
 
 @drawing
 def plot_conditions(
-    fit: ConditionsFit, *, view: ViewName = "wavelet", units: UnitSystem = "si",
+    fit: ConditionsFit, *, view: ViewName = "auto", units: UnitSystem = "auto",
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw the curves of all conditions with their models."""
@@ -147,7 +147,7 @@ def plot_conditions(
 
 @drawing
 def compare(
-    *items: Item, labels: Sequence[str] | None = None, view: ViewName = "wavelet", units: UnitSystem = "si",
+    *items: Item, labels: Sequence[str] | None = None, view: ViewName = "auto", units: UnitSystem = "auto",
     title: str = "", ax: Axes | None = None, path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw several wavelet variances in one panel, for example classical and robust, or several axes or recordings.
@@ -178,7 +178,7 @@ def compare(
     >>> signal = Signal(np.random.default_rng(1).normal(size=4096), 100.0, "rad/s", "gyro_x")
     >>> figure = compare(wavelet_variance(signal), wavelet_variance(signal, robust=True))
     >>> figure.axes[0].get_ylabel()
-    'Wavelet variance (rad²/s²)'
+    'Allan deviation (deg/h)'
     """
     if not items:
         raise OptionError(argument="items", expected="one or more of WaveletVariance and Fit", got=items)

@@ -20,6 +20,7 @@ from gmwm.showing.plots.curves import (
     MIDDLE,
     closed_panel,
     confidence_band,
+    limits_label,
     observed_marks,
     view_for,
 )
@@ -46,7 +47,7 @@ EVEN_DIFFERENCE, EVEN_DISTANCE = 1.0, 5.0
 """Value up to which the axis of differences is linear, and largest value for which a whole axis is linear."""
 
 
-def ranking_figure(ranking: Ranking, *, limit: int = 4, view: ViewName = "wavelet", units: UnitSystem = "si") -> Figure:
+def ranking_figure(ranking: Ranking, *, limit: int = 4, view: ViewName = "auto", units: UnitSystem = "auto") -> Figure:
     """Return the figure that `plot_ranking` draws."""
     if isinstance(limit, bool) or not isinstance(limit, (int, np.integer)) or not 1 <= limit <= MOST_CURVES:
         raise OptionError(argument="limit", expected=f"a whole number from 1 to {MOST_CURVES}", got=limit)
@@ -70,7 +71,7 @@ def ranking_figure(ranking: Ranking, *, limit: int = 4, view: ViewName = "wavele
     )  # fmt: skip
 
 
-def candidates_figure(comparison: Comparison, *, view: ViewName = "wavelet", units: UnitSystem = "si") -> Figure:
+def candidates_figure(comparison: Comparison, *, view: ViewName = "auto", units: UnitSystem = "auto") -> Figure:
     """Return the figure that `plot_candidates` draws."""
     pair = (comparison.first, comparison.second)
     strokes = [FIRST, _stroke(0)]
@@ -111,7 +112,7 @@ def _distances(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view:
     times = view_for(wv, view, units).time(wv.tau)
     x = time_axis(times, view_for(wv, view, units).time_label)
     ends = np.array(x.limits)
-    band = confidence_band(ends, np.full(2, -1.0), np.full(2, 1.0), colour=OBSERVED.colour, confidence=wv.confidence)
+    band = confidence_band(ends, np.full(2, -1.0), np.full(2, 1.0), colour=OBSERVED.colour, label=limits_label(wv))
     marks: list[Mark] = [band, Line(ends, np.zeros(2), stroke=Stroke(OBSERVED.colour, 0.9), label="", layer=BEHIND)]
     rows = [distance(wv, np.asarray(c.fit.implied)) for c in candidates]
     for candidate, row, stroke in zip(candidates, rows, strokes, strict=True):
@@ -187,7 +188,7 @@ def _score_name(candidate: Candidate) -> str:
 
 @drawing
 def plot_ranking(
-    ranking: Ranking, *, limit: int = 4, view: ViewName = "wavelet", units: UnitSystem = "si",
+    ranking: Ranking, *, limit: int = 4, view: ViewName = "auto", units: UnitSystem = "auto",
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw the best models with the data, their distances from the data, and the criteria.
@@ -213,7 +214,7 @@ def plot_ranking(
 
 @drawing
 def plot_candidates(
-    comparison: Comparison, *, view: ViewName = "wavelet", units: UnitSystem = "si",
+    comparison: Comparison, *, view: ViewName = "auto", units: UnitSystem = "auto",
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw the two candidates with the data, and their distances from the data.

@@ -76,7 +76,6 @@ def _sensor_panels(imu: Imu, axes: Sequence[str], units: UnitSystem, width: floa
             samples = trace(imu[axis], shown.factor, round(DOTS * width), begin, clip=True)
             mean = offset_of(samples)
             title = _without_mean(axis_title(axis), mean, shown.unit)
-            title += " (▲▼: beyond the limits)" if any(samples.clipped) else ""
             rows.append(_SignalRow(samples.less(mean), _stroke(axis), title))
         panels |= dict(zip(members, _panels(rows, shown, quantity_name(unit)), strict=True))
     return [panels[axis] for axis in axes]
@@ -139,7 +138,7 @@ def _marks(row: _SignalRow, size: float, scale: float) -> tuple[Mark, ...]:
     stroke = row.stroke if x.size > 60 else replace(row.stroke, width=0.8, symbol="circle")
     symbols: tuple[Symbol, Symbol] = ("triangle", "down")
     beyond = [
-        Line(x[mask], y[mask], stroke=Stroke(CLIPPED, 0.0, symbol=symbol), layer=FRONT)
+        Line(x[mask], y[mask], stroke=Stroke(CLIPPED, 0.0, symbol=symbol), label="Beyond the limits", layer=FRONT)
         for mask, symbol in zip(row.trace.beyond(), symbols, strict=True)
         if np.any(mask)
     ]

@@ -12,20 +12,20 @@ from matplotlib.colors import to_hex
 
 from gmwm.base.errors import OptionError
 from gmwm.showing.plots.axes import time_axis, value_axis
-from gmwm.showing.plots.curves import curves_then_bands
+from gmwm.showing.plots.curves import curves_then_bands, view_for
 from gmwm.showing.plots.figure import Line, Panel
 from gmwm.showing.plots.fit import term_lines
 from gmwm.showing.plots.overlay import Item, overlay_panel, wavelet_variance_of
 from gmwm.showing.plots.style import curve_stroke
-from gmwm.showing.plots.view import UnitSystem, ViewName, view_of
+from gmwm.showing.plots.view import UnitSystem, ViewName
 
 if TYPE_CHECKING:
     from gmwm.showing.plots.fit import Fitted
 
 
 def named_panel(
-    item: Item, *, label: str | None = None, color: str | None = None, view: ViewName = "wavelet",
-    units: UnitSystem = "si", ax: Axes | None = None,
+    item: Item, *, label: str | None = None, color: str | None = None, view: ViewName = "auto",
+    units: UnitSystem = "auto", ax: Axes | None = None,
 ) -> Panel:  # fmt: skip
     """Return a panel with one named curve. Its axes include the curves that gmwm has already drawn on `ax`, and its
     default colour is the next free one. Raises an OptionError if the earlier curves have another quantity or unit."""
@@ -51,7 +51,7 @@ def named_fit_panel(
     if not decomposition:
         return panel
     name = panel.marks[0].label
-    shown = view_of(fit.wavelet_variance.unit, view, units)
+    shown = view_for(fit.wavelet_variance, view, units)
     colour = next(mark.stroke.colour for mark in panel.marks if isinstance(mark, Line))
     terms = (
         replace(line, stroke=replace(line.stroke, colour=colour), label=f"{name}, {line.label}")

@@ -21,6 +21,7 @@ from gmwm.showing.plots.fit import LINES
 from gmwm.showing.plots.labels import axis_title, model_text
 from gmwm.showing.plots.style import BLUE, IMPLIED, SOLID, VERMILLION, term_strokes
 from gmwm.theory.processes.model import ModelLike, as_model
+from gmwm.theory.processes.ordered import Ordered
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,7 +66,7 @@ def spectrum_panel(
     lower, upper = (np.where(np.isfinite(y), factor * np.sqrt(limit), np.nan) for limit in (shown.lower, shown.upper))
     marks: list[Mark] = [
         Line(f, y, stroke=Stroke(BLUE, 0.9), label="Spectrum", layer=FRONT),
-        confidence_band(f, lower, upper, colour=BLUE, confidence=shown.confidence),
+        confidence_band(f, lower, upper, colour=BLUE, label=f"{100 * shown.confidence:g} % confidence"),
     ]
     curves: list[Line] = []
     if model is not None:
@@ -111,7 +112,8 @@ def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, al
             total += density
             if np.any(density > 0):
                 y = drawable(factor * np.sqrt(density))
-                terms.append(Line(f, y, stroke=strokes[term], label=term, layer=ABOVE))
+                label = "Sensor filter" if isinstance(process, Ordered) and not alone else term
+                terms.append(Line(f, y, stroke=strokes[term], label=label, layer=ABOVE))
     name = f"Model: {model_text(model.terms)}" if alone else "Model"
     return [Line(f, drawable(factor * np.sqrt(total)), stroke=IMPLIED, label=name, layer=MIDDLE), *terms]
 

@@ -11,11 +11,12 @@ from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
 from gmwm.base.units import SI_UNIT, Quantity, datasheet_units, find_unit, parse_unit
 
-ViewName: TypeAlias = Literal["wavelet", "allan"]
+ViewName: TypeAlias = Literal["auto", "wavelet", "allan"]
 """Quantity of a plot: the wavelet variance ν² over the scale τ, or the Allan deviation √(2ν²) over the averaging time
-τ/2."""
-UnitSystem: TypeAlias = Literal["si", "datasheet"]
-"""Unit system of a plot: rad/s and m/s², or deg/h and mg."""
+τ/2. "auto" is the Allan deviation if the filter is Haar's, otherwise the wavelet variance."""
+UnitSystem: TypeAlias = Literal["auto", "si", "datasheet"]
+"""Unit system of a plot: rad/s and m/s², or deg/h and mg. "auto" is deg/h and mg for an Allan deviation of data in a
+unit of angular rate or acceleration, otherwise SI."""
 
 DATASHEET_UNIT: dict[Quantity, str] = {quantity: next(iter(datasheet_units(si))) for quantity, si in SI_UNIT.items()}
 """Unit of an Allan deviation on datasheets, for gyroscopes and for accelerometers."""
@@ -27,7 +28,7 @@ _SQUARES = {"rad/s": "rad²/s²", "deg/h": "deg²/h²", "m/s²": "m²/s⁴", "mg
 class View:
     """Quantity and unit in which a plot shows a wavelet variance, with the conversion factor."""
 
-    name: ViewName  # the quantity that is drawn: wavelet variance or Allan deviation
+    name: Literal["wavelet", "allan"]  # the quantity that is drawn: wavelet variance or Allan deviation
     unit: str  # unit of a deviation in the plot; "" if the data have no unit
     factor: float  # conversion factor from the unit of the data to `unit`
 
@@ -77,19 +78,22 @@ class View:
 def view_of(unit: str, view: ViewName, units: UnitSystem) -> View:
     """Return the view of data in `unit`, with the quantity `view` and the unit system `units`.
 
-    A unit that is neither of an angular rate nor of an acceleration is kept. Raises OptionError for it if `units` is
-    "datasheet", and if `view` or `units` is unknown.
+    "auto" is the Allan deviation in datasheet units. A unit that is neither of an angular rate nor of an acceleration
+    is kept. Raises OptionError for it if `units` is "datasheet", and if `view` or `units` is unknown.
 
     >>> view_of("deg/s", "wavelet", "si").height_label
     'Wavelet variance (rad²/s²)'
     >>> view_of("m/s²", "allan", "datasheet").height_label
     'Allan deviation (mg)'
     """
+    view = "allan" if view == "auto" else view
+    definition = find_unit(unit)
+    if units == "auto":
+        units = "datasheet" if view == "allan" and definition is not None else "si"
     if view not in ("wavelet", "allan"):
         raise OptionError(argument="view", expected='"wavelet" or "allan"', got=view)
     if units not in ("si", "datasheet"):
         raise OptionError(argument="units", expected='"si" (rad/s, m/s²) or "datasheet" (deg/h, mg)', got=units)
-    definition = find_unit(unit)
     if definition is None:
         if units == "datasheet":
             raise OptionError(

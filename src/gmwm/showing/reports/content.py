@@ -13,6 +13,7 @@ from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect, texts
 from gmwm.base.text import version
 from gmwm.calibration.findings import SIZE, certificate_of, rejected_axes
+from gmwm.calibration.first_screen import model_words
 from gmwm.calibration.summary_text import rows_of
 from gmwm.calibration.tables import SENSORS
 from gmwm.choosing.datasheets.entry import Entry, significant
@@ -28,7 +29,8 @@ from gmwm.showing.reports.figures import (
     sensor_pictures,
     spectrum_pictures,
 )
-from gmwm.showing.reports.recording_facts import Facts, recording_facts
+from gmwm.showing.reports.filter_tables import filter_tables
+from gmwm.showing.reports.recording_facts import Facts, recording_facts, title_of
 from gmwm.showing.reports.sections import sections
 from gmwm.showing.reports.spectrum_tables import spectrum_tables
 from gmwm.showing.reports.verdict import notes, verdict
@@ -79,10 +81,12 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
             advice="Make one with `gmwm.calibrate(recording)` or `gmwm.Calibration.load(path)`.",
         )
     pictures: dict[str, Any] = {}
-    sensors = []
-    for k, (sensor, variants) in enumerate(sensor_pictures(calibration).items(), 1):
-        pictures[f"sensor{k}"] = variants
-        sensors.append({"title": SENSORS.get(sensor, sensor), "picture": f"sensor{k}"})
+    sensors = filter_tables(calibration)
+    curves = sensor_pictures(calibration)
+    for k, table in enumerate(sensors, 1):
+        drawn = {f"sensor{k}-{n}": picture for n, picture in enumerate(curves.get(table["sensor"], ()), 1)}
+        pictures |= drawn
+        table["pictures"] = list(drawn)
     files, refused = configurations(calibration)
     misfits = rejected_axes(calibration)
     axes = []
@@ -92,7 +96,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
         names = {kind: f"{kind}{k}" if kind in drawn else "" for kind in PICTURES}
         axes.append({"id": f"axis{k}", **names, **_axis(name, axis, name in misfits)})
     return {
-        "title": _title(calibration),
+        "title": title_of(calibration),
         "verdict": verdict(calibration),
         "notes": notes(calibration),
         "recording": recording_facts(calibration),
@@ -112,12 +116,6 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
         "pictures": pictures,
         "gmwm": version(),
     }
-
-
-def _title(calibration: Calibration) -> str:
-    recording = calibration.recording
-    name = recording.file if recording is not None and recording.file else calibration.source
-    return f"Calibration of {name}" if name else "Calibration"
 
 
 PICTURES = ("fit", "distance", "spectrum", "regression", "recordings")
@@ -165,6 +163,7 @@ def _axis(name: str, axis: AxisCalibration, rejected: bool) -> dict[str, Any]:
         "axis": name,
         "title": axis_title(name),
         "model": fit.model.structure,
+        "words": model_words(fit.model),
         "numbers": [_number(e) for e in (*axis.datasheet.entries, *(axis.rest.entries if axis.rest else ()))],
         "parameters": _parameters(axis),
         "test": _test(axis, rejected),

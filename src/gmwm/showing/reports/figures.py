@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.errors import OptionError
-from gmwm.showing.plots.figure import Panel
+from gmwm.showing.plots.figure import Line, Mark, Panel
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.plots.labels import sensor_and_letter, sensor_title
 from gmwm.showing.plots.overlay import Item, overlay_panel
@@ -36,15 +36,13 @@ Variants = dict[str, dict[str, Any]]
 """A figure in several views and units, with keys such as "allan-si"."""
 
 
-def sensor_pictures(calibration: Calibration) -> dict[str, Variants]:
+def sensor_pictures(calibration: Calibration) -> dict[str, list[Variants]]:
     """Return a figure of each sensor with the data and models of its axes, one for each unit if the units differ."""
-    pictures = {}
+    pictures: dict[str, list[Variants]] = {}
     for sensor, axes in by_sensor(calibration).items():
-        units = dict.fromkeys(fit.wavelet_variance.unit for fit in axes.values())
-        for unit in units:
+        for unit in dict.fromkeys(fit.wavelet_variance.unit for fit in axes.values()):
             fits = {axis: fit for axis, fit in axes.items() if fit.wavelet_variance.unit == unit}
-            name = sensor or "Axes"
-            pictures[name if len(units) == 1 else f"{name} ({unit})"] = _variants(_overlay(sensor, fits))
+            pictures.setdefault(sensor, []).append(_variants(_overlay(sensor, fits)))
     return pictures
 
 
@@ -103,6 +101,11 @@ def _variants(
                 drawn = panel(view, units)
             except OptionError:  # This filter has no Allan deviation, or this signal has no datasheet unit.
                 continue
-            # The figure has no title, because the page has a heading for it.
-            variants[f"{view}-{units}"] = plotly_panel(replace(drawn, title=""))
+            # The page has headings for the title of the figure and for the structure of the model.
+            marks = tuple(map(_without_structure, drawn.marks))
+            variants[f"{view}-{units}"] = plotly_panel(replace(drawn, title="", marks=marks))
     return variants
+
+
+def _without_structure(mark: Mark) -> Mark:
+    return replace(mark, label="Model") if isinstance(mark, Line) and mark.label.startswith("Model: ") else mark

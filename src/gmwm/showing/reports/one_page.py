@@ -4,32 +4,26 @@ from __future__ import annotations
 
 import base64
 import io
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gmwm.base.remarks import Dialect, Severity, with_groups
 from gmwm.base.text import counted, version
-from gmwm.base.units import find_unit
-from gmwm.calibration.findings import equality_remarks, unusable
+from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.tables import with_error
-from gmwm.showing.plots.labels import axis_title
-from gmwm.showing.reports.recording_facts import recording_facts
+from gmwm.showing.reports.filter_tables import SENTENCE_ENDS, filter_tables
+from gmwm.showing.reports.recording_facts import recording_facts, title_of
 from gmwm.showing.reports.verdict import state_of
 from gmwm.showing.reports.write import environment, part
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from gmwm.calibration.result import AxisCalibration, Calibration
     from gmwm.showing.plots.matplotlib import Picture
 
-SYMBOLS = ("N", "B", "K")
 MOST, SENTENCES = 3, 2
 """Largest number of cautions, and of sentences of each, so that the report fits on one page
 (tests/reports/test_one_page.py)."""
 FACTS = ("File", "Source", "SHA-256", "Sampling rate", "Length", "Gaps", "At rest", "Temperature")
-_BETWEEN_SENTENCES = re.compile(r"(?<=[.!?]) (?=[A-Z<`])")
 
 
 def one_page_data(calibration: Calibration, dialect: Dialect = Dialect.HTML) -> dict[str, Any]:
@@ -41,25 +35,18 @@ def one_page_data(calibration: Calibration, dialect: Dialect = Dialect.HTML) -> 
     dialect : Dialect
         How options are written in remarks: as in Python, in the shell, or as HTML.
     """
-    lost = set(unusable(calibration))
-    heads = [*SYMBOLS, "Bias at rest"]
-    numbers = {name: _numbers(axis) for name, axis in calibration.axes.items()}
-    shown = [k for k in range(len(heads)) if k < len(SYMBOLS) or any(cells[k] for cells in numbers.values())]
-    rows = [["Axis", "Model", *(heads[k] for k in shown)]]
-    for axis, fit in calibration.items():
-        note = " (cannot be used)" if axis in lost else ""
-        rows.append([axis_title(axis) + note, fit.model.structure, *(numbers[axis][k] for k in shown)])
-    rows += [
-        [f"{axis_title(axis)} (not calibrated)", reason, *("" for _ in shown)]
-        for axis, reason in calibration.failed.items()
-    ]
-    name = calibration.recording.file if calibration.recording and calibration.recording.file else calibration.source
+    tables = filter_tables(calibration, dialect)
+    for table in tables:
+        for row in table["rows"]:
+            row["bias"] = "" if row["failed"] else _bias(calibration.axes[row["axis"]])
+        table["bias"] = any(row["bias"] for row in table["rows"])
     return {
-        "title": f"Calibration of {name}" if name else "Calibration",
+        "title": title_of(calibration),
         "state": state_of(calibration.verdict),
         "headline": calibration.verdict.text(dialect),
-        "rows": rows,
-        "bias": len(shown) == len(heads),
+        "tables": tables,
+        "lines": sum(len(table["rows"]) + len(table["reasons"]) for table in tables),
+        "bias": any(table["bias"] for table in tables),
         "confidence": f"{100 * calibration.settings.confidence:g} %",
         "cautions": _cautions(calibration, dialect),
         "facts": [*_facts(calibration).items(), ("Made with", f"gmwm {version()}")],
@@ -72,7 +59,7 @@ def _cautions(calibration: Calibration, dialect: Dialect) -> list[str]:
     cautions = [remark for remark in calibration.remarks if remark.severity < Severity.INFO]
     groups = with_groups([*equality_remarks(calibration), *cautions], dialect)
     texts = list(dict.fromkeys(text for _, text in groups))
-    short = [" ".join(_BETWEEN_SENTENCES.split(text)[:SENTENCES]) for text in texts[:MOST]]
+    short = [" ".join(SENTENCE_ENDS.split(text)[:SENTENCES]) for text in texts[:MOST]]
     if more := len(texts[MOST:]):
         short.append(f"{counted(more, 'more caution')} {'is' if more == 1 else 'are'} in the report.")
     return short
@@ -86,24 +73,21 @@ def _facts(calibration: Calibration) -> dict[str, str]:
         if title in FACTS:
             more = [f"and {len(values) - 3} more"] if len(values) > 3 else []
             facts[title] = "; ".join([*values[:3], *more])
-    if facts.get("File", "").startswith(f"{facts.get('Source')}, "):
-        del facts["Source"]
     return facts
 
 
-def _numbers(axis: AxisCalibration) -> list[str]:
-    """Return N, B, K and the bias of an axis with their intervals; "" for a number that the model does not have."""
-    cells = [axis.datasheet[symbol].text() if symbol in axis.datasheet else "" for symbol in SYMBOLS]
+def _bias(axis: AxisCalibration) -> str:
+    """Return the bias of an axis at rest; "" if it was not estimated."""
     entry = axis.rest.entries[0] if axis.rest is not None else None
     if entry is None:
-        return [*cells, ""]
-    return [*cells, f"{with_error(entry)} {entry.units[0]}" if entry.symbol == "b" else "tilt unknown"]
+        return ""
+    return f"{with_error(entry)} {entry.units[0]}" if entry.symbol == "b" else "tilt unknown"
 
 
 def one_page(calibration: Calibration) -> str:
     """Return the page as HTML, which includes the plot."""
     buffer = io.BytesIO()
-    _curves(calibration).savefig(buffer, format="png", dpi=130)
+    calibration.plot().savefig(buffer, format="png", dpi=150)
     template = environment().from_string(part("page/one_page.html"))
     text: str = template.render(
         **one_page_data(calibration), style=environment().filters["trusted"](part("page/report.css")),
@@ -112,14 +96,11 @@ def one_page(calibration: Calibration) -> str:
     return text
 
 
-def _curves(calibration: Calibration) -> Figure:
-    units = [find_unit(fit.wavelet_variance.unit) for fit in calibration.values()]
-    return calibration.plot(split=False, view="allan", units="si" if None in units else "datasheet")
-
-
 def draw_one_page(calibration: Calibration, path: Path) -> None:
     """Write the page as a PDF with Matplotlib, which does not need Chromium."""
     import textwrap
+
+    from matplotlib.transforms import Bbox
 
     from gmwm.showing.plots.matplotlib import Picture
 
@@ -134,17 +115,26 @@ def draw_one_page(calibration: Calibration, path: Path) -> None:
             top -= gap * size / 842
 
     line(data["title"], 14, bold=True, width=80)
-    line(data["headline"], 11, bold=True, width=95, gap=1.6)
-    axes = figure.add_axes((0.06, top - 0.22, 0.9, 0.21))
-    axes.axis("off")
-    wrapped = [[textwrap.fill(cell, 20) for cell in row] for row in data["rows"]]
-    table = axes.table(cellText=wrapped[1:], colLabels=wrapped[0], loc="upper center", cellLoc="left")
-    table.auto_set_font_size(False)
-    table.set_fontsize(6.5)
-    table.scale(1, 0.2 * 11.69 * 72 / 14 / max(len(wrapped), 1))
-    top -= 0.24
+    line(data["headline"], 11, bold=True, width=80, gap=1.6)
+    for table in data["tables"]:
+        cells = [[table["title"], *table["heads"], *(["Bias at rest"] if table["bias"] else []), "Model"]]
+        for row in table["rows"]:
+            numbers = [f"{cell['text']} {cell['mark']}" for cell in row["cells"]] or [""] * len(table["heads"])
+            bias = [row["bias"]] if table["bias"] else []
+            cells.append([row["axis"], *numbers, *bias, row["model"] or f"not calibrated: {row['failed']}"])
+        height = 0.0145 * len(cells)
+        axes = figure.add_axes((0.06, top - height, 0.88, height))
+        axes.axis("off")
+        widths = [2, *[2] * (len(cells[0]) - 2), 3]
+        drawn = axes.table(cells, colWidths=widths, bbox=Bbox.unit(), cellLoc="left", edges="B")
+        drawn.auto_set_font_size(False)
+        drawn.set_fontsize(7)
+        top -= height + 0.008
+        for reason in table["reasons"]:
+            line(f"{reason['mark']} {reason['numbers']}: {reason['text']}", 6.5, width=150)
+        top -= 0.006
     buffer = io.BytesIO()
-    _curves(calibration).savefig(buffer, format="png", dpi=200)
+    calibration.plot().savefig(buffer, format="png", dpi=200)
     buffer.seek(0)
     from matplotlib.image import imread
 

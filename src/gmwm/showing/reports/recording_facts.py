@@ -31,12 +31,20 @@ def recording_facts(calibration: Calibration) -> dict[str, Any]:
         rows = [["", *calibration.recordings], *([t, *(c.get(t, "") for c in columns)] for t in titles)]
         return {"facts": axes, "rows": rows}
     recording = calibration.recording
-    facts: Facts = [("Source", calibration.source)] if calibration.source else []
+    source = calibration.source_name
+    facts: Facts = [("Source", source)] if source and (recording is None or source != recording.file) else []
     if recording is None:
         wv = next(iter(calibration.axes.values())).fit.wavelet_variance
         return {"facts": [*facts, *_length(wv.samples, wv.rate), *axes], "rows": []}
     facts += [*_file(recording), *_length(recording.samples, recording.rate), *axes, *_conditions(recording)]
     return {"facts": facts, "rows": []}
+
+
+def title_of(calibration: Calibration) -> str:
+    """Return the title of a report, with the name of the file."""
+    recording = calibration.recording
+    name = recording.file if recording is not None and recording.file else calibration.source_name
+    return f"Calibration of {name}" if name else "Calibration"
 
 
 def _file(recording: Recording) -> Facts:

@@ -75,10 +75,14 @@ def environment() -> Any:
     import jinja2
 
     templates = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        loader=jinja2.FunctionLoader(lambda name: part(f"page/{name}")),
     )
     templates.filters["worded"] = _code_as_html
-    templates.filters["unbroken"] = _unbroken
+    templates.filters["breakable"] = lambda text: _ours(escape(text).replace("+", "+<wbr>").replace(" ", "&nbsp;"))
     templates.filters["rendered"] = _ours  # Remarks are already HTML, in which text from files is escaped.
     templates.filters["trusted"] = _ours
     return templates
@@ -100,11 +104,6 @@ def _ours(text: str) -> Any:
 def _code_as_html(text: str) -> Any:
     """Return a text as HTML, with parts between backticks shown as code and everything else escaped."""
     return _ours(re.sub("`([^`]+)`", r"<code>\1</code>", escape(text)))
-
-
-def _unbroken(text: str) -> Any:
-    """Return a number with interval and unit as HTML that allows a line break only before the interval."""
-    return _ours(" ".join(f'<span class="whole">{escape(part)}</span>' for part in re.split(r" (?=\()", text)))
 
 
 @cache

@@ -9,6 +9,7 @@ from gmwm.theory.processes.drift import DR as DR  # isort: skip
 from gmwm.theory.processes.markov import AR1 as AR1, GM as GM  # isort: skip
 from gmwm.theory.processes.power import FN as FN, PL as PL, FGN as FGN  # isort: skip
 from gmwm.theory.processes.matern import MAT as MAT  # isort: skip
+from gmwm.theory.processes.oscillator import OSC as OSC  # isort: skip
 from gmwm.theory.processes.sinusoid import SIN as SIN  # isort: skip
 from gmwm.theory.processes.arma import AR as AR, MA as MA, ARMA as ARMA, SARMA as SARMA  # isort: skip
 from gmwm.theory.processes.base import Process as Process
@@ -22,11 +23,11 @@ from gmwm.theory.processes.ordered import ordered_classes as ordered_classes
 from gmwm.theory.processes.parameter import Branch as Branch
 from gmwm.theory.processes.parameter import Fixed as Fixed
 from gmwm.theory.processes.parameter import Parameter as Parameter
+from gmwm.theory.processes.parameter import Physical as Physical
 from gmwm.theory.processes.parameter import fixed as fixed
-from gmwm.theory.processes.physical import Physical as Physical
 
 __all__ = [
-    "AR", "AR1", "ARMA", "DR", "FGN", "FN", "GM", "MA", "MAT", "PL", "QN", "RW", "SARMA", "SIN", "WN", "Branch",
+    "AR", "AR1", "ARMA", "DR", "FGN", "FN", "GM", "MA", "MAT", "OSC", "PL", "QN", "RW", "SARMA", "SIN", "WN", "Branch",
     "Fixed", "Model", "ModelLike", "Ordered", "Parameter", "Physical", "Process", "as_model", "every_class", "fixed",
     "ordered_classes", "registry",
 ]  # fmt: skip

@@ -14,13 +14,12 @@ from gmwm.theory.processes.linear_recursion import PHI, SEASONAL_PHI, SEASONAL_T
 
 
 class _Arma(Lagged, abstract=True, listed=False):
-    """Methods that AR, MA, ARMA and SARMA processes share. They return the special cases of a class, and the class that
-    contains two given classes as special cases."""
+    """Special cases of AR, MA, ARMA and SARMA classes, and the class that contains two given ones as special cases."""
 
     @classmethod
     def instead_of_repeats(cls, count: int) -> str:
-        """Return the text of the single term to write instead of `count` terms of this class. A sum of independent
-        autoregressions is an ARMA process, and a sum of moving averages is a moving average."""
+        """Return the single term to write for `count` terms: sums of autoregressions are ARMA processes, of moving
+        averages MA."""
         p, q, seasonal_p, seasonal_q, _ = cls.full_orders()
         if p + seasonal_p == 0 or seasonal_p + seasonal_q > 0:
             return cls.name

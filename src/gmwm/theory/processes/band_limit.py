@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
-from gmwm.theory.processes.physical import Physical
+from gmwm.theory.processes.parameter import Physical
 
 SHORT = 1.0
 """Correlation time (s) below which noise is white at τ = 1 s, where IEEE Std 952 defines N."""
@@ -28,9 +28,9 @@ Density = Callable[[NDArray[np.float64]], Vector]
 def band_numbers(
     density: Density, rate: float, slopes: Mapping[str, float], *, free: Mapping[str, Density]
 ) -> tuple[Physical, ...]:
-    """Return the datasheet numbers of a stationary process with a short correlation time. `density`: two-sided power
-    spectral density (u²/Hz). `rate`: sampling rate (Hz). `slopes`: derivative ∂ ln N / ∂ ln θ for each parameter θ.
-    `free`: for each shape parameter θ that is not fixed, the density of the process with θ multiplied by 1 + `STEP`."""
+    """Return the datasheet numbers of a stationary process with a short correlation time from its two-sided `density`
+    (u²/Hz). `slopes` are ∂ ln N / ∂ ln θ, and `free` the densities with each free shape parameter θ multiplied by 1 +
+    `STEP`."""
     values = _band(density, rate)
     moved = {name: _band(other, rate) for name, other in free.items()}
     numbers = [Physical("N", "white noise density", math.sqrt(_at_zero(density)), 0.5, slopes=slopes)]
@@ -52,8 +52,7 @@ def _at_zero(density: Density) -> float:
 
 
 def _band(density: Density, rate: float) -> dict[str, float]:
-    """Return the bandwidth f_b (Hz), the resonance frequency f_r (Hz) and the quality factor Q_r, by symbol. A quantity
-    that does not exist is left out."""
+    """Return the bandwidth f_b (Hz), the resonance frequency f_r (Hz) and the quality factor Q_r, where they exist."""
     numbers = {}
     grid = np.linspace(0.0, 0.5 * rate, _POINTS)
     values, low = density(grid), _at_zero(density)
@@ -72,9 +71,8 @@ def _band(density: Density, rate: float) -> dict[str, float]:
 
 
 def _peak(density: Density, grid: Vector, values: Vector) -> float:
-    """Return the frequency (Hz) of the highest maximum of a density with these `values` on a grid. The density is
-    evaluated on a finer grid around the maximum and interpolated by a parabola. A still finer grid would find rounding
-    errors, because the density is flat at its maximum."""
+    """Return the frequency (Hz) of the highest maximum of a density, by a parabola on a finer grid. A still finer grid
+    would find rounding errors."""
     place = int(np.clip(np.argmax(values), 1, _POINTS - 2))
     fine = np.linspace(grid[place - 1], grid[place + 1], _POINTS)
     densities = density(fine)
@@ -86,8 +84,8 @@ def _peak(density: Density, grid: Vector, values: Vector) -> float:
 
 
 def _quality(density: Density, rate: float, centre: float, top: float) -> float | None:
-    """Return the quality factor, which is the resonance frequency divided by the width of the peak at half its power.
-    It is None if the density does not fall to half the power on both sides of the peak."""
+    """Return the resonance frequency divided by the width of the peak at half its power; None if a side does not fall
+    to half."""
     grid = np.linspace(0.0, 0.5 * rate, _POINTS * 4)
     below = grid[density(grid) < HALF * top]
     low, high = below[below < centre], below[below > centre]
@@ -99,8 +97,8 @@ def _quality(density: Density, rate: float, centre: float, top: float) -> float 
 
 
 def _crossing(density: Density, level: float, inside: float, outside: float) -> float:
-    """Return the frequency (Hz) between `inside` and `outside` at which the density falls below `level`. The density is
-    above the level at the frequency `inside` and below it at `outside`."""
+    """Return the frequency (Hz) between `inside`, where the density is above `level`, and `outside`, where it is
+    below."""
     # Number of rounds in the search for a crossing. Each round divides the interval by 64, so the last interval is 2⁻⁵⁴
     # times as long as the first.
     for _ in range(9):

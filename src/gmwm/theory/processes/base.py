@@ -24,12 +24,20 @@ from gmwm.base.remarks import Remark
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
 from gmwm.theory.processes import circulant_embedding, filtered
-from gmwm.theory.processes.definition import check_calls, check_members, check_name, function_of
 from gmwm.theory.processes.haar_theory import HaarTheory
-from gmwm.theory.processes.parameter import Branch, Fixed, Parameter, Value
-from gmwm.theory.processes.physical import Physical
-from gmwm.theory.processes.start_context import Occasion
-from gmwm.theory.processes.validation import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.theory.processes.parameter import Branch, Fixed, Occasion, Parameter, Physical, Value
+from gmwm.theory.processes.validation import (
+    as_clusters,
+    as_frequencies,
+    as_lags,
+    as_paths,
+    as_rng,
+    check_calls,
+    check_members,
+    check_name,
+    function_of,
+    shape_of_paths,
+)
 from gmwm.theory.statespace import StateSpace, haar_variances
 
 if TYPE_CHECKING:
@@ -62,7 +70,7 @@ _LONGEST_SUM = 2**24
 class Process(HaarTheory, ABC):
     """Base class of noise processes. Each process is a frozen dataclass whose fields are its parameters.
 
-    All theory is per sample and in SI units; u is the unit of the signal. The page docs/howto/add-a-process.md
+    All theory is per sample and in SI units; u is the unit of the signal. The page docs/contributing/add-a-process.md
     explains how to add a process. The methods share these arguments:
 
     - `rate`: sampling rate (Hz)
@@ -252,16 +260,15 @@ class Process(HaarTheory, ABC):
         """Compute the derivatives (n, J, q) of `shape` with respect to the parameters; by central differences of order
         6."""
         numbers, theta = as_levels(levels), np.asarray(nonlinear, dtype=np.float64)
-        result = np.zeros((len(theta), numbers.size, theta.shape[1]))
-        room = cls.room(theta)
-        for k, step in enumerate(0.01 * room.T):
-            for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
-                for sign in (1, -1):
-                    moved = theta.copy()
-                    moved[:, k] += sign * distance * step
-                    result[:, :, k] += sign * weight * cls.shape(moved, numbers, rate, filter)
-            result[:, :, k] /= 60.0 * step[:, None]
-        return result
+        (n, q), steps = theta.shape, 0.01 * cls.room(theta)
+        if q == 0:
+            return np.zeros((n, numbers.size, 0))
+        distances, weights = np.array([1, 2, 3, -1, -2, -3]), np.array([45.0, -9.0, 1.0, -45.0, 9.0, -1.0])
+        moved = np.tile(theta, (q, 6, 1, 1))
+        for k in range(q):
+            moved[k, :, :, k] += distances[:, None] * steps[:, k]
+        shapes = cls.shape(moved.reshape(-1, q), numbers, rate, filter).reshape(q, 6, n, numbers.size)
+        return np.asarray(np.einsum("d,kdnj->njk", weights, shapes) / (60.0 * steps[:, None, :]))
 
     @classmethod
     def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:
@@ -398,6 +405,10 @@ class Process(HaarTheory, ABC):
 
     def line(self, rate: float) -> tuple[float, float] | None:
         """Return the power (u²) and frequency (cycles per sample) of a sinusoid; None for Gaussian noise."""
+        return None
+
+    def oscillation(self) -> float | None:
+        """Return the frequency (Hz) of a process that is nearly periodic; None for noise. N, K and B describe noise."""
         return None
 
     def mean(self, t: ArrayLike) -> Vector:

@@ -28,11 +28,6 @@ LARGEST = 50.0
 _PAIRS = 24
 _POWERS = 52
 """Number of terms of a power series in ε with |ε| ≤ ½ and coefficients of at most 1."""
-_STEP = 1e-30
-"""Size of the steps of complex-step derivatives. At this size the truncation error is negligible."""
-_NODES = 40
-_FAR = 1200.0
-"""Distance beyond which the correlation underflows, for any ν up to 50."""
 _GONE = 40.0
 """Cut-off exponent: e^(−40) is below the rounding error of 1."""
 
@@ -41,8 +36,8 @@ Numbers = NDArray[Any]
 
 @dataclass(frozen=True, eq=False)
 class Matern:
-    """Values of the Matérn correlation M at distances x, each (n,). `correlation`, `lost` (n,): M and its complement 1
-    − M. `by_distance`, `by_smoothness` (n,): derivatives of 1 − M with respect to ln x and to the smoothness ν."""
+    """Matérn correlation M and 1 − M (`lost`) at distances x, and derivatives of 1 − M with respect to ln x and to
+    ν."""
 
     correlation: Vector
     lost: Vector
@@ -52,11 +47,13 @@ class Matern:
 
 def matern(x: Vector, nu: float) -> Matern:
     """Compute the Matérn correlation and its derivatives at distances x ≥ 0 for a smoothness 0 < ν < `LARGEST`."""
+    # Distance beyond which the correlation underflows, for any ν up to 50.
+    underflow = 1200.0
     edge = 2.0 * math.sqrt(max(1.0, nu / 2.0))
     parts = [np.zeros_like(x) for _ in range(4)]
     parts[0][x == 0] = 1.0
-    parts[1][x >= _FAR] = 1.0
-    for inside, form in (((x > 0) & (x < edge), _series), ((x >= edge) & (x < _FAR), _integral)):
+    parts[1][x >= underflow] = 1.0
+    for inside, form in (((x > 0) & (x < edge), _series), ((x >= edge) & (x < underflow), _integral)):
         if np.any(inside):
             for part, value in zip(parts, form(x[inside], nu), strict=True):
                 part[inside] = value
@@ -66,12 +63,13 @@ def matern(x: Vector, nu: float) -> Matern:
 def _integral(x: Vector, nu: float) -> tuple[Vector, Vector, Vector, Vector]:
     from scipy.special import gammaln, psi
 
+    nodes = 40
     # Upper limit of t: x (cosh t − 1) − νt reaches 40.
     end = 2.0 * np.arcsinh(np.sqrt(_GONE / (2.0 * x)))
     for _ in range(6):
         end = 2.0 * np.arcsinh(np.sqrt((_GONE + nu * end) / (2.0 * x)))
-    t = np.arange(_NODES + 1) * (end / _NODES)[:, None]
-    weight = np.exp(-2.0 * x[:, None] * np.sinh(0.5 * t) ** 2) * (end / _NODES)[:, None]
+    t = np.arange(nodes + 1) * (end / nodes)[:, None]
+    weight = np.exp(-2.0 * x[:, None] * np.sinh(0.5 * t) ** 2) * (end / nodes)[:, None]
     weight[:, 0] *= 0.5
     grown, lowered = np.exp(nu * t), np.exp((nu - 1.0) * t)
     bessel, odd = (0.5 * np.sum(weight * w, axis=1) for w in (grown + 1.0 / grown, t * (grown - 1.0 / grown)))
@@ -83,9 +81,11 @@ def _integral(x: Vector, nu: float) -> tuple[Vector, Vector, Vector, Vector]:
 
 
 def _series(x: Vector, nu: float) -> tuple[Vector, Vector, Vector, Vector]:
+    # Size of the steps of complex-step derivatives. At this size the truncation error is negligible.
+    step = 1e-30
     log = 2.0 * np.log(0.5 * x)
-    order, complex_nu = round(nu), complex(nu, _STEP)
-    epsilon = complex(nu - order, _STEP)
+    order, complex_nu = round(nu), complex(nu, step)
+    epsilon = complex(nu - order, step)
     after, before = _log_gamma_slopes(epsilon), _log_gamma_slopes(-epsilon)
     lost, slope = _low_powers(log, complex_nu, order)
     front = (-1.0) ** order * _over_sine(epsilon)
@@ -104,12 +104,12 @@ def _series(x: Vector, nu: float) -> tuple[Vector, Vector, Vector, Vector]:
     pair = size * kappa * _relative_exponential(epsilon * kappa)
     lost = lost + np.sum(pair, axis=0)
     slope = slope + 2.0 * np.sum(k * pair + size * np.exp(epsilon * kappa), axis=0)
-    return 1.0 - lost.real, lost.real, slope.real, lost.imag / _STEP
+    return 1.0 - lost.real, lost.real, slope.real, lost.imag / step
 
 
 def _low_powers(log: Vector, nu: complex, whole: int) -> tuple[Numbers, Numbers]:
-    """Compute −Σ y^k / (k! (1 − ν)(2 − ν)…(k − ν)) over 1 ≤ k < `whole`, and its derivative with respect to ln x. `log`
-    is ln y = 2 ln(x/2)."""
+    """Compute −Σ y^k / (k! (1 − ν)(2 − ν)…(k − ν)) over 1 ≤ k < `whole`, and its derivative by ln x; ln y = 2
+    ln(x/2)."""
     total, slope = np.zeros(log.size, dtype=np.complex128), np.zeros(log.size, dtype=np.complex128)
     term = complex(1.0)
     for k in range(1, whole):

@@ -27,8 +27,8 @@ def half_period(n: int) -> int:
 
 
 def amplitudes(autocovariance: Callable[[Vector], Vector], half: int) -> Vector:
-    """Compute the square roots (M + 1,) of the eigenvalues of the circulant matrix of r(0), …, r(M), with M = `half`.
-    Negative eigenvalues are set to zero: for the autocovariances of all callers they are rounding errors."""
+    """Compute the square roots (M + 1,) of the eigenvalues of the circulant matrix of r(0), …, r(M), M = `half`.
+    Negative eigenvalues, which are rounding errors for all callers, become zero."""
     return np.asarray(np.sqrt(np.maximum(_eigenvalues(autocovariance, half), 0.0)))
 
 
@@ -38,9 +38,8 @@ def _eigenvalues(autocovariance: Callable[[Vector], Vector], half: int) -> Vecto
 
 
 def safe_amplitudes(autocovariance: Callable[[Vector], Vector], n: int) -> Vector:
-    """Compute `amplitudes` for n samples of any autocovariance; M is doubled until no eigenvalue is negative. Raises
-    MissingTheoryError if negative eigenvalues remain for a matrix of 2^22 rows. Either the function is not an
-    autocovariance, or it decays too slowly."""
+    """Compute `amplitudes` for n samples of any autocovariance, with M doubled until no eigenvalue is negative. Raises
+    MissingTheoryError at 2^22 rows: it is no autocovariance, or it decays too slowly."""
     half = half_period(n)
     while half <= LARGEST:
         eigenvalues = _eigenvalues(autocovariance, half)

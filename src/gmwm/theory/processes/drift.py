@@ -14,9 +14,7 @@ from gmwm.theory.processes import filtered
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
-from gmwm.theory.processes.parameter import Parameter, Value
-from gmwm.theory.processes.physical import Physical
-from gmwm.theory.processes.start_context import Occasion
+from gmwm.theory.processes.parameter import Occasion, Parameter, Physical, Value
 from gmwm.theory.processes.validation import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace
 

@@ -92,10 +92,8 @@ def _s(lam: Array) -> Array:
 
 
 def block_variance(lam: float, m: Array) -> Array:
-    """Compute the variance of a sum of m samples with the autocovariance e^(−λ|k|).
-
-    It is [e^(−λm) − 1 + m sinh λ]/(2 sinh²(λ/2)).
-    """
+    """Compute [e^(−λm) − 1 + m sinh λ]/(2 sinh²(λ/2)), the variance of a sum of m samples with autocovariance
+    e^(−λ|k|)."""
     v = np.array([min(lam, WHITE)])
     # Dividing by e^λ and λ² avoids overflow for large λ and cancellation for small λ.
     x = np.asarray(m, dtype=np.float64) * v

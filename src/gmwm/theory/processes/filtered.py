@@ -29,14 +29,13 @@ Levels = NDArray[np.int64]
 
 
 def white_shape(filter: WaveletFilter, levels: Levels) -> Vector:
-    """Compute the wavelet variances ν_j² = 2^−j (J,) of white noise of variance 1, which are the same for any
-    filter."""
+    """Compute the wavelet variances ν_j² = 2^−j (J,) of white noise of variance 1, for any filter."""
     return np.asarray(np.ldexp(1.0, -levels))
 
 
 def quantization_shape(filter: WaveletFilter, levels: Levels) -> Vector:
-    """Compute the wavelet variances (J,) of quantization noise e_t − e_{t−1} with Var e = 1. ν_j² = 2[r_j(0) − r_j(1)],
-    where r_j is the autocorrelation of the wavelet filter of level j."""
+    """Compute the wavelet variances 2[r_j(0) − r_j(1)] (J,) of e_t − e_{t−1}, Var e = 1, from the filter
+    autocorrelation r_j."""
     step = _transition(_autocorrelation(without_zero(filter)), filter.length)
     base = _fold(_autocorrelation(np.convolve(filter.wavelet / np.sqrt(2.0), [1.0, -1.0])), filter.length)
     u = np.zeros(base.size)
@@ -49,9 +48,8 @@ def quantization_shape(filter: WaveletFilter, levels: Levels) -> Vector:
 
 
 def error_filters(filter: WaveletFilter, level: int, most: int) -> list[tuple[Levels, Vector]]:
-    """Return the positions and taps of the filters (1 − z) h_j(z) at levels 1 … `level`. These filters give the wavelet
-    coefficients of X_t = e_t − e_{t−1} from the errors e_t. The list ends before the first filter with more than `most`
-    taps. For the Haar filter there are three taps at every level."""
+    """Return the positions and taps of the filters (1 − z) h_j(z), from errors e_t to wavelet coefficients of e_t −
+    e_{t−1}, at levels 1 … `level`, up to the first with more than `most` taps. Haar filters have three."""
     taps = np.convolve(filter.wavelet / np.sqrt(2.0), [1.0, -1.0])
     places, factor = np.flatnonzero(taps), without_zero(filter)
     taps = np.asarray(taps[places], dtype=np.float64)
@@ -65,8 +63,8 @@ def error_filters(filter: WaveletFilter, level: int, most: int) -> list[tuple[Le
 
 
 def drift_shape(filter: WaveletFilter, levels: Levels) -> Vector:
-    """Compute the wavelet variances (J,) of a drift of slope 1; 0 for a filter with two or more vanishing moments. ν_j²
-    = (Σ_l l h_{j,l})² = 4^(j−1) (Σ_l l h_{1,l})²."""
+    """Compute 4^(j−1) (Σ_l l h_{1,l})² (J,) for a drift of slope 1; 0 for a filter with two or more vanishing
+    moments."""
     return np.asarray(np.ldexp(filter.first_moment**2 / 2.0, 2 * (levels - 1)))
 
 
@@ -107,9 +105,8 @@ def ar1_shape(phi: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
 
 
 def _driven(lam: Vector, sign: Vector, filter: WaveletFilter, levels: Levels, *, slopes: bool) -> tuple[Matrix, Matrix]:
-    """Compute the variances (n, J) of unit white noise filtered by h_j(z)/(1 − φz), with φ = ±e^(−λ). The second array
-    (n, J) has their derivatives with respect to λ, which are computed for φ > 0 if `slopes`. The recursion propagates
-    u_j (K, n), with one column for each φ."""
+    """Compute the variances (n, J) of unit white noise filtered by h_j(z)/(1 − φz), φ = ±e^(−λ), and, if `slopes`,
+    their derivatives with respect to λ for φ > 0. The recursion propagates u_j (K, n), with one column for each φ."""
     even, odd, spread = _markov_steps(filter)
     # Largest number of multiplications per matrix product: larger products start BLAS threads, which is slower here.
     most = 2**18 // spread.size
@@ -139,10 +136,9 @@ def _driven(lam: Vector, sign: Vector, filter: WaveletFilter, levels: Levels, *,
 
 
 def _against_ratio(v: Matrix, phi: Vector, below: Vector, above: Vector) -> tuple[Vector, Vector]:
-    """Compute Σ_k v_k s(k) (n,) and its derivative with respect to φ (n,). s is the autocovariance of unit white noise
-    filtered by (1 − z)/(1 − φz): s(0) = 2/(1 + φ) and s(k) = −φ^(k−1) (1 − φ)/(1 + φ). The factor 1 − z of every
-    wavelet filter is applied analytically, so there is no cancellation for φ → 1. `below` is 1 − φ and `above` is 1 +
-    φ."""
+    """Compute Σ_k v_k s(k) (n,) and its derivative by φ, where s is the autocovariance of unit white noise filtered by
+    (1 − z)/(1 − φz): s(0) = 2/(1 + φ), s(k) = −φ^(k−1) (1 − φ)/(1 + φ). The factor 1 − z of every wavelet filter is
+    thus applied analytically, without cancellation for φ → 1. `below` is 1 − φ and `above` 1 + φ."""
     polynomial, slope = np.zeros_like(phi), np.zeros_like(phi)
     for k in range(len(v) - 1, 0, -1):
         slope = slope * phi + polynomial
@@ -165,8 +161,7 @@ def _markov_steps(filter: WaveletFilter) -> tuple[Matrix, Matrix, Matrix]:
 
 @lru_cache(maxsize=64)
 def _folded_autocorrelations(filter: WaveletFilter, levels: int) -> Matrix:
-    """Compute r_j(0), 2r_j(1), …, 2r_j(L) (J, L + 1), where r_j is the autocorrelation of the wavelet filter of level
-    j."""
+    """Compute r_j(0), 2r_j(1), …, 2r_j(L) (J, L + 1) of the autocorrelation r_j of the wavelet filter of level j."""
     k, m = np.arange(filter.length + 1)[:, None], np.arange(filter.length + 1)
     plain = _autocorrelation(filter.scaling / np.sqrt(2.0))
     step = _at(plain, k - 2 * m) + np.where(m > 0, _at(plain, k + 2 * m), 0.0)
@@ -254,9 +249,8 @@ def _last(a: Matrix, x: Vector, count: int) -> Vector:
 
 
 def autocovariance_variance(covariance: Vector, filter: WaveletFilter, levels: Levels) -> Vector:
-    """Compute the wavelet variances ν_j² = Σ_k r_j(k) c(k) (J,) from an autocovariance c, known up to a constant.
-    `covariance` has the values at the lags 0, 1, …, `lags_needed` − 1. r_j is the autocorrelation of the wavelet filter
-    of level j."""
+    """Compute the wavelet variances Σ_k r_j(k) c(k) (J,) from an autocovariance c at lags 0 … `lags_needed` − 1, known
+    up to a constant."""
     smooth, detail = (_autocorrelation(f / np.sqrt(2.0)) for f in (filter.scaling, filter.wavelet))
     reach = filter.length - 1
     values = np.empty(int(levels[-1]))
@@ -294,8 +288,7 @@ def _transition(even: Vector, reach: int) -> Matrix:
 
 
 def _convolution(even: Vector, reach: int) -> Matrix:
-    """Return C with (C u)(l) = Σ_m u(m) t(m − l) for even sequences u, given at 0 … reach. For l > 0 the results for l
-    and −l are added."""
+    """Return C with (C u)(l) = Σ_m u(m) t(m − l), plus the result at −l for l > 0, for even u given at 0 … reach."""
     l, m = np.arange(reach + even.size // 2 + 1)[:, None], np.arange(reach + 1)  # noqa: E741
     once = _at(even, m - l) + np.where(m > 0, _at(even, m + l), 0.0)
     return np.where(l > 0, 2.0, 1.0) * once

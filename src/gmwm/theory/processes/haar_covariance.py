@@ -30,25 +30,13 @@ Pieces = tuple[Indices, Indices, Indices, Vector]
 
 @dataclass(frozen=True, eq=False)
 class LagGrid:
-    """Pairs of levels j ≤ k and lags u at which covariances of wavelet coefficients are computed.
+    """Pairs of levels j ≤ k and lags u (samples) at which covariances of wavelet coefficients are computed.
 
-    Attributes
-    ----------
-    fine, coarse : (n,) array
-        Half-scales h_j and h_k (samples).
-    lag : (n,) array
-        Lags u (samples), which can be real numbers.
-    odd : (n,) array, optional
-        Marks the nodes that represent odd lags of an alternating covariance; None if no covariance alternates.
-    known : dict
-        Cached covariances of processes with scale coefficient 1 whose shape is fixed, by class and shape.
-    recent : dict
-        Cached covariances for the shapes that were used last; None for a shape that was used once.
-    whole : LagGrid, optional
-        The grid of which this one has the first nodes; it has the cached covariances of both.
-    pieces : tuple of arrays, optional
-        Groups of adjacent nodes of a pair of levels with no kink inside a group: the first node of each group, its
-        pattern of offsets, the index at which each pattern begins, and the offsets of all patterns.
+    `fine` and `coarse` (n,) are the half-scales h_j and h_k. `odd` marks the nodes that represent odd lags of an
+    alternating covariance. `known` and `recent` cache covariances by class and shape: of fixed shapes, and of the
+    shapes that were used last (None after one use). `whole` is the grid of which this one has the first nodes.
+    `pieces` are the groups of adjacent nodes of a pair of levels without a kink: the first node of each group, its
+    pattern of offsets, the index at which each pattern begins, and the offsets of all patterns.
     """
 
     fine: Vector
@@ -93,19 +81,14 @@ def quantization(at: LagGrid) -> Vector:
 
 
 def short_memory(at: LagGrid, autocovariance: Vector) -> Vector:
-    """Compute the covariances (n,) for the autocovariance r(0), r(1), …, r(L), which is 0 at longer lags.
-
-    They equal the covariances of white noise of the same spectral density at f = 0, except near the kinks, where a
-    table is used.
-    """
+    """Compute the covariances (n,) for r(0), …, r(L), which is 0 at longer lags: those of white noise of equal density
+    at f = 0, except near the kinks, where a table is used."""
     return _core.short_memory_differences(at.fine, at.coarse, at.lag, autocovariance)
 
 
 def power(at: LagGrid, exponent: float) -> Vector:
-    """Compute the covariances (n,) for power-law noise with ν_1² = 1 and ε = `exponent`.
-
-    K(m) = m² (|m|^ε − 1)/(2(2^ε − 1)), and K(m) = m² ln|m|/(2 ln 2) for ε = 0.
-    """
+    """Compute the covariances (n,) for power-law noise with ν_1² = 1 and ε = `exponent`. K(m) = m² (|m|^ε − 1)/(2(2^ε −
+    1)), and K(m) = m² ln|m|/(2 ln 2) for ε = 0."""
     fine = np.asarray(at.fine, dtype=np.float64)
     size = 0.5 * float(self_similar.unit_factor(np.asarray(exponent))) * fine ** (2.0 + exponent)
     middle = (at.lag + at.fine - at.coarse) / fine
@@ -124,10 +107,8 @@ def exponential(at: LagGrid, decay: float) -> Vector:
 
 
 def alternating(at: LagGrid, decay: float) -> Vector:
-    """Compute the covariances (n,) for the autocovariance (−1)^k e^(−λ|k|) with λ = `decay`.
-
-    They are a sum of nine terms, from which the constants that cancel are removed analytically.
-    """
+    """Compute the covariances (n,) for the autocovariance (−1)^k e^(−λ|k|) with λ = `decay`. They are a sum of nine
+    terms, from which the constants that cancel are removed analytically."""
     phi = -np.exp(-decay)
     fine, coarse = at.fine.astype(np.int64), at.coarse.astype(np.int64)
     # If the grid does not mark odd lags, all nodes are integers.

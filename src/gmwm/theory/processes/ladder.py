@@ -74,9 +74,8 @@ def power_law(epsilon: float) -> tuple[StateSpace, ContinuousStateSpace]:
 
 
 def _average(b: Vector, s2: Vector, white: float) -> StateSpace:
-    """Return the state space of the sum of Gauss-Markov processes averaged over intervals of length 1, and white noise.
-    The processes have the reciprocal correlation times `b` and the variances `s2`; the white noise has the variance
-    `white`."""
+    """Return the state space of a sum of Gauss-Markov processes, with reciprocal correlation times `b` and variances
+    `s2`, averaged over intervals of length 1, and `white` noise."""
     decay, lost = np.exp(-b), -np.expm1(-b)
     mean = lost / b
     direct = 2.0 * (b - lost) / b**2 - mean**2
@@ -154,9 +153,8 @@ def _fast_variance(sine: float, step: float, *, top: float, p: float, unit: floa
 
 
 def start_at_zero(process: Process, rate: float) -> StateSpace:
-    """Return the state space of a process in which power-law noise starts at zero, as a random walk does. Power-law
-    noise has no stationary distribution: in its state space, the initial variance of the slowest states depends only on
-    `BAND`."""
+    """Return the state space in which power-law noise starts at zero, as a random walk does: it has no stationary
+    distribution, and the initial variance of its slowest states only depends on `BAND`."""
     space = process.state_space(rate)
     if process.stationary or not process.approximate or not process.scale:
         return space
@@ -167,8 +165,8 @@ def start_at_zero(process: Process, rate: float) -> StateSpace:
 
 
 def state_space_error(process: Process, rate: float) -> float:
-    """Return the largest relative error of the Allan deviation that the state space of a process implies. The error is
-    evaluated at averaging times of 1, 2, 4, …, 2^22 samples. It is 0 if the state space is exact.
+    """Return the largest relative error, at 1, 2, 4, …, 2^22 samples, of the Allan deviation of the state space of a
+    process.
 
     >>> from gmwm import FN
     >>> round(state_space_error(FN(b2=1.0), rate=100.0), 4)
@@ -183,8 +181,7 @@ def state_space_error(process: Process, rate: float) -> float:
 
 
 def approximation_remarks(model: Model, rate: float, axis: str = "") -> tuple[Remark, ...]:
-    """Return a remark on the terms of a model whose state space is an approximation, with the largest error. `model`:
-    model with all values. `rate`: samples per second (Hz). `axis`: name of the axis."""
+    """Return a remark on the terms whose state space is an approximation, with the largest error."""
     named = zip(model.terms, model.processes, strict=True)
     errors = {term: error for term, process in named if (error := state_space_error(process, rate))}
     if not errors:
@@ -192,4 +189,4 @@ def approximation_remarks(model: Model, rate: float, axis: str = "") -> tuple[Re
     # The numbers are rounded, so that axes with the same approximation share one remark.
     share = Quantity(float(f"{100.0 * max(errors.values()):.2g}"), "%")
     longest = Quantity(float(f"{2.0**BAND / rate:.3g}"), "s")
-    return (Remark.of("state-approximated", axis, terms=tuple(errors), error=share, longest=longest),)
+    return (Remark.of("approximated", axis, case="states", terms=tuple(errors), error=share, longest=longest),)

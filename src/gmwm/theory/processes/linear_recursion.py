@@ -27,8 +27,7 @@ from gmwm.theory.processes.band_limit import SHORT, STEP, Density, band_numbers
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.ordered import Ordered, Polynomial
-from gmwm.theory.processes.parameter import Parameter
-from gmwm.theory.processes.physical import Physical
+from gmwm.theory.processes.parameter import Parameter, Physical
 from gmwm.theory.processes.short_memory import LONGEST, NEGLIGIBLE, ShortMemory, trim
 from gmwm.theory.processes.validation import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace
@@ -44,18 +43,9 @@ CANCELLING = 0.05
 _FARTHEST, _FARTHEST_AVERAGE = 2.5, 2.0
 """Largest coordinates of starting values, which are artanh of partial autocorrelations: tanh 2.5 = 0.987 for φ and Φ,
 and tanh 2 = 0.964 for θ and Θ. The estimates are not limited. Pinned by tests/processes/test_arma.py."""
-_REAL = 1e-12
-"""Imaginary part of a root, relative to its modulus, below which the root is real."""
 _BRIEF, _SMALL = 0.3, 1e-4
 """Modulus of a root below which its exponential is part of a table, and the same limit for the power of the modulus by
 which the amplitude of the exponential is divided."""
-_REST = 1e-14
-"""Autocovariance, relative to the largest value of a table, that is left out at its end."""
-_ROUNDING = 1e-26
-"""Autocovariance, relative to the variance, that is a rounding error of double-double arithmetic."""
-_LARGEST = 1e6
-"""Largest amplitude of an exponential, relative to the variance. Larger amplitudes belong to roots that nearly
-coincide, and their sums lose more than six digits."""
 
 
 class Lagged(Ordered, abstract=True, listed=False):
@@ -80,8 +70,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         return max(p + period * seasonal_p, q + period * seasonal_q)
 
     def check_values(self) -> None:
-        """Raise ModelError if a polynomial is not stationary or not invertible. Polynomials with a coefficient without
-        a value are not checked."""
+        """Raise ModelError if a polynomial whose coefficients all have values is not stationary or not invertible."""
         for polynomial in self.polynomials:
             values = self.coefficients(polynomial.name)
             if not values or None in values:
@@ -125,8 +114,7 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Compute the wavelet variances (n, J) for innovation variance 1. Rows of coefficients that are not stationary
-        give NaN."""
+        """Compute the wavelet variances (n, J) for innovation variance 1; NaN if not stationary."""
         numbers, rows = as_levels(levels), np.ascontiguousarray(nonlinear, dtype=np.float64)
         out = np.empty((len(rows), int(numbers[-1])))
         _core.arma_shapes(cls.full_orders(), rows, rational.odd_lags(filter), out)
@@ -136,8 +124,7 @@ class Lagged(Ordered, abstract=True, listed=False):
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """Compute the derivatives (n, J, q) of the wavelet variances with respect to the coefficients. The innovation
-        variance is 1. Rows of coefficients that are not stationary give NaN."""
+        """Compute the derivatives (n, J, q) of `shape` with respect to the coefficients; NaN if not stationary."""
         numbers, rows = as_levels(levels), np.ascontiguousarray(nonlinear, dtype=np.float64)
         out = np.empty((*rows.shape, int(numbers[-1])))
         _core.arma_slopes(cls.full_orders(), rows, rational.odd_lags(filter), out)
@@ -153,8 +140,8 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def room(cls, nonlinear: Matrix) -> Matrix:
-        """Return a step (n, q) that keeps each polynomial stationary or invertible, by Rouché's theorem. The step is
-        half the minimum modulus of the polynomial on the unit circle."""
+        """Return half the minimum modulus of each polynomial on the unit circle (n, q), a step that keeps it stationary
+        by Rouché's theorem."""
         result = np.empty(np.shape(nonlinear))
         for part, span in cls._factors():
             result[:, span] = rational.clearance(_sign(part) * np.asarray(nonlinear)[:, span])[:, None]
@@ -162,8 +149,8 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def coordinates(cls, nonlinear: Matrix) -> Matrix:
-        """Return artanh of the partial autocorrelations (n, q) of each polynomial; NaN if they are undefined. For a
-        polynomial θ or Θ, these are the partial autocorrelations of the autoregression with the coefficients −θ."""
+        """Return artanh of the partial autocorrelations (n, q) of each polynomial, with −θ for θ or Θ; NaN if
+        undefined."""
         result = np.empty(np.shape(nonlinear))
         for part, span in cls._factors():
             result[:, span] = rational.coordinates(_sign(part) * np.asarray(nonlinear)[:, span])
@@ -179,9 +166,8 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def scan(cls, samples: int, rate: float) -> Matrix:
-        """Return the ranges (q, 2) of the coordinates of starting values. They limit the partial autocorrelations to
-        ±0.987 for φ and Φ and to ±0.964 for θ and Θ. At the first lag, the upper limit is 1 − 1/N for φ and 1 − s/N for
-        Φ in a recording of N samples, if this is larger."""
+        """Return the ranges (q, 2) of starting values: partial autocorrelations within ±0.987 for φ and Φ and ±0.964
+        for θ and Θ, and at the first lag up to 1 − 1/N for φ and 1 − s/N for Φ with N samples."""
         ends = np.empty((sum(cls.orders[: len(cls.polynomials)]), 2))
         for part, span in cls._factors():
             ends[span] = (-_FARTHEST, _FARTHEST) if _sign(part) > 0 else (-_FARTHEST_AVERAGE, _FARTHEST_AVERAGE)
@@ -191,14 +177,13 @@ class Lagged(Ordered, abstract=True, listed=False):
         return ends
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Compute the autocovariance r(k) (u²). It satisfies r(k) = Σ φ_i r(k − i) for lags beyond the degree of
-        θ(B)Θ(B^s), with the coefficients φ_i of φ(B)Φ(B^s)."""
+        """Compute r(k) (u²) = Σ φ_i r(k − i), beyond the degree of θ(B)Θ(B^s), with the coefficients φ_i of
+        φ(B)Φ(B^s)."""
         as_rate(rate)
         return self._autocovariance(np.abs(as_lags(lags)), from_zero=False)
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Compute the generalised covariance (u²). It is r(m) − r(0) if r(1) > r(0)/2, which avoids cancellation for
-        slow processes, and r(m) otherwise."""
+        """Compute r(m) − r(0) (u²) if r(1) > r(0)/2, which avoids cancellation for slow processes, and else r(m)."""
         as_rate(rate)
         r0, r1 = self._autocovariance(np.arange(2), from_zero=False)
         return self._autocovariance(np.abs(as_lags(lags)), from_zero=bool(r1 > 0.5 * r0))
@@ -212,8 +197,8 @@ class Lagged(Ordered, abstract=True, listed=False):
         return np.asarray(-0.5 * self.scale * out[where].reshape(np.shape(lags)))
 
     def memory(self, rate: float) -> int | None:
-        """Return the lag at which the autocovariance, without the exponentials of slow real roots, becomes negligible.
-        It is None if this lag is too large."""
+        """Return the lag at which the autocovariance, without slow real roots, is negligible; None if it is too
+        large."""
         tail = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
         return None if tail is None else tail.lags
 
@@ -223,16 +208,15 @@ class Lagged(Ordered, abstract=True, listed=False):
         return () if tail is None else tail.decays
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Compute the covariances (n,) of Haar wavelet coefficients (u²). Slow real roots contribute exponentials in
-        closed form; a table of the autocovariance gives the rest."""
+        """Compute the covariances (n,) of Haar coefficients (u²): slow real roots in closed form, the others by a
+        table."""
         tail = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
         if tail is None:
             raise self.missing("coefficient_covariance")
         return self.scale * tail.coefficient_covariance(at)
 
     def exponential_sum(self, rate: float) -> ExponentialSum | None:
-        """Return an exponential for each root of φ(B)Φ(B^s), and a table for short-lived roots and the moving average.
-        It is None if roots nearly coincide."""
+        """Return exponentials for the roots of φ(B)Φ(B^s) and a table for the others; None if roots nearly coincide."""
         unit = _exponential_sum(self.full_orders(), tuple(self.nonlinear.tolist()))
         return None if unit is None else unit.scaled(self.scale)
 
@@ -251,8 +235,8 @@ class Lagged(Ordered, abstract=True, listed=False):
         return density
 
     def state_space(self, rate: float) -> StateSpace:
-        """Return the state space with the states Z_t, Z_{t−1}, …, which start in their stationary distribution. Z is
-        the autoregression φ(B) Φ(B^s) Z_t = ε_t, and X_t = θ(B) Θ(B^s) Z_t."""
+        """Return the state space with the stationary states Z_t, Z_{t−1}, …: φ(B) Φ(B^s) Z_t = ε_t, X_t = θ(B) Θ(B^s)
+        Z_t."""
         as_rate(rate)
         p, _, seasonal_p, _, period = self.full_orders()
         phi, theta, _, _ = self._recursion()
@@ -277,8 +261,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         return np.ascontiguousarray(draws[:, theta.size :]).reshape(shape_of_paths(n, paths))
 
     def correlation_time(self, rate: float) -> float | None:
-        """Return the correlation time −Δt/ln |λ| (s), where λ is the root of φ(B)Φ(B^s) with the largest modulus. It is
-        0 for a moving average, and None if an autoregressive coefficient has no value."""
+        """Return −Δt/ln |λ| (s) for the largest root λ of φ(B)Φ(B^s); 0 for a moving average, None without values."""
         slowest = 0.0
         for part, _ in self._factors():
             if _sign(part) < 0:
@@ -301,9 +284,8 @@ class Lagged(Ordered, abstract=True, listed=False):
         return (replace(density, value=density.value * math.sqrt(self.scale)), *others)
 
     def _recursion(self) -> tuple[Vector, Vector, Matrix, Vector]:
-        """Return the coefficients of φ(B)Φ(B^s) and θ(B)Θ(B^s), and the predictors that start a simulation. The last
-        two arrays are the coefficients of the best linear predictors of lower orders, and the standard deviations of
-        their prediction errors for σ² = 1."""
+        """Return the coefficients of φ(B)Φ(B^s) and θ(B)Θ(B^s), and, to start a simulation, the coefficients of the
+        best linear predictors of lower orders and the standard deviations of their errors for σ² = 1."""
         p, q, seasonal_p, seasonal_q, period = self.full_orders()
         size = p + period * seasonal_p
         phi, theta, predictors = np.empty(size), np.empty(q + period * seasonal_q), np.empty((size, size))
@@ -328,8 +310,8 @@ def _largest_root(values: tuple[float | None, ...]) -> float:
 def _band_numbers(
     kind: type[Lagged], parameters: tuple[float, ...], free: tuple[str, ...], rate: float
 ) -> tuple[Physical, ...]:
-    """Return the density N, the bandwidth and the resonance for innovation variance 1. They include derivatives with
-    respect to the coefficients `free`, which are not fixed."""
+    """Return the density N, the bandwidth and the resonance for innovation variance 1, with derivatives by the `free`
+    coefficients."""
     at, process = np.array(parameters), kind.standard(parameters)
     slopes = {kind.scale_parameter().name: 0.5}
     moved: dict[str, Density] = {}
@@ -346,8 +328,7 @@ def _band_numbers(
 
 @lru_cache(maxsize=64)
 def _short_memory(orders: tuple[int, int, int, int, int], parameters: tuple[float, ...]) -> ShortMemory | None:
-    """Return the autocovariance for innovation variance 1, as a table and exponentials; None if it decays too
-    slowly."""
+    """Return the autocovariance for innovation variance 1 as a table and exponentials; None if it decays too slowly."""
     p, q, seasonal_p, seasonal_q, period = orders
     values = np.array(parameters, dtype=np.float64)
     season = values[p + q : p + q + seasonal_p]
@@ -376,29 +357,35 @@ def _short_memory(orders: tuple[int, int, int, int, int], parameters: tuple[floa
 
 @lru_cache(maxsize=64)
 def _exponential_sum(orders: tuple[int, int, int, int, int], parameters: tuple[float, ...]) -> ExponentialSum | None:
-    """Return the exponentials of the lasting roots and a table of the rest, for innovation variance 1. It is None if
-    roots nearly coincide, or if the table would be too long."""
+    """Return exponentials of lasting roots and a table for innovation variance 1; None if roots nearly coincide or the
+    table is too long."""
+    # Autocovariance, relative to the largest value of a table, that is left out at its end.
+    negligible = 1e-14
     p, q, seasonal_p, seasonal_q, period = orders
     values, degree = np.array(parameters, dtype=np.float64), q + period * seasonal_q
     season = rational.roots(values[p + q : p + q + seasonal_p])[:, None] ** (1.0 / period)
     turns = np.exp(2j * np.pi * np.arange(period) / period)
     roots = np.concatenate([rational.roots(values[:p]), (season * turns).ravel()])
-    roots = np.where(np.abs(roots.imag) < _REAL * np.abs(roots), roots.real, roots)
+    # Imaginary part of a root, relative to its modulus, below which the root is real.
+    roots = np.where(np.abs(roots.imag) < 1e-12 * np.abs(roots), roots.real, roots)
     # The amplitude of a root is a multiple of λ^(p − q): it would be huge for a root near 0 and a long moving average.
     modulus, ahead = np.abs(roots), max(degree - roots.size, 0) + 1
     brief = (modulus < _BRIEF) | (modulus**ahead < _SMALL)
     upper, longest = roots[~brief & (roots.imag >= 0)], modulus[brief].max(initial=0.0)
-    reach = ahead + roots.size + (math.ceil(math.log(_REST) / math.log(longest)) if longest > 0 else 0)
+    reach = ahead + roots.size + (math.ceil(math.log(negligible) / math.log(longest)) if longest > 0 else 0)
     if reach > 2 * LONGEST:
         return None
     table, rows = np.empty(reach + 1), np.empty((4, upper.size))
     _core.arma_without(orders, values, np.array([upper.real, upper.imag]), rows, table)
     amplitudes, decays = rows[0] + 1j * rows[1], rows[2] + 1j * rows[3]
     variance = abs(float(table[0] + amplitudes.real.sum()))
-    if not np.all(np.isfinite(rows)) or np.abs(amplitudes).max(initial=0.0) > _LARGEST * variance:
+    # Largest amplitude of an exponential, relative to the variance. Larger amplitudes belong to roots that nearly
+    # coincide, and their sums lose more than six digits.
+    if not np.all(np.isfinite(rows)) or np.abs(amplitudes).max(initial=0.0) > 1e6 * variance:
         return None
     # White noise far below a variance that alternates is the largest part at most scales.
-    felt = np.flatnonzero(np.abs(table) > max(_REST * np.abs(table).max(), _ROUNDING * variance))
+    # Autocovariance, relative to the variance, that is a rounding error of double-double arithmetic.
+    felt = np.flatnonzero(np.abs(table) > max(negligible * np.abs(table).max(), 1e-26 * variance))
     remainder = ExponentialSum.of_table(table[: felt[-1] + 1]) if felt.size else ExponentialSum()
     return replace(remainder, amplitudes=amplitudes, decays=decays, bare=np.zeros(upper.size, dtype=np.bool_))
 

@@ -19,9 +19,7 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.noise import WN
-from gmwm.theory.processes.parameter import Branch, Exponential, Parameter, Value
-from gmwm.theory.processes.physical import Physical
-from gmwm.theory.processes.start_context import Occasion
+from gmwm.theory.processes.parameter import Branch, Exponential, Occasion, Parameter, Physical, Value
 from gmwm.theory.processes.validation import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.processes.walk import RW
 from gmwm.theory.statespace import StateSpace
@@ -40,8 +38,7 @@ SEARCH_HIGH = 40.0
 @dataclass(frozen=True)
 class _DecayCoordinate:
     """Search coordinate u of λ = bend·(e^(u − low) − 1 + `least`), with bend = `SEARCH_BEND`/N and low = ln bend. At
-    the lower end of the range, λ = `least`·bend, the process is practically a random walk. For larger λ, u approaches
-    ln λ."""
+    the lower end, the process is practically a random walk; for larger λ, u approaches ln λ."""
 
     bend: float
     least: float
@@ -64,8 +61,8 @@ class _DecayCoordinate:
 
 
 def _ar1_branch(samples: int, sign: float, low_acts_as: str | None) -> Branch:
-    """Return the search branch φ = ±e^(−λ) of an AR1 process. Its smallest λ is larger than for Gauss-Markov processes,
-    because the resolution of φ near 1 is limited in double precision."""
+    """Return the search branch φ = ±e^(−λ) of an AR1, with a larger smallest λ than GM, because φ near 1 has a limited
+    resolution."""
     along = _DecayCoordinate(SEARCH_BEND / samples, least=1e-3)
 
     def coordinate(phi: float) -> float | None:
@@ -107,8 +104,7 @@ class _Markov(Process, abstract=True):
         return np.asarray(-0.5 * s2 * (m * -math.expm1(-lam) / (1 - phi) - 2 * phi * power / (1 - phi) ** 2))
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Compute the generalised covariance A(m) (u²). It is s²(φ^|m| − 1) for positive φ, which loses no digits for φ
-        near 1, and s²φ^|m| for negative φ."""
+        """Compute s²(φ^|m| − 1) (u²) for positive φ, which loses no digits for φ near 1, and s²φ^|m| for negative φ."""
         s2, sign, lam = self._pole(as_rate(rate))
         return s2 * np.expm1(-lam * np.abs(as_lags(lags))) if sign > 0 else self.autocovariance(lags, rate)
 
@@ -132,8 +128,8 @@ class _Markov(Process, abstract=True):
         return (sign * lam,)
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """Compute the Allan variance (u²) of clusters of n samples. For positive φ it is twice the wavelet variance at
-        the half-scale n, in closed form. For negative φ it follows from the covariance of the running sum."""
+        """Compute the Allan variance (u²) of clusters of n samples: for positive φ twice the wavelet variance at the
+        half-scale n, else from the covariance of the running sum."""
         s2, sign, lam = self._pole(as_rate(rate))
         if sign < 0:
             return super().allan_variance(clusters, rate)
@@ -155,16 +151,14 @@ class _Markov(Process, abstract=True):
         return StateSpace(F=sign * math.exp(-lam), Q=-s2 * math.expm1(-2.0 * lam), H=1.0, P0=s2)
 
     def continuous(self, rate: float) -> ContinuousStateSpace | None:
-        """Return the state space in continuous time with A = −λ/Δt and Qc = 2λs²/Δt; None if φ ≤ 0. It is computed from
-        λ, because ln φ loses digits for φ near 1."""
+        """Return A = −λ/Δt and Qc = 2λs²/Δt, from λ because ln φ loses digits for φ near 1; None if φ ≤ 0."""
         s2, sign, lam = self._pole(as_rate(rate))
         if sign < 0 or not math.isfinite(lam):
             return None
         return ContinuousStateSpace(A=-lam * rate, Qc=2.0 * lam * rate * s2, H=1.0, P0=s2)
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
-        """Return a remark if the recording is so short, in correlation times, that confidence intervals are too
-        narrow."""
+        """Return a remark if the recording is so short, in correlation times, that intervals are too narrow."""
         _, sign, lam = self._pole(rate)
         times = lam * samples
         if sign < 0 or times >= FEW_TIMES:
@@ -183,10 +177,6 @@ class _Markov(Process, abstract=True):
         return draws
 
 
-FASTEST_DRAWN = 0.999995
-"""Largest φ of the starting values in Algorithm 3 of Balamuta et al. (see `Sampled`)."""
-
-
 def _draw(occasion: Occasion, rng: np.random.Generator, draws: int, before: Vector | None, number: int) -> Matrix:
     """Draw marginal variances s² and coefficients φ (draws, 2) by Algorithm 3 of Balamuta et al. (see `Sampled`).
 
@@ -199,12 +189,14 @@ def _draw(occasion: Occasion, rng: np.random.Generator, draws: int, before: Vect
 
     Except in condition 2, σ² is drawn from U(½, 1) σ̂_T²(1 − φ)². The marginal variance is s² = σ²/(1 − φ²).
     """
+    # Largest φ of the starting values in Algorithm 3 of Balamuta et al. (see `Sampled`).
+    fastest_drawn = 0.999995
     condition = occasion.first + number
     last = np.zeros(draws) if before is None else np.maximum(before, 0.0)
     u, v = rng.random((2, draws))
     root = np.sqrt(1.0 - u)
     low = np.maximum(0.9, last)
-    later = np.where(condition == 2, low + u * (FASTEST_DRAWN - low), (FASTEST_DRAWN - last) * root + last)
+    later = np.where(condition == 2, low + u * (fastest_drawn - low), (fastest_drawn - last) * root + last)
     phi = np.where(condition == 1, (1.0 - root) / 5.0, later)
     half = occasion.total * (1.0 - phi) ** 2 / 2.0
     innovation = np.where(condition == 2, v * occasion.total * (1.0 - phi**2) / 100.0, half * (1.0 + v))
@@ -352,16 +344,11 @@ class GM(_Markov):
         along = _DecayCoordinate(SEARCH_BEND / samples, least=1e-8)
         return (
             Branch(
-                along.low,
-                along.high,
-                values=lambda u: rate * along.decay(u)[:, None],
-                slope=lambda u: rate * np.exp(u)[:, None],
-                coordinate=lambda beta: along.of(beta / rate),
-                low_acts_as=RW.name,
-                high_acts_as=WN.name,
-                exponential=Exponential(along.bend, along.least),
+                along.low, along.high, values=lambda u: rate * along.decay(u)[:, None],
+                slope=lambda u: rate * np.exp(u)[:, None], coordinate=lambda beta: along.of(beta / rate),
+                low_acts_as=RW.name, high_acts_as=WN.name, exponential=Exponential(along.bend, along.least),
             ),
-        )
+        )  # fmt: skip
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
@@ -387,8 +374,8 @@ class GM(_Markov):
 
 
 def _bias(s2: float, beta: float, time: dict[str, float], walk: dict[str, float]) -> tuple[Physical, ...]:
-    """Return the correlation time T_c and the driving noise density q_c, with their derivatives `time` and `walk`. For
-    τ ≪ T_c the process acts as a random walk with K = q_c."""
+    """Return T_c and q_c with their derivatives `time` and `walk`; for τ ≪ T_c the process acts as a random walk with K
+    = q_c."""
     return (
         Physical("T_c", "correlation time", 1.0 / beta, 1.0, signal_power=0, slopes=time),
         Physical("q_c", "driving noise density", math.sqrt(2.0 * beta * s2), -0.5, slopes=walk),

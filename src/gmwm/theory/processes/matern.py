@@ -25,12 +25,8 @@ from gmwm.theory.processes.short_memory import LONGEST, NEGLIGIBLE, ShortMemory,
 from gmwm.theory.processes.validation import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace
 
-_ONE_BY_ONE = 64
-"""Number of lags that are computed individually, before the first octave of interpolated lags."""
 _SHORT = 512
 """Largest length (samples) of paths that are simulated with a square root of their covariance matrix."""
-_LONGEST = 2**24
-"""Largest half period of a circulant embedding (samples): 2^24 doubles take 128 MB."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -165,11 +161,8 @@ class MAT(Process):
         h = n.ravel().astype(np.float64)
         zeroth, first = smooth_autocovariance.partial_sums(known, np.concatenate([n.ravel(), 2 * n.ravel()]))
         terms = np.stack([
-            np.array([[1.0], [0.0]]) * h,
-            4.0 * h * zeroth[:, : h.size],
-            -4.0 * first[:, : h.size],
-            -2.0 * h * zeroth[:, h.size :],
-            first[:, h.size :],
+            np.array([[1.0], [0.0]]) * h, 4.0 * h * zeroth[:, : h.size], -4.0 * first[:, : h.size],
+            -2.0 * h * zeroth[:, h.size :], first[:, h.size :],
         ])  # fmt: skip
         values, sizes = np.sum(terms, axis=0), np.sum(np.abs(terms), axis=0)
         result = np.where(sizes[0] < sizes[1], values[0], values[1]) / h**2
@@ -241,6 +234,8 @@ class MAT(Process):
         return math.exp(log) / beta
 
     def _at_lags(self, what: str, lags: ArrayLike, rate: float) -> Vector:
+        # Number of lags that are computed individually, before the first octave of interpolated lags.
+        single = 64
         k, rate = np.abs(as_lags(lags)), as_rate(rate)
         beta, nu = self.value("beta"), self.value("nu")
         # Smallest number of lags for which the correlation is interpolated, because this is then faster. Interpolation
@@ -249,10 +244,8 @@ class MAT(Process):
             values = getattr(matern(k.ravel() * (beta / rate), nu), what)
         else:
             longest = int(k.max())
-            places = smooth_autocovariance.spread_places(_ONE_BY_ONE, max(longest // _ONE_BY_ONE, 1).bit_length())
-            values = smooth_autocovariance.spread(
-                getattr(matern(places * (beta / rate), nu), what), k.ravel(), _ONE_BY_ONE
-            )
+            places = smooth_autocovariance.spread_places(single, max(longest // single, 1).bit_length())
+            values = smooth_autocovariance.spread(getattr(matern(places * (beta / rate), nu), what), k.ravel(), single)
         return np.asarray(self.scale * values.reshape(k.shape))
 
     def _root(self, n: int, rate: float) -> Matrix:
@@ -264,16 +257,18 @@ class MAT(Process):
 
     def _amplitudes(self, n: int, rate: float) -> Vector:
         """Return the square roots of the eigenvalues of the circulant correlation matrix for paths of n samples."""
+        # Largest half period of a circulant embedding (samples): 2^24 doubles take 128 MB.
+        longest = 2**24
         beta, nu, half = self.value("beta"), self.value("nu"), circulant_embedding.half_period(n)
         if nu > 0.5:
             far = np.arange(8.0, 400.0, dtype=np.float64)
             # Correlations below this value are treated as zero; it is below the rounding error of 1.
             reach = far[np.argmax(matern(far, nu).correlation < 1e-18)] * rate / beta
-            half = max(half, circulant_embedding.half_period(math.ceil(min(reach, 2.0 * _LONGEST))))
-        if half > _LONGEST:
+            half = max(half, circulant_embedding.half_period(math.ceil(min(reach, 2.0 * longest))))
+        if half > longest:
             raise MissingTheoryError(
                 f"{self} is too slow and too smooth to be simulated at {rate:g} Hz: paths of {n} samples need a "
-                f"circulant embedding of more than {2 * _LONGEST} samples",
+                f"circulant embedding of more than {2 * longest} samples",
                 advice="Use a larger `beta`, a lower rate, at most {short} samples, or `nu` = 0.5.",
                 short=_SHORT,
             )

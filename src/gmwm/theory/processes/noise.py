@@ -1,4 +1,4 @@
-"""White noise and quantization noise. docs/howto/add-a-process.md explains how to add a process."""
+"""White noise and quantization noise. docs/contributing/add-a-process.md explains how to add a process."""
 
 from __future__ import annotations
 
@@ -14,9 +14,7 @@ from gmwm.theory.processes import filtered, haar_covariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
-from gmwm.theory.processes.parameter import Parameter, Value
-from gmwm.theory.processes.physical import Physical
-from gmwm.theory.processes.start_context import Occasion
+from gmwm.theory.processes.parameter import Occasion, Parameter, Physical, Value
 from gmwm.theory.processes.validation import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace
 

@@ -27,9 +27,6 @@ if TYPE_CHECKING:
 ordered_classes: dict[str, type[Ordered]] = {}
 """Every ordered process by name, in display order."""
 
-MOST_LAGS = 60
-"""Largest lag (samples) that a process can have."""
-
 
 def every_class() -> dict[str, type[Process]]:
     """Return every registered process and examples of each ordered process, by name. Tests use them."""
@@ -53,9 +50,7 @@ def find_class(name: str) -> type[Process] | None:
 
 @dataclass(frozen=True)
 class Polynomial:
-    """Coefficients of one polynomial, which are numbered from 1, such as phi1, phi2, …. `name`, `symbol`: name and
-    symbol of a coefficient without its number, such as "phi" and "φ". `order`: name of the order, which is the number
-    of coefficients, such as "p". `description`: description of one coefficient."""
+    """Coefficients of one polynomial, such as phi1, phi2, … ("phi", "φ"), numbered up to its `order`, such as "p"."""
 
     name: str
     symbol: str
@@ -126,6 +121,8 @@ class Ordered(Process, abstract=True):
 
     @classmethod
     def _checked_orders(cls, orders: Iterable[object]) -> tuple[int, ...]:
+        # Largest lag (samples) that a process can have.
+        most_lags = 60
         values, names = tuple(orders), cls.order_names()
         if len(values) != len(names):
             first = cls.polynomials[0].name
@@ -142,9 +139,9 @@ class Ordered(Process, abstract=True):
                 raise ModelError(message, argument=name, got=order)
         numbers = tuple(int(order) for order in values)  # type: ignore[call-overload]
         reach = cls.lags(numbers)
-        if reach > MOST_LAGS:
+        if reach > most_lags:
             raise ModelError(
-                f"{_name(cls, numbers)} reaches back {reach} samples; the maximum is {MOST_LAGS}", got=numbers,
+                f"{_name(cls, numbers)} reaches back {reach} samples; the maximum is {most_lags}", got=numbers,
                 reach=reach, argument="orders",
             )  # fmt: skip
         cls.check_orders(numbers)

@@ -1,10 +1,10 @@
-"""Parameters of processes: name, domain, unit, and fixed values."""
+"""Parameters of processes (name, domain, unit, fixed values), physical numbers, and quantities for random starts."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any, Literal
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import ModelError
+from gmwm.theory.filters import HAAR, WaveletFilter
 
 _ESTIMATED = "Leave it out to estimate it."
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -256,3 +257,52 @@ def _wrong(what: str, expected: str, got: object, argument: str, advice: str = "
     return ModelError(
         f"{what} must be {expected}; got {got!r}", argument=argument, expected=expected, got=got, advice=advice
     )
+
+
+@dataclass(frozen=True)
+class Physical:
+    """Coefficient of a process in continuous time, as datasheets state it.
+
+    Parameters
+    ----------
+    symbol : str
+        Symbol, for example "N".
+    title : str
+        Name, for example "white noise density".
+    value : float
+        Value in (unit of the signal)^`signal_power` · s^`time_power`. Only the slope of a drift can be negative.
+    time_power : float
+        Exponent of the second in the unit: 1, ½, 0, −½ or −1.
+    signal_power : int
+        Exponent of the unit of the signal: 1, or 0 for a time, a frequency or a pure number.
+    slopes : mapping of parameter name to float
+        Derivative ∂ ln|value| / ∂ ln|θ| for each parameter θ on which the value depends.
+    """
+
+    symbol: str
+    title: str
+    value: float
+    time_power: float
+    signal_power: int = 1
+    slopes: Mapping[str, float] = field(default_factory=dict)
+
+
+Dominant = Literal["quantization", "white", "markov"]
+"""Noise type that dominates the first two levels. From level 1 to level 2 the wavelet variance falls faster than for
+white noise ("quantization"), as fast ("white"), or more slowly ("markov")."""
+
+
+@dataclass(frozen=True, eq=False)
+class Occasion:
+    """Quantities of the data for Algorithms 2 and 3 of Balamuta et al. (see `Sampled`): `total` is σ̂_T², the sum of
+    the wavelet variances over all levels, `spread` is (max x − min x)/N, `dominant` the noise type of the first levels,
+    and `first` (draws,) the condition, 1 or 2, of Algorithm 3 for the first autoregression of each draw."""
+
+    total: float
+    spread: float
+    dominant: Dominant
+    first: NDArray[np.int64]
+    levels: NDArray[np.int64]
+    samples: int
+    rate: float
+    filter: WaveletFilter = HAAR

@@ -31,12 +31,11 @@ _TOKEN = re.compile(
 )
 # Enough for 100 terms of 100 characters. It limits the run time for an invalid text. Pinned by
 # test_a_text_of_a_sum_that_is_no_model.
-_LONGEST_TEXT = 10_000
 
 
 def parse_model(text: str) -> Model:
-    """Parse the text of a model. `text`: sum of processes, in the grammar of the module docstring. Raises ModelError if
-    the text cannot be read, with the position of the error, or the processes cannot be summed.
+    """Parse the text of a model in the grammar of the module docstring. Raises ModelError with the position of the
+    error.
 
     >>> parse_model("2*GM + WN(sigma2=fixed(1e-6))")
     Model('2*GM + WN(sigma2=fixed(1e-06))')
@@ -46,13 +45,14 @@ def parse_model(text: str) -> Model:
     Traceback (most recent call last):
     gmwm.base.errors.ModelError: the model "GM + VN" cannot be read at "VN" (character 6): there is no process...
     """
+    longest_text = 10_000
     if not isinstance(text, str):
         raise ModelError(
             f'the text of a model must be a string, such as "2*GM + WN"; got {text!r}', got=text, argument="text"
         )
-    if len(text) > _LONGEST_TEXT:
+    if len(text) > longest_text:
         raise ModelError(
-            f"the text of a model has at most {_LONGEST_TEXT} characters; got {len(text)}",
+            f"the text of a model has at most {longest_text} characters; got {len(text)}",
             got=len(text),
             argument="text",
         )
@@ -156,8 +156,8 @@ class _ModelParser:
         return orders
 
     def _coefficients(self, ordered: type[Ordered]) -> dict[str, Any]:
-        """Read the arguments of a process that is written without leading orders. The arguments are lists of
-        coefficients, single parameters, or orders with a name."""
+        """Read the arguments of a process without leading orders: lists of coefficients, single parameters, or named
+        orders."""
         arguments: dict[str, Any] = {}
         while not self._take(")"):
             if arguments:

@@ -20,22 +20,20 @@ from gmwm.theory.processes.circulant_embedding import amplitudes, half_period, p
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.ladder import power_law
-from gmwm.theory.processes.parameter import Parameter, Value
-from gmwm.theory.processes.physical import Physical
+from gmwm.theory.processes.parameter import Parameter, Physical, Value
 from gmwm.theory.processes.self_similar import Numbers
 from gmwm.theory.processes.validation import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace
 
 # Step of complex-step derivatives. Their relative error, the square of the step, is far below the rounding error.
-_STEP = 1e-30
 _LOG2 = math.log(2.0)
 _mixture = lru_cache(maxsize=16)(self_similar.mixture)
 
 
 class PowerLaw(Process, abstract=True):
     """Continuous-time noise with the spectrum |f|^(−α), −1 < α < 3, averaged over each sampling interval. Its Haar
-    wavelet variance is a power of the scale at every level, ν_j² = ν_1² (τ_j/2)^(α−1). Its running sum has the
-    generalised covariance K(m) = ½ν_1² m² (|m|^(α−1) − 1)/(2^(α−1) − 1), up to a + b m²."""
+    wavelet variance is ν_j² = ν_1² (τ_j/2)^(α−1), and its running sum has the generalised covariance K(m) = ½ν_1² m²
+    (|m|^(α−1) − 1)/(2^(α−1) − 1), up to a + b m²."""
 
     stationary = False
     approximate = True
@@ -43,8 +41,7 @@ class PowerLaw(Process, abstract=True):
     @classmethod
     @abstractmethod
     def exponents(cls, nonlinear: NDArray[np.float64]) -> tuple[Numbers, Numbers]:
-        """Return ε = α − 1 (n,) and ν_1² (n,) for scale coefficient 1. The functions must be analytic, because their
-        derivatives are computed by complex steps."""
+        """Return ε = α − 1 (n,) and ν_1² (n,) for scale coefficient 1, by analytic functions for complex steps."""
 
     @property
     def law(self) -> tuple[float, float]:
@@ -62,10 +59,11 @@ class PowerLaw(Process, abstract=True):
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
         """Compute the derivatives ∂ν²/∂θ (n, J, q) by complex steps."""
-        moved = np.asarray(nonlinear, dtype=np.complex128) + 1j * _STEP
+        step = 1e-30
+        moved = np.asarray(nonlinear, dtype=np.complex128) + 1j * step
         if not cls.nonlinear_parameters():
             return np.zeros((len(moved), as_levels(levels).size, 0))
-        return np.asarray(cls._shape(moved, as_levels(levels), filter).imag[:, :, None] / _STEP)
+        return np.asarray(cls._shape(moved, as_levels(levels), filter).imag[:, :, None] / step)
 
     @classmethod
     def _shape(cls, nonlinear: Numbers, levels: NDArray[np.int64], filter: WaveletFilter) -> Numbers:
@@ -102,14 +100,13 @@ class PowerLaw(Process, abstract=True):
         return None if epsilon > self_similar.STEEPEST else _mixture(epsilon, samples).scaled(first)
 
     def decays(self, rate: float) -> tuple[float, ...]:
-        """Return a very large and a very small decay rate (per sample). A power of the lag is a mixture of exponentials
-        with all decay rates between them."""
+        """Return a very large and a very small decay rate: a power of the lag is a mixture of all exponentials
+        between."""
         return (2.0, 1e-290)
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
-        """Compute the power spectral density S(f) = C Σ_k |f + k/Δt|^(−α) sinc²((f + k/Δt)Δt) (u²/Hz). C|f|^(−α) is the
-        density of the noise in continuous time. The value at f = 0 is the limit. If the process is not stationary, S is
-        a pseudo-spectrum, which is valid for filters whose coefficients sum to 0."""
+        """Compute S(f) = C Σ_k |f + k/Δt|^(−α) sinc²((f + k/Δt)Δt) (u²/Hz), with the limit at f = 0. If the process is
+        not stationary, S is a pseudo-spectrum, valid for filters whose coefficients sum to 0."""
         f = as_frequencies(frequencies, as_rate(rate))
         epsilon, first = self.law
         return np.asarray(first * self_similar.spectrum(np.abs(f) / rate, epsilon) / rate)
@@ -117,25 +114,24 @@ class PowerLaw(Process, abstract=True):
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """Simulate Gaussian sample paths with the exact covariance, an array (n,) or (paths, n). For α ≥ 1 only the
-        increments are stationary, and each path starts with its first increment."""
+        """Simulate Gaussian sample paths with the exact covariance, (n,) or (paths, n); for α ≥ 1 by stationary
+        increments."""
         n, count = as_paths(n, paths)
         as_rate(rate)
         epsilon, first = self.law
         return _simulate(epsilon, first, n=n, rng=as_rng(rng), count=count).reshape(shape_of_paths(n, paths))
 
     def state_space(self, rate: float) -> StateSpace:
-        """Return the state space of a sum of eleven Gauss-Markov processes, averaged over each sampling interval. Its
-        Allan deviation is within 1 % of the exact value for averaging times from 1 to 2^22 samples; see the module
-        `ladder`. Raises MissingTheoryError if α is not between 0 and 2."""
+        """Return the state space of eleven averaged Gauss-Markov processes, with an Allan deviation within 1 % from 1
+        to 2^22 samples; see the module `ladder`. Raises MissingTheoryError unless α is between 0 and 2."""
         as_rate(rate)
         space, _ = self._ladder()
         first = self.law[1]
         return StateSpace(F=space.F, Q=first * space.Q, H=space.H, R=first * space.R, P0=first * space.P0)
 
     def continuous(self, rate: float) -> ContinuousStateSpace:
-        """Return an approximate state space in continuous time. It has the slow Gauss-Markov processes of
-        `state_space`, without averaging. White noise replaces the fast ones."""
+        """Return the slow Gauss-Markov processes of `state_space`, without averaging; white noise replaces the fast
+        ones."""
         _, smooth = self._ladder()
         size, rate = self.law[1], as_rate(rate)
         return ContinuousStateSpace(
@@ -162,8 +158,7 @@ def _simulate(epsilon: float, first: float, n: int, rng: np.random.Generator, co
 
 @lru_cache(maxsize=2)
 def _roots(epsilon: float, half: int) -> Vector:
-    """Return the amplitudes for circulant embedding of paths with ν_1² = 1, or of their increments if ε ≥ 0. They are
-    cached for repeated simulations."""
+    """Return the cached amplitudes for circulant embedding of paths with ν_1² = 1, or of their increments if ε ≥ 0."""
     if epsilon < 0:
         return amplitudes(lambda k: _variance(epsilon) * 0.5 * self_similar.power_bend(k, epsilon), half)
     ones = np.ones(half + 1)

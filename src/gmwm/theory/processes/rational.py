@@ -15,13 +15,10 @@ from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.theory.filters import HAAR, WaveletFilter
 
-_GRID = 256
-"""Number of points on the half circle at which the modulus is evaluated, in addition to the angles of the roots."""
-
 
 def coordinates(rows: Matrix) -> Matrix:
-    """Compute artanh of the partial autocorrelations (rows, n) by the backward Durbin-Levinson recursion. The result is
-    NaN if a partial autocorrelation has a modulus of at least 1. The polynomial then has a zero with |z| ≤ 1.
+    """Compute artanh of the partial autocorrelations (rows, n) by the backward Durbin-Levinson recursion; NaN if a
+    modulus is at least 1, because the polynomial then has a zero with |z| ≤ 1.
 
     >>> coordinates(np.array([[0.5], [1.0]])).round(4).tolist()
     [[0.5493], [nan]]
@@ -50,6 +47,8 @@ def roots(a: Vector) -> NDArray[np.complex128]:
 
 def clearance(rows: Matrix) -> Vector:
     """Compute half the minimum modulus (rows,) of each polynomial on |z| = 1; 0 for a polynomial with a zero inside."""
+    # Number of points on the half circle at which the modulus is evaluated, in addition to the angles of the roots.
+    grid = 256
     rows = np.asarray(rows, dtype=np.float64)
     inside = np.all(np.isfinite(coordinates(rows)), axis=1)
     result = np.zeros(len(rows))
@@ -59,15 +58,14 @@ def clearance(rows: Matrix) -> Vector:
         companion[:, 0] = good
         companion[:, np.arange(1, rows.shape[1]), np.arange(rows.shape[1] - 1)] = 1.0
         near = np.angle(np.linalg.eigvals(companion)) / (2.0 * np.pi)
-        cycles = np.concatenate([near, np.broadcast_to(np.linspace(0.0, 0.5, _GRID + 1), (len(good), _GRID + 1))], 1)
+        cycles = np.concatenate([near, np.broadcast_to(np.linspace(0.0, 0.5, grid + 1), (len(good), grid + 1))], 1)
         result[inside] = 0.5 * np.sqrt(np.min(squared_size(good[:, None, :], cycles), axis=1))
     return result
 
 
 def squared_size(rows: NDArray[np.float64], cycles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute |1 − Σ a_i z^i|² at z = exp(−2πi·cycles); the last axis of `rows` holds the coefficients. Let c be 1 or
-    −1, whichever is nearer to z. The polynomial is computed as 1 − Σ a_i c^i + Σ a_i (c^i − z^i), which is accurate for
-    zeros near c."""
+    """Compute |1 − Σ a_i z^i|² at z = exp(−2πi·cycles) for rows of coefficients, as 1 − Σ a_i c^i + Σ a_i (c^i − z^i)
+    with the nearer c of ±1, which is accurate for zeros near c."""
     turned = np.asarray(cycles, dtype=np.float64)
     turned = turned - np.round(turned)
     behind = np.abs(turned) > 0.25

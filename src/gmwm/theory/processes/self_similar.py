@@ -55,8 +55,7 @@ def sum_covariance(lags: Vector, epsilon: float) -> Vector:
 
 
 def falling(epsilon: Numbers, terms: int) -> list[Numbers]:
-    """Compute the binomial coefficients C(2 + ε, 2k) divided by ε, for k = 2, 3, …, `terms` + 1. The factor ε of the
-    binomial coefficients is omitted, so no division is needed."""
+    """Compute the binomial coefficients C(2 + ε, 2k) without their factor ε, for k = 2, 3, …, `terms` + 1."""
     coefficients, product = [], (2 + epsilon) * (1 + epsilon) / 2
     for k in range(2, terms + 2):
         product = product * (epsilon - (2 * k - 3)) / ((2 * k - 1) * 2 * k)
@@ -102,8 +101,8 @@ def power_bend(lags: Vector, epsilon: float) -> Vector:
 
 
 def second_bend(step: Vector, lags: Vector, epsilon: float) -> Vector:
-    """Compute the second difference of q by 1, and of the result by `step` ≥ 1, at real lags. Covariances of wavelet
-    coefficients of two levels are such differences."""
+    """Compute the second difference of q by 1 and then by `step` ≥ 1: a covariance of wavelet coefficients of two
+    levels."""
     t, r = np.abs(np.asarray(lags, dtype=np.float64)), np.asarray(step, dtype=np.float64)
     out = np.empty_like(t)
     near = t < _NEAR * (1 + r)
@@ -124,9 +123,9 @@ def second_bend(step: Vector, lags: Vector, epsilon: float) -> Vector:
 
 
 def spectrum(frequencies: Vector, epsilon: float) -> Vector:
-    """Compute the spectral density of the sampled noise with ν_1² = 1, at |f| ≤ ½ (cycles per sample). It is C
-    (sin(πf)/π)² Σ_k |f + k|^(−α−2) with C = Γ(3+ε) sin(πε/2) (2π)^(−α)/(2^ε − 1). The sum over k ≠ 0 consists of two
-    Hurwitz zeta functions."""
+    """Compute the density of the sampled noise with ν_1² = 1, C (sin(πf)/π)² Σ_k |f + k|^(−α−2) with C = Γ(3+ε)
+    sin(πε/2) (2π)^(−α)/(2^ε − 1), at |f| ≤ ½ (cycles per sample). The sum over k ≠ 0 consists of two Hurwitz zeta
+    functions."""
     from scipy.special import zeta
 
     f, alpha = np.abs(frequencies), epsilon + 1.0
@@ -147,8 +146,8 @@ def powers_of_two(epsilon: Numbers, levels: NDArray[np.int64]) -> Numbers:
 
 
 def filtered_shape(epsilon: Numbers, filter: WaveletFilter, levels: NDArray[np.int64]) -> Numbers:
-    """Compute the wavelet variances ν_j² (n, J) under any filter, for noise whose Haar variance at level 1 is 1. If the
-    spectrum vanishes at f = 0 (ε < −1), they are computed from the running sum and the differenced filter."""
+    """Compute the wavelet variances ν_j² (n, J) under any filter, for noise whose Haar variance at level 1 is 1; for ε
+    < −1, from the running sum and the differenced filter, because the spectrum vanishes at f = 0."""
     eps = np.asarray(epsilon)
     out = np.empty((eps.size, int(levels[-1])), dtype=eps.dtype)
     summed = np.real(eps) < -1
@@ -210,9 +209,8 @@ def _bend_rows(eps: Numbers, reach: int) -> Numbers:
 
 
 def _passages(eps: Numbers, moments: Vector) -> Numbers:
-    """Return the factors (n, S, S) by which a_s contributes to a_t at the next level, t ≥ s. The factor is 4^(−t) C(ε −
-    2s, 2(t − s)) μ_(2(t−s)), where μ_i is moment i of the autocorrelation of the smoothing filter. For a_0, the
-    coefficient of (k^ε − 1)/ε, the binomial coefficient is divided by ε."""
+    """Return the factors (n, S, S) by which a_s contributes to a_t at the next level, t ≥ s: 4^(−t) C(ε − 2s, 2(t − s))
+    μ_(2(t−s)), with moments μ of the autocorrelation of the smoothing filter; for a_0 divided by ε."""
     out = np.zeros((len(eps), _TERMS, _TERMS), dtype=eps.dtype)
     for s in range(_TERMS):
         top, coefficient = eps[:, 0] - 2 * s, np.ones(len(eps), dtype=eps.dtype)
@@ -228,9 +226,9 @@ def _passages(eps: Numbers, moments: Vector) -> Numbers:
 
 @lru_cache(maxsize=64)
 def _tables(filter: WaveletFilter, reach: int, summed: bool) -> tuple[Vector, Matrix, Vector]:
-    """Return the tables of a filter that `_carried` uses. They are the autocorrelation of the wavelet filter h at lags
-    ≥ 0, the matrix of the step to the next level, and the even moments of the autocorrelation of the smoothing filter
-    g. If `summed`, the filters are (1 − z) h(z) and 2g(z)/(1 + z), for the running sum."""
+    """Return the tables of a filter for `_carry`: the autocorrelation of the wavelet filter h at lags ≥ 0, the matrix
+    of the step to the next level, and the even moments of the autocorrelation of the smoothing filter g. If `summed`,
+    the filters are (1 − z) h(z) and 2g(z)/(1 + z), for the running sum."""
     smooth, detail = filter.scaling / math.sqrt(2.0), filter.wavelet / math.sqrt(2.0)
     if summed:
         smooth, detail = 2.0 * without_zero(filter), np.convolve(detail, [1.0, -1.0])
@@ -251,27 +249,21 @@ def _tables(filter: WaveletFilter, reach: int, summed: bool) -> tuple[Vector, Ma
 _STEP = 0.35
 """Distance of the nodes in ln τ. The relative error of V by the trapezoidal rule is below 1e-10
 (tests/covariance/test_lag_sums.py)."""
-_FASTEST = 37.0
-"""Decay beyond which an exponential is below the rounding error at a lag of one sample."""
-_GONE = 40.0
-"""Decay of an exponential that is negligible after one step."""
-_TAIL = 1e-10
-"""Relative contribution to wavelet coefficients, of the order (τN)^(2 − ε), below which an exponential is left out."""
 STEEPEST = 1.2
 """Largest ε of a mixture. Beyond it, a random walk and slow exponentials cancel by more than five digits."""
 
 
 def mixture(epsilon: float, samples: int) -> ExponentialSum:
-    """Return the running sum of noise with ν_1² = 1 as a sum of exponentials, for lags up to `samples`.
-
-    The gamma integral m^(−s) Γ(s) = ∫ τ^(s−1) e^(−mτ) dτ with s = −2 − ε, discretised in ln τ, is a sum of terms
-    w_i e^(−mτ_i). It diverges at τ = 0, where the sum is continued analytically: the terms in m and m³, which are white
-    noise and a random walk, have geometric sums. Terms in m² and constants do not contribute to wavelet coefficients.
-    """
+    """Return the running sum of noise with ν_1² = 1 as a sum of exponentials, for lags up to `samples`. The gamma
+    integral m^(−s) Γ(s) = ∫ τ^(s−1) e^(−mτ) dτ with s = −2 − ε, discretised in ln τ, is a sum of terms w_i e^(−mτ_i).
+    It diverges at τ = 0, where the sum is continued analytically: the terms in m and m³, which are white noise and a
+    random walk, have geometric sums. Terms in m² and constants do not contribute to wavelet coefficients."""
     from scipy.special import rgamma
 
-    low = math.floor((-math.log(4.0 * samples) + math.log(_TAIL) / (2.0 - epsilon)) / _STEP)
-    high = math.ceil(math.log(_FASTEST) / _STEP)
+    # Relative contribution to wavelet coefficients, of the order (τN)^(2 − ε), below which an exponential is left out.
+    low = math.floor((-math.log(4.0 * samples) + math.log(1e-10) / (2.0 - epsilon)) / _STEP)
+    # Decay beyond which an exponential is below the rounding error at a lag of one sample.
+    high = math.ceil(math.log(37.0) / _STEP)
     split = math.floor(math.log(0.9) / _STEP)
     tau = np.exp(_STEP * np.arange(low, high + 1))
     # 1/(ε Γ(−2 − ε)), as 1/Γ(3 − ε) times the factors that vanish at ε = −1 and ε = 1.
@@ -282,18 +274,16 @@ def mixture(epsilon: float, samples: int) -> ExponentialSum:
     # Terms in m of the white noise beside all slow exponentials, and in m³ of the walk below the slowest one.
     linear = size * float(rgamma(1.0 - epsilon)) * _continued(-1.0 - epsilon, split)
     cubic = size * (1.0 + epsilon) * float(rgamma(2.0 - epsilon)) * _continued(1.0 - epsilon, low - 1) / -6.0
-    # Those beyond the fastest one contribute at lag 0 only, as one very fast exponential.
-    tau = np.append(tau, _GONE)
+    # Those beyond the fastest one contribute at lag 0 only, as one exponential that is negligible after one step.
+    tau = np.append(tau, 40.0)
     weights = np.append(weights, -common * _geometric(-2.0 - epsilon, high))
     slow = np.append(slow, False)
     series = np.where(tau < 0.1, tau**3 / 6.0 * (1.0 + tau**2 / 20.0 * (1.0 + tau**2 / 42.0)), np.sinh(tau) - tau)
     return ExponentialSum(
-        white=-2.0 * (linear - float((weights * series)[slow].sum()) + cubic),
-        walk=12.0 * cubic,
-        amplitudes=(-4.0 * weights * np.sinh(0.5 * tau) ** 2).astype(np.complex128),
-        decays=tau.astype(np.complex128),
+        white=-2.0 * (linear - float((weights * series)[slow].sum()) + cubic), walk=12.0 * cubic,
+        amplitudes=(-4.0 * weights * np.sinh(0.5 * tau) ** 2).astype(np.complex128), decays=tau.astype(np.complex128),
         bare=~slow,
-    )
+    )  # fmt: skip
 
 
 def _geometric(power: float, last: int) -> float:

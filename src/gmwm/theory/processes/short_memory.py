@@ -24,9 +24,8 @@ NEGLIGIBLE = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class ShortMemory:
-    """Autocovariance for scale coefficient 1, as the sum of a table and of exponentials Σ a e^(−λ|k|). `autocovariance`
-    (L + 1,): table r(0), …, r(L) of the autocovariance without the exponentials. `amplitudes`: amplitude a of each
-    exponential. `decays`: decay rate λ (per sample) of each exponential; a negative rate means (−1)^k e^(−|λ|k)."""
+    """Autocovariance for scale coefficient 1: a table r(0), …, r(L), and exponentials Σ a e^(−λ|k|), or (−1)^k
+    e^(−|λ|k) for λ < 0."""
 
     autocovariance: Vector
     amplitudes: tuple[float, ...] = ()
@@ -47,8 +46,7 @@ class ShortMemory:
 
 
 def trim(autocovariance: Vector) -> Vector | None:
-    """Truncate an autocovariance at the lag beyond which it is negligible; return None if this lag is too large.
-    `autocovariance` must include this lag and some longer ones."""
+    """Truncate an autocovariance, given at enough lags, where it becomes negligible; None if this lag is too large."""
     tails = np.cumsum(np.cumsum(autocovariance[:0:-1]))[::-1]
     least = NEGLIGIBLE * max(abs(float(autocovariance[0])), float(np.abs(tails).max(initial=0.0)))
     # tails[m] is −ρ(m), and r(m + 1) is a part of it.

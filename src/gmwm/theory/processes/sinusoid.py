@@ -15,8 +15,7 @@ from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes import filtered
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.parameter import Parameter, Value
-from gmwm.theory.processes.physical import Physical
+from gmwm.theory.processes.parameter import Parameter, Physical, Value
 from gmwm.theory.processes.validation import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace
 
@@ -84,6 +83,10 @@ class SIN(Process):
         """Return the power P, and f₀Δt or its alias in cycles per sample."""
         return self.scale, float(_fold(np.array([self.value("frequency")]), rate)[0]) / rate
 
+    def oscillation(self) -> float:
+        """Return the frequency f₀ (Hz)."""
+        return self.value("frequency")
+
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
         """Compute the autocovariance r(k) = P cos(2πf₀kΔt)."""
         return np.asarray(self.scale * np.cos(2.0 * np.pi * self._turns(as_lags(lags), as_rate(rate))))
@@ -137,15 +140,11 @@ class SIN(Process):
         as_rate(rate)
         return (
             Physical(
-                symbol="f_0",
-                title="frequency of a line",
-                value=self.value("frequency"),
-                time_power=-1.0,
-                signal_power=0,
-                slopes={"frequency": 1.0},
+                symbol="f_0", title="frequency of a line", value=self.value("frequency"), time_power=-1.0,
+                signal_power=0, slopes={"frequency": 1.0},
             ),
             Physical("A", "amplitude of a line", math.sqrt(2.0 * self.scale), 0.0, slopes={"power": 0.5}),
-        )
+        )  # fmt: skip
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
         """Return a remark if the frequency is a multiple of half the sampling rate.
@@ -185,8 +184,8 @@ def _gain(frequency: Vector, levels: NDArray[np.int64], rate: float, filter: Wav
 
 
 def _haar_gain(frequency: Matrix, half: Vector, rate: float) -> tuple[Matrix, Matrix]:
-    """Compute the squared gain sin⁴ a / (h² sin² b) and its derivative with respect to f, with a = πhfΔt and b = πfΔt.
-    The angle a is first reduced without rounding."""
+    """Compute sin⁴ a / (h² sin² b) and its derivative by f, a = πhfΔt and b = πfΔt, with a reduced without rounding
+    first."""
     below = _fold(frequency, rate)
     a, b = np.pi * (_fold(below * half, rate) / rate), np.pi * (below / rate)
     # If the frequency is a multiple of the rate, all samples are equal, and every wavelet filter gives zero.
@@ -202,8 +201,8 @@ def _haar_gain(frequency: Matrix, half: Vector, rate: float) -> tuple[Matrix, Ma
 def _any_gain(
     frequency: Vector, levels: NDArray[np.int64], rate: float, filter: WaveletFilter
 ) -> tuple[Matrix, Matrix]:
-    """Compute the squared gain Π_{i < j−1} G(2^i φ) · G(½ − 2^(j−1) φ) and its derivative with respect to f. G is half
-    the squared gain of the scaling filter, and φ = fΔt."""
+    """Compute Π_{i < j−1} G(2^i φ) · G(½ − 2^(j−1) φ) and its derivative by f, with half the squared scaling gain G and
+    φ = fΔt."""
     gain, slope = np.ones(frequency.size), np.zeros(frequency.size)
     below = _fold(frequency, rate)
     gains = np.empty((frequency.size, int(levels[-1])))
@@ -221,9 +220,9 @@ def _any_gain(
 
 
 def _scaling_gain(cosine: Vector, sine: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
-    """Compute G(φ) = (4 cos² πφ)^p R(φ) and its derivative with respect to φ, from cos πφ and sin πφ. The scaling
-    filter g(z) = (1 + z)^p Q(z) has p zeros at half the sampling rate, which are factored out to keep full accuracy
-    near them. For filters with 2p taps, R is the polynomial of Daubechies in sin² πφ. For other filters R is |Q|²."""
+    """Compute G(φ) = (4 cos² πφ)^p R(φ) and its derivative from cos πφ and sin πφ. The p zeros of g(z) = (1 + z)^p Q(z)
+    at half the sampling rate are factored out to keep full accuracy near them. For filters with 2p taps, R is the
+    polynomial of Daubechies in sin² πφ; otherwise it is |Q|²."""
     p, power, slope = filter.vanishing_moments, 4.0 * cosine**2, -8.0 * np.pi * cosine * sine
     if filter.length == 2 * p:
         terms = np.array([math.comb(p - 1 + k, k) for k in range(p)]) / 4.0**p

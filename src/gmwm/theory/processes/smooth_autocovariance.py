@@ -27,24 +27,21 @@ _SPILL = 8
 """Octave from which the polynomial of the next octave is extrapolated to lags slightly outside it."""
 _SHORT = 64
 """Number of lags that are summed individually."""
-_TOGETHER = 2**14
-"""Number of lags that are interpolated at once, so that they fit into the cache."""
 
 Levels = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class LagSums:
-    """Sums ν_j² = Σ_p weights[j − 1, p] A(places[p]) that give the wavelet variances under one filter. `places` (P,):
-    lags (samples), not necessarily integers, at which the autocovariance A is needed. `weights` (J, P): weights of A at
-    these lags, for each level."""
+    """Weights (J, P) of the autocovariance A at `places` (lags, not necessarily integers) that give the wavelet
+    variances."""
 
     places: Vector
     weights: Matrix
 
     def variance(self, known: Matrix, levels: Levels) -> tuple[Matrix, Matrix]:
-        """Compute the wavelet variances (n, J) from n autocovariances at `places` (n, P). The second array (n, J) has
-        the sums of the absolute values of the terms, which measure the cancellation."""
+        """Compute the wavelet variances (n, J) from A at `places` (n, P), and the sums of absolute terms, which measure
+        cancellation."""
         weights = self.weights[levels - 1]
         return np.asarray(known @ weights.T), np.asarray(np.abs(known) @ np.abs(weights).T)
 
@@ -77,8 +74,8 @@ def _reach(filter: WaveletFilter) -> int:
 
 @lru_cache(maxsize=64)
 def _near_step(filter: WaveletFilter, reach: int) -> Matrix:
-    """Return the matrix (T + 1, T + 1 + 2 NODES) that computes A_{i+1} at lags 0 … T from A_i; T is `reach`. A_i is
-    given at the lags 0 … T and at the points of the first two octaves."""
+    """Return the matrix (T + 1, T + 1 + 2 NODES) of A_{i+1} at lags 0 … T from A_i there and in the first two
+    octaves."""
     lags = np.arange(2 * reach + filter.length)
     takes = np.eye(lags.size, reach + 1 + 2 * NODES)
     for octave, here in enumerate(((lags > reach) & (lags <= 2 * reach), lags > 2 * reach)):
@@ -93,8 +90,8 @@ def _near_step(filter: WaveletFilter, reach: int) -> Matrix:
 
 @lru_cache(maxsize=64)
 def _far_step(filter: WaveletFilter, reach: int, octaves: int) -> NDArray[np.float64]:
-    """Return the matrices (octaves, NODES, 3 NODES) that compute A_{i+1} in each octave from A_i. A_i is given at the
-    points of the same octave and of the next two octaves."""
+    """Return the matrices (octaves, NODES, 3 NODES) of A_{i+1} in each octave from A_i in it and the next two
+    octaves."""
     smooth = np.correlate(filter.scaling, filter.scaling, "full") / 2.0
     n = np.arange(1 - filter.length, filter.length)
     table = np.zeros((octaves, NODES, 3 * NODES))
@@ -109,9 +106,8 @@ def _far_step(filter: WaveletFilter, reach: int, octaves: int) -> NDArray[np.flo
 
 
 def partial_sums(known: Callable[[Vector], Matrix], ends: NDArray[np.int64]) -> tuple[Matrix, Matrix]:
-    """Compute the sums of f(k) and of k f(k) over k = 1 … m, for functions f that are smooth in each octave. A Gauss
-    rule for sums over integers gives the sum over each octave. The last octave ends at m. `known`: returns the values
-    (functions, n) of one or more functions f; lags need not be integers. `ends` (ends,): upper limits m ≥ 0."""
+    """Compute the sums of f(k) and of k f(k) over k = 1 … m, m in `ends`, for functions f that are smooth in each
+    octave, by a Gauss rule for sums over integers in each octave. `known` returns f (functions, n) at real lags."""
     first = known(np.arange(1.0, _SHORT + 1))
     moments = np.stack([first, first * np.arange(1.0, _SHORT + 1)])
     near = np.concatenate([np.zeros_like(moments[:, :, :1]), np.cumsum(moments, axis=2)], axis=2)
@@ -137,9 +133,8 @@ def _pieces(
 
 
 def _rules(counts: Vector) -> tuple[Matrix, Matrix]:
-    """Compute Gauss rules for sums over M consecutive integers, with M from `counts` (n,). Returns the nodes relative
-    to the centre and their weights, both (n, NODES). The rules follow from Jacobi matrices with b_i = i² (M² −
-    i²)/(4(4i² − 1)). If M is less than the number of nodes, b_M = 0 removes the surplus nodes."""
+    """Compute Gauss rules for sums over M consecutive integers, M from `counts` (n,): nodes about the centre and
+    weights (n, NODES). Their Jacobi matrices have b_i = i² (M² − i²)/(4(4i² − 1)); b_M = 0 removes surplus nodes."""
     i = np.arange(1.0, NODES)
     b = np.maximum(i**2 * (counts[:, None] ** 2 - i**2) / (4.0 * (4.0 * i**2 - 1.0)), 0.0)
     matrices = np.zeros((counts.size, NODES, NODES))
@@ -150,9 +145,11 @@ def _rules(counts: Vector) -> tuple[Matrix, Matrix]:
 
 def spread(known: Vector, lags: NDArray[np.int64], reach: int) -> Vector:
     """Interpolate a function at integer lags ≥ 0 from its values at the lags of `spread_places`."""
+    # Number of lags that are interpolated at once, so that they fit into the cache.
+    batch = 2**14
     out, coefficients = np.empty(lags.size), known[reach + 1 :].reshape(-1, NODES) @ _coefficients().T
-    for start in range(0, lags.size, _TOGETHER):
-        part, target = lags[start : start + _TOGETHER], out[start : start + _TOGETHER]
+    for start in range(0, lags.size, batch):
+        part, target = lags[start : start + batch], out[start : start + batch]
         where = np.where(part <= reach, -1, np.frexp((part - 0.5) / reach)[1] - 1)
         target[where < 0] = known[part[where < 0]]
         for p in np.unique(where[where >= 0]).tolist():

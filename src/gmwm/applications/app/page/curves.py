@@ -15,7 +15,7 @@ from gmwm.applications.app.workspace import Workspace
 from gmwm.base.axis_names import by_sensor
 from gmwm.calibration.tables import SENSORS
 from gmwm.measuring.spectrum.result import PowerSpectra
-from gmwm.measuring.variance.axes_result import WaveletVariances
+from gmwm.measuring.variance.result import WaveletVariances
 from gmwm.showing.plots.labels import axis_title
 
 

@@ -3,7 +3,7 @@
   const pictures = JSON.parse(document.getElementById("pictures").textContent);
   const places = [...document.querySelectorAll("[data-picture]")];
   const chosen = { view: "allan", units: "datasheet" };
-  const printed = { whole: 680, half: 330 }; // widths (CSS pixels) of a picture on A4, alone and in a pair
+  const printed = { whole: 680, half: 330, beside: 305 }; // widths (CSS pixels) of a picture on A4
   let printing = false;
   const font = 'system-ui, -apple-system, "Segoe UI", Roboto, "Liberation Sans", sans-serif';
 
@@ -17,22 +17,24 @@
   function layoutOf(picture, width) {
     const longest = Math.max(0, ...picture.data.filter((t) => t.showlegend).map((t) => t.name.length));
     // Plotly limits the legend to the width of the panel. Entries that do not fit are in the next row.
-    const entry = Math.min(width - 90, printing ? 50 + 4.6 * longest : 70 + 7 * longest);
-    const rows = Math.ceil(picture.entries / Math.max(1, Math.floor((width - 80) / entry)));
-    const foot = printing ? 54 + 15 * rows : 66 + 20 * rows;
+    const room = width - (printing ? 62 : 78);
+    const entry = Math.min(room, printing ? 44 + 4.8 * longest : 48 + 6.5 * longest);
+    const rows = Math.ceil(picture.entries / Math.max(1, Math.floor(room / entry)));
+    // A row of the legend has at least 19 pixels. If the margin is too small, Plotly moves the title of the axis up.
+    const foot = (printing ? 44 : 50) + 19 * rows;
     const layout = structuredClone(picture.layout);
     for (const [name, axis] of Object.entries(layout)) {
       if (printing && name.startsWith("yaxis") && axis.title) axis.title.font = { size: 8 };
     }
     return {
       ...layout,
-      width, height: (printing ? (width > printed.half ? 150 : 115) : 330) + foot, autosize: false,
-      margin: { l: 64, r: 14, t: printing ? 18 : 26, b: foot, pad: 0 },
+      width, height: (printing ? (width > printed.half ? 150 : 104) : width < 620 ? 240 : 330) + foot, autosize: false,
+      margin: { l: printing ? 48 : 64, r: 14, t: printing ? 16 : 26, b: foot, pad: 0 },
       font: { family: font, size: printing ? 10 : 12, color: "#1b1f24" },
-      paper_bgcolor: "#ffffff", plot_bgcolor: "#ffffff",
+      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       hovermode: "closest", dragmode: false, hoverlabel: { align: "left", bgcolor: "#ffffff", font: { size: 13 } },
       legend: { orientation: "h", maxheight: 1000, x: 0, xref: "container", y: 0, yref: "container", yanchor: "bottom",
-                entrywidth: entry - 50, traceorder: "normal", font: { size: printing ? 9 : 11.5 } },
+                entrywidth: entry - 44, traceorder: "normal", font: { size: printing ? 9 : 11.5 } },
     };
   }
 
@@ -42,7 +44,7 @@
   }
 
   function paper(place) {
-    return place.closest(".pair") ? printed.half : printed.whole;
+    return place.closest(".sensor") ? printed.beside : place.closest(".pair, .two") ? printed.half : printed.whole;
   }
 
   function draw(place) {
@@ -57,9 +59,29 @@
     return Plotly.react(place, data, layoutOf(picture, printing ? paper(place) : place.clientWidth), config);
   }
 
+  // A figure in a folded part is drawn when the part is opened.
   function drawAll() {
-    for (const place of places) draw(place);
+    const shown = places.filter((place) => !place.closest("details:not([open])"));
+    for (const place of shown) draw(place);
+    return shown.length;
   }
+
+  for (const part of document.querySelectorAll("details")) {
+    part.addEventListener("toggle", () => {
+      if (part.open && !printing) for (const place of part.querySelectorAll("[data-picture]")) draw(place);
+    });
+  }
+
+  // A link to a folded part opens it.
+  function openTarget() {
+    const target = document.getElementById(location.hash.slice(1));
+    if (target instanceof HTMLDetailsElement) {
+      target.open = true;
+      target.scrollIntoView();
+    }
+  }
+  window.addEventListener("hashchange", openTarget);
+  for (const link of document.querySelectorAll("nav a")) link.addEventListener("click", () => setTimeout(openTarget));
 
   for (const button of document.querySelectorAll("button[data-set]")) {
     button.addEventListener("click", () => {
@@ -107,15 +129,19 @@
     drawAll();
   });
 
+  let closed = [];
   window.addEventListener("beforeprint", () => {
     printing = true;
+    closed = [...document.querySelectorAll("details:not([open], .screen)")];
+    for (const part of closed) part.open = true;
     drawAll();
   });
   window.addEventListener("afterprint", () => {
     printing = false;
+    for (const part of closed) part.open = false;
     drawAll();
   });
 
-  drawAll();
-  document.documentElement.dataset.drawn = String(places.length);
+  openTarget();
+  document.documentElement.dataset.drawn = String(drawAll());
 })();

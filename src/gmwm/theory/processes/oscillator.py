@@ -1,0 +1,189 @@
+"""Damped oscillator driven by white noise, such as a resonance, sway, or the temperature cycle of a room."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm.base.arrays import Matrix, Vector, as_rate
+from gmwm.base.remarks import Quantity, Remark
+from gmwm.theory.continuous_statespace import ContinuousStateSpace
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.exponential_sum import ExponentialSum
+from gmwm.theory.processes.haar_covariance import WHITE
+from gmwm.theory.processes.parameter import Parameter, Physical, Value
+from gmwm.theory.processes.validation import as_lags
+from gmwm.theory.statespace import StateSpace
+
+CRITICAL, SHARPEST = 0.5, 1e9
+"""Quality factors between which the process is an oscillator. At ½ it no longer oscillates, and a recording of 10⁹
+periods cannot distinguish larger ones from a sinusoid."""
+_TERMS = 40
+"""Terms of the series of the autocovariance at ω₀t < 1, whose n-th term is below 2ⁿ/n!."""
+PERIODIC = 2.0
+"""Quality factor from which the process is nearly periodic: its density at low frequencies is less than a quarter of
+that at the peak."""
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+"""Integrates the process noise of a step of ω₀Δt < 1 to all digits."""
+
+
+@dataclass(frozen=True, repr=False)
+class OSC(Process):
+    """Damped oscillator x″ + (ω₀/Q) x′ + ω₀² x = w, driven by white noise w, with ω₀ = 2πf₀ and Q > ½.
+
+    Its autocovariance is σ² e^(−at) [cos ωt + (a/ω) sin ωt] at the time lag t (s), with a = ω₀/2Q and ω² = ω₀² − a².
+    The spectrum has a peak at f₀ whose width at half its height is f₀/Q. For a large Q, the process is a sinusoid whose
+    amplitude and phase wander with the correlation time Q/πf₀; at Q = ½ it is a smooth bias.
+
+    The process is sampled, so that a frequency above half the sampling rate appears at its alias.
+
+    Parameters
+    ----------
+    frequency : float, fixed or None
+        Natural frequency f₀ (Hz).
+    quality : float, fixed or None
+        Quality factor Q, larger than ½.
+    sigma2 : float, fixed or None
+        Marginal variance σ² (u²).
+
+    References
+    ----------
+    Jazwinski, A. H. (1970), Stochastic Processes and Filtering Theory, section 4.3, for the linear stochastic
+    differential equation and its covariance.
+
+    Examples
+    --------
+    >>> OSC(frequency=1.0, quality=5.0, sigma2=2.0).wavelet_variance(3, rate=10.0).round(6)
+    array([0.18328 , 0.565485, 0.934259])
+    """
+
+    name = "OSC"
+    title = "Damped oscillator"
+    parameters = (
+        Parameter("frequency", "f₀", "natural frequency", time_power=-1, unit_name="Hz"),
+        Parameter("quality", "Q", "quality factor", domain="between", limits=(CRITICAL, SHARPEST)),
+        Parameter("sigma2", "σ²", "marginal variance", signal_power=2, scale_power=1),
+    )
+    repeatable = True
+
+    frequency: Value = None
+    quality: Value = None
+    sigma2: Value = None
+
+    @classmethod
+    def scan(cls, samples: int, rate: float) -> Matrix:
+        """Return the ranges (2, 2) of the coordinates of starting values: f₀ from one period in the recording to half
+        the sampling rate, and Q from 0.7 to 300."""
+        return np.log([[rate / samples, rate / 2], [0.7 - CRITICAL, 300.0 - CRITICAL]])
+
+    @classmethod
+    def coordinates(cls, nonlinear: Matrix) -> Matrix:
+        """Transform f₀ and Q (n, 2) to ln f₀ and ln(Q − ½)."""
+        return np.log(nonlinear - [0.0, CRITICAL])
+
+    @classmethod
+    def at_coordinates(cls, z: NDArray[Any]) -> NDArray[Any]:
+        """Compute f₀ and Q (n, 2) at coordinates, which are complex for derivatives."""
+        return np.asarray(np.exp(z) + np.array([0.0, CRITICAL]))
+
+    def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """Compute the autocovariance r(k)."""
+        t = np.abs(as_lags(lags)) / as_rate(rate)
+        damping, turn = self._rates()
+        angle = turn * t
+        return np.asarray(self.scale * np.exp(-damping * t) * (np.cos(angle) + damping * t * np.sinc(angle / np.pi)))
+
+    def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """Compute the generalised covariance A(m) = r(m) − r(0), at short lags by a series in ω₀t, whose first terms
+        would cancel otherwise."""
+        x = 2.0 * math.pi * self.value("frequency") / as_rate(rate) * np.abs(as_lags(lags))
+        before, last, series = 1.0, 0.0, np.zeros(x.shape)  # coefficients of x⁰ and x¹ in r/σ²
+        small = np.minimum(x, 1.0)
+        for n in range(2, _TERMS):
+            before, last = last, -((n - 1) / self.value("quality") * last + before) / (n * (n - 1))
+            series += last * small**n
+        return np.asarray(np.where(x < 1.0, self.scale * series, self.autocovariance(lags, rate) - self.scale))
+
+    def exponential_sum(self, rate: float) -> ExponentialSum:
+        """Return the pair of complex exponentials of the autocovariance."""
+        damping, turn = self._rates()
+        # At Q = ½ the two exponentials coincide. This changes the autocovariance by 1e-6 there.
+        turn = max(turn, 1e-3 * damping)
+        decay, cycle = damping / as_rate(rate), math.fmod(turn / rate, 2.0 * math.pi)
+        if decay > WHITE:
+            return ExponentialSum(white=self.scale)
+        alias = cycle > math.pi
+        amplitude = complex(self.scale, (-1.0 if alias else 1.0) * self.scale * damping / turn)
+        total = ExponentialSum.of_exponential(0.0, complex(decay, 2.0 * math.pi - cycle if alias else cycle))
+        total.amplitudes[0] = amplitude
+        return total
+
+    def state_space(self, rate: float) -> StateSpace:
+        """Return a state space whose states are the process and its velocity divided by ω₀."""
+        step, natural, (damping, turn) = 1.0 / as_rate(rate), 2.0 * math.pi * self.value("frequency"), self._rates()
+
+        def transition(t: Vector) -> NDArray[np.float64]:
+            """Return e^(At) (2, 2, n)."""
+            even, odd = np.cos(turn * t), t * np.sinc(turn * t / math.pi)
+            matrix = np.array([[even + damping * odd, natural * odd], [-natural * odd, even - damping * odd]])
+            return np.asarray(np.exp(-damping * t) * matrix)
+
+        matrix = transition(np.array([step]))[:, :, 0]
+        if natural * step < 1.0:  # the two terms of Σ − F Σ Fᵀ would cancel
+            response = transition(0.5 * step * (_NODES + 1.0))[:, 1]
+            noise = self.scale * step * natural / self.value("quality") * (response * _WEIGHTS) @ response.T
+        else:
+            noise = self.scale * (np.eye(2) - matrix @ matrix.T)
+        return StateSpace(F=matrix, Q=noise, H=[1.0, 0.0], P0=self.scale * np.eye(2))
+
+    def continuous(self, rate: float) -> ContinuousStateSpace:
+        """Return the state space in continuous time, with the same states."""
+        as_rate(rate)
+        natural, loss = 2.0 * math.pi * self.value("frequency"), 1.0 / self.value("quality")
+        return ContinuousStateSpace(
+            A=natural * np.array([[0.0, 1.0], [-1.0, -loss]]), Qc=np.diag([0.0, 2.0 * loss * natural * self.scale]),
+            H=[1.0, 0.0], P0=self.scale * np.eye(2),
+        )  # fmt: skip
+
+    def correlation_time(self, rate: float) -> float | None:
+        """Return the time Q/πf₀ (s) in which the envelope of the autocovariance decays to 1/e; None if f₀ or Q has no
+        value."""
+        frequency, quality = self.values["frequency"], self.values["quality"]
+        return None if frequency is None or quality is None else quality / (math.pi * frequency)
+
+    def oscillation(self) -> float | None:
+        """Return the frequency f₀ (Hz) if Q is at least `PERIODIC`."""
+        return self.value("frequency") if self.value("quality") >= PERIODIC else None
+
+    def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
+        """Return a remark on an oscillation that is slower than 1 Hz, which N and K do not contain."""
+        frequency = self.oscillation()
+        if self.scale == 0 or frequency is None or frequency >= 1.0:
+            return ()
+        at, quality = Quantity(frequency, "Hz"), self.value("quality")
+        return (Remark.of("lines", case="oscillation", term=term, frequency=at, quality=quality),)
+
+    def physical(self, rate: float) -> tuple[Physical, ...]:
+        """Return the frequency f₀ (Hz), the quality factor Q and the standard deviation σ."""
+        as_rate(rate)
+        return (
+            Physical(
+                "f_0", "frequency of an oscillation", self.value("frequency"), -1.0, signal_power=0,
+                slopes={"frequency": 1.0},
+            ),
+            Physical(
+                "Q_0", "quality factor of an oscillation", self.value("quality"), 0.0, signal_power=0,
+                slopes={"quality": 1.0},
+            ),
+            Physical("rms", "rms of an oscillation", math.sqrt(self.scale), 0.0, slopes={"sigma2": 0.5}),
+        )  # fmt: skip
+
+    def _rates(self) -> tuple[float, float]:
+        """Return the damping a and the angular frequency ω (1/s)."""
+        natural, quality = 2.0 * math.pi * self.value("frequency"), self.value("quality")
+        ratio = 0.5 / quality
+        return natural * ratio, natural * math.sqrt((1.0 - ratio) * (1.0 + ratio))
