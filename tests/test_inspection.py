@@ -63,22 +63,26 @@ def test_knocks_are_found_with_their_times_and_axes():
     assert remark.facts["first"].value == pytest.approx(123.45)
 
 
-def of_rows(stamps, values, tmp_path):
+def of_rows(stamps, values, tmp_path, **options):
     """Inspect a file with a time stamp and the values of six axes in each row."""
     path = tmp_path / "imu.csv"
     header = "time (s)," + ",".join([f"gyro_{a} (rad/s)" for a in "xyz"] + [f"accel_{a} (m/s^2)" for a in "xyz"])
     np.savetxt(path, np.column_stack([stamps, values]), "%.9g", ",", header=header, comments="")
-    return inspect(gmwm.read(path))
+    return inspect(gmwm.read(path), **options)
 
 
 @pytest.mark.filterwarnings("ignore::gmwm.errors.TimeBaseWarning")
 @pytest.mark.parametrize("twice", [np.arange(0, 10_000, 7), np.arange(10_000), np.arange(50, 10_000, 100)])
 def test_rows_that_were_written_twice_are_named(twice, tmp_path):
     rows = np.sort(np.concatenate([np.arange(10_000), twice]))
-    found = of_rows(rows / RATE, still(10_000)[rows], tmp_path)
+    found = of_rows(rows / RATE, still(10_000)[rows], tmp_path, repeated="keep")
     remark = only(found.remarks, "rows-repeated")
     assert (remark.severity, remark.facts["count"]) == (Severity.WRONG, twice.size)
     assert "stamps-irregular:repeated" not in codes(found.remarks)
+    once = of_rows(rows / RATE, still(10_000)[rows], tmp_path)
+    assert not {"stamps-irregular:repeated", "rows-repeated", "gaps-filled"} & {*codes(once.remarks)}
+    assert once.samples == 10_000
+    assert once.rate == pytest.approx(RATE, rel=2e-3)
 
 
 @pytest.mark.filterwarnings("ignore::gmwm.errors.TimeBaseWarning")

@@ -58,8 +58,8 @@ def repeated(count, same):
         (lambda: of_units({"gyro_x": np.radians(0.08)}), []),
         (lambda: of_units({"gyro_x": np.radians(0.12)}), ["unit-doubtful:density"]),
         (lambda: rounding(0.6), []),
-        (lambda: rounding(0.8), ["output-rounded"]),
-        (lambda: rounding(1.7), ["output-rounded"]),
+        (lambda: rounding(0.8), ["output-rounded:rounded"]),
+        (lambda: rounding(1.7), ["output-rounded:rounded"]),
         (lambda: rounding(2.3), ["coarse-output"]),
     ],
 )

@@ -72,7 +72,7 @@ def test_a_large_random_walk_keeps_its_size_beside_a_warm_up():
     assert found.walk_limit > 2e-6 * np.sqrt(RATE) * 0.8
 
 
-@pytest.mark.parametrize(("kind", "code"), [("linear", "linear-trend"), ("quadratic", "trend")])
+@pytest.mark.parametrize(("kind", "code"), [("linear", "linear-trend"), ("quadratic", "trend:curve")])
 def test_a_line_and_a_parabola(kind, code):
     samples = 144_000
     at = np.arange(samples) / samples

@@ -5,12 +5,13 @@ import pytest
 
 import gmwm
 from gmwm import Imu, Signal
+from tests.helpers import codes
 
 RATE = 100.0
 
 
 def _codes(calibration, axis):
-    return {remark.code for remark in calibration.remarks if remark.subject in ("", axis)}
+    return set(codes(remark for remark in calibration.remarks if remark.subject in ("", axis)))
 
 
 def _spoilt(kind):
@@ -20,14 +21,16 @@ def _spoilt(kind):
     time = np.arange(x.size) / RATE
     if kind == "coarse-output":
         return np.round(x / 4e-3) * 4e-3
-    if kind == "warm-up":
+    if kind == "warm-up:large":
         return x + 3e-3 * np.exp(-time / 60)
     if kind == "axis-stuck":
         return np.where(time < 300, x, x[30_000])
-    return x * 180 / np.pi * 2 if kind == "unit-doubtful" else x + 1e-3 * (time > 200)
+    return x * 180 / np.pi * 2 if kind == "unit-doubtful:density" else x + 1e-3 * (time > 200)
 
 
-@pytest.mark.parametrize("kind", ["coarse-output", "warm-up", "axis-stuck", "unit-doubtful", "level-steps"])
+@pytest.mark.parametrize(
+    "kind", ["coarse-output", "warm-up:large", "axis-stuck", "unit-doubtful:density", "fault-undone:jumps"]
+)
 def test_a_signal_is_inspected_like_a_recording(kind):
     signal = Signal(_spoilt(kind), RATE, "rad/s", axis="gyro_x")
     every = {
@@ -42,9 +45,11 @@ def test_a_signal_is_inspected_like_a_recording(kind):
 
 def test_signals_of_different_lengths_are_inspected_each_by_itself():
     short = Signal(np.random.default_rng(1).normal(0, 1e-3, 5_000), 50.0, "rad/s", axis="gyro_y")
-    calibration = gmwm.calibrate({"gyro_x": Signal(_spoilt("warm-up"), RATE, "rad/s"), "gyro_y": short}, "WN + RW")
-    assert "warm-up" in _codes(calibration, "gyro_x")
-    assert "warm-up" not in _codes(calibration, "gyro_y")
+    calibration = gmwm.calibrate(
+        {"gyro_x": Signal(_spoilt("warm-up:large"), RATE, "rad/s"), "gyro_y": short}, "WN + RW"
+    )
+    assert "warm-up:large" in _codes(calibration, "gyro_x")
+    assert "warm-up:large" not in _codes(calibration, "gyro_y")
 
 
 def test_an_axis_that_is_given_as_a_curve_is_not_inspected():
@@ -57,5 +62,9 @@ def test_an_axis_that_is_given_as_a_curve_is_not_inspected():
 
 def test_the_unit_of_a_signal_is_doubted_in_its_own_unit():
     x = np.random.default_rng(1).normal(0, 1.0, 60_000)
-    assert "unit-doubtful" not in _codes(gmwm.calibrate(Signal(x, RATE, "deg/h", axis="gyro_x"), "WN"), "gyro_x")
-    assert "unit-doubtful" in _codes(gmwm.calibrate(Signal(5 * x, RATE, "deg/s", axis="gyro_x"), "WN"), "gyro_x")
+    assert "unit-doubtful:density" not in _codes(
+        gmwm.calibrate(Signal(x, RATE, "deg/h", axis="gyro_x"), "WN"), "gyro_x"
+    )
+    assert "unit-doubtful:density" in _codes(
+        gmwm.calibrate(Signal(5 * x, RATE, "deg/s", axis="gyro_x"), "WN"), "gyro_x"
+    )

@@ -24,7 +24,8 @@ def calibrate(
     confidence: float = 0.95, efficiency: float = 0.6, draws: int = 1000, rng: int | np.random.Generator = 0,
     against: Against = AUTO, gravity: float | None = None, tilt: float | None = None,
     warmup: Literal["omit", "keep"] = "omit",
-    axes: str | Sequence[str] | None = None, models: Mapping[str, ModelLike] | None = None, threads: int | None = None,
+    axes: str | Sequence[str] | None = None, models: Mapping[str, ModelLike] | None = None,
+    repeated: Literal["auto", "keep"] = "auto", threads: int | None = None,
     scheduler: str | Client | None = None, workers: int | None = None, progress: Progress | None = None,
 ) -> Calibration:  # fmt: skip
     """Calibrate every axis of an inertial sensor: choose a noise model, fit it and compute its datasheet numbers.
@@ -79,6 +80,9 @@ def calibrate(
     models : mapping of axis or sensor to Model, Process or str, optional
         Models that are fitted without comparing them with others, such as {"gyro_x": "2*GM + WN", "accel": "WN + RW"}.
         gmwm chooses the models of the other axes.
+    repeated : "auto" or "keep"
+        With "auto", faults of the logger are undone, as `gmwm.inspect` describes. With "keep", all values are used as
+        they are.
     threads : int, optional
         Number of axes that are calibrated at the same time. Default: the number of processors.
     scheduler, workers : optional
@@ -118,6 +122,7 @@ def calibrate(
         efficiency=efficiency, draws=draws, seed=as_seed(rng), against=against, gravity=gravity, tilt=tilt,
         warmup=warmup, axes=axes,
         models={} if models is None else models,
+        repeated=repeated,
     )  # fmt: skip
     from gmwm.calibration.calibrate_recordings import calibrate_recording
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
 
@@ -70,11 +70,6 @@ class Recordings:
         """File or other origin of a single recording, or the names of several recordings."""
         single = self.parts.get("")
         return ", ".join(self.parts) if single is None else single[0].source if single else ""
-
-
-def without_beginning(part: Part, start: float) -> Part:
-    """Return a part of a recording without its first `start` seconds, with the same remarks."""
-    return replace(part.between(start), remarks=part.remarks) if isinstance(part, Imu) else part.after(start)
 
 
 def _parts_of(inputs: Mapping[str, AxisInput | None], axes: Sequence[str]) -> tuple[Imu, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from gmwm.base.errors import DataError, GmwmError, OptionError
 from gmwm.base.threads import in_threads
-from gmwm.calibration.data import Curve, Part, Recordings, without_beginning
+from gmwm.calibration.data import Curve, Part, Recordings
 from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.passes import (
@@ -26,6 +26,7 @@ from gmwm.calibration.rest import AxisMean, means_of
 from gmwm.measuring.covariance.tails import with_common_tails
 from gmwm.measuring.inspection import Inspection
 from gmwm.measuring.inspection.findings import beginning_to_omit, omission_remarks
+from gmwm.measuring.inspection.jumps import MOST, remarks_of_jumps
 from gmwm.measuring.outliers import (
     MATERIAL,
     TOLERANCE,
@@ -43,6 +44,8 @@ from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.batches import Batch, batches, join_batches, part_of
+from gmwm.recording.repairs import repaired, without_jumps
+from gmwm.recording.repairs.beginning import without_beginning
 from gmwm.recording.signals import Imu, Signal
 
 
@@ -172,14 +175,23 @@ def _measure_recording(
     accumulators: dict[str, AxisAccumulator] = {}
     shares: dict[str, MeasuredAxis] = {}
     inspections, findings = list[Inspection](), list[tuple[object, ...]]()
-    for part in recordings.parts[name]:
+    pieces = [
+        piece
+        for part in recordings.parts[name]
+        for piece in (repaired(part) if options.repeated == "auto" else (part,))
+    ]
+    for part in pieces:
         axes = [axis for axis in recordings.axes if axis in part.axes]
         conditions, passes = _read(part, axes, options, run)
+        steady = part
+        if options.repeated == "auto" and not run.remote and (jumps := _jumps_of(passes.inspection)):
+            steady = without_jumps(part, jumps, remarks_of_jumps(passes.inspection))
+            conditions, passes = _read(steady, axes, options, run)
         inspection = passes.inspection
         if start := _warm_up(inspection, options):
-            part = without_beginning(part, start)
+            part, steady = without_beginning(part, start), without_beginning(steady, start)
             # A recording without its beginning cannot be divided into parts for other processes.
-            conditions, passes = _read(part, axes, options, replace(run, scheduler=None, workers=None))
+            conditions, passes = _read(steady, axes, options, replace(run, scheduler=None, workers=None))
             remarks = (*omission_remarks(inspection, start), *passes.inspection.remarks)
             inspection = replace(passes.inspection, remarks=remarks)
         inspections.append(inspection)
@@ -225,6 +237,15 @@ def _warm_up(inspection: Inspection, options: CalibrationOptions) -> float:
     if options.warmup == "keep" or options.conditions.arrays:
         return 0.0
     return beginning_to_omit(inspection.trends, inspection.duration) or 0.0
+
+
+def _jumps_of(inspection: Inspection) -> dict[str, list[tuple[int, float]]]:
+    """Return the number of the first sample and the size of each jump that can be subtracted."""
+    jumps: dict[str, list[tuple[int, float]]] = {}
+    for step in inspection.steps:
+        if not step.at_gap:
+            jumps.setdefault(step.axis, []).append((step.index, step.size))
+    return {axis: of_axis for axis, of_axis in jumps.items() if len(of_axis) < MOST}
 
 
 def _require_one_stream(recordings: Recordings, argument: str) -> None:

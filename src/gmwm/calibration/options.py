@@ -18,7 +18,7 @@ AGAIN = "Pass an unchanged calibration.json, or calibrate the recording again."
 """Advice of the error if a document is not a calibration or is incomplete."""
 SEARCHED = "auto"
 """Default of `within`: gmwm searches for the model, as `gmwm.selection.search` describes."""
-_SINCE = {"gravity": None, "tilt": None, "warmup": "omit"}
+_SINCE = {"gravity": None, "tilt": None, "warmup": "omit", "repeated": "auto"}
 """Options that files of older versions do not have, and their defaults."""
 _SAVED = ("within", "robust", "weighting", "criterion", "confidence", "efficiency", "draws", "seed", "against")
 
@@ -55,6 +55,8 @@ class CalibrationOptions:
         The axes or sensors to calibrate; None for all. The option is not saved, because a calibration lists its axes.
     models : mapping of axis or sensor to Model
         Models that are fitted without comparing them with others. gmwm chooses the models of the other axes.
+    repeated : "auto" or "keep"
+        Whether faults of the logger are repaired, such as repeated, frozen, interpolated and wrapped values.
 
     Raises
     ------
@@ -81,11 +83,13 @@ class CalibrationOptions:
     warmup: Literal["omit", "keep"] = "omit"
     axes: str | Sequence[str] | None = None
     models: Mapping[str, ModelLike] = field(default_factory=dict)
+    repeated: Literal["auto", "keep"] = "auto"
 
     def __post_init__(self) -> None:
         if not isinstance(self.robust, bool) and self.robust != "auto":
             raise OptionError(argument="robust", expected="'auto', False or True", got=self.robust)
         one_of(self.warmup, "warmup", ("omit", "keep"))
+        one_of(self.repeated, "repeated", ("auto", "keep"))
         _ = self.ranking  # validates its options
         biweight(self.efficiency)
         for name, low, high, unit in (("gravity", 9.7, 9.9, "m/s²"), ("tilt", 0.0, 10.0, "degrees")):

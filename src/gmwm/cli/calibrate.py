@@ -33,6 +33,7 @@ from gmwm.cli.options import (
     Efficiency,
     EstimationOption,
     InputOption,
+    RepeatedOption,
     ResultOption,
     Searched,
     Seed,
@@ -100,6 +101,7 @@ def calibrate(
     chunked: Chunked = "auto",
     scheduler: Scheduler = None,
     workers: Workers = None,
+    repeated: RepeatedOption = "auto",
     gravity: Annotated[
         float | None,
         typer.Option(
@@ -162,7 +164,7 @@ def calibrate(
     """
     options = calibration_options(
         within=within, robust=robust, efficiency=efficiency, weighting=weighting, criterion=criterion,
-        confidence=confidence, seed=seed, against=against, gravity=gravity, tilt=tilt,
+        confidence=confidence, seed=seed, against=against, gravity=gravity, tilt=tilt, repeated=repeated,
         warmup=warmup,
     )  # fmt: skip
     spread = scheduler is not None or workers is not None

@@ -9,7 +9,7 @@ from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, memory_for, open_recording
-from gmwm.cli.options import AgainstOption, ResultOption
+from gmwm.cli.options import AgainstOption, RepeatedOption, ResultOption
 from gmwm.cli.output import Outcome, plot_file, progress
 from gmwm.cli.read_options import File
 from gmwm.measuring.inspection.result import text
@@ -33,6 +33,7 @@ def info(
     reading: ReadOptions,
     chunked: Chunked = "auto",
     against: AgainstOption = AUTO,
+    repeated: RepeatedOption = "auto",
     noise_against: Annotated[
         Literal["temperature", "time"] | None,
         ResultOption(
@@ -44,8 +45,9 @@ def info(
 ) -> Outcome:
     """Inspect a recording, and report whether it can be used for a calibration.
 
-    The report covers the rate, duration, gaps and jitter of the time stamps, axes and units, quantization, motion,
-    knocks, jumps, warm-up, and whether an axis follows the temperature.
+    The report covers the rate, duration, gaps and jitter of the time stamps, axes and units, faults of the logger such
+    as repeated values, clipping, quantization, motion, knocks, jumps, warm-up, and whether an axis follows the
+    temperature.
 
     Columns of the table, in SI units: mean; sd, the standard deviation of all samples; noise, the standard deviation of
     the white noise, computed from differences of neighbouring samples so that offset and slow drift do not affect it;
@@ -56,7 +58,7 @@ def info(
     memory = "--plot" if plot is not None else "--noise-against" if noise_against is not None else memory_for(against)
     recording = open_recording(file, reading, chunked, whole=memory)
     with progress("inspecting"):
-        inspection = inspect(recording, against=against)
+        inspection = inspect(recording, against=against, repeated=repeated)
     changes = _noise_changes(recording, noise_against) if noise_against and isinstance(recording, Imu) else {}
     document = {"file": str(file), **inspection.to_dict()}
     if noise_against is not None:

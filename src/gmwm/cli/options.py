@@ -104,6 +104,13 @@ AgainstOption = Annotated[
         metavar="COVARIATES",
     ),
 ]
+RepeatedOption = Annotated[
+    Literal["auto", "keep"],
+    InputOption(
+        help="auto: undo faults of the logger. Repeated, frozen and interpolated values are left out, and values that "
+        "wrapped around are moved back. keep: use all values as they are."
+    ),
+]
 ChoiceWeighting = Annotated[
     Literal["optimal", "diagonal"],
     EstimationOption(

@@ -64,9 +64,6 @@ class Streamed(Protocol):
     def samples(self) -> Iterator[Samples]:
         """Iterate over the samples."""
 
-    def after(self, start: float) -> Streamed:
-        """Return the recording without its first `start` seconds."""
-
 
 @dataclass(frozen=True, eq=False)
 class Batch:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
 
@@ -15,6 +16,14 @@ _UNEVEN = 0.05
 """Largest deviation of the differences between values from multiples of the step, in steps
 (tests/test_inspection.py)."""
 
+_DUST, _LARGEST_DUST, _BETWEEN = 1e-9, 1e-5, 1e3
+"""Distance between values, as a share of their range, that is rounding of float64; largest distance that can be
+rounding if the next larger one is `_BETWEEN` times as large (tests/test_rounding.py, as the next constants)."""
+_WHOLE = 1e-3
+"""Largest distance of a value from a whole count, in counts."""
+_MEAN_OF, _CANCELS, _LEAST_NOISE = 16, 0.5, 0.02
+"""Number of neighbours whose mean is tested for a counter; largest variance of this mean, relative to white noise; and
+smallest mean square of the differences of neighbours (steps²)."""
 _SEEN = 20
 """Smallest mean number of samples of each value in the middle half of the distribution. No value between two others is
 then missing."""
@@ -78,12 +87,72 @@ def step_of(sample: Vector) -> float | None:
     middle half of the distribution is returned, which is the step before the values were written.
     """
     levels, counts = np.unique(sample, return_counts=True)
+    levels, counts = _without_rounding(levels, counts)
     if levels.size < 2 or levels.size > _REPEATED * sample.size:
         return None
     lattice, usual = _lattice(levels), _usual_distance(levels, counts.astype(np.float64))
     if usual is not None and (lattice is None or usual > (1 + 2 * _UNEVEN) * lattice):
         return float(f"{usual:.9g}")
     return lattice
+
+
+def _without_rounding(levels: Vector, counts: NDArray[np.int64]) -> tuple[Vector, NDArray[np.int64]]:
+    """Join levels that differ only by the rounding of float64. Differences of a counter that was multiplied by the size
+    of a count have such levels."""
+    steps = np.diff(levels)
+    if levels.size < 3:
+        return levels, counts
+    # The range without wrong samples, which can have any size.
+    below = np.cumsum(counts) / np.sum(counts)
+    reach = float(np.subtract(*levels[np.searchsorted(below, [0.99, 0.01])]))
+    ordered = np.sort(steps)
+    dust = int(np.searchsorted(ordered, _DUST * reach, side="right"))
+    most = int(np.searchsorted(ordered, _LARGEST_DUST * reach, side="right"))
+    if dust < most:
+        ratios = ordered[dust + 1 : most + 1] / ordered[dust:most]
+        wide = np.flatnonzero(ratios > _BETWEEN)
+        dust += int(wide[-1]) + 1 if wide.size else 0
+    # Joined levels are few, because rounding makes several levels of each.
+    if not dust or levels.size - dust > _REPEATED * levels.size:
+        return levels, counts
+    begins = np.flatnonzero(np.concatenate([[True], steps > ordered[dust - 1]]))
+    sums = np.add.reduceat(counts, begins)
+    return np.add.reduceat(levels * counts, begins) / sums, sums
+
+
+def count_of(values: Vector) -> float | None:
+    """Return the size of a count if the values are whole counts with the rounding errors of float64, as differences of
+    a counter; None otherwise.
+
+    >>> count_of(np.diff(0.1 * np.random.default_rng(0).integers(0, 9, 1000).cumsum()))
+    0.1
+    """
+    sample = Sample()
+    sample.update(values)
+    levels, counts = np.unique(sample.values(), return_counts=True)
+    joined, _ = _without_rounding(levels, counts)
+    step = step_of(sample.values()) if joined.size < levels.size else None
+    if step is None or np.max(np.abs(joined / step - np.rint(joined / step))) > _WHOLE:
+        return None
+    return step
+
+
+def is_counter(runs: list[Vector], step: float) -> bool:
+    """Return whether values are differences of a counter, such as an angle in counts.
+
+    The rounding error of a counter is bounded in its sum, so it cancels in the mean of neighbouring values: their
+    variance is at most half of the variance of white noise. `runs` are consecutive samples without outliers.
+
+    >>> angle = np.cumsum(np.random.default_rng(0).normal(0.3, 0.2, 20_000))
+    >>> is_counter([np.diff(np.round(angle))], 1.0)
+    True
+    """
+    parts = [run[: run.size - run.size % _MEAN_OF].reshape(-1, _MEAN_OF) for run in runs if run.size >= 2 * _MEAN_OF]
+    if not parts:
+        return False
+    single = np.mean([np.mean(np.diff(part.ravel()) ** 2) for part in parts])
+    means = np.mean([np.mean(np.diff(part.mean(axis=1)) ** 2) for part in parts])
+    return bool(single > _LEAST_NOISE * step**2 and _MEAN_OF * means < _CANCELS * single)
 
 
 def _usual_distance(levels: Vector, counts: Vector) -> float | None:

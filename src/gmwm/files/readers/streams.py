@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -339,25 +338,6 @@ class Stream:
             self._complete(builder.summary(), stacklevel=2)
         if trimmer is not None:
             self.time_base = trimmer.time_base(self.time_base)
-
-    def after(self, start: float) -> Stream:
-        """Return the stream without its first `start` seconds.
-
-        Examples
-        --------
-        >>> import tempfile, pathlib, gmwm
-        >>> folder = tempfile.TemporaryDirectory()
-        >>> path = pathlib.Path(folder.name, "static.parquet")
-        >>> gmwm.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=5_000, rng=1).write(path)
-        >>> sum(map(len, gmwm.stream(path).after(10.0)))
-        4000
-        >>> folder.cleanup()
-        """
-        begin = self.time_base.left - self._found.timing.base.left + start
-        kept = [(max(begin, first), last) for first, last in self._kept or [(0.0, math.inf)] if last > begin]
-        part = Stream(self.source, self._found, self._rows, size=self._size, kept=kept)
-        part._remarks = part.remarks = self._remarks
-        return part
 
     def _complete(self, summary: RowSummary, *, stacklevel: int) -> None:
         """Complete the time base and the remarks when all rows were read."""

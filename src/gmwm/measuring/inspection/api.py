@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -18,21 +18,28 @@ from gmwm.base.time_base import TimeBase
 from gmwm.base.units import SI_UNIT, find_unit
 from gmwm.measuring.inspection import findings
 from gmwm.measuring.inspection.axis_statistics import AxisStatistics
-from gmwm.measuring.inspection.knocks import knocks_of, steps_of
-from gmwm.measuring.inspection.result import AxisInspection, Inspection
+from gmwm.measuring.inspection.jumps import jumps_of
+from gmwm.measuring.inspection.knocks import Step, knocks_of, steps_of
+from gmwm.measuring.inspection.result import AxisInspection, Inspection, combined
+from gmwm.measuring.inspection.saturation import Extremes, Saturation, saturation_of
+from gmwm.measuring.inspection.swings import swing_of
 from gmwm.measuring.inspection.time_grid import Extent
 from gmwm.measuring.inspection.trends import trend_of
 from gmwm.measuring.regression.against import AUTO, Against, Asked
 from gmwm.measuring.regression.conditions import NOTHING, Conditions
 from gmwm.recording.batches import Batch, Batches, Segments, Streamed
-from gmwm.recording.resolution import Sample, before_rounding, step_of
+from gmwm.recording.options import one_of
+from gmwm.recording.repairs import repaired
+from gmwm.recording.resolution import Sample, before_rounding, is_counter, step_of
 from gmwm.recording.signals import Imu, Signal
 
 Values = Callable[[str, int, int], Vector]
 """Function of axis, first and last index that returns the samples of a half-open range."""
 
 
-def inspect(recording: Imu | Streamed, *, against: Against = AUTO) -> Inspection:
+def inspect(
+    recording: Imu | Streamed, *, against: Against = AUTO, repeated: Literal["auto", "keep"] = "auto"
+) -> Inspection:
     """Check a recording of a sensor at rest: time base, units, quantization, motion, knocks, jumps and warm-up.
 
     Parameters
@@ -43,6 +50,11 @@ def inspect(recording: Imu | Streamed, *, against: Against = AUTO) -> Inspection
     against : "auto", "none", str or mapping
         Conditions that the axes are regressed on, as in `gmwm.calibrate`; "auto" is the temperature of the recording.
         The effect of the conditions is removed before the test for trends.
+    repeated : "auto" or "keep"
+        With "auto", faults of the logger are undone before the inspection, and remarks name them: every value that is
+        repeated k times is used once, at the rate of the sensor; samples that repeat the last one, frozen and
+        interpolated samples are gaps; a constant beginning is left out; values that wrapped around are moved back. The
+        first 2.1 million samples decide what is undone. With "keep", all values are used as they are.
 
     Returns
     -------
@@ -68,7 +80,10 @@ def inspect(recording: Imu | Streamed, *, against: Against = AUTO) -> Inspection
     """
     if not isinstance(recording, Imu | Streamed):
         raise _not_a_recording(recording)
-    return inspect_with(recording, Conditions.of_recording(recording, Asked.of(against)))
+    one_of(repeated, "repeated", ("auto", "keep"))
+    parts = repaired(recording) if repeated == "auto" else (recording,)
+    asked = Asked.of(against)
+    return combined([inspect_with(part, Conditions.of_recording(part, asked)) for part in parts])
 
 
 def inspect_with(recording: Imu | Streamed, conditions: Conditions) -> Inspection:
@@ -100,7 +115,9 @@ class FirstPass:
 
     def __init__(self, batches: Batches) -> None:
         self._batches = batches
-        self._samples = {axis: Sample() for axis in batches.recording.axes}
+        axes = batches.recording.axes
+        self._samples = {axis: Sample() for axis in axes}
+        self._extremes = {axis: (Extremes(), Extremes()) for axis in axes}
         self._segments = Segments()
         self._temperature: tuple[float, float] | None = None
 
@@ -111,8 +128,15 @@ class FirstPass:
             temperatures = float(np.min(batch.temperature)), float(np.max(batch.temperature))
             low, high = temperatures if self._temperature is None else self._temperature
             self._temperature = min(low, temperatures[0]), max(high, temperatures[1])
-        for axis, sample in self._samples.items():
-            sample.update(batch.signals[axis].values)
+
+        def work(axis: str, sample: Sample) -> None:
+            values = batch.signals[axis].values
+            sample.update(values)
+            low, high = self._extremes[axis]
+            low.update(-values)
+            high.update(values)
+
+        in_threads(work, self._samples)
 
     def second_pass(self) -> RecordingStatistics:
         """Return empty statistics, to which the second pass adds the batches."""
@@ -126,6 +150,7 @@ class FirstPass:
             ),
             resolutions={axis: step_of(sample.values()) for axis, sample in self._samples.items()},
             values=self._batches.values, temperature=self._temperature,
+            extremes=self._extremes,
         )  # fmt: skip
 
 
@@ -137,9 +162,11 @@ class RecordingStatistics:
     def __init__(
         self, source: str, remarks: Sequence[Remark], base: TimeBase, extent: Extent,
         resolutions: Mapping[str, float | None], values: Values, temperature: tuple[float, float] | None,
+        extremes: Mapping[str, tuple[Extremes, Extremes]],
     ) -> None:  # fmt: skip
         self._source, self._remarks, self._base, self._extent = source, tuple(remarks), base, extent
         self._resolutions, self._values, self._temperature = resolutions, values, temperature
+        self._extremes = extremes
         self._units: dict[str, str] = {}
         self._axes = {axis: AxisStatistics(extent, step or 0.0) for axis, step in resolutions.items()}
         self._same = 0
@@ -157,30 +184,34 @@ class RecordingStatistics:
         axes = {axis: self._axis(axis, sums) for axis, sums in statistics.items()}
         gravity, tilt, tilt_noise = _gravity(statistics, axes, extent.samples)
         knocks = knocks_of({axis: sums.outliers() for axis, sums in statistics.items()}, extent)
-        steps = sorted(
-            (
-                step
-                for axis, sums in statistics.items()
-                for step in steps_of(
-                    axis, sums.levels(), extent=extent, resolution=self._resolutions[axis] or 0.0,
-                    values=partial(self._values, axis),
-                )
-            ),
-            key=lambda step: (step.time, step.axis),
-        )  # fmt: skip
-        candidates = (trend_of(axis, _noise(axis, sums, conditions), extent) for axis, sums in statistics.items())
+        means = {axis: _noise(axis, sums, conditions) for axis, sums in statistics.items()}
+        steps = self._steps(means)
+        calm = {axis: _without_steps(of_axis, steps, axis, self._axes[axis].length) for axis, of_axis in means.items()}
+        candidates = (trend_of(axis, of_axis, extent) for axis, of_axis in calm.items())
         trends = tuple(trend for trend in candidates if trend is not None)
+        steady = set(calm).difference(trend.axis for trend in trends)
+        found = in_threads(
+            lambda axis, of_axis: swing_of(axis, of_axis, extent), {a: m for a, m in calm.items() if a in steady}
+        )
+        swings = tuple(swing for swing in found.values() if swing is not None)
         restless = {
             axis: motion for axis, sums in statistics.items() if (motion := _restless(sums, extent)) is not None
         }
         stuck = {axis: self._stuck(axis, sums) for axis, sums in statistics.items()}
+        saturations = tuple(
+            saturation
+            for axis, item in axes.items()
+            if stuck[axis] is None and (saturation := self._saturation(axis, item)) is not None
+        )
         # Change of the direction of gravity (degrees) above which there is a remark, as by a bias of 1.7 mg.
         # Change of the direction of gravity (standard errors) that noise does not explain.
         turned = tilt is not None and tilt > max(0.1, 5.0 * tilt_noise)
         moved = tilt is not None and turned and tilt > findings.MOVED
         remarks = (
             *findings.of_time(extent, self._base, self._same), *findings.of_stuck(stuck),
-            *findings.of_motion(restless, tilt if turned else None, knocks), *findings.of_steps(tuple(steps)),
+            *findings.of_saturation(saturations, self._units),
+            *findings.of_motion(restless, tilt if turned else None, knocks), *findings.of_steps(steps),
+            *findings.of_swings(swings, self._units),
             *findings.of_trends(trends, self._units, extent, self._base.left > 0), *findings.of_gravity(gravity),
             *findings.of_rounding(axes, extent.rate), *findings.of_units(self._densities()),
             *findings.of_conditions(conditions.found, conditions.unknown),
@@ -190,21 +221,42 @@ class RecordingStatistics:
         return Inspection(
             source=self._source, rate=extent.rate, duration=extent.samples / extent.rate, samples=extent.samples,
             segments=segments, time_base=self._base, axes=axes, gravity=gravity, tilt=tilt,
-            static=not (moved or restless), knocks=knocks, steps=tuple(steps), trends=trends,
+            static=not (moved or restless), knocks=knocks, steps=steps, trends=trends,
+            swings=swings,
             temperature=self._temperature, regressions=dict(conditions.found), remarks=remarks,
         )  # fmt: skip
+
+    def _steps(self, means: Mapping[str, list[tuple[int, Vector]]]) -> tuple[Step, ...]:
+        """Return the jumps of all axes: those between neighbouring blocks, and those that stand out of the noise at any
+        time scale."""
+        steps = list[Step]()
+        for axis, sums in self._axes.items():
+            values = partial(self._values, axis)
+            clear = jumps_of(axis, means[axis], self._extent, values)
+            resolution = self._resolutions[axis] or 0.0
+            sharp = steps_of(axis, sums.levels(), extent=self._extent, resolution=resolution, values=values)
+            steps += clear
+            steps += [step for step in sharp if all(abs(step.index - item.index) > 3 * sums.length for item in clear)]
+        return tuple(sorted(steps, key=lambda step: (step.time, step.axis)))
 
     def _axis(self, axis: str, sums: AxisStatistics) -> AxisInspection:
         noise = float(np.sqrt(sums.differences.means[0] / 2))
         wander = float(np.ptp(sums.windows.means))
         mean, sd = float(sums.all.means[0]), float(np.sqrt(sums.all.variances()[0]))
-        step = self._resolutions[axis]
+        step, runs = self._resolutions[axis], sums.runs()
+        counter = step is not None and is_counter(runs, step)
         counts = sums.calm.counts
         mean_at_rest = float(counts @ sums.calm.means / np.sum(counts)) if np.any(counts) else mean
         return AxisInspection(
             unit=self._units[axis], mean=mean, sd=sd, rest=mean_at_rest, noise=noise, lsb=step,
-            before_rounding=None if step is None else before_rounding(sums.runs(), step), wander=wander,
+            before_rounding=None if step is None or counter else before_rounding(runs, step), wander=wander,
+            counter=counter,
         )  # fmt: skip
+
+    def _saturation(self, axis: str, item: AxisInspection) -> Saturation | None:
+        low, high = self._extremes[axis]
+        noise = item.before_rounding or 0.0
+        return saturation_of(axis, low, high, samples=self._extent.samples, step=item.lsb or 0.0, noise=noise)
 
     def _stuck(self, axis: str, sums: AxisStatistics) -> tuple[float, float] | None:
         """Return the first time (s) at which an axis is constant for a window, and the share of such windows; None if
@@ -257,6 +309,22 @@ def _noise(axis: str, sums: AxisStatistics, conditions: Conditions) -> list[tupl
         (first, means - conditions.effect(axis, range(first + length // 2, first + length * means.size, length)))
         for first, means in sums.means()
     ]
+
+
+def _without_steps(
+    means: list[tuple[int, Vector]], steps: Sequence[Step], axis: str, length: int
+) -> list[tuple[int, Vector]]:
+    """Return block means of an axis without its jumps."""
+    jumps = [step for step in steps if step.axis == axis]
+    if not jumps:
+        return means
+    return [
+        (first, block_means - sum(
+            step.size * np.clip((first + length * np.arange(1, block_means.size + 1) - step.index) / length, 0.0, 1.0)
+            for step in jumps
+        ))
+        for first, block_means in means
+    ]  # fmt: skip
 
 
 def _gravity(

@@ -15,6 +15,8 @@ from gmwm.measuring.regression.result import per
 if TYPE_CHECKING:
     from gmwm.measuring.inspection.knocks import Knock, Step
     from gmwm.measuring.inspection.result import AxisInspection, Inspection
+    from gmwm.measuring.inspection.saturation import Saturation
+    from gmwm.measuring.inspection.swings import Swing
     from gmwm.measuring.inspection.time_grid import Extent
     from gmwm.measuring.inspection.trends import Trend
     from gmwm.measuring.regression.result import Regression
@@ -62,6 +64,13 @@ def of_stuck(stuck: Mapping[str, tuple[float, float] | None]) -> Iterator[Remark
     for axis, finding in stuck.items():
         if finding is not None:
             yield Remark.of("axis-stuck", axis, time=Quantity(finding[0], "s"), share=finding[1])
+
+
+def of_saturation(saturations: tuple[Saturation, ...], units: Mapping[str, str]) -> Iterator[Remark]:
+    """Yield remarks on axes whose output is clipped."""
+    for item in saturations:
+        value = _as_printed(item.value, units[item.axis])
+        yield Remark.of("output-clipped", item.axis, share=100 * item.share, value=value)
 
 
 def of_motion(
@@ -124,7 +133,17 @@ def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Exten
         elif trend.kind == "linear":
             yield Remark.of("linear-trend", trend.axis, **facts)
         else:
-            yield Remark.of("trend", trend.axis, **facts)
+            yield Remark.of("trend", trend.axis, case="curve", **facts)
+
+
+def of_swings(swings: tuple[Swing, ...], units: Mapping[str, str]) -> Iterator[Remark]:
+    """Yield remarks on periodic changes of the mean."""
+    for swing in swings:
+        size = in_datasheet_units(swing.amplitude, 0.0, units[swing.axis])
+        period, numbers = Quantity(swing.period, "s"), ("B", "K", "R")
+        yield Remark.of(
+            "trend", swing.axis, case="swing", period=period, periods=swing.periods, size=size, numbers=numbers
+        )
 
 
 def beginning_to_omit(trends: tuple[Trend, ...], duration: float) -> float | None:
@@ -245,6 +264,8 @@ def of_gravity(gravity: float | None) -> Iterator[Remark]:
 def of_rounding(axes: Mapping[str, AxisInspection], rate: float) -> Iterator[Remark]:
     """Yield remarks on quantization, at a sampling rate (Hz)."""
     for name, axis in axes.items():
+        if axis.lsb is not None and axis.counter:
+            yield Remark.of("output-rounded", name, case="counter", step=_as_printed(axis.lsb, axis.unit))
         if axis.lsb is None or axis.before_rounding is None:
             continue
         ratio = axis.lsb / axis.before_rounding if axis.before_rounding else math.inf
@@ -257,7 +278,7 @@ def of_rounding(axes: Mapping[str, AxisInspection], rate: float) -> Iterator[Rem
         # N.
         elif ratio > 0.7:
             density = in_datasheet_units(axis.lsb / math.sqrt(12 * rate), 0.5, axis.unit)
-            yield Remark.of("output-rounded", name, step=step, ratio=ratio, density=density)
+            yield Remark.of("output-rounded", name, case="rounded", step=step, ratio=ratio, density=density)
 
 
 def _as_printed(value: float, unit: str) -> Quantity:

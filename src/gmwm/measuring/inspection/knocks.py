@@ -38,13 +38,14 @@ class Step:
     """A lasting jump of the mean of an axis. `time` (s) is counted from the first sample of the file. `size` is the
     mean after minus the mean before, in the unit of the axis, and `times` the same in standard deviations of the usual
     changes. `at_gap` tells whether it is at a short gap: the sensor restarted, and the gap is not filled
-    (`Signal.fill_gaps`)."""
+    (`Signal.fill_gaps`). `index` is the number of the first sample after it."""
 
     time: float
     axis: str
     size: float
     times: float
     at_gap: bool = False
+    index: int = 0
 
 
 def knocks_of(outliers: Mapping[str, Outliers], extent: Extent) -> tuple[Knock, ...]:
@@ -132,21 +133,25 @@ def steps_of(
             i = int(group[np.argmax(size[group])])
             begin = first + i * length
             part = values(begin, begin + 3 * length)
-            place = begin + _corner(part, level[i], level[i + 2])
-            # Largest error of the position of a jump (samples), in units of (σ/size)². That of the most likely position
-            # exceeds 11 in 5 % of the cases (Yao 1987, Annals of Statistics 15, 1321-1328); squared differences have
-            # the median 0.91 σ².
-            reach = 1 + 32.0 * float(np.median(np.diff(part) ** 2)) / change[i] ** 2
+            place = begin + corner(part, level[i], level[i + 2])
+            reach = jump_reach(part, change[i])
             steps.append(
                 Step(
                     time=float(extent.times([place])[0]), axis=axis, size=float(change[i]),
-                    times=float(size[i] / spread), at_gap=extent.has_short_gap(place, reach),
+                    times=float(size[i] / spread), at_gap=extent.has_short_gap(place, reach), index=place,
                 )
             )  # fmt: skip
     return steps
 
 
-def _corner(values: Vector, before: float, after: float) -> int:
+def jump_reach(values: Vector, size: float) -> float:
+    """Return the largest error (samples) of the place of a jump of this size within some samples."""
+    # That of the most likely place, in units of (σ/size)², exceeds 11 in 5 % of the cases (Yao 1987, Annals of
+    # Statistics 15, 1321-1328). Squared differences have the median 0.91 σ².
+    return 1 + 32.0 * float(np.median(np.diff(values) ** 2)) / size**2
+
+
+def corner(values: Vector, before: float, after: float) -> int:
     """Return the first sample after the jump: the split that assigns the most samples to the nearer mean."""
     votes = np.where(np.abs(values - before) < np.abs(values - after), 1, -1)
     return min(int(np.argmax(np.concatenate([[0], np.cumsum(votes)]))), values.size - 1)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from gmwm.base.documents import Documented
 from gmwm.base.remarks import Dialect, Remark, Severity, with_groups
@@ -12,6 +12,7 @@ from gmwm.base.template import render
 from gmwm.base.text import Summarised, counted, duration_text, moment
 from gmwm.base.time_base import TimeBase
 from gmwm.measuring.inspection.knocks import Knock, Step
+from gmwm.measuring.inspection.swings import Swing
 from gmwm.measuring.inspection.trends import Trend
 from gmwm.measuring.regression.result import Regression
 
@@ -29,9 +30,12 @@ class AxisInspection:
     noise : float
         Standard deviation from first differences, which an offset and a slow drift do not affect.
     lsb, before_rounding : float or None
-        Quantization step, and standard deviation of the noise before it was rounded; None if no step is visible.
+        Quantization step, and standard deviation of the noise before it was rounded; None if no step is visible, or
+        for a counter.
     wander : float
         Largest difference between the means of about 64 windows of the recording.
+    counter : bool
+        Whether the values are differences of a counter, whose rounding errors cancel in sums.
     """
 
     unit: str
@@ -42,6 +46,7 @@ class AxisInspection:
     lsb: float | None
     before_rounding: float | None
     wander: float
+    counter: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,9 +68,9 @@ class Inspection(Documented, Summarised):
         specific force and its mean direction (degrees).
     static : bool
         Whether no motion was found.
-    knocks, steps, trends : tuples of Knock, Step and Trend
-        Bursts of outliers, lasting jumps of the mean, and smooth changes of the mean such as a warm-up. Times are
-        measured from the first sample of the file.
+    knocks, steps, trends, swings : tuples of Knock, Step, Trend and Swing
+        Bursts of outliers, lasting jumps of the mean, smooth changes of the mean such as a warm-up, and periodic ones.
+        Times are measured from the first sample of the file.
     temperature : (lowest, highest) or None
         Range of the temperature (°C); None if it was not recorded.
     regressions : mapping of axis to Regression
@@ -87,6 +92,7 @@ class Inspection(Documented, Summarised):
     knocks: tuple[Knock, ...]
     steps: tuple[Step, ...]
     trends: tuple[Trend, ...]
+    swings: tuple[Swing, ...]
     temperature: tuple[float, float] | None
     regressions: dict[str, Regression]
     remarks: tuple[Remark, ...]
@@ -102,6 +108,25 @@ class Inspection(Documented, Summarised):
             f"{self.rate:g} Hz, {state}, {counted(len(self.knocks), 'knock')}, "
             f"{counted(sum(remark.severity < Severity.INFO for remark in self.remarks), 'caution')})"
         )
+
+
+def combined(inspections: Sequence[Inspection]) -> Inspection:
+    """Combine the inspections of the sensors of one recording, which have different rates of their own. The rate and
+    the length are those of the first one."""
+    first, *others = inspections
+    if not others:
+        return first
+    gravity = next((item for item in inspections if item.gravity is not None), first)
+    return replace(
+        first, axes={axis: item for part in inspections for axis, item in part.axes.items()}, gravity=gravity.gravity,
+        tilt=gravity.tilt, static=all(part.static for part in inspections),
+        knocks=tuple(knock for part in inspections for knock in part.knocks),
+        steps=tuple(step for part in inspections for step in part.steps),
+        trends=tuple(trend for part in inspections for trend in part.trends),
+        swings=tuple(swing for part in inspections for swing in part.swings),
+        regressions={axis: item for part in inspections for axis, item in part.regressions.items()},
+        remarks=tuple(dict.fromkeys(remark for part in inspections for remark in part.remarks)),
+    )  # fmt: skip
 
 
 REST: Mapping[Dialect, str] = {
@@ -145,6 +170,9 @@ def text(inspection: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bo
     if (inspection.knocks or inspection.steps) and (inspection.time_base.start or inspection.time_base.left):
         lines.append(render("times are measured from the first sample of the file, as in {--skip}", {}, dialect))
     lines += [_trend_line(trend, inspection.axes[trend.axis].unit) for trend in inspection.trends]
+    for swing in inspection.swings:
+        size = f"{swing.amplitude:.3g} {inspection.axes[swing.axis].unit}"
+        lines.append(f"swing of {swing.axis} with a period of {duration_text(swing.period)} and an amplitude of {size}")
     groups = with_groups(inspection.remarks, dialect, codes=True)
     shown = groups if every or len(groups) <= MOST_REMARKS + 1 else groups[:MOST_REMARKS]
     lines += [f"{group[0].severity.label}: {sentence}" for group, sentence in shown]

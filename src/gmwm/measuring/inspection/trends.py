@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.measuring.inspection.knocks import level_length
@@ -16,6 +17,8 @@ from gmwm.measuring.inspection.wander import CourseProfile, Likelihood
 
 Kind = Literal["exponential", "linear", "quadratic"]
 
+FEWEST = 48
+"""Smallest number of blocks for the test (tests/test_inspection_trends.py: false alarms at 70 and 256 blocks)."""
 _SIZE = 0.01
 """Significance level of the test (docs/validation/trends.md)."""
 _TAIL = (8.5, 0.4)
@@ -75,14 +78,13 @@ def trend_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> 
     ('exponential', 61)
     """
     length = level_length(extent.samples)
-    start, y = _longest(means, extent, length)
-    # Smallest number of blocks for the test (tests/test_inspection_trends.py: false alarms at 70 and 256 blocks).
-    if y.size < 48 or not np.any(np.diff(y)):
+    samples, y = longest_means(means, extent, length)
+    if y.size < FEWEST or not np.any(np.diff(y)):
         return None
     test = TrendTest(y)
     if test.kind is None or test.pvalue > _SIZE:
         return None
-    step = length / extent.rate
+    step, start = length / extent.rate, float(extent.times(samples[:1])[0]) - extent.starts[0]
     scale = 1 / math.sqrt(step)
     walk, limit, walk_with_trend = test.walks()
     until = test.until()
@@ -93,21 +95,22 @@ def trend_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> 
     )  # fmt: skip
 
 
-def _longest(means: Sequence[tuple[int, Vector]], extent: Extent, length: int) -> tuple[float, Vector]:
-    """Return the start (s) and the block means of the longest part whose gaps are shorter than a block."""
-    parts: list[tuple[float, list[Vector]]] = []
+def longest_means(means: Sequence[tuple[int, Vector]], extent: Extent, length: int) -> tuple[NDArray[np.int64], Vector]:
+    """Return the first samples and the means of the blocks of the longest part whose gaps are shorter than a block."""
+    parts: list[list[tuple[int, Vector]]] = []
     ends = -math.inf
     last_of = dict(extent.unbroken)
     for first, block_means in means:
         start, end = extent.times([first, last_of[first] - 1])
         if start - ends > length / extent.rate:
-            parts.append((start - extent.starts[0], []))
-        parts[-1][1].append(block_means)
+            parts.append([])
+        parts[-1].append((first, block_means))
         ends = end + 1 / extent.rate
     if not parts:
-        return 0.0, np.empty(0)
-    start, most = max(parts, key=lambda part: sum(block_means.size for block_means in part[1]))
-    return start, np.concatenate(most)
+        return np.empty(0, dtype=np.int64), np.empty(0)
+    most = max(parts, key=lambda part: sum(block_means.size for _, block_means in part))
+    samples = [first + length * np.arange(block_means.size) for first, block_means in most]
+    return np.concatenate(samples), np.concatenate([block_means for _, block_means in most])
 
 
 class TrendTest:

@@ -1,0 +1,141 @@
+"""Find lasting jumps of the mean that are too large for the noise, at all block lengths together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.remarks import Quantity, Remark
+from gmwm.measuring.inspection.findings import in_datasheet_units
+from gmwm.measuring.inspection.knocks import Step, corner, jump_reach, level_length
+from gmwm.measuring.inspection.swings import best_swing
+from gmwm.measuring.inspection.time_grid import Extent
+from gmwm.measuring.inspection.trends import FEWEST, TrendTest, longest_means
+from gmwm.measuring.inspection.wander import Likelihood
+
+if TYPE_CHECKING:
+    from gmwm.measuring.inspection.result import Inspection
+
+_GAIN = 21.0
+"""Reduction of −2 log L by a jump above which it is not chance. White noise, random walks, flicker noise and
+Gauss-Markov processes exceed it in fewer than 1 of 200 recordings (validation/study_faults.py)."""
+_MATTERS = 1.35
+"""Smallest ratio of K with the jumps, as if they were noise, to the upper 95 % limit of K without them, at which jumps
+are a fault. The jumps of seven accelerometer axes at rest have 0.8 to 1.25 (validation/study_faults.py)."""
+_FIRST = 3
+"""Blocks at the beginning and the end in which a change is treated as a warm-up."""
+MOST = 10
+"""Largest number of jumps of an axis. More of them are noise, such as two levels."""
+
+
+class _Jump(NamedTuple):
+    """A jump between or in the middle of blocks: its place (blocks), its size, and the reduction of −2 log L."""
+
+    place: float
+    size: float
+    gain: float
+
+
+def jumps_of(
+    axis: str, means: Sequence[tuple[int, Vector]], extent: Extent, values: Callable[[int, int], Vector]
+) -> list[Step]:
+    """Find the jumps of an axis, ordered by time.
+
+    The means of about 256 blocks are described by noise alone, and by noise and a jump at any place, as `trend_of` does
+    for trends. The likelihood weights all time scales, so no block length has to be chosen. The clearest jump is
+    subtracted, and the search is repeated. A change that a trend or a sinusoid describes better is not a jump.
+    Jumps that fit to the random walk of the axis are part of its noise.
+
+    `means` has the first sample and the block means of each segment, and `values(first, last)` returns a range of
+    samples, to locate the jump.
+    """
+    length = level_length(extent.samples)
+    samples, y = longest_means(means, extent, length)
+    if y.size < FEWEST or not np.any(np.diff(y)):
+        return []
+    steps = []
+    seams = np.array([first for first, _ in extent.unbroken])
+    for jump in sorted(_jumps_in(y)):
+        block = int(jump.place)
+        first, last = int(samples[max(block - 2, 0)]), int(samples[min(block + 1, y.size - 1)]) + length
+        if np.any((seams > first) & (seams < last)):
+            continue  # coefficients do not extend across a long gap
+        part = values(first, last)
+        before, after = float(np.mean(y[max(block - 3, 0) : block])), float(np.mean(y[block + 1 : block + 4]))
+        place = first + corner(part, before, after)
+        reach = jump_reach(part, jump.size)
+        steps.append(
+            Step(
+                time=float(extent.times([place])[0]), axis=axis, size=jump.size, times=float(np.sqrt(jump.gain)),
+                at_gap=extent.has_short_gap(place, reach), index=int(place),
+            )
+        )  # fmt: skip
+    return steps
+
+
+def remarks_of_jumps(inspection: Inspection) -> list[Remark]:
+    """Return the remarks on jumps that are subtracted from the samples."""
+    remarks = []
+    for axis, item in inspection.axes.items():
+        jumps = [step for step in inspection.steps if step.axis == axis and not step.at_gap]
+        if 0 < len(jumps) < MOST:
+            size = in_datasheet_units(max(abs(step.size) for step in jumps), 0.0, item.unit)
+            first = Quantity(jumps[0].time, "s")
+            remarks.append(Remark.of("fault-undone", axis, case="jumps", count=len(jumps), first=first, size=size))
+    return remarks
+
+
+def _jumps_in(means: Vector) -> list[_Jump]:
+    """Return the jumps in block means."""
+    places, shapes, gains = list[float](), list[Vector](), list[float]()
+    y, at = means, np.arange(means.size)
+    sizes = np.empty(0)
+    while len(places) < MOST:
+        likelihood = Likelihood(y)
+        gain, place, weights = likelihood.best_step(_FIRST)
+        if gain < _GAIN or max(TrendTest(y).statistic, best_swing(likelihood).gain) >= gain:
+            break
+        root = np.sqrt(weights)
+        place = _within_block(likelihood, place, root)
+        if any(abs(place - other) < 1 for other in places):
+            break  # what is left of a jump in means without noise
+        places.append(place)
+        gains.append(gain)
+        shapes.append(np.clip(at + 1 - place, 0.0, 1.0))
+        # The sizes of all jumps together, with the weights of the noise that remains.
+        courses = likelihood.transform(np.vstack(shapes)) * root
+        sizes = np.asarray(
+            np.linalg.lstsq(courses.T, (likelihood.grid.transform @ np.diff(means)) * root, rcond=None)[0],
+            dtype=np.float64,
+        )
+        y = np.asarray(means - sizes @ np.vstack(shapes))
+    if not places or not _matter(means, np.vstack(shapes)):
+        return []
+    return [_Jump(place, float(size), gain) for place, size, gain in zip(places, sizes, gains, strict=True)]
+
+
+def _within_block(likelihood: Likelihood, place: float, root: Vector) -> float:
+    """Return the place of a jump within a block, which is known better than the block if the jump is large. A jump
+    within a block is a jump before it and one after it, in proportion."""
+    at, fits = np.arange(root.size + 1), []
+    for block in (math.ceil(place) - 1, math.floor(place)):
+        edges = np.clip(at + 1 - np.array([[block], [block + 1]]), 0.0, 1.0)
+        courses = (likelihood.transform(edges) * root).T
+        sizes = np.linalg.lstsq(courses, likelihood.z * root, rcond=None)[0]
+        share = float(np.clip(sizes[1] / np.sum(sizes), 0.0, 1.0)) if np.sum(sizes) else 0.5
+        left = float(np.sum((courses @ sizes - likelihood.z * root) ** 2))
+        fits.append((left, block + share))
+    return min(fits)[1]
+
+
+def _matter(means: Vector, shapes: Matrix) -> bool:
+    """Return whether jumps raise K beyond what the noise between them shows."""
+    likelihood = Likelihood(means)
+    courses = likelihood.transform(shapes)
+    with_jumps, _ = likelihood.walk(courses[:0], alone=True)
+    _, limit = likelihood.walk(courses, alone=True)
+    return with_jumps > _MATTERS**2 * limit

@@ -1,0 +1,174 @@
+"""Decide from the first batch of a recording what is repaired."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gmwm.base.arrays import Vector
+from gmwm.base.axis_names import sensor_of
+from gmwm.recording.batches import Batch
+from gmwm.recording.repairs.repeats import Repeats, repeats_of
+from gmwm.recording.repairs.runs import Indices, Mask, in_long_runs, offsets, repeats, straight
+from gmwm.recording.repairs.wraps import modulus_of, unwrapped
+from gmwm.recording.resolution import count_of
+
+_FROZEN, _FROZEN_TIMES = 32, 6
+"""Smallest number of equal samples in a row at which the output froze: also as a multiple of the length that one run of
+a thousand exceeds (tests/recording/test_repairs.py)."""
+_COARSE = 0.4
+"""Largest share of values that return after one other value, for an output whose equal samples are tested for a frozen
+sensor. A coarser output stays at one value whenever the mean is in the middle of a step."""
+_MOST_FROZEN = 0.1
+"""Largest share of frozen samples that are treated as gaps. A longer standstill is a fault of the sensor."""
+_MOST_DEAD = 0.5
+"""Largest share of the recording that is left out at its beginning."""
+_UNLIKELY = 1e-3
+"""Largest expected number of straight runs by chance."""
+_MOST_STRAIGHT = 0.3
+"""Largest share of interpolated samples that are treated as gaps. Above it, the log was resampled."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What is repaired on axes with one clock.
+
+    Attributes
+    ----------
+    axes : tuple of str
+    repeats : Repeats or None
+        How their values repeat.
+    frozen, straight : mapping of axis to int
+        Smallest length of a run of equal samples, and of samples on a straight line, that are treated as a gap.
+    dead : int
+        Number of samples at the beginning that are left out.
+    wraps : mapping of axis to (modulus, middle)
+        Range of the word that overflowed, and median of the values.
+    counts : mapping of axis to float
+        Size of a count, for axes whose values are whole counts but for float64 rounding.
+    """
+
+    axes: tuple[str, ...]
+    repeats: Repeats | None = None
+    frozen: Mapping[str, int] = field(default_factory=dict)
+    straight: Mapping[str, int] = field(default_factory=dict)
+    dead: int = 0
+    wraps: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    counts: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def changes_nothing(self) -> bool:
+        """Whether no sample is changed or left out."""
+        return not (self.repeats or self.frozen or self.straight or self.dead or self.wraps or self.counts)
+
+    @property
+    def every(self) -> float:
+        """Number of samples of the log for each value of the sensor."""
+        return 1.0 if self.repeats is None else self.repeats.every
+
+    @property
+    def reach(self) -> int:
+        """Number of samples around a sample that decide whether it is left out."""
+        runs = [*self.frozen.values(), *self.straight.values(), round(64 * self.every)]
+        return 2 + max(runs)
+
+    def left_out(self, values: Mapping[str, Vector], begins: Indices) -> dict[str, Mask]:
+        """Return masks of the samples that are left out because they repeat, are frozen, or are interpolated."""
+        masks = dict[str, Mask]()
+        if self.repeats is not None:
+            same = repeats([values[axis] for axis in self.axes], begins)
+            exact = self.repeats.exact and self.repeats.by_chance
+            masks["repeated"] = offsets(same) % round(self.every) != 0 if exact else same
+        if self.frozen:
+            masks["frozen"] = np.any(
+                [in_long_runs(repeats([values[axis]], begins), least) for axis, least in self.frozen.items()], axis=0
+            )
+        if self.straight:
+            masks["interpolated"] = np.any(
+                [_in_straight_runs(values[axis], begins, least) for axis, least in self.straight.items()], axis=0
+            )
+        return masks
+
+    def whole_counts(self, axis: str, values: Vector) -> Vector:
+        """Return the values of an axis without float64 rounding of its counts."""
+        return np.asarray(np.rint(values / self.counts[axis]) * self.counts[axis]) if axis in self.counts else values
+
+    def unwrapped(self, axis: str, values: Vector) -> Vector:
+        """Return the values of an axis with overflows undone."""
+        return unwrapped(values, *self.wraps[axis]) if axis in self.wraps else values
+
+
+def plans_of(batch: Batch, duplicates: float) -> list[Plan]:
+    """Return a plan for each group of axes that one clock can describe. Axes of one sensor stay together. `duplicates`
+    is the share of time stamps that equal the one before."""
+    signals = batch.signals
+    begins = np.array([first for first, _ in next(iter(signals.values())).segments])
+    sensors: dict[str, list[str]] = {}
+    for axis in signals:
+        sensors.setdefault(sensor_of(axis), []).append(axis)
+    groups: dict[Repeats | None, list[str]] = {}
+    for axes in sensors.values():
+        repeats_of_sensor = repeats_of([signals[axis].values for axis in axes], begins, duplicates)
+        groups.setdefault(repeats_of_sensor, []).extend(axes)
+    return [_plan(tuple(axes), found, batch, begins) for found, axes in groups.items()]
+
+
+def _plan(axes: tuple[str, ...], found: Repeats | None, batch: Batch, begins: Indices) -> Plan:
+    values = {axis: batch.signals[axis].values for axis in axes}
+    wraps = {axis: wrap for axis in axes if (wrap := modulus_of(values[axis])) is not None}
+    alone = {axis: repeats([values[axis]], begins) for axis in axes}
+    dead = max(_dead(same) for same in alone.values())
+    frozen: dict[str, int] = {}
+    lines: dict[str, int] = {}
+    if found is None:
+        for axis in axes:
+            least = _frozen_length(values[axis], alone[axis])
+            share = np.mean(in_long_runs(alone[axis], least)[dead:]) if least else 0.0
+            if 0 < share <= _MOST_FROZEN:
+                frozen[axis] = least
+            least = _straight_length(values[axis], begins)
+            share = np.mean(_in_straight_runs(values[axis], begins, least)) if least else 0.0
+            if 0 < share <= _MOST_STRAIGHT:
+                lines[axis] = least
+    dead = dead if dead < _MOST_DEAD * len(batch) else 0
+    counts = {axis: count for axis in axes if (count := count_of(values[axis])) is not None}
+    return Plan(axes=axes, repeats=found, frozen=frozen, straight=lines, wraps=wraps, dead=dead, counts=counts)
+
+
+def _dead(same: Mask) -> int:
+    """Return the number of equal samples at the beginning, if they are far more than in other runs."""
+    changes = np.flatnonzero(~same)
+    first = int(changes[1]) if changes.size > 1 else 0
+    if first < _FROZEN or changes.size < 3:
+        return 0
+    lengths = np.diff(changes[1:])
+    return first if first > _FROZEN_TIMES * float(np.max(lengths)) else 0
+
+
+def _frozen_length(values: Vector, same: Mask) -> int:
+    """Return the smallest number of equal samples in a row that chance does not explain; 0 if the output is coarse."""
+    changes = np.flatnonzero(~same)
+    if changes.size < 100:
+        return 0
+    level = values[changes]
+    if np.mean(level[2:] == level[:-2]) > _COARSE:
+        return 0
+    return max(_FROZEN, int(_FROZEN_TIMES * np.quantile(np.diff(changes), 0.999)))
+
+
+def _straight_length(values: Vector, begins: Indices) -> int:
+    """Return the smallest number of samples in a row on a straight line that chance does not explain."""
+    line = straight(values, begins)
+    alone = line[1:-1] & ~line[:-2] & ~line[2:]
+    share = max(float(np.mean(alone)), 1e-6)
+    length = int(np.ceil(np.log(_UNLIKELY / values.size) / np.log(share)))
+    return max(length, 3) if length <= _FROZEN else 0
+
+
+def _in_straight_runs(values: Vector, begins: Indices, least: int) -> Mask:
+    """Return the inner samples of straight lines of at least `least` inner samples."""
+    line = straight(values, begins)
+    # A run of `least` flags is a run of `least` + 1 samples that continue each other.
+    return in_long_runs(line, least + 1)

@@ -1,0 +1,237 @@
+"""Repair a recording in memory or in a file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from gmwm.base.arrays import Vector, freeze
+from gmwm.base.remarks import Fact, Quantity, Remark
+from gmwm.base.time_base import TimeBase
+from gmwm.recording.batches import Streamed, batches
+from gmwm.recording.chunks import Samples
+from gmwm.recording.repairs.plan import Plan, plans_of
+from gmwm.recording.repairs.runs import Indices
+from gmwm.recording.signals import Imu, Signal
+from gmwm.recording.time_ranges import cut_base
+
+
+def repaired(recording: Imu | Streamed) -> tuple[Imu | Streamed, ...]:
+    """Return a recording without the faults of the logger that can be undone.
+
+    The recording is divided if its sensors have different rates of their own. The first batch decides what is repaired.
+    Remarks of the results say what was changed. A recording without faults is returned unchanged.
+    """
+    batch = next(batches(recording))
+    rows = len(recording) if isinstance(recording, Imu) else recording.rows
+    base = recording.time_base
+    plans = plans_of(batch, 0.0 if base is None else base.duplicates / max(rows, 1))
+    if all(plan.changes_nothing for plan in plans) and len(plans) == 1:
+        return (recording,)
+    return tuple(
+        _repaired_imu(recording, plan) if isinstance(recording, Imu) else RepairedStream(recording, plan)
+        for plan in plans
+    )
+
+
+class Repair:
+    """One pass over the samples of a recording that applies a plan, and counts what it changed."""
+
+    def __init__(self, plan: Plan, rate: float) -> None:
+        self.plan, self.rate = plan, rate / plan.every
+        self.starts, self.sizes = list[float](), list[int]()
+        self._counts = dict.fromkeys(("repeated", "frozen", "interpolated", "wrapped"), 0)
+        self._old_rate, self._all = rate, 0
+        self._last = -1  # number of the last sample that was kept
+        self._begins = list[int]()  # segments that began after it
+
+    def apply(self, samples: Iterable[Samples], reach: int) -> Iterator[Samples]:
+        """Yield the samples that are kept. Up to `reach` samples on each side decide about a sample; 0 if all samples
+        of the recording arrive together."""
+        window, passed = None, 0
+        for chunk in samples:
+            window = chunk if window is None else _joined(window, chunk)
+            stop = window.first + len(window) - reach
+            if stop > passed:
+                yield from self._between(window, passed, stop)
+                window, passed = _from(window, stop - reach), stop
+        if window is not None and passed < window.first + len(window):
+            yield from self._between(window, passed, window.first + len(window))
+
+    def _between(self, window: Samples, first: int, stop: int) -> Iterator[Samples]:
+        """Yield the samples that are kept of those with the numbers first … stop − 1."""
+        plan = self.plan
+        begins = [sample for sample, _ in window.runs if sample >= window.first]
+        masks = plan.left_out(window.values, np.unique([0, *(sample - window.first for sample in begins)]))
+        a, b = first - window.first, stop - window.first
+        self._all += b - a
+        left_out = np.zeros(b - a, dtype=np.bool_)
+        for name, mask in masks.items():
+            new = mask[a:b] & ~left_out
+            self._counts[name] += int(np.count_nonzero(new))
+            left_out |= new
+        left_out[: max(plan.dead - first, 0)] = True
+        numbers = first + np.flatnonzero(~left_out)
+        if numbers.size:
+            runs = self._divided(numbers, window)
+            at = numbers - window.first
+            count = sum(self.sizes) - numbers.size
+            heat = None if window.temperature is None else window.temperature[at]
+            values = {axis: self._unwrapped(axis, window.values[axis][at]) for axis in plan.axes}
+            first_segment = len(self.sizes) - len(runs)
+            yield Samples(values, self.rate, first=count, segment=first_segment, runs=tuple(runs), temperature=heat)
+        self._begins = [begin for begin in begins if begin < stop and begin > self._last]
+
+    def _unwrapped(self, axis: str, values: Vector) -> Vector:
+        """Return the values of an axis with overflows undone, and count them."""
+        values = self.plan.whole_counts(axis, values)
+        changed = self.plan.unwrapped(axis, values)
+        if axis in self.plan.wraps:
+            self._counts["wrapped"] += int(np.count_nonzero(changed != values))
+        return freeze(np.ascontiguousarray(changed))
+
+    def _divided(self, numbers: Indices, window: Samples) -> list[tuple[int, float]]:
+        """Divide the samples with these numbers into runs without a gap. Return the new number and the time of the
+        first sample of each run; the first run may have begun before."""
+        every = self.plan.every
+        begins = np.array(sorted({*self._begins, *(sample for sample, _ in window.runs)}), dtype=np.int64)
+        before = np.append(self._last, numbers[:-1])
+        seams = np.searchsorted(begins, numbers, "right") > np.searchsorted(begins, before, "right")
+        # A log that is not a whole number of times faster repeats a value one time more or less.
+        usual = every + (0.75 * every if every == round(every) else 1.5)
+        lost = np.maximum(np.rint((numbers - before) / every).astype(np.int64) - 1, 1)
+        new = np.flatnonzero(seams | (numbers - before >= usual))
+        count, runs = sum(self.sizes), list[tuple[int, float]]()
+        continued = int(new[0]) if new.size else numbers.size
+        if continued:
+            runs.append((count - self.sizes[-1], self.starts[-1]))
+            self.sizes[-1] += continued
+        for place, end in pairwise([*new.tolist(), numbers.size]):
+            if seams[place]:
+                time = _time_of(window, int(numbers[place]))
+            else:
+                time = self.starts[-1] + (self.sizes[-1] + int(lost[place])) / self.rate
+            self.starts.append(time)
+            self.sizes.append(end - place)
+            runs.append((count + place, time))
+        self._last = int(numbers[-1])
+        return runs
+
+    def time_base(self, base: TimeBase) -> TimeBase:
+        """Return the time base of the samples that were kept. Call it after the last batch."""
+        left = base.left + self.plan.dead / self._old_rate
+        base = replace(base, rate=self.rate, duplicates=0 if self.plan.repeats else base.duplicates)
+        return cut_base(base, self.starts, self.sizes, left)
+
+    def remarks(self) -> tuple[Remark, ...]:
+        """Return remarks on what was changed. Call it after the last batch."""
+        plan, counts, old = self.plan, self._counts, self._old_rate
+        cases: dict[str, tuple[Iterable[str], dict[str, Fact]]] = {}
+        if plan.repeats is not None and plan.repeats.kind == "held":
+            facts: dict[str, Fact] = {
+                "times": plan.every,
+                "rate": Quantity(self.rate, "Hz"),
+                "log": Quantity(old, "Hz"),
+            }
+            cases["held"] = plan.axes, facts
+        elif plan.repeats is not None and plan.repeats.kind == "twice":
+            cases["twice"] = ("",), {"count": counts["repeated"]}
+        elif plan.repeats is not None:
+            cases["repeated"] = plan.axes, self._count_and_share("repeated")
+        if counts["frozen"]:
+            cases["frozen"] = plan.frozen, {"time": Quantity(counts["frozen"] / old, "s")}
+        if counts["interpolated"]:
+            cases["interpolated"] = plan.straight, self._count_and_share("interpolated")
+        if plan.dead:
+            cases["dead"] = plan.axes, {"time": Quantity(plan.dead / old, "s")}
+        if plan.wraps:
+            cases["wrapped"] = plan.wraps, {"count": counts["wrapped"]}
+        return tuple(
+            Remark.of("fault-undone", axis, case=case, **facts)
+            for case, (axes, facts) in cases.items()
+            for axis in axes
+        )
+
+    def _count_and_share(self, name: str) -> dict[str, Fact]:
+        return {"count": self._counts[name], "share": 100 * self._counts[name] / self._all}
+
+
+class RepairedStream:
+    """A recording in a file whose samples are repaired while they are read."""
+
+    def __init__(self, stream: Streamed, plan: Plan) -> None:
+        self._stream, self._plan = stream, plan
+        self._repair: Repair | None = None
+        self.source, self.axes, self.rate = stream.source, plan.axes, stream.rate / plan.every
+        self.has_temperature, self.rows = stream.has_temperature, round(stream.rows / plan.every)
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """Remarks of the stream, and after an iteration on what was changed."""
+        return (*self._stream.remarks, *(() if self._repair is None else self._repair.remarks()))
+
+    @property
+    def time_base(self) -> TimeBase:
+        """Properties of the time stamps; after an iteration those of the samples that were kept."""
+        base = self._stream.time_base
+        return base if self._repair is None else self._repair.time_base(base)
+
+    def samples(self) -> Iterator[Samples]:
+        """Iterate over the samples that are kept."""
+        repair = Repair(self._plan, self._stream.rate)
+        yield from repair.apply(self._stream.samples(), self._plan.reach)
+        self._repair = repair
+
+
+def _repaired_imu(imu: Imu, plan: Plan) -> Imu:
+    first = imu.signals[plan.axes[0]]
+    runs = tuple((begin, time) for (begin, _), time in zip(first.segments, first.starts, strict=True))
+    values = {axis: imu.signals[axis].values for axis in plan.axes}
+    samples = Samples(values, imu.rate, first=0, segment=0, runs=runs, temperature=imu.temperature)
+    repair = Repair(plan, imu.rate)
+    (part,) = repair.apply([samples], 0)
+    ranges = list(part.ranges())
+    signals = {
+        axis: Signal(
+            values=part.values[axis], rate=repair.rate, unit=imu.signals[axis].unit, axis=axis,
+            segments=[(begin, end) for begin, end, _ in ranges], starts=[time for _, _, time in ranges],
+            gaps_known=first.gaps_known or len(first.segments) == 1,
+        )
+        for axis in plan.axes
+    }  # fmt: skip
+    base = repair.time_base(imu.time_base or TimeBase(imu.rate, start=first.start))
+    return replace(
+        imu, signals=signals, remarks=(*imu.remarks, *repair.remarks()), time_base=base, temperature=part.temperature
+    )
+
+
+def _joined(before: Samples, after: Samples) -> Samples:
+    """Return consecutive samples as one."""
+    axes: Sequence[str] = tuple(before.values)
+    return Samples(
+        {axis: np.concatenate([before.values[axis], after.values[axis]]) for axis in axes}, before.rate,
+        first=before.first, segment=before.segment,
+        runs=(*before.runs, *(after.runs[1:] if after.continues else after.runs)),
+        temperature=None if before.temperature is None or after.temperature is None
+        else np.concatenate([before.temperature, after.temperature]),
+    )  # fmt: skip
+
+
+def _from(samples: Samples, first: int) -> Samples:
+    """Return the samples from number `first` on."""
+    skip = max(first - samples.first, 0)
+    at = max(k for k, (sample, _) in enumerate(samples.runs) if sample <= samples.first + skip)
+    return Samples(
+        {axis: values[skip:] for axis, values in samples.values.items()}, samples.rate, first=samples.first + skip,
+        segment=samples.segment + at, runs=samples.runs[at:],
+        temperature=None if samples.temperature is None else samples.temperature[skip:],
+    )  # fmt: skip
+
+
+def _time_of(samples: Samples, number: int) -> float:
+    """Return the time (s) of a sample."""
+    sample, time = next(run for run in reversed(samples.runs) if run[0] <= number)
+    return time + (number - sample) / samples.rate

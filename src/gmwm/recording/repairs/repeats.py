@@ -1,0 +1,105 @@
+"""Recognise values that a logger repeated: a log faster than the sensor, and lost samples that repeat the last one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from gmwm.base.arrays import Vector
+from gmwm.recording.repairs.runs import Indices, Mask, repeats
+
+_RARE = 1e-3
+"""Smallest share of repeated samples that matters. A share s changes N by s/2 (tests/recording/test_repeats.py)."""
+_FEWEST = 100
+"""Smallest number of changes of the output from which repetition is recognised."""
+_MULTIPLES = 0.98
+"""Smallest share of runs whose length is a multiple of k, for values that are repeated k times. By chance it is 1/2 at
+most."""
+_MOST = 100
+"""Largest number of repetitions that is recognised."""
+_CHANCE = 0.1
+"""Largest share of the repeated samples that chance may explain, for a sample to be recognised as repeated."""
+_LONGER = 4
+"""Longest run, in median runs, that belongs to the pattern of the logger. In a longer one, the output froze."""
+_RARELY = 0.02
+"""Smallest share of repeats that is called a pattern. With fewer repeats, each of them is taken as a lost sample, which
+gives the same numbers."""
+_REGULAR = 0.3
+"""Largest ratio of the variance of the number of repeats in a window to the variance for random repeats, for a log with
+a regular pattern. Random repeats have a ratio of 1 ± 0.3."""
+_TWICE = 0.1
+"""Largest relative difference between the numbers of repeated time stamps and of repeated samples, for rows that were
+written twice (tests/test_inspection.py)."""
+_PER_WINDOW, _WINDOWS = 30, 10
+"""Expected number of repeats in such a window, and smallest number of windows."""
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """How the values of some axes repeat: the logger is faster than the sensor ("held"), a lost sample repeats the last
+    one ("lost"), or rows were written twice. `every` is the number of samples for each value of the sensor, and `exact`
+    tells whether every value is repeated the same number of times. `by_chance` tells whether neighbouring values of the
+    sensor can be equal, because its output is coarse."""
+
+    kind: Literal["held", "lost", "twice"]
+    every: float = 1.0
+    exact: bool = False
+    by_chance: bool = False
+
+
+def repeats_of(axes: Sequence[Vector], begins: Indices, duplicates: float = 0.0) -> Repeats | None:
+    """Return how values repeat on several axes that one device reads together; None if they do not. `duplicates` is the
+    share of time stamps that equal the one before.
+
+    The length of a run is the number of equal samples in a row. If almost all lengths are multiples of k, the logger
+    repeats every value k times. If the output is so fine that a value does not return soon, equal neighbours are
+    repeated by the logger: regularly, if it is faster than the sensor, or at random, if samples were lost.
+
+    >>> values = np.repeat(np.random.default_rng(0).normal(size=1000), 4)
+    >>> repeats_of([values], np.array([0])).every
+    4.0
+    """
+    same = repeats(list(axes), begins)
+    changes = np.flatnonzero(~same)
+    if np.mean(same) < _RARE or changes.size < _FEWEST:
+        return None
+    lengths = np.diff(changes)
+    lengths = lengths[lengths <= _LONGER * np.median(lengths)]  # without the samples at which the output froze
+    every = float(np.mean(lengths))
+    share = 1 - 1 / every
+    # How often a value returns after one other value: never for a fine output, often for a coarse one.
+    returns = np.ones(changes.size - 2, dtype=np.bool_)
+    for values in axes:
+        returns &= values[changes[2:]] == values[changes[:-2]]
+    by_chance = float(np.mean(returns)) > _CHANCE * share
+    k = _common_multiple(lengths)
+    if k > 1:
+        return Repeats("held", float(k), exact=True, by_chance=by_chance)
+    if by_chance or share < _RARE:
+        return None
+    if abs(duplicates - np.mean(same)) < _TWICE * duplicates:
+        return Repeats("twice", float(1 / (1 - np.mean(same))))
+    return Repeats("held", every) if _is_regular(same, share) else Repeats("lost")
+
+
+def _common_multiple(lengths: Indices) -> int:
+    """Return the largest k of which almost all lengths of runs are multiples; 1 if there is none."""
+    for k in range(min(int(np.median(lengths)), _MOST), 1, -1):
+        if np.mean(lengths % k == 0) >= _MULTIPLES:
+            return k
+    return 1
+
+
+def _is_regular(same: Mask, share: float) -> bool:
+    """Return whether the numbers of repeats in windows vary less than those of random repeats with this share."""
+    window = round(_PER_WINDOW / share)
+    count = same.size // window
+    if share < _RARELY or count < _WINDOWS:
+        return False
+    counts = np.sum(same[: count * window].reshape(count, window), axis=1)
+    # The median ignores windows in which the output froze.
+    spread = 1.4826 * float(np.median(np.abs(counts - np.median(counts))))
+    return spread**2 < _REGULAR * window * share * (1 - share)

@@ -1,0 +1,150 @@
+"""Faults of a logger are found, named and undone, and clean recordings are left as they are."""
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm import Imu, Signal
+from gmwm.recording.repairs import repaired
+from gmwm.recording.repairs.repeats import repeats_of
+from gmwm.recording.repairs.wraps import modulus_of
+from tests.helpers import codes, only
+
+RATE = 100.0
+
+
+def _noise(seed=0, n=20_000):
+    rng = np.random.default_rng(seed)
+    return 1e-3 * rng.normal(size=n) + np.cumsum(3e-7 * rng.normal(size=n))
+
+
+def _imu(values, **more):
+    return Imu({axis: Signal(x, RATE, "rad/s", axis=axis) for axis, x in {"gyro_x": values, **more}.items()})
+
+
+def _codes(recording):
+    return set(codes(recording.remarks))
+
+
+def _low_pass(x, share):
+    y = np.empty_like(x)
+    level = 0.0
+    for k, value in enumerate(x):
+        level += share * (value - level)
+        y[k] = level
+    return y
+
+
+@pytest.mark.parametrize("step", [0.0, 1e-4, 7e-4, 3e-3])
+@pytest.mark.parametrize("share", [1.0, 0.3, 0.05])
+def test_a_clean_recording_is_not_changed(step, share):
+    for seed in range(5):
+        x = _low_pass(_noise(seed), share)
+        x = np.round(x / step) * step if step else x
+        for recording in (_imu(x), _imu(x, gyro_y=_noise(seed + 100))):
+            assert repaired(recording) == (recording,)
+
+
+@pytest.mark.parametrize("k", [2, 3, 4, 7, 10])
+@pytest.mark.parametrize("step", [0.0, 8e-4])
+def test_values_that_are_held_are_used_once(k, step):
+    x = _noise(k, 6_000)
+    x = np.round(x / step) * step if step else x
+    (part,) = repaired(_imu(np.repeat(x, k)[k // 2 :]))
+    assert part.rate == RATE / k
+    assert len(part.segments) == 1
+    assert np.array_equal(part["gyro_x"].values[1:-1], x[1 : len(part) - 1])
+    remark = only(part.remarks, "fault-undone:held")
+    assert remark.facts["times"] == k
+
+
+def test_a_log_at_another_rate_gives_the_samples_of_the_sensor():
+    x = _noise(1, 20_000)
+    (part,) = repaired(_imu(x[(np.arange(30_000) * 0.625 + 0.3).astype(int)]))
+    assert part.rate == pytest.approx(62.5, rel=1e-3)
+    assert np.array_equal(part["gyro_x"].values, x[: len(part)])
+
+
+def test_sensors_with_different_rates_are_divided():
+    values = {f"gyro_{axis}": _noise(k) for k, axis in enumerate("xyz")}
+    held = {f"accel_{axis}": np.repeat(_noise(k, 5_000), 4) for k, axis in enumerate("xyz")}
+    signals = {axis: Signal(x, RATE, axis=axis) for axis, x in {**values, **held}.items()}
+    gyros, accels = repaired(Imu(signals))
+    assert (gyros.rate, accels.rate) == (RATE, RATE / 4)
+    assert "fault-undone:held" not in _codes(gyros)
+
+
+def test_samples_that_repeat_the_last_one_are_gaps():
+    rng, x = np.random.default_rng(3), _noise(3)
+    lost = rng.random(x.size) < 0.03
+    lost[0] = False
+    (part,) = repaired(_imu(x[np.maximum.accumulate(np.where(lost, 0, np.arange(x.size)))]))
+    assert part.rate == RATE
+    assert np.array_equal(part["gyro_x"].values, x[~lost])
+    assert np.allclose(part["gyro_x"].times() * RATE, np.flatnonzero(~lost), atol=1e-6)
+    assert "fault-undone:repeated" in _codes(part)
+
+
+@pytest.mark.parametrize("step", [0.0, 5e-4])
+def test_frozen_samples_are_gaps_and_a_dead_start_is_left_out(step):
+    x = _noise(4)
+    x = np.round(x / step) * step if step else x
+    at = np.arange(x.size)
+    frozen = (at % 4000 >= 1000) & (at % 4000 < 1100)
+    x = x[np.maximum.accumulate(np.where(frozen, 0, at))]
+    x[:900] = 0.0
+    (part,) = repaired(_imu(x))
+    assert {"fault-undone:dead"} <= _codes(part)
+    assert part["gyro_x"].start == pytest.approx(9.0, abs=0.02)
+    assert len(part) == pytest.approx(x.size - 900 - np.count_nonzero(frozen), abs=20)
+
+
+def test_interpolated_samples_are_gaps():
+    rng, x = np.random.default_rng(5), _noise(5)
+    inside = np.zeros(x.size, dtype=bool)
+    for first in rng.integers(100, x.size - 100, 20):
+        last = first + int(rng.integers(6, 40))
+        x[first:last] = np.interp(np.arange(first, last), [first - 1, last], [x[first - 1], x[last]])
+        inside[first:last] = True
+    (part,) = repaired(_imu(x))
+    assert "fault-undone:interpolated" in _codes(part)
+    assert len(part) == pytest.approx(np.count_nonzero(~inside), abs=30)
+
+
+def test_words_that_wrapped_around_are_moved_back():
+    counts = np.round(_noise(6) / 1e-4).astype(int) + 32_750
+    wrapped = (counts + 32_768) % 65_536 - 32_768
+    assert np.any(wrapped != counts)
+    (part,) = repaired(_imu(wrapped * 1e-4))
+    assert np.allclose(part["gyro_x"].values, counts * 1e-4)
+    assert "fault-undone:wrapped" in _codes(part)
+
+
+def test_outliers_of_any_size_are_not_wraps():
+    rng = np.random.default_rng(7)
+    for _ in range(50):
+        x = np.round(_noise(int(rng.integers(1000)), 5_000) / 1e-4) * 1e-4
+        x[rng.integers(x.size, size=5)] += np.round(rng.uniform(0.05, 5.0, 5) / 1e-4) * 1e-4
+        assert modulus_of(x) is None
+
+
+def test_a_filtered_coarse_output_does_not_repeat():
+    for seed in range(10):
+        x = _low_pass(_noise(seed), 0.02)
+        step = 4 * np.std(np.diff(x))
+        assert repeats_of([np.round(x / step) * step], np.array([0])) is None
+
+
+def test_chunks_give_the_same_samples(tmp_path):
+    rng, x = np.random.default_rng(8), _noise(8, 60_000)
+    lost = rng.random(x.size) < 0.02
+    lost[0] = False
+    x = x[np.maximum.accumulate(np.where(lost, 0, np.arange(x.size)))]
+    _imu(x).write(tmp_path / "log.csv")
+    (whole,) = repaired(gmwm.read(tmp_path / "log.csv"))
+    (stream,) = repaired(gmwm.stream(tmp_path / "log.csv", chunk=1000))
+    parts = list(stream.samples())
+    assert len(parts) > 1
+    assert np.array_equal(np.concatenate([part.values["gyro_x"] for part in parts]), whole["gyro_x"].values)
+    assert stream.remarks == whole.remarks
+    assert stream.time_base == whole.time_base

@@ -1,0 +1,115 @@
+"""Clipping, counters, jumps and swings of the mean are found and named, and clean noise is not."""
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm import Signal
+from gmwm.measuring.inspection import inspect
+from gmwm.recording.signals import Imu
+from tests.helpers import codes, only
+from validation import faults
+
+RATE, SAMPLES = 100.0, 60_000
+
+
+def seen(x):
+    return inspect(imu_of(x))
+
+
+def named(x):
+    return set(codes(seen(x).remarks))
+
+
+def imu_of(x):
+    return Imu({"gyro_x": Signal(x, RATE, "rad/s", axis="gyro_x")})
+
+
+NAMED = {
+    "output-clipped", "output-rounded:counter", "level-steps", "trend:swing", "fault-undone:held",
+    "fault-undone:repeated", "fault-undone:frozen", "fault-undone:interpolated", "fault-undone:dead",
+    "fault-undone:wrapped",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", faults.CLEAN)
+def test_a_clean_recording_has_no_fault(kind):
+    for seed in range(3):
+        assert not NAMED & named(faults.CLEAN[kind](SAMPLES, np.random.default_rng(seed)))
+
+
+@pytest.mark.parametrize("kind", ["clipped", "clipped_both", "full_scale"])
+def test_clipping_is_found_with_its_share(kind):
+    for seed in range(3):
+        x = faults.FAULTS[kind](SAMPLES, np.random.default_rng(seed))
+        remark = only(seen(x).remarks, "output-clipped", "gyro_x")
+        at_ends = np.count_nonzero(x == x.max()) + (np.count_nonzero(x == x.min()) if kind == "clipped_both" else 0)
+        assert remark.facts["share"] == pytest.approx(100 * at_ends / x.size, rel=1e-6)
+
+
+@pytest.mark.parametrize("ratio", [0.3, 1.0, 2.0, 3.0])
+@pytest.mark.parametrize("place", [0.0, 0.25, 0.5])
+def test_a_coarse_output_is_not_clipped(ratio, place):
+    x = np.random.default_rng(3).normal(place * ratio, 1.0, 200_000)
+    assert "output-clipped" not in named(np.round(x / ratio) * ratio * 1e-3)
+
+
+def test_numbers_of_a_clipped_axis_are_not_used():
+    x = faults.clipped_both(SAMPLES, np.random.default_rng(1))
+    verdicts = gmwm.calibrate(imu_of(x), "WN + RW").number_verdicts["gyro_x"]
+    assert {verdicts[symbol].usability.value for symbol in ("N", "K")} == {"do not use"}
+
+
+@pytest.mark.parametrize("kind", ["counter", "counter_exact"])
+def test_a_counter_is_named_and_keeps_its_numbers(kind):
+    x = faults.FAULTS[kind](SAMPLES, np.random.default_rng(2))
+    found = named(x)
+    assert "output-rounded:counter" in found
+    assert not {"coarse-output", "output-clipped", "level-steps", "knocks"} & found
+    calibration = gmwm.calibrate(imu_of(x), "WN + QN + RW")
+    assert calibration.axes["gyro_x"].verdict.replaced.spikes == 0
+    assert calibration.number_verdicts["gyro_x"]["N"].usability.value == "use"
+
+
+def test_a_small_jump_is_found_and_subtracted():
+    rng = np.random.default_rng(4)
+    x = faults.WHITE * rng.normal(size=2 * SAMPLES) + 2e-4 * (np.arange(2 * SAMPLES) > 70_000)
+    (step,) = seen(x).steps
+    assert step.time == pytest.approx(700, abs=10)
+    assert step.size == pytest.approx(2e-4, rel=0.2)
+    calibration = gmwm.calibrate(imu_of(x), "WN + RW")
+    remark = only(calibration.remarks, "fault-undone:jumps", "gyro_x")
+    assert remark.facts["count"] == 1
+    kept = gmwm.calibrate(imu_of(x), "WN + RW", repeated="keep")
+    without, with_jump = (result.datasheets["gyro_x"]["K"] for result in (calibration, kept))
+    assert without.upper_only
+    assert with_jump.high > 2 * without.high
+
+
+def test_a_jump_is_subtracted_from_a_stream_too(tmp_path):
+    rng = np.random.default_rng(4)
+    x = faults.WHITE * rng.normal(size=2 * SAMPLES) + 2e-4 * (np.arange(2 * SAMPLES) > 70_000)
+    imu_of(x).write(tmp_path / "log.csv")
+    from_file, streamed = (
+        gmwm.calibrate(source(tmp_path / "log.csv"), "WN + RW").to_dict() for source in (gmwm.read, gmwm.stream)
+    )
+    assert from_file == streamed
+
+
+def test_jumps_that_fit_to_the_random_walk_are_noise():
+    rng = np.random.default_rng(5)
+    walk = np.cumsum(3e-6 * rng.normal(size=SAMPLES))
+    x = faults.WHITE * rng.normal(size=SAMPLES) + walk + 3e-4 * (np.arange(SAMPLES) > 30_000)
+    assert not seen(x).steps
+
+
+@pytest.mark.parametrize("periods", [2.5, 4.0, 8.3])
+def test_a_swing_of_the_mean_makes_k_a_limit(periods):
+    rng = np.random.default_rng(6)
+    size = 2 * SAMPLES
+    x = faults.WHITE * rng.normal(size=size) + 1e-4 * np.sin(2 * np.pi * periods * np.arange(size) / size + 1)
+    calibration = gmwm.calibrate(imu_of(x), "WN + RW")
+    remark = only(calibration.remarks, "trend:swing", "gyro_x")
+    assert remark.facts["period"].value == pytest.approx(size / RATE / periods, rel=0.15)
+    assert calibration.number_verdicts["gyro_x"]["K"].usability.value == "use as a bound"
+    assert calibration.number_verdicts["gyro_x"]["N"].usability.value == "use"
