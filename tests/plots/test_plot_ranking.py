@@ -37,7 +37,7 @@ def models(panel):
 @pytest.mark.slow
 def test_the_curves_are_those_of_the_best_and_of_the_recommended(ranking):
     for limit in (1, 4):
-        curves, distances, _ = ranking_figure(ranking, limit=limit).panels
+        curves, distances, _ = ranking_figure(ranking, limit=limit, view="wavelet", units="si").panels
         drawn = [c for k, c in enumerate(ranking.distinct) if k < limit or c.recommended]
         assert len(models(curves)) == len(models(distances)) == len(drawn)
         for line, row, candidate in zip(models(curves), models(distances), drawn, strict=True):
