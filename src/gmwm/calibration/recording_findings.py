@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import round_text
-from gmwm.base.units import find_unit
 from gmwm.calibration.averaging import WALK
-from gmwm.measuring.inspection.findings import NOISY, in_datasheet_units, removal_remark
+from gmwm.measuring.inspection.findings import in_datasheet_units, of_units, removal_remark
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration
@@ -32,8 +30,6 @@ def recording_remarks(
         if remark.code == "knocks" or _is_replaced(remark, verdicts):
             continue
         axis_calibration = axes.get(remark.subject)
-        if remark.code == "unit-doubtful" and axis_calibration is not None and _has_plausible_noise(axis_calibration):
-            continue
         if (
             remark.code == "conditions"
             and remark.facts["case"] == "removed"
@@ -42,8 +38,11 @@ def recording_remarks(
         ):
             yield removal_remark(remark.subject, axis_calibration.regression, _left_in(axis_calibration))
             continue
+        if remark.facts.get("case") == "density" and axis_calibration is not None:
+            yield from of_units({remark.subject: axis_calibration.datasheet["N"].value})
+            continue
         affected = remark.facts.get("numbers")
-        if axis_calibration is None or not isinstance(affected, tuple):
+        if axis_calibration is None or not isinstance(affected, tuple) or not affected:
             yield remark
             continue
         sheet = axis_calibration.datasheet
@@ -73,12 +72,6 @@ def _is_replaced(remark: Remark, verdicts: Sequence[Verdict]) -> bool:
     knocks = (times for verdict in verdicts for times in verdict.replaced.knocks)
     overlap = any(first <= start.value + window.value and last >= start.value for first, last in knocks)
     return overlap and not any(verdict.exceeds for verdict in verdicts)
-
-
-def _has_plausible_noise(axis_calibration: AxisCalibration) -> bool:
-    """Return whether N of the model, which has no lines, is that of a gyroscope in the right unit."""
-    entry, unit = axis_calibration.datasheet.get("N"), find_unit(axis_calibration.fit.wavelet_variance.unit)
-    return entry is not None and unit is not None and 0 < math.degrees(entry.value * unit.factor) <= NOISY
 
 
 def _left_in(found: AxisCalibration) -> str:

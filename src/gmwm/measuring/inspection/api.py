@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -34,8 +35,6 @@ from gmwm.recording.signals import Imu, Signal
 
 _SLOWEST = 10.0
 """Smallest bandwidth (Hz) of a sensor for its noise density. Slower logs keep some of the samples."""
-_BLOCKS = 16
-"""Smallest number of block means for a noise density, whose relative error is then 25 %."""
 
 Values = Callable[[str, int, int], Vector]
 """Function of axis, first and last index that returns the samples of a half-open range."""
@@ -278,20 +277,21 @@ class RecordingStatistics:
         return float(self._extent.times([first])[0]), float(np.mean(still[measured]))
 
     def _densities(self) -> dict[str, float]:
-        """Return the noise density of each gyroscope (rad/s/√Hz): the smaller one of those of neighbouring samples and
-        of neighbouring block means. The median over the windows ignores knocks, and block means a dither motion."""
-        densities = {}
+        """Return the white noise density of each gyroscope (rad/s/√Hz).
+
+        It is the smaller one of the densities from first differences and from differences of block means, because a
+        line such as a dither raises the first, and a drift the second. The medians ignore knocks.
+        """
+        densities, rate = {}, max(self._extent.rate, _SLOWEST)
         for axis, sums in self._axes.items():
             measured, unit = sums.steps.counts > 0, find_unit(self._units[axis])
-            if unit is None or unit.quantity != "gyro" or not np.any(measured):
-                continue
-            powers = [float(np.median(sums.steps.means[measured]))]
-            steps = np.concatenate([np.empty(0), *(np.diff(means) for _, means in sums.means())])
-            if steps.size >= _BLOCKS:
-                # The median of the square of a Gaussian number is 0.455.
-                powers.append(float(np.median(steps**2)) / 0.455 * sums.length)
-            rate = max(self._extent.rate, _SLOWEST)
-            densities[axis] = float(np.sqrt(min(powers) / 2 / rate)) * unit.factor
+            if unit is not None and unit.quantity == "gyro" and np.any(measured):
+                squares = [np.median(sums.steps.means[measured]) / rate]
+                changes = np.concatenate([np.empty(0), *(np.diff(means) for _, means in sums.means())])
+                if changes.size:
+                    # 0.4549 is the median of the square of a standard normal variable.
+                    squares.append(np.median(changes**2) / 0.4549 * sums.length / rate)
+                densities[axis] = math.sqrt(min(squares) / 2) * unit.factor
         return densities
 
 

@@ -1,0 +1,26 @@
+"""The page for users of the R packages names each of their functions once."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "coming-from" / "r.md"
+NAMES = ROOT.parent / "shared" / "reference" / "r_functions.txt"
+"""Names of the published indexes of functions, one a line, with the packages as comments."""
+
+
+def test_each_function_of_the_published_indexes_has_one_row():
+    if not NAMES.exists():
+        pytest.skip("the list of names is not at hand")
+    names = {line for line in NAMES.read_text(encoding="utf-8").split("\n") if line and not line.startswith("#")}
+    section = PAGE.read_text(encoding="utf-8").partition("## Every function")[2].partition("From other packages")[0]
+    rows = [line.split(" | ") for line in section.split("\n") if line.startswith("| `")]
+    counts = Counter(name for row in rows for name in re.findall("`([^`]+)`", row[0]))
+    assert set(counts) == names
+    assert set(counts.values()) == {1}
+    assert all(row[-1].rstrip(" |") for row in rows)
