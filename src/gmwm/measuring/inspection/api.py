@@ -209,16 +209,15 @@ class RecordingStatistics:
         # Change of the direction of gravity (standard errors) that noise does not explain.
         turned = tilt is not None and tilt > max(0.1, 5.0 * tilt_noise)
         moved = tilt is not None and turned and tilt > findings.MOVED
-        motion = (
-            findings.of_positions(parts) if parts else findings.of_motion(restless, tilt if turned else None, knocks)
-        )
+        motions = findings.of_motion(restless, tilt if turned else None, knocks)
         remarks = (
             *findings.of_time(extent, self._base, self._same), *findings.of_stuck(stuck),
             *findings.of_saturation(saturations, self._units),
-            *motion,
+            *(findings.of_positions(parts) if parts else motions),
             *findings.of_steps(steps),
             *findings.of_swings(swings, self._units),
-            *findings.of_trends(trends, self._units, extent, self._base.left > 0), *findings.of_gravity(None if parts else gravity),
+            *findings.of_trends(trends, self._units, extent, self._base.left > 0),
+            *findings.of_gravity(None if parts else gravity),
             *findings.of_rounding(axes, extent.rate), *findings.of_units(self._densities()),
             *findings.of_conditions(conditions.found, conditions.unknown),
             *(remark for remark in self._remarks if remark.code not in findings.OF_STAMPS),
