@@ -11,6 +11,7 @@ from benchmarks import targets
 from benchmarks.claims import CLAIMS, MARGIN
 from benchmarks.kernels import bandwidth_words
 from benchmarks.picture import draw
+from benchmarks.recordings import MEASURED, RATIOS, rows_of_others, rows_of_recordings
 from benchmarks.results import Results
 from gmwm.base.atomic_files import written_whole
 from gmwm.showing.plots.axes import number_text, power_text
@@ -47,6 +48,19 @@ samples in memory. It needs {memory:.0f} MB of memory, {beyond:.0f} MB more than
 its length. The state between two chunks is {state:.1f} MB.
 
 `python -m benchmarks --from docs/benchmarks.json --tables` prints the appendix: all ratios and limits.
+
+## Real recordings
+
+Each row is a separate process, as in the appendix; the time of a curve is without the start of Python. The
+recordings and curves are not part of the package.
+
+{recordings}
+
+What a reader would use otherwise: processor times of other programs, measured once {when}, and
+the times of gmwm in this run.
+{others_as_ratios}
+
+{others}
 """
 
 APPENDIX = """## Appendix
@@ -106,7 +120,8 @@ def text(results: Results) -> str:
         bandwidth=results.bandwidth / 1e9, small=f"{1e9 * results.per_sample(whole, 1000):.0f}",
         lengths=_lengths(results), longest=power_text(longest), stream=1e9 * stream,
         over=stream / results.per_sample(whole, 10**7), memory=live["peak"] / 1e6, beyond=live["beyond"] / 1e6,
-        state=live["state"] / 1e6,
+        state=live["state"] / 1e6, recordings=_recordings(results), when=MEASURED, others_as_ratios=RATIOS,
+        others=table(["work", "program", "its time", "gmwm"], rows_of_others(results), 2),
     )  # fmt: skip
 
 
@@ -132,6 +147,12 @@ def _lengths(results: Results) -> str:
         times = dict(zip(curve["at"], curve["seconds"], strict=True))
         rows.append([curve["name"], *(number_text(1e9 * times[n] / n, 2) if n in times else "" for n in at)])
     return table(["ns per sample", *(power_text(n) for n in at)], rows)
+
+
+def _recordings(results: Results) -> str:
+    if not results.recordings:
+        return "This run did not have them."
+    return table(["process", "samples", "s", "s of all processors", "MB"], rows_of_recordings(results))
 
 
 def _targets(results: Results) -> str:
