@@ -30,9 +30,12 @@ from gmwm.measuring.regression.against import AUTO, Against, Asked
 from gmwm.measuring.regression.conditions import NOTHING, Conditions
 from gmwm.recording.batches import Batch, Batches, Segments, Streamed
 from gmwm.recording.options import one_of
-from gmwm.recording.repairs import repaired
+from gmwm.recording.repairs import axes_with_two_levels, repaired
 from gmwm.recording.resolution import Sample, before_rounding, is_counter, step_of
 from gmwm.recording.signals import Imu, Signal
+
+_SLOWEST = 10.0
+"""Smallest bandwidth (Hz) of a sensor for its noise density. Slower logs keep some of the samples."""
 
 Values = Callable[[str, int, int], Vector]
 """Function of axis, first and last index that returns the samples of a half-open range."""
@@ -241,6 +244,8 @@ class RecordingStatistics:
         time scale."""
         steps = list[Step]()
         for axis, sums in self._axes.items():
+            if axis in axes_with_two_levels(self._remarks):
+                continue
             values = partial(self._values, axis)
             clear = jumps_of(axis, means[axis], self._extent, values)
             resolution = self._resolutions[axis] or 0.0
@@ -287,7 +292,7 @@ class RecordingStatistics:
         It is the smaller one of the densities from first differences and from differences of block means, because a
         line such as a dither raises the first, and a drift the second. The medians ignore knocks.
         """
-        densities, rate = {}, self._extent.rate
+        densities, rate = {}, max(self._extent.rate, _SLOWEST)
         for axis, sums in self._axes.items():
             measured, unit = sums.steps.counts > 0, find_unit(self._units[axis])
             if unit is not None and unit.quantity == "gyro" and np.any(measured):
