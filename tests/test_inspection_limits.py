@@ -30,13 +30,13 @@ def rounding(ratio):
     return of_rounding({"gyro_x": axis}, RATE)
 
 
-def warm_up(share):
+def warm_up(share, raised=2.0):
     trend = Trend(
         axis="gyro_x", kind="exponential", size=1.0, tau=1.0, pvalue=0.0, until=share * SAMPLES / RATE, walk=0.0,
-        walk_limit=0.0, walk_with_trend=0.0,
+        walk_limit=1.0, walk_with_trend=raised,
     )  # fmt: skip
     (remark,) = of_trends((trend,), {"gyro_x": "rad/s"}, EXTENT, cut=False)
-    return remark.facts["way"]
+    return remark.facts.get("way", remark.facts["case"])
 
 
 def repeated(count, same):
@@ -49,7 +49,8 @@ def repeated(count, same):
         (lambda: of_gravity(1.015 * STANDARD_GRAVITY), []),
         (lambda: of_gravity(1.025 * STANDARD_GRAVITY), ["unit-contradicted:gravity"]),
         (lambda: of_gravity(1.045 * STANDARD_GRAVITY), ["unit-contradicted:gravity"]),
-        (lambda: of_gravity(1.06 * STANDARD_GRAVITY), ["unit-doubtful:gravity"]),
+        (lambda: of_gravity(0.86 * STANDARD_GRAVITY), ["unit-contradicted:gravity"]),
+        (lambda: of_gravity(1.16 * STANDARD_GRAVITY), ["unit-doubtful:gravity"]),
         (lambda: of_time(EXTENT, TimeBase(RATE, jitter=0.08 / RATE), 0), []),
         (lambda: of_time(EXTENT, TimeBase(RATE, jitter=0.12 / RATE), 0), ["stamps-irregular:jitter"]),
         (lambda: of_motion({}, 0.8, ()), ["recording-settles"]),
@@ -68,6 +69,10 @@ def test_remarks_begin_at_their_limits(remarks, expected):
 
 def test_a_warm_up_may_take_half_of_a_recording():
     assert [warm_up(share) for share in (0.4, 0.6)] == ["start", "late"]
+
+
+def test_a_warm_up_within_the_uncertainty_of_k_is_information():
+    assert [warm_up(0.1, raised) for raised in (1.1, 1.3)] == ["small", "start"]
 
 
 def test_rows_are_written_twice_if_the_samples_repeat_too():

@@ -113,11 +113,12 @@ def test_the_remark_has_the_axis_the_duration_and_what_to_leave_out():
     kept = made(NOISE, samples, 1, settling(samples, 3e-3, 200.0)).between(start)
     assert inspect(kept).trends == ()
     # After a cut that is too short, the remark counts from the new beginning.
-    again = only(inspect(made(NOISE, samples, 1, settling(samples, 9e-3, 200.0)).between(200.0)).remarks, "warm-up")
+    cut = made(NOISE, samples, 1, settling(samples, 9e-3, 200.0)).between(200.0)
+    again = only(inspect(cut).remarks, "warm-up:large")
     assert (again.facts["way"], again.facts["first"].unit) == ("again", "s")
     assert again.facts["first"].value == pytest.approx(900, rel=0.3)
     # A warm-up that takes most of the recording leaves nothing to calibrate.
-    late = only(inspect(made(NOISE, samples, 1, settling(samples, 5e-2, 1500.0))).remarks, "warm-up")
+    late = only(inspect(made(NOISE, samples, 1, settling(samples, 5e-2, 1500.0))).remarks, "warm-up:large")
     assert late.facts["way"] == "late"
 
 

@@ -16,7 +16,7 @@ from hypothesis.extra.numpy import arrays
 from gmwm.base import atomic_files
 from gmwm.base.atomic_files import write_text
 from gmwm.base.axis_names import AXES
-from gmwm.base.errors import OptionError
+from gmwm.base.errors import DataError, OptionError
 from gmwm.files.readers import read
 from gmwm.recording.signals import Imu, Signal
 from gmwm.recording.writers import SUFFIXES, write
@@ -90,7 +90,7 @@ def test_whole_or_nothing(tmp_path, monkeypatch):
 
 
 def test_unknown_suffix(tmp_path):
-    with raises(OptionError, ".csv, .parquet or .imu", "a.xlsx", argument="path"):
+    with raises(OptionError, ".csv, .parquet, .mcap or .imu", "a.xlsx", argument="path"):
         Imu.from_arrays({"gyro_x": [1.0]}, 1).write(tmp_path / "a.xlsx")
     assert not list(tmp_path.iterdir())
 
@@ -115,7 +115,7 @@ def test_a_signal_is_a_recording_of_one_axis(tmp_path):
 
 @pytest.mark.parametrize(
     ("given", "advises"),
-    [(Signal([1.0, 2.0], 10.0), ["from_arrays"]), (np.zeros(5), ["gmwm.Imu.from_arrays"]), ("a.csv", [])],
+    [(Signal([1.0, 2.0], 10.0), ["from_arrays"]), (np.zeros(5), ["Imu.from_arrays"]), ("a.csv", [])],
 )
 def test_what_is_no_recording_is_not_written(tmp_path, given, advises):
     with raises(OptionError, argument="imu", advises=advises) as caught:
@@ -175,3 +175,34 @@ def test_a_file_that_is_open_on_windows_is_tried_again_and_then_named(tmp_path, 
             write_text(tmp_path / "a.txt", "all")
         assert caught.value.filename == str(tmp_path / "a.txt")
         assert list(tmp_path.iterdir()) == []
+
+
+def test_an_mcap_file_is_read_back_and_by_the_library_of_ros(tmp_path):
+    from rosbags.highlevel import AnyReader
+
+    rng = np.random.default_rng(3)
+    axes = {f"{sensor}_{axis}": rng.normal(size=300) for sensor in ("gyro", "accel") for axis in "xyz"}
+    imu = Imu.from_arrays(axes, rate=100.0, start=1_700_000_000.0, segments=((0, 100), (100, 300)))
+    path = tmp_path / "static.mcap"
+    imu.write(path)
+    again = read(path)
+    assert again.rate == pytest.approx(100.0, rel=1e-9)
+    assert again.segments == imu.segments
+    assert all(np.array_equal(again[axis].values, imu[axis].values) for axis in imu)
+    with AnyReader([path]) as reader:
+        messages = [reader.deserialize(raw, kind.msgtype) for kind, _, raw in reader.messages()]
+        stamps = [time for _, time, _ in reader.messages()]
+    assert len(messages) == 300
+    assert messages[7].angular_velocity.y == axes["gyro_y"][7]
+    assert messages[7].header.frame_id == "imu"
+    assert messages[7].orientation_covariance[0] == -1
+    assert stamps[:2] == [1_700_000_000 * 10**9, 1_700_000_000 * 10**9 + 10**7]
+
+
+def test_an_mcap_file_of_one_sensor(tmp_path):
+    axes = {f"gyro_{axis}": np.random.default_rng(k).normal(size=50) for k, axis in enumerate("xyz")}
+    Imu.from_arrays(axes, rate=100.0).write(tmp_path / "gyro.mcap")
+    assert list(read(tmp_path / "gyro.mcap")) == ["gyro_x", "gyro_y", "gyro_z"]
+    del axes["gyro_z"]
+    with raises(DataError, "2 of gyro"):
+        Imu.from_arrays(axes, rate=100.0).write(tmp_path / "two.mcap")

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Tick
+from gmwm.showing.plots.figure import Axis, Band, Figure, Mark, Panel, Polyline, Tick
 from gmwm.showing.plots.matplotlib import save
 from gmwm.showing.plots.style import curve_stroke
 
@@ -239,12 +239,12 @@ def _near_one(result: Result, model: str) -> Panel:
     return Panel(_length_axis(result), y, tuple(marks))
 
 
-def _lines(result: Result, model: str) -> list[Line]:
+def _lines(result: Result, model: str) -> list[Polyline]:
     lines = []
     for k, method in enumerate(dict.fromkeys(row["method"] for row in result["methods"])):
         if rows := _of(result, model=model, method=method):
             x, y = (np.array([row[key] for row in rows], dtype=np.float64) for key in ("samples", "over_likelihood"))
-            lines.append(Line(x, y, curve_stroke(k), method))
+            lines.append(Polyline(x, y, curve_stroke(k), method))
     return lines
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import gmwm
 from gmwm.base.axis_names import AXES
 from gmwm.showing.plots.axes import quiet, signed_axis, time_axis
-from gmwm.showing.plots.figure import Figure, Line, Panel
+from gmwm.showing.plots.figure import Figure, Panel, Polyline
 from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.matplotlib import draw as drawn
 from gmwm.showing.plots.matplotlib import save
@@ -99,7 +99,7 @@ def picture(result: dict[str, Any]) -> Figure:
     for curve in result["curves"]:
         tau = np.array(curve["tau"])
         marks = tuple(
-            Line(tau, np.array(values), stroke=curve_stroke(k), label=name)
+            Polyline(tau, np.array(values), stroke=curve_stroke(k), label=name)
             for k, (name, values) in enumerate(zip(result["recordings"], curve["percent"], strict=True))
         )
         y = signed_axis(every, "Difference from the mean (%)", linear=10.0, even=100.0)

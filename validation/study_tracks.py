@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 import gmwm
 from gmwm.recording.signals import Signal
 from gmwm.showing.plots.axes import quiet
-from gmwm.showing.plots.figure import Figure, Line, Mark
+from gmwm.showing.plots.figure import Figure, Mark, Polyline
 from gmwm.showing.plots.matplotlib import draw as drawn
 from gmwm.showing.plots.matplotlib import save
 from gmwm.showing.plots.trace import extremes_there
@@ -232,7 +232,7 @@ def picture() -> Figure:
 
 def _plain(mark: Mark) -> Mark:
     """A mark of fewer points, as a screen shows them; its title says whether it is filtered or smoothed."""
-    if not isinstance(mark, Line):
+    if not isinstance(mark, Polyline):
         return mark
     index = extremes_there(mark.y, DRAWN)
     label = "Estimate" if mark.label in WORDS.values() else mark.label

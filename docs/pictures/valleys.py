@@ -9,7 +9,7 @@ import numpy as np
 
 import gmwm
 from gmwm.showing.plots.axes import time_axis
-from gmwm.showing.plots.figure import Figure, Line, Panel, Stroke
+from gmwm.showing.plots.figure import Figure, Panel, Polyline, Stroke
 from gmwm.showing.plots.linear import even_axis
 from gmwm.showing.plots.matplotlib import draw
 from gmwm.showing.plots.style import BLUE, VERMILLION
@@ -29,8 +29,8 @@ def write(folder: Path) -> list[Path]:
     found = np.array([best.parameters["GM.beta"]])
     least, dot = np.array([best.objective / 1000]), Stroke(VERMILLION, 0.0, symbol="circle")
     marks = (
-        Line(held, criterion, Stroke(BLUE, 1.4), "The criterion where β is held, all else at its best"),
-        Line(found, least, dot, "The fit, proven best", 1),
+        Polyline(held, criterion, Stroke(BLUE, 1.4), "The criterion where β is held, all else at its best"),
+        Polyline(found, least, dot, "The fit, proven best", 1),
     )
     x = replace(time_axis(held, "β (1/s)"), opposite=())
     panel = Panel(x, even_axis(0.0, float(criterion.max()), "Criterion (thousands)", margin=0.03, at_most=5), marks)

@@ -18,8 +18,8 @@ G = 9.80665
 DEG = 180 / math.pi
 
 
-def one(axis, text, duration, **options):
-    return budget({axis: text}, duration, rate=RATE, **options)
+def one(axis, text, duration, rest=0.0):
+    return budget({axis: text}, duration, rate=RATE, rest=rest)
 
 
 # --- closed forms, for times far below the Schuler period ------------------------------------------------
@@ -93,7 +93,7 @@ def test_a_drift_and_a_line():
 
 def test_the_schuler_oscillation_bounds_a_constant_accelerometer_bias():
     half = math.pi * math.sqrt(RADIUS / G)
-    found = budget({"accel_x": "GM(beta=1e-9, sigma2=1e-6)"}, half, rate=1.0)["position_x"]
+    found = budget({"accel_x": "GM(beta=1e-9, sigma2=1e-6)"}, half, rate=1.0, rest=0.0)["position_x"]
     # p = (b/ω²)(1 − cos ωt): twice b R/g after half a period of 84 minutes, nearly half of a parabola at its quarter.
     assert found.error[-1] == pytest.approx(2 * 1e-3 * RADIUS / G, rel=0.02)
 
@@ -108,6 +108,18 @@ def test_flicker_noise_starts_at_zero_or_is_old():
     found = one("gyro_z", f"FN(b2={b2})", 60.0, rest=60.0)["heading"]
     allan = 2 * math.log(2) / math.pi * b2
     assert found.error[-1] == pytest.approx(DEG * 60.0 * math.sqrt(2 * allan), rel=0.01)
+
+
+def test_the_label_of_slow_noise_does_not_change_the_budget():
+    # Gauss-Markov processes with a variance of B² ln r/π each, at correlation times of the ratio r, are flicker noise.
+    b2, ratio = 1e-10, 4.0
+    variance = b2 * math.log(ratio) / math.pi
+    ladder = " + ".join(f"GM(beta={ratio**-k}, sigma2={variance})" for k in range(-3, 9))
+    texts = (f"FN(b2={b2})", ladder)
+    flicker, markov = (budget({"gyro_z": text}, 60.0, rate=RATE)["heading"].error[-1] for text in texts)
+    assert markov == pytest.approx(flicker, rel=0.02)
+    flicker, markov = (budget({"gyro_z": text}, 60.0, rate=RATE, rest=0.0)["heading"].error[-1] for text in texts)
+    assert markov > 1.5 * flicker
 
 
 # --- an integration in plain NumPy ----------------------------------------------------------------------

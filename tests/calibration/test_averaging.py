@@ -10,6 +10,7 @@ import pytest
 from scipy.signal import lfilter
 
 import gmwm
+from gmwm import GM
 from gmwm.calibration import averaging
 from gmwm.calibration.averaging import (
     ABSENT,
@@ -18,6 +19,7 @@ from gmwm.calibration.averaging import (
     MOST,
     SLOW,
     WeightedEstimate,
+    _narrow_enough,
     _scale,
     averaged_datasheet,
     averaged_interval,
@@ -165,12 +167,12 @@ def test_parameters_become_wider_as_much_as_their_numbers(unclear):
     fit = ranking.recommended.fit
     (term,) = (name for name, p in zip(fit.model.terms, fit.model.processes, strict=True) if p.name == "GM")
     time = sheet["T_c"]
-    wide = replace(time, low=time.value / 10, high=time.value * 10)
+    wide = replace(time, low=time.value / 3, high=time.value * 3)
     wide = replace(sheet, entries=tuple(wide if e is time else e for e in sheet.entries))
     intervals = fit.confidence_intervals(LEVEL)
     found = averaged_intervals(fit, intervals, wide)
     value = fit.parameters[f"{term}.beta"]
-    assert found[f"{term}.beta"] == pytest.approx((value / 10, value * 10))
+    assert found[f"{term}.beta"] == pytest.approx((value / 3, value * 3))
     assert found[f"{term}.sigma2"] == intervals[f"{term}.sigma2"]
     endless = replace(time, low=0.0, high=math.inf)
     endless = replace(sheet, entries=tuple(endless if e is time else e for e in sheet.entries))
@@ -254,3 +256,12 @@ def test_a_slow_gauss_markov_process_is_named_beside_the_random_walk():
     alone = gmwm.calibrate(gmwm.Signal(white + slow, 50.0, "rad/s", "gyro_x"), "WN + RW")
     assert "K" in alone.datasheets["gyro_x"]
     assert not any(remark.code == "walk-or-markov" for remark in alone.remarks)
+
+
+def test_a_parameter_that_is_not_determined_has_a_limit():
+    scale, shape = GM().parameters[1], GM().parameters[0]
+    assert (scale.name, shape.name) == ("sigma2", "beta")
+    assert _narrow_enough(scale, (1.0, 99.0)) == (1.0, 99.0)
+    assert _narrow_enough(scale, (1.0, 101.0)) == (0.0, 101.0)
+    assert _narrow_enough(shape, (1.0, 9.0)) == (1.0, 9.0)
+    assert _narrow_enough(shape, (1.0, 11.0)) == (0.0, math.inf)

@@ -21,7 +21,7 @@ def _spoilt(kind):
     time = np.arange(x.size) / RATE
     if kind == "coarse-output":
         return np.round(x / 4e-3) * 4e-3
-    if kind == "warm-up":
+    if kind == "warm-up:large":
         return x + 3e-3 * np.exp(-time / 60)
     if kind == "axis-stuck":
         return np.where(time < 300, x, x[30_000])
@@ -29,7 +29,7 @@ def _spoilt(kind):
 
 
 @pytest.mark.parametrize(
-    "kind", ["coarse-output", "warm-up", "axis-stuck", "unit-doubtful:density", "fault-undone:jumps"]
+    "kind", ["coarse-output", "warm-up:large", "axis-stuck", "unit-doubtful:density", "fault-undone:jumps"]
 )
 def test_a_signal_is_inspected_like_a_recording(kind):
     signal = Signal(_spoilt(kind), RATE, "rad/s", axis="gyro_x")
@@ -45,9 +45,11 @@ def test_a_signal_is_inspected_like_a_recording(kind):
 
 def test_signals_of_different_lengths_are_inspected_each_by_itself():
     short = Signal(np.random.default_rng(1).normal(0, 1e-3, 5_000), 50.0, "rad/s", axis="gyro_y")
-    calibration = gmwm.calibrate({"gyro_x": Signal(_spoilt("warm-up"), RATE, "rad/s"), "gyro_y": short}, "WN + RW")
-    assert "warm-up" in _codes(calibration, "gyro_x")
-    assert "warm-up" not in _codes(calibration, "gyro_y")
+    calibration = gmwm.calibrate(
+        {"gyro_x": Signal(_spoilt("warm-up:large"), RATE, "rad/s"), "gyro_y": short}, "WN + RW"
+    )
+    assert "warm-up:large" in _codes(calibration, "gyro_x")
+    assert "warm-up:large" not in _codes(calibration, "gyro_y")
 
 
 def test_an_axis_that_is_given_as_a_curve_is_not_inspected():

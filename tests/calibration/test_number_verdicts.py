@@ -17,7 +17,7 @@ def trend(walk, limit):
     """A warm-up that raises K from at most `limit` to `walk`."""
     span = Quantity(60.0, "s")
     return Remark.of(
-        "warm-up", "gyro_x", size=Quantity(1.0, "deg/h"), tau=span, walk=Quantity(walk, "u"),
+        "warm-up", "gyro_x", case="large", size=Quantity(1.0, "deg/h"), tau=span, walk=Quantity(walk, "u"),
         limit=Quantity(limit, "u"), numbers=("B", "K", "R"), duration=span, first=span, way="start",
     )  # fmt: skip
 

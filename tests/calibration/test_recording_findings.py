@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gmwm
+from gmwm.base.units import STANDARD_GRAVITY
 from gmwm.calibration.number_verdicts import Usability
 from gmwm.recording.signals import Imu, Signal
 from tests.helpers import code_of, only
@@ -14,10 +15,14 @@ RATE, SAMPLES = 20.0, 40_000
 AT = np.arange(SAMPLES) / RATE
 
 
-def calibrated(course, within, step=0.0):
+def recording(course, step=0.0):
     x = np.random.default_rng(1).normal(size=SAMPLES) * 1e-3 + course
     x = np.round(x / step) * step if step else x
-    return gmwm.calibrate(Imu({"gyro_x": Signal(x, RATE, "rad/s", "gyro_x")}), within=within)
+    return Imu({"gyro_x": Signal(x, RATE, "rad/s", "gyro_x")})
+
+
+def calibrated(course, within, step=0.0):
+    return gmwm.calibrate(recording(course, step), within=within, warmup="keep")
 
 
 @pytest.mark.slow
@@ -30,11 +35,50 @@ def test_a_line_is_reported_unless_the_model_has_a_drift(within, codes):
 @pytest.mark.slow
 def test_the_numbers_are_those_of_the_datasheet():
     found = calibrated(2e-3 * np.exp(-AT / 300.0), "WN + RW")
-    numbers = only(found.remarks, "warm-up").facts["numbers"]
+    numbers = only(found.remarks, "warm-up:large").facts["numbers"]
     assert "K" in numbers
     assert set(numbers) <= set(found.datasheets["gyro_x"])
     assert found.number_verdicts["gyro_x"]["K"].usability is Usability.BOUND
     assert (code_of(found.verdict), found.verdict.facts["reasons"]) == ("verdict:usable", ("warm-up",))
+
+
+def test_a_large_warm_up_is_left_out(tmp_path):
+    imu = recording(2e-3 * np.exp(-AT / 100.0))
+    found = gmwm.calibrate(imu, within="WN + RW")
+    first = only(found.remarks, "warm-up:omitted").facts["first"].value
+    assert found["gyro_x"].wavelet_variance.samples == SAMPLES - first * RATE
+    assert f"without the first {first / 60:g} min (warm-up)" in found.summary()
+    assert found["gyro_x"].objective == gmwm.calibrate(imu.between(first), within="WN + RW")["gyro_x"].objective
+    path = tmp_path / "warm.csv"
+    imu.write(path)
+    streamed = gmwm.calibrate(gmwm.stream(path, chunk=997), within="WN + RW")
+    assert streamed["gyro_x"].objective == gmwm.calibrate(gmwm.read(path), within="WN + RW")["gyro_x"].objective
+    assert "warm-up" not in {remark.code for remark in calibrated(0.0, "WN + RW").remarks}
+
+
+def test_a_slow_warm_up_limits_k():
+    # 300 s is longer than the scales at which a misfit affects K, but the warm-up also raises K at shorter scales.
+    found = calibrated(5e-2 * np.exp(-AT / 600.0), "WN + RW")
+    assert found.number_verdicts["gyro_x"]["K"].usability is not Usability.USE
+
+
+def test_an_offset_of_an_accelerometer_is_a_bias():
+    rng = np.random.default_rng(2)
+    means = np.array([0.08, -0.06, 0.9]) * STANDARD_GRAVITY
+    signals = {f"accel_{axis}": 1e-2 * rng.normal(size=20_000) + mean for axis, mean in zip("xyz", means, strict=True)}
+    found = gmwm.calibrate(Imu.from_arrays(signals, rate=RATE), within="WN + RW")
+    assert "unit-contradicted" in {remark.code for remark in found.remarks}
+    assert all(of_axis["N"].usability is Usability.USE for of_axis in found.number_verdicts.values())
+
+
+def test_a_dithered_gyroscope_has_a_right_unit():
+    # The dither of a laser gyroscope gives 1.6 deg/s/√Hz in first differences; N of the noise is 0.0084 deg/s/√Hz.
+    rate, samples = 1000.0, 100_000
+    at = np.arange(samples) / rate
+    noise = np.radians(8.4e-3) * np.sqrt(rate) * np.random.default_rng(3).normal(size=samples)
+    imu = Imu.from_arrays({"gyro_x": noise + np.radians(50.0) * np.sin(2 * np.pi * 413.7 * at)}, rate=rate)
+    assert "unit-doubtful" not in {remark.code for remark in gmwm.inspect(imu).remarks}
+    assert "unit-doubtful" not in {remark.code for remark in gmwm.calibrate(imu).remarks}
 
 
 @pytest.mark.slow
@@ -48,4 +92,4 @@ def test_a_coarse_output_is_not_a_usable_calibration():
 @pytest.mark.slow
 def test_a_model_without_such_numbers_has_its_terms_named():
     found = calibrated(2e-3 * np.exp(-AT / 300.0), "GM + WN")
-    assert only(found.remarks, "warm-up").facts["numbers"]
+    assert only(found.remarks, "warm-up:large").facts["numbers"]

@@ -7,10 +7,12 @@ import json
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import gmwm
 from gmwm.base.errors import DataError, OptionError
 from gmwm.calibration import Calibration
+from gmwm.calibration.number_verdicts import Usability
 from gmwm.recording.signals import Imu
 from tests.helpers import code_of, codes, raises
 
@@ -170,3 +172,19 @@ def test_files_without_names_are_numbered(days):
     named = gmwm.calibrate({"cold": days[0], "warm": days[1]}, "WN", axes="gyro_x")
     assert list(named.recordings) == ["cold", "warm"]
     assert codes(named.remarks).count("recordings-differ:numbers") == 1
+
+
+def test_recordings_together_are_worse_than_each_alone_only_if_they_differ():
+    # A Gauss-Markov process is right for each recording, and no Gauss-Markov process is right for their mean.
+    rate, samples = 50.0, 100_000
+    units = {}
+    for name, time in {"cold": 1.0, "warm": 10.0, "hot": 100.0}.items():
+        rng, keep = np.random.default_rng(round(time)), np.exp(-1 / (rate * time))
+        steps = 1e-3 * np.sqrt(1 - keep**2) * rng.normal(size=samples)
+        slow = lfilter([1.0], [1.0, -keep], steps)
+        units[name] = Imu.from_arrays({"gyro_x": 1e-3 * rng.normal(size=samples) + slow}, rate=rate)
+    alone = [gmwm.calibrate(unit, "GM + WN").number_verdicts["gyro_x"] for unit in units.values()]
+    assert all(of_axis[symbol].usability is Usability.USE for of_axis in alone for symbol in "NK")
+    together = gmwm.calibrate(units, "GM + WN").number_verdicts["gyro_x"]
+    reasons = {verdict.reason.code for verdict in together.values() if verdict.usability is not Usability.USE}
+    assert reasons == {"recordings-differ"}

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import SIN, WN
 from gmwm.base.remarks import Quantity, Remark, Severity
-from gmwm.calibration.summary_text import HELD
 from gmwm.calibration.tables import in_order, merge_names, number
 from gmwm.choosing.datasheets import Entry
 from gmwm.measuring.outliers import excess_text
@@ -206,25 +204,29 @@ def test_scales_that_gaps_hide_get_a_remark(imu):
     assert apart["scale"].value < whole["scale"].value
 
 
-@pytest.mark.slow
-def test_held_lines_are_only_counted():
+def test_lines_are_named_by_their_frequency_the_strongest_first():
     rng, t = np.random.default_rng(1), np.arange(50_000) / 100.0
-    x = 1e-3 * rng.normal(size=t.size) + 1e-3 * np.sin(2 * np.pi * 7.3 * t) + 5e-4 * np.sin(2 * np.pi * 21.1 * t)
-    held = [SIN(frequency=gmwm.fixed(21.1), power=gmwm.fixed(1.25e-7))]
-    free = SIN(frequency=gmwm.fixed(7.3))
-    found = gmwm.calibrate(gmwm.Signal(x, 100.0, "rad/s", "gyro_x"), gmwm.Model((WN(), free, *held)))
-    sheet, text = found.datasheets["gyro_x"], found.summary(details=True)
-    # The datasheet lists both; the table has the line with a free power, and the number of the others.
-    assert {"A[1]", "A[2]"} <= set(sheet)
-    shown = {symbol: f"{symbol} (deg/h)" in text for symbol in ("A[1]", "A[2]")}
-    assert shown == {symbol: not entry.held for symbol, entry in sheet.items() if symbol in shown}
-    (row,) = (line.split() for line in text.splitlines() if line.startswith(f"  {HELD}"))
+    lines = {7.3: 5e-4, 21.1: 1e-3, 33.7: 2.5e-4}
+    x = 1e-3 * rng.normal(size=t.size) + sum(a * np.sin(2 * np.pi * f * t) for f, a in lines.items())
+    found = gmwm.calibrate(gmwm.Signal(x, 100.0, "rad/s", "gyro_x"))
+    amplitudes = [entry for symbol, entry in found.datasheets["gyro_x"].items() if symbol.startswith("A")]
+    values = [entry.value for entry in amplitudes]
+    assert values == sorted(values, reverse=True)
+    assert values == pytest.approx(sorted(lines.values(), reverse=True), rel=0.05)
+    assert all(entry.low < entry.value < entry.high < 1.2 * entry.low for entry in amplitudes)
+    rows = [line.split("(")[0].strip() for line in found.summary(details=True).splitlines() if "line " in line]
+    assert rows[:3] == ["line 21.1 Hz", "line 7.3 Hz", "line 33.7 Hz"]
+
+
+def test_many_lines_are_counted(monkeypatch):
+    monkeypatch.setattr("gmwm.calibration.summary_text.MOST_LINES", 1)
+    t = np.arange(50_000) / 100.0
+    x = 1e-3 * np.random.default_rng(1).normal(size=t.size)
+    x += 1e-3 * np.sin(2 * np.pi * 7.3 * t) + 5e-4 * np.sin(2 * np.pi * 21.1 * t)
+    text = gmwm.calibrate(gmwm.Signal(x, 100.0, "rad/s", "gyro_x")).summary(details=True)
+    (row,) = (line.split() for line in text.splitlines() if line.startswith("  weaker lines"))
     assert row[-1] == "1"
-    assert f"{HELD}: " in " ".join(text.split())
-
-
-def test_without_held_lines_they_are_not_mentioned(calibration):
-    assert HELD not in calibration.summary(details=True)
+    assert "line 21.1 Hz" not in text
 
 
 def test_the_summary_says_why_each_model_was_chosen(calibration):

@@ -63,6 +63,7 @@ def test_axes_and_options_reach_the_library(gmwm, recording):
     assert content["settings"] == {
         "within": "WN + RW", "robust": True, "weighting": "diagonal", "criterion": "asymptotic", "confidence": 0.9,
         "efficiency": 0.8, "draws": 1000, "seed": 3, "against": "auto", "gravity": 9.81, "tilt": 0.5,
+        "warmup": "omit", "repeated": "auto",
         "models": {"gyro_x": "RW"},
     }  # fmt: skip
     assert {axis["fit"]["wavelet_variance"]["efficiency"] for axis in content["axes"].values()} == {0.8}

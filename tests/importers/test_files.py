@@ -211,3 +211,64 @@ def test_a_row_of_matlab_is_read_whole_or_refused(row, tmp_path):
     (tmp_path / "f.m").write_text(f"gyro = gyroparams('NoiseDensity', {row});\n")
     with raises(ReadError, "NoiseDensity"):
         given_noise(tmp_path / "f.m", RATE)
+
+
+@pytest.mark.parametrize(
+    ("written", "number"),
+    [
+        ("0.15 deg/sqrt(h)", 0.15 * math.pi / 180 / 60), ("'1.0e-3'", 1e-3), ("0.2 deg/s/√Hz", 0.2 * math.pi / 180),
+        ("1.0e-3  # 5.0", 1e-3), ("1", 1.0), (".5", 0.5),
+    ],
+)  # fmt: skip
+def test_values_with_units_quotes_and_comments(written, number, tmp_path):
+    for name in ("kalibr.yaml", "plain.txt"):
+        (tmp_path / name).write_text(KALIBR.replace("[1.0e-4, 2.0e-4, 3.0e-4]", written))
+        found = given_noise(tmp_path / name, RATE)
+        assert pytest.approx(number, rel=1e-12) == found.values["gyro_x"].N
+        assert pytest.approx(number, rel=1e-12) == found.written["gyro_x"]["N"][1]
+
+
+@pytest.mark.parametrize(
+    "written",
+    ["1,0e-4", "1.0 e-4", "2*1.0e-4", "190:20:30", "0.15 deg/h", "0", "0.0", "[]", "[1, [2, 3]]", "~", "{a: 1}"],
+)
+def test_what_is_not_one_number_is_refused_with_its_line(written, tmp_path):
+    (tmp_path / "kalibr.yaml").write_text(KALIBR.replace("[1.0e-4, 2.0e-4, 3.0e-4]", written))
+    with pytest.raises(ReadError) as caught:
+        given_noise(tmp_path / "kalibr.yaml", RATE)
+    assert "gyroscope_noise_density" in str(caught.value)
+    assert "line 3" in str(caught.value) or "no number for" in str(caught.value)
+
+
+def test_numbers_per_step_have_no_other_unit(tmp_path):
+    text = "%YAML:1.0\n---\nacc_n: 0.02\ngyr_n: 0.1 deg/s\nacc_w: 1e-4\ngyr_w: 1e-5\n"
+    (tmp_path / "vins.yaml").write_text(text)
+    with raises(ReadError, "line 4", "deg/s"):
+        given_noise(tmp_path / "vins.yaml", RATE)
+
+
+def test_one_of_several_imus_is_a_choice(tmp_path):
+    body = KALIBR.split("\n", 1)[1]
+    path = tmp_path / "chain.yaml"
+    path.write_text(f"imu0:\n{body}imu1:\n{body.replace('1.0e-4, 2.0', '7.0e-4, 2.0')}")
+    with raises(ReadError, "lines 3 and 9", advises=["imu0", "imu1"]):
+        given_noise(path, RATE)
+    assert given_noise(f"{path}:imu0", RATE).values["gyro_x"].N == 1e-4
+    assert given_noise(f"{path}:imu1", RATE).values["gyro_x"].N == 7e-4
+    with raises(ReadError, "imu2", "imu0, imu1"):
+        given_noise(f"{path}:imu2", RATE)
+
+
+def test_yaml_that_is_damaged_is_refused_with_its_line(tmp_path):
+    (tmp_path / "kalibr.yaml").write_text(KALIBR.replace("1.0e-6", "[1.0e-6"))
+    with raises(ReadError, "line"):
+        given_noise(tmp_path / "kalibr.yaml", RATE)
+
+
+def test_nested_files_of_ros(tmp_path):
+    """LIO-SAM for ROS 2 and ROS 1 has its keys below others."""
+    for head in ("/**:\n  ros__parameters:\n", "lio_sam:\n"):
+        indent = "    " if "ros__" in head else "  "
+        keys = ("imuAccNoise: 4.0e-3", "imuGyrNoise: 1.6e-3", "imuAccBiasN: 6.4e-5", "imuGyrBiasN: 3.6e-5")
+        (tmp_path / "params.yaml").write_text(head + "".join(f"{indent}{key}\n" for key in keys))
+        assert given_noise(tmp_path / "params.yaml", 500.0).values["gyro_y"].N == 1.6e-3

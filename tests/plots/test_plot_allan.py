@@ -14,7 +14,7 @@ from gmwm.showing.plots.allan import (
     plot_allan_axes,
     plot_avlr,
 )
-from gmwm.showing.plots.figure import Line
+from gmwm.showing.plots.figure import Polyline
 from tests.helpers import raises
 
 
@@ -98,7 +98,7 @@ def test_sensors_side_by_side():
     assert [panel.title for panel in figure.panels] == ["Gyroscope", "Accelerometer"]
     for panel in figure.panels:
         assert panel.labels == ("X", "Y", "Z", "95 % limits, identified noise")
-        strokes = [m.stroke for m in panel.marks if isinstance(m, Line) and m.label]
+        strokes = [m.stroke for m in panel.marks if isinstance(m, Polyline) and m.label]
         assert len({(s.dash, s.symbol) for s in strokes}) == 3
 
 

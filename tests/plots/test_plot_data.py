@@ -266,7 +266,7 @@ def test_filtered_white_noise_has_the_stroke_of_white_noise_which_it_replaces(na
 def test_lines_beyond_two_share_one_curve_of_their_sum():
     model = gmwm.Model.parse("WN(1) + SIN(1, 0.1) + SIN(2, 0.2) + SIN(3, 0.3)")
     fit = gmwm.fit(model.structure, model.simulate(4096, 10.0, rng=1), rate=10.0)
-    panel = fit_panel(fit)
+    panel = fit_panel(fit, view="wavelet")
     (line,) = (mark for mark in panel.marks if mark.label == "3 lines")
     assert np.allclose(line.y, sum(fit.decomposition[f"SIN[{k}]"] for k in (1, 2, 3)))
     assert not any(mark.label.startswith("SIN") for mark in panel.marks)

@@ -10,7 +10,7 @@ import pytest
 import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.showing.plots.axes import signed_axis
-from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Panel, Stroke, Tick
+from gmwm.showing.plots.figure import Axis, Band, Figure, Panel, Polyline, Stroke, Tick
 from gmwm.showing.plots.matplotlib import draw
 from gmwm.showing.plots.ranking import candidates_figure, distance, plot_ranking, ranking_figure
 from tests.helpers import raises
@@ -37,7 +37,7 @@ def models(panel):
 @pytest.mark.slow
 def test_the_curves_are_those_of_the_best_and_of_the_recommended(ranking):
     for limit in (1, 4):
-        curves, distances, _ = ranking_figure(ranking, limit=limit).panels
+        curves, distances, _ = ranking_figure(ranking, limit=limit, view="wavelet", units="si").panels
         drawn = [c for k, c in enumerate(ranking.distinct) if k < limit or c.recommended]
         assert len(models(curves)) == len(models(distances)) == len(drawn)
         for line, row, candidate in zip(models(curves), models(distances), drawn, strict=True):
@@ -221,7 +221,7 @@ def test_axes_about_zero(values, labels, linear):
 def test_rows_of_two_lengths_share_the_width_and_the_height():
     axis = Axis("x", (0.0, 2.0), (Tick(1.0, "one"),), linear=math.inf)
     band = Band(np.array([0.0, 2.0]), np.full(2, -np.inf), np.full(2, 1.0), "#000000", label="low")
-    panel = Panel(axis, axis, (band, Line(np.array([1.0]), np.array([1.0]), Stroke("#000000", symbol="cross"))))
+    panel = Panel(axis, axis, (band, Polyline(np.array([1.0]), np.array([1.0]), Stroke("#000000", symbol="cross"))))
     picture = draw(Figure(((panel, panel), (panel,)), heights=(2.0, 1.0)))
     picture.draw_without_rendering()
     left, right, low = (ax.get_window_extent() for ax in picture.axes)

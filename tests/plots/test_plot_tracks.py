@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import gmwm
 from gmwm.base.errors import DataError, OptionError
 from gmwm.recording.signals import Signal
-from gmwm.showing.plots.figure import Band, Line
+from gmwm.showing.plots.figure import Band, Polyline
 from gmwm.showing.plots.trace import envelope, even_trace, extremes_there, lone_values
 from gmwm.showing.plots.tracks import COLUMNS, plot_tracks, tracks_figure
 from tests.helpers import raises
@@ -247,7 +247,7 @@ def test_the_truth_lies_over_the_track_unless_it_would_hide_it(made, smoothed):
     true = 0.01 + made["GM"].values
     bias = tracks_figure(smoothed, truth=true).panels[1]
     truth = bias["Truth"]
-    assert isinstance(truth, Line)
+    assert isinstance(truth, Polyline)
     assert truth.layer > bias["Smoothed"].layer
     scale = 1e-3 if "10⁻³" in bias.y.label else 1.0
     assert truth.y.max() * scale == pytest.approx(true.max())

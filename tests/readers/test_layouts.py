@@ -205,7 +205,81 @@ def r_table(names: list[str], g=False) -> str:
     return " ".join(names) + "\n" + "".join(f'"{k}" {" ".join(map(repr, row))}\n' for k, row in enumerate(rows, 1))
 
 
-LAYOUTS = [*NAMES, *SENTENCES, *EXPORTS]
+def long(label: dict[str, str], header: str, row: str) -> str:
+    """Return one table of both sensors; the accelerometers come between the gyroscopes, and a magnetometer too."""
+    lines = [header] if header else []
+    for k in range(SIZE):
+        for sensor, values, shift in (("gyro", GYRO, 0), ("accel", ACCEL, 3), ("mag", ACCEL, 5)):
+            x, y, z = values[k].tolist()
+            lines.append(row.format(label=label[sensor], ms=1_700_000_000_000 + 10 * k + shift, x=x, y=y, z=z))
+    return "\n".join(lines) + "\n"
+
+
+_ANDROID = {sensor: f"android.sensor.{name}" for sensor, name in
+            (("gyro", "gyroscope"), ("accel", "accelerometer"), ("mag", "magnetic_field"))}  # fmt: skip
+_WORDS = {"gyro": "Gyroscope", "accel": "Accelerometer", "mag": "Magnetometer"}
+_HEX = ['"Product","Blackbox flight data recorder"', '"acc_1G","2048"', '"gyro_scale","0x3f800000"', '"looptime","125"']
+TABLES = [
+    *(
+        Layout(f"long table of Android, {sensor}", "Android reference, SensorEvent: rad/s and m/s²",
+               lambda: long(_ANDROID, "type,timestamp [ms],x,y,z", "{label},{ms},{x!r},{y!r},{z!r}"), sensors=(sensor,),
+               options={"topic": _ANDROID[sensor]})
+        for sensor in ("gyro", "accel")
+    ),
+    Layout("long table with values in order", "CSV of phone loggers: sensor, time, values",
+           lambda: long(_WORDS, "sensor;time_ms;value1;value2;value3", "{label};{ms};{x!r};{y!r};{z!r}"),
+           sensors=("gyro",), options={"topic": "Gyroscope", "units": {"gyro": "rad/s"}}),
+    Layout("long table without header", "CSV of phone loggers",
+           lambda: long(_WORDS, "", "{label},{ms},{x!r},{y!r},{z!r}"), sensors=("accel",),
+           options={"topic": "Accelerometer", "units": {"accel": "m/s2"}}),
+    Layout("decoded blackbox with its headers", "Betaflight blackbox-log-viewer: FlightLog, acc_1G and gyro_scale",
+           table("loopIteration,time (us),axisP[0],gyroADC[0],gyroADC[1],gyroADC[2],accSmooth[0],accSmooth[1],"
+                 "accSmooth[2]", "{k},{us},0,{g},{a}", deg=True, g=True, scale=(1.0, 1 / 2048),
+                 head="\n".join([*_HEX, ""])),
+           remarks=("file-content",)),
+    Layout("NCLT", "description of the sensor data of NCLT: ms25.csv", lambda: "".join(
+        f"{1_326_030_975_726_043 + 10_000 * k},-0.1,0.2,0.3,"
+        f"{','.join(map(repr, [*ACCEL[k].tolist(), *GYRO[k].tolist()]))}\n"
+        for k in range(SIZE)), "ms25.csv", remarks=("file-content",)),
+    Layout("KAIST Urban", "data of KAIST Urban: xsens_imu.csv", lambda: "".join(
+        f"{1_544_578_498_421_000_000 + 10_000_000 * k},0,0,0,1,0.1,0.2,0.3,"
+        f"{','.join(map(repr, [*GYRO[k].tolist(), *ACCEL[k].tolist()]))},0.1,0.2,0.3\n"
+        for k in range(SIZE)), "xsens_imu.csv", remarks=("file-content",)),
+    Layout("TUM RGB-D", "file formats of the RGB-D benchmark of TUM: accelerometer.txt",
+           lambda: "# accelerometer data\n# file: 'x.bag'\n# timestamp ax ay az\n" + "".join(
+               f"{1305031449.5 + k / RATE:.4f} {' '.join(map(repr, ACCEL[k].tolist()))}\n" for k in range(SIZE)),
+           "accelerometer.txt", sensors=("accel",), options={"units": {"accel": "m/s2"}}),
+    Layout("EuRoC and TUM VI", "ASL data format: imu0/data.csv",
+           table("#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],a_RS_S_x [m s^-2],"
+                 "a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]", "{ns},{g},{a}"), "data.csv"),
+]  # fmt: skip
+LAYOUTS = [*NAMES, *SENTENCES, *EXPORTS, *TABLES]
+
+
+def test_folders_of_data_sets(tmp_path):
+    (tmp_path / "seq" / "mav0" / "imu0").mkdir(parents=True)
+    (tmp_path / "seq" / "mav0" / "imu0" / "data.csv").write_text(TABLES[-1].text())
+    oxts = tmp_path / "drive" / "oxts"
+    (oxts / "data").mkdir(parents=True)
+    seconds = (f"2011-09-26 13:02:{k / RATE:012.9f}\n" for k in range(SIZE))
+    (oxts / "timestamps.txt").write_text("".join(seconds))
+    for k in range(SIZE):
+        row = [0.0] * 11 + [*ACCEL[k].tolist(), 0.0, 0.0, 0.0, *GYRO[k].tolist()] + [0.0] * 10
+        (oxts / "data" / f"{k:010d}.txt").write_text(" ".join(map(repr, row)))
+    for folder in (tmp_path / "seq", tmp_path / "seq" / "mav0", tmp_path / "drive", oxts):
+        imu = gmwm.read(folder)
+        assert imu.rate == pytest.approx(RATE)
+        assert np.array_equal(np.column_stack([imu[axis].values for axis in imu]), np.hstack([GYRO, ACCEL]))
+    (oxts / "data" / "0000000003.txt").unlink()
+    with raises(ReadError, 64, 63, code="files-missing"):
+        gmwm.read(oxts)
+
+
+def test_a_long_table_asks_for_the_sensor(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(TABLES[0].text())
+    with raises(ReadError, code="several-recordings", advises=["topic="]):
+        gmwm.read(path)
 
 
 @pytest.mark.parametrize("layout", LAYOUTS, ids=lambda layout: layout.name)
@@ -223,7 +297,8 @@ def test_a_layout_is_read_without_options(tmp_path, layout, recwarn):
     assert [code for code in layout.remarks if code not in codes] == []
     assert not recwarn.list
     stream = gmwm.stream(path, **layout.options)
-    assert np.concatenate([chunk.values["gyro_x"] for chunk in stream]).tolist() == imu["gyro_x"].values.tolist()
+    axis = f"{layout.sensors[0]}_x"
+    assert np.concatenate([chunk.values[axis] for chunk in stream]).tolist() == imu[axis].values.tolist()
 
 
 QUESTIONS = [

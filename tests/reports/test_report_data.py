@@ -15,7 +15,7 @@ from gmwm.base import guests
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.showing.plots.axes import signed_axis, time_axis, value_axis
-from gmwm.showing.plots.figure import Band, Foot, Line, Panel, Stroke, Text
+from gmwm.showing.plots.figure import Band, Foot, Panel, Polyline, Stroke, Text
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.reports import Section, report_data
 from gmwm.showing.reports import sections as report_sections
@@ -310,8 +310,8 @@ def test_a_band_with_a_hole_and_a_point_alone():
 
 def test_marks_without_a_name_go_with_those_of_their_colour():
     x = np.array([1.0, 10.0])
-    named = Line(x, x, Stroke("#000000"), "data")
-    rings = Line(x, x, Stroke("#000000", 0.0, symbol="circle", filled=False))
+    named = Polyline(x, x, Stroke("#000000"), "data")
+    rings = Polyline(x, x, Stroke("#000000", 0.0, symbol="circle", filled=False))
     foot = Foot(x, Stroke("#D55E00", 0.0, symbol="down"), "zero")
     picture = plotly_panel(panel_of(named, rings, foot))
     groups = [trace["legendgroup"] for trace in picture["data"]]
@@ -323,13 +323,13 @@ def test_an_axis_that_is_even_about_zero():
     axis = signed_axis(np.array([-0.4, 37.0]), "Distance", linear=1.0, even=5.0)
     scale = Scale(axis)
     assert scale.of(np.array([-10.0, -0.5, 0.0, 1.0, 10.0, 100.0])) == pytest.approx([-2, -0.5, 0, 1, 2, 3])
-    line = Line(np.array([1.0, 10.0]), np.array([-0.4, 37.0]), Stroke("#000000"), "model")
+    line = Polyline(np.array([1.0, 10.0]), np.array([-0.4, 37.0]), Stroke("#000000"), "model")
     (trace,) = plotly_panel(panel_of(line, y=axis))["data"]
     assert [row[0] for row in trace["customdata"]] == [-0.4, 37.0]
 
 
 def test_names_stay_names():
-    line = Line(np.array([1.0]), np.array([2.0]), Stroke("#000000"), "<a href='https://example.org'>%{x}</a>")
+    line = Polyline(np.array([1.0]), np.array([2.0]), Stroke("#000000"), "<a href='https://example.org'>%{x}</a>")
     text = json.dumps(plotly_panel(panel_of(line)))
     assert "<a" not in text
     assert "<i>" not in text

@@ -401,8 +401,6 @@ def test_general_models_that_are_refused(wv, general, words):
 def test_data_that_are_refused(wv):
     with raises(ModelError, "constant"):
         gmwm.select("GM + WN", np.ones(1000), RATE)
-    with raises(OptionError, argument="rate"):
-        gmwm.select("GM + WN", simulated(1000))
     with raises(DataError, argument="data", got=[]):
         gmwm.select("GM + WN", [])
     with raises(DataError, "8 samples", argument="x"):

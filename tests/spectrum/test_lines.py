@@ -1,9 +1,13 @@
 """Lines and bumps: what is found, how precisely, and what is not found."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gmwm import psd
+from gmwm.measuring.spectrum.line import Line
+from gmwm.measuring.spectrum.peaks import distinct
 from tests.spectrum.recordings import RATE, RESONANCES, SMOOTH, line, resonance
 
 
@@ -154,3 +158,12 @@ def test_detectable_amplitude_falls_with_the_length():
     # Sixteen times the length: the blocks are 16 times as long, and the amplitude falls by four.
     assert short / long == pytest.approx(4.0, rel=0.25)
     assert np.isnan(psd(x[:50_000], RATE).detectable_amplitude([0.01, 60.0])).all()
+
+
+def test_a_line_that_is_found_twice_is_one():
+    strong = Line(
+        frequency=10.0, frequency_error=1e-4, amplitude=2.0, amplitude_error=0.1, width=0.0, height=50.0, p_value=0.0
+    )
+    twin, other = replace(strong, frequency=10.0004, amplitude=0.5), replace(strong, frequency=10.01, amplitude=0.5)
+    assert distinct([twin, strong, other], resolution=0.0022) == [strong, other]
+    assert distinct([replace(strong, width=0.1), other], resolution=0.0022) == [replace(strong, width=0.1)]

@@ -45,7 +45,7 @@ def by_sensor(axes: Mapping[str, T]) -> dict[str, dict[str, T]]:
 
 
 def axis_quantity(axis: str) -> Quantity:
-    """Return the quantity that an axis measures, "gyro" or "accel"."""
-    if axis not in AXES:
+    """Return the quantity that an axis measures, "gyro" or "accel". Sensors of an array may have numbers: gyro_1."""
+    if axis not in AXES and not (sensor_of(axis) in ("gyro", "accel") and letter_of(axis).isdecimal()):
         raise OptionError(argument="axis", expected=f"one of {', '.join(AXES)}", got=axis)
     return "gyro" if axis.startswith("gyro") else "accel"

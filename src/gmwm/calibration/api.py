@@ -23,15 +23,16 @@ def calibrate(
     weighting: Literal["diagonal", "optimal"] = "optimal", criterion: Literal["asymptotic", "bootstrap"] = "asymptotic",
     confidence: float = 0.95, efficiency: float = 0.6, draws: int = 1000, rng: int | np.random.Generator = 0,
     against: Against = AUTO, gravity: float | None = None, tilt: float | None = None,
+    warmup: Literal["omit", "keep"] = "omit",
     axes: str | Sequence[str] | None = None, models: Mapping[str, ModelLike] | None = None,
     repeated: Literal["auto", "keep"] = "auto", threads: int | None = None,
     scheduler: str | Client | None = None, workers: int | None = None, progress: Progress | None = None,
 ) -> Calibration:  # fmt: skip
     """Calibrate every axis of an inertial sensor: choose a noise model, fit it and compute its datasheet numbers.
 
-    For each axis, the function estimates the wavelet variance, selects a model, fits it, certifies the optimum, and
-    computes confidence intervals, a goodness-of-fit test and the numbers of a datasheet. An axis that cannot be
-    calibrated is listed in `failed`; the others are not affected.
+    For each axis, the function estimates the wavelet variance, selects a model, fits it, certifies the optimum given
+    the filter and the lines taken from the spectrum, and computes confidence intervals, a goodness-of-fit test and the
+    numbers of a datasheet. An axis that cannot be calibrated is listed in `failed`; the others are not affected.
 
     Parameters
     ----------
@@ -71,6 +72,9 @@ def calibrate(
     tilt : float, optional
         Largest possible angle (°) between the vertical and the accelerometer axis closest to it. Without it, only the
         bias of the vertical accelerometer is computed.
+    warmup : "omit" or "keep"
+        With "omit", the beginning of an Imu or Stream is left out if a warm-up there raises K by more than its
+        uncertainty, and if at least half of the recording is left. A remark and the summary say so.
     axes : str or sequence of str, optional
         The axes to calibrate; "gyro" and "accel" mean all axes of a sensor. Default: all axes.
     models : mapping of axis or sensor to Model, Process or str, optional
@@ -115,7 +119,8 @@ def calibrate(
     """
     options = CalibrationOptions(
         within=within, robust=robust, weighting=weighting, criterion=criterion, confidence=confidence,
-        efficiency=efficiency, draws=draws, seed=as_seed(rng), against=against, gravity=gravity, tilt=tilt, axes=axes,
+        efficiency=efficiency, draws=draws, seed=as_seed(rng), against=against, gravity=gravity, tilt=tilt,
+        warmup=warmup, axes=axes,
         models={} if models is None else models,
         repeated=repeated,
     )  # fmt: skip

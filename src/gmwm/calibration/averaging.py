@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 from gmwm.base.errors import GmwmError
 from gmwm.choosing.datasheets import Datasheet, Entry, model_datasheet
+from gmwm.choosing.datasheets.limits import WIDEST
 from gmwm.choosing.selection.ranking import Candidate, Ranking
-from gmwm.fitting.estimation.intervals import with_quick_intervals
+from gmwm.fitting.estimation.intervals import parameters_by_name, with_quick_intervals
 from gmwm.fitting.estimation.result import Fit
+from gmwm.measuring.spectrum import Line
 from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.parameter import Parameter
 
 LIKELY = 0.02
 """Smallest weight of a model in the average, relative to the best model (docs/validation/sensors.md)."""
@@ -31,6 +34,7 @@ UNKNOWN = 1e4
 undetermined term is no better than a smaller model, and its intervals are not valid (docs/validation/sensors.md)."""
 _LARGEST = 700.0
 _TIMES = ("T_c", "q_c")
+_LINE = ("f_0", "A")
 WALK = "K"
 """Symbol of the rate random walk in a datasheet."""
 SLOW = 0.01
@@ -143,10 +147,14 @@ def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Data
     return replace(sheet, entries=tuple(_widen(entry, sheet, others, level) for entry in sheet.values()))
 
 
-def with_band(sheet: Datasheet, errors: Mapping[str, float], level: float) -> Datasheet:
-    """Return the datasheet with intervals for numbers from the spectrum, such as f_b. `errors` has their relative
-    standard errors by symbol. The fit holds these numbers, so they have no interval yet."""
+def with_band(
+    sheet: Datasheet, errors: Mapping[str, float], lines: Iterable[Line], level: float
+) -> Datasheet:  # fmt: skip
+    """Return the datasheet with intervals for numbers from the spectrum: f_b, whose relative standard errors are in
+    `errors` by symbol, and lines. The fit holds these numbers, so they have no interval yet. The strongest line comes
+    first."""
     reach = NormalDist().inv_cdf((1 + level) / 2)
+    errors = {**errors, **_line_errors(sheet, lines)}
 
     def with_interval(entry: Entry) -> Entry:
         if not entry.held or entry.symbol not in errors:
@@ -154,7 +162,20 @@ def with_band(sheet: Datasheet, errors: Mapping[str, float], level: float) -> Da
         by = math.exp(min(reach * errors[entry.symbol], _LARGEST))
         return replace(entry, low=entry.value / by, high=entry.value * by, held=False)
 
-    return replace(sheet, entries=tuple(map(with_interval, sheet.values())))
+    amplitudes = {entry.term: entry.value for entry in sheet.values() if _base(entry.symbol) == _LINE[1]}
+    entries = sorted(map(with_interval, sheet.values()), key=lambda entry: -amplitudes.get(entry.term or "", math.inf))
+    return replace(sheet, entries=tuple(entries))
+
+
+def _line_errors(sheet: Datasheet, lines: Iterable[Line]) -> dict[str, float]:
+    """Return the relative standard errors of frequencies and amplitudes from the spectrum by symbol."""
+    errors = {}
+    for entry in sheet.values():
+        line = next((line for line in lines if line.frequency == entry.value), None)
+        if _base(entry.symbol) == _LINE[0] and line is not None:
+            errors[entry.symbol] = line.frequency_error / line.frequency
+            errors[_LINE[1] + entry.symbol.removeprefix(_LINE[0])] = line.amplitude_error / line.amplitude
+    return errors
 
 
 def _is_determined(sheet: Datasheet) -> bool:
@@ -270,7 +291,18 @@ def averaged_intervals(
             ends = [_scale(value, end / entry.value, power) for end in (entry.low, entry.high)]
             low, high = widened[name]
             widened[name] = (min(low, *ends), max(high, *ends))
-    return widened
+    parameters = parameters_by_name(fit.model)
+    return {name: _narrow_enough(parameters.get(name), ends) for name, ends in widened.items()}
+
+
+def _narrow_enough(parameter: Parameter | None, interval: tuple[float, float]) -> tuple[float, float]:
+    """Return an interval of a parameter, or a limit if it is wider than an interval of a number may be. A scale that is
+    a variance counts by its square root."""
+    low, high = interval
+    power = None if parameter is None else parameter.scale_power
+    if low <= 0 or high <= low * WIDEST ** (1.0 if power is None else 2.0 / power):
+        return interval
+    return 0.0, math.inf if power is None else high
 
 
 def _scale(value: float, ratio: float, power: float) -> float:

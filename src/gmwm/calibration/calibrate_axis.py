@@ -49,7 +49,8 @@ def calibrate_axis(
     advance(STAGES[1])
     fit = final_fit(ranking.recommended.model, choice.with_error, options.weighting)
     advance(STAGES[2])
-    sheet = with_band(averaged_datasheet(model_datasheet(fit, level), ranking, level), choice.band, level)
+    lines = () if measured.spectrum is None else measured.spectrum.lines
+    sheet = with_band(averaged_datasheet(model_datasheet(fit, level), ranking, level), choice.band, lines, level)
     raw = measured.raw_curve(options)
     means, beginnings = list(measured.means.values()), list(measured.beginnings.values())
     additions = {item.name: item.of_axis(fit, beginnings) for item in axis_additions() if beginnings}

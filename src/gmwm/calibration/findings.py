@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +12,7 @@ from gmwm.base.multiple_tests import holm
 from gmwm.base.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remarks
 from gmwm.base.text import duration_text
 from gmwm.calibration.averaging import markov_instead_of_walk
-from gmwm.calibration.misfit import line_in, line_process, misfit_of
+from gmwm.calibration.misfit import in_any_recording, line_in, line_process, misfit_of
 from gmwm.calibration.number_verdicts import MAIN, OF_FILTER, Usability, counts
 from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.linearised import usable_in
@@ -24,6 +24,7 @@ from gmwm.theory.filters import find_filter
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
+    from gmwm.fitting.estimation.result import Fit
     from gmwm.measuring.outliers import Dependence, Replaced, Verdict
     from gmwm.measuring.spectrum import Line
     from gmwm.measuring.variance import WaveletVariance
@@ -106,6 +107,16 @@ def rejected_axes(calibration: Calibration) -> list[str]:
     return [axis for axis, test in tests.items() if test.pvalue < SIZE / len(tests)]
 
 
+def certificate_of(fits: Collection[Fit]) -> Remark | None:
+    """Return the remark on what the certificates of fits cover; None if a fit has no certificate."""
+    gaps = [fit.gap for fit in fits]
+    certified = [gap for gap in gaps if gap is not None]
+    if len(certified) < len(gaps):
+        return None
+    held = any(fit.model.fixed_names for fit in fits)
+    return Remark.of("check-passed", case="optimum", gap=100 * max(certified), of="shape" if held else "all")
+
+
 def _of_failed(calibration: Calibration) -> Iterator[Remark]:
     for axis, why in calibration.failed.items():
         yield Remark.of("not-calibrated", axis, case="calibration", reason=why)
@@ -152,7 +163,7 @@ def _of_axis(
     if time is not None:
         yield Remark.of("walk-or-markov", axis, time=Quantity(time, "s"))
     if axis_calibration.needed:
-        yield _poorly_known(axis, axis_calibration.needed)
+        yield _poorly_known(axis, axis_calibration)
 
 
 def _rejection(axis: str, axis_calibration: AxisCalibration) -> Remark:
@@ -178,7 +189,7 @@ def _of_coarse_levels(axis: str, axis_calibration: AxisCalibration) -> Iterator[
     wv, misfit = axis_calibration.fit.wavelet_variance, axis_calibration.misfit
     if misfit is None:
         return
-    far = implausible_levels(axis_calibration.fit)
+    far = implausible_levels(axis_calibration.fit) & in_any_recording(axis_calibration, implausible_levels)
     if not np.any(far):
         return
     worst = int(
@@ -243,8 +254,16 @@ def _excess(verdict: Verdict) -> dict[str, Fact]:
     return {"excess": excess_text(float(verdict.excess[worst])), "tau": Quantity(float(verdict.tau[worst]), "s")}
 
 
-def _poorly_known(axis: str, needed: Mapping[str, float | None]) -> Remark:
-    """Return the remark on parameters with a large standard error, with the recording lengths that would reduce it."""
+def _poorly_known(axis: str, axis_calibration: AxisCalibration) -> Remark:
+    """Return the remark on parameters with a large standard error, with the recording lengths that would reduce it. The
+    power of a line is named by its frequency, as in tables."""
+    fit, needed = axis_calibration.fit, axis_calibration.needed
+    lines = {
+        f"{term}.{process.scale_parameter().name}": f"line {abs(line[1]) * fit.wavelet_variance.rate:.3g} Hz"
+        for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
+        if (line := process.line(fit.wavelet_variance.rate)) is not None
+    }
+    parameters = tuple(lines.get(name, name) for name in needed)
     finite = [seconds for seconds in needed.values() if seconds is not None and math.isfinite(seconds)]
     lengths = ""
     if finite:
@@ -253,7 +272,7 @@ def _poorly_known(axis: str, needed: Mapping[str, float | None]) -> Remark:
     endless = any(seconds == math.inf for seconds in needed.values())
     way = "none" if not finite and not endless else "hold" if not finite else "both" if endless else "record"
     return Remark.of(
-        "poorly-known", axis, case="fit", parameters=tuple(needed), seen=SEEN, wanted=WANTED, lengths=lengths, way=way
+        "poorly-known", axis, case="fit", parameters=parameters, seen=SEEN, wanted=WANTED, lengths=lengths, way=way
     )
 
 

@@ -17,6 +17,7 @@ from gmwm.calibration.passes import (
     IN_THIS_PROCESS,
     AxisAccumulator,
     Execution,
+    Passes,
     clean,
     needed_beginning,
     read_recording,
@@ -24,6 +25,7 @@ from gmwm.calibration.passes import (
 from gmwm.calibration.rest import AxisMean, means_of
 from gmwm.measuring.covariance.tails import with_common_tails
 from gmwm.measuring.inspection import Inspection
+from gmwm.measuring.inspection.findings import beginning_to_omit, omission_remarks
 from gmwm.measuring.inspection.jumps import MOST, remarks_of_jumps
 from gmwm.measuring.outliers import (
     MATERIAL,
@@ -43,6 +45,7 @@ from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.batches import Batch, batches, join_batches, part_of
 from gmwm.recording.repairs import repaired, without_jumps
+from gmwm.recording.repairs.beginning import without_beginning
 from gmwm.recording.signals import Imu, Signal
 
 
@@ -178,14 +181,20 @@ def _measure_recording(
         for piece in (repaired(part) if options.repeated == "auto" else (part,))
     ]
     for part in pieces:
-        conditions = Conditions.of_recording(part, options.conditions, threads=run.threads, curves=True)
         axes = [axis for axis in recordings.axes if axis in part.axes]
-        passes = read_recording(part, axes, options.efficiency, conditions=conditions, run=run)
+        conditions, passes = _read(part, axes, options, run)
+        steady = part
         if options.repeated == "auto" and not run.remote and (jumps := _jumps_of(passes.inspection)):
             steady = without_jumps(part, jumps, remarks_of_jumps(passes.inspection))
-            conditions = Conditions.of_recording(steady, options.conditions, threads=run.threads, curves=True)
-            passes = read_recording(steady, axes, options.efficiency, conditions=conditions, run=run)
-        inspections.append(passes.inspection)
+            conditions, passes = _read(steady, axes, options, run)
+        inspection = passes.inspection
+        if start := _warm_up(inspection, options):
+            part, steady = without_beginning(part, start), without_beginning(steady, start)
+            # A recording without its beginning cannot be divided into parts for other processes.
+            conditions, passes = _read(steady, axes, options, replace(run, scheduler=None, workers=None))
+            remarks = (*omission_remarks(inspection, start), *passes.inspection.remarks)
+            inspection = replace(passes.inspection, remarks=remarks)
+        inspections.append(inspection)
         findings.append(passes.findings)
         accumulators |= passes.axes
         beginnings = _beginnings(part, passes.axes, conditions)
@@ -214,6 +223,20 @@ def _measure_recording(
         )
 
     return in_threads(work, {**curves, **accumulators}, threads=run.threads), accumulators, inspections, findings
+
+
+def _read(part: Part, axes: Sequence[str], options: CalibrationOptions, run: Execution) -> tuple[Conditions, Passes]:
+    """Return the conditions of a part of a recording, and the results of the passes over its samples."""
+    conditions = Conditions.of_recording(part, options.conditions, threads=run.threads, curves=True)
+    return conditions, read_recording(part, axes, options.efficiency, conditions=conditions, run=run)
+
+
+def _warm_up(inspection: Inspection, options: CalibrationOptions) -> float:
+    """Return the time (s) at the beginning of a recording to leave out because of a warm-up; 0 for none. The arrays of
+    covariates belong to the whole recording."""
+    if options.warmup == "keep" or options.conditions.arrays:
+        return 0.0
+    return beginning_to_omit(inspection.trends, inspection.duration) or 0.0
 
 
 def _jumps_of(inspection: Inspection) -> dict[str, list[tuple[int, float]]]:

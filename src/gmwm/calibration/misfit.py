@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gmwm.choosing.datasheets.bias import SYMBOL
 from gmwm.measuring.variance.allan_regression import LAWS
@@ -15,7 +17,10 @@ from gmwm.theory.processes.base import Process, registry
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration
     from gmwm.choosing.datasheets import Datasheet
+    from gmwm.fitting.estimation.result import Fit
     from gmwm.theory.processes import Model
+
+Mask = NDArray[np.bool_]
 
 
 def line_in(model: Model) -> str | None:
@@ -52,7 +57,7 @@ def misfit_of(found: AxisCalibration) -> LargestMisfit | None:
     """Return the largest misfit among the tested levels at which the model is outside the limits of the data; None if
     it is inside everywhere. Other levels have few coefficients and a large variance."""
     wv = found.fit.wavelet_variance
-    outside = (found.fit.implied < wv.lower) | (found.fit.implied > wv.upper)
+    outside = _outside(found.fit) & in_any_recording(found, _outside)
     if found.test is not None:
         outside &= np.isin(wv.levels, found.test.levels)
     # The ratio is undefined if a variance is zero.
@@ -64,6 +69,24 @@ def misfit_of(found: AxisCalibration) -> LargestMisfit | None:
     worst = int(np.argmax(apart))
     tau, ratio = float(wv.tau[worst]), float(found.fit.implied[worst] / wv.variance[worst])
     return LargestMisfit(tau=tau, ratio=ratio, numbers=_read_at(found.datasheet, long=tau > _middle(found)))
+
+
+def in_any_recording(found: AxisCalibration, levels: Callable[[Fit], Mask]) -> Mask:
+    """Return a mask (J,) of the levels that `levels` finds in the fit of at least one of several recordings.
+
+    The mean of several recordings is known more precisely than each of them, and it differs from a model if the
+    recordings differ. A misfit that no recording shows by itself is no reason against numbers that each one gives.
+    """
+    mask = np.full(len(found.fit.wavelet_variance), found.replicates is None)
+    for single in () if found.replicates is None else found.replicates.fits.values():
+        in_single = levels(single)
+        mask[: in_single.size] |= in_single[: mask.size]
+    return mask
+
+
+def _outside(fit: Fit) -> Mask:
+    """Return a mask (J,) of the levels at which a model is outside the limits of the data."""
+    return np.asarray((fit.implied < fit.wavelet_variance.lower) | (fit.implied > fit.wavelet_variance.upper))
 
 
 def _read_at(sheet: Datasheet, *, long: bool) -> tuple[str, ...]:

@@ -23,6 +23,8 @@ less than 1 % of the prediction error from flicker noise, and 13 % of that from 
 filter falls with the square of the frequency. Pinned by tests/calibration/test_number_verdicts.py."""
 OF_FILTER = ("N", "K")
 """Symbols of the numbers of a filter."""
+OF_FIT = ("model-misfit", "coarse-misfit")
+"""Remarks on the difference between the model and the data."""
 _ALL, _FACTS = "all", "facts"
 _SHORT = frozenset({*MAIN, "R", "Q", "T_c", "q_c"})
 """Symbols that a remark can name."""
@@ -89,10 +91,15 @@ def verdict_of_number(entry: Entry, remarks: Iterable[Remark]) -> NumberVerdict:
     remarks = tuple(remarks)
     spoiling = next((remark for remark in remarks if _touches(remark, remark.message.spoils, symbol)), None)
     raising = next((r for r in remarks if _touches(r, r.message.raises, symbol) and not _is_small(r, entry)), None)
+    # If recordings differ, no model fits their mean, and its numbers have wide intervals.
+    differ = next((remark for remark in remarks if remark.code == "recordings-differ"), None)
     if spoiling is not None:
-        return NumberVerdict(symbol=entry.symbol, usability=Usability.DO_NOT_USE, reason=spoiling)
+        reason = spoiling if differ is None or spoiling.code not in OF_FIT else differ
+        return NumberVerdict(symbol=entry.symbol, usability=Usability.DO_NOT_USE, reason=reason)
     if entry.high is not None and not math.isfinite(entry.high):
-        return NumberVerdict(symbol=entry.symbol, usability=Usability.DO_NOT_USE)
+        return NumberVerdict(symbol=entry.symbol, usability=Usability.DO_NOT_USE, reason=differ)
+    if entry.upper_only and raising is None:
+        raising = differ
     usability = Usability.BOUND if entry.upper_only or raising is not None else Usability.USE
     return NumberVerdict(symbol=entry.symbol, usability=usability, reason=raising)
 
@@ -107,7 +114,8 @@ def _touches(remark: Remark, symbols: tuple[str, ...], symbol: str) -> bool:
     if _FACTS in symbols:
         numbers = remark.facts["numbers"]
         named = tuple(map(str, numbers)) if isinstance(numbers, tuple) else ()
-        symbols = named if _SHORT.intersection(named) else (_ALL,)  # a phrase stands for all numbers of the axis
+        # A phrase stands for all numbers of the axis.
+        symbols = named if not named or _SHORT.intersection(named) else (_ALL,)
     return _ALL in symbols or symbol in symbols
 
 
@@ -118,9 +126,9 @@ def _tracking_time(datasheet: Mapping[str, Entry]) -> float:
 
 
 def _is_beyond(remark: Remark, symbol: str, tracking: float) -> bool:
-    """Return whether a remark concerns a scale that is too long to affect K of a filter."""
+    """Return whether a misfit is at a scale that is too long to affect K of a filter. `tau` of a trend is no scale."""
     tau = remark.facts.get("tau")
-    return symbol == "K" and isinstance(tau, Quantity) and tau.value > BEYOND * tracking
+    return symbol == "K" and "walk" not in remark.facts and isinstance(tau, Quantity) and tau.value > BEYOND * tracking
 
 
 def _is_small(remark: Remark, entry: Entry) -> bool:

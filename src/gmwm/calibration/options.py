@@ -18,8 +18,8 @@ AGAIN = "Pass an unchanged calibration.json, or calibrate the recording again."
 """Advice of the error if a document is not a calibration or is incomplete."""
 SEARCHED = "auto"
 """Default of `within`: gmwm searches for the model, as `gmwm.selection.search` describes."""
-_SINCE = ("gravity", "tilt")
-"""Options that files of older versions do not have."""
+_SINCE = {"gravity": None, "tilt": None, "warmup": "omit", "repeated": "auto"}
+"""Options that files of older versions do not have, and their defaults."""
 _SAVED = ("within", "robust", "weighting", "criterion", "confidence", "efficiency", "draws", "seed", "against")
 
 
@@ -49,6 +49,8 @@ class CalibrationOptions:
         Local gravity (m/s²); None if it is not known.
     tilt : float or None
         Largest possible angle (°) between the vertical and the accelerometer axis closest to it; None if unknown.
+    warmup : "omit" or "keep"
+        Whether the beginning of a recording is left out if a warm-up there raises K by more than its uncertainty.
     axes : tuple of str or None
         The axes or sensors to calibrate; None for all. The option is not saved, because a calibration lists its axes.
     models : mapping of axis or sensor to Model
@@ -78,6 +80,7 @@ class CalibrationOptions:
     against: Against = AUTO
     gravity: float | None = None
     tilt: float | None = None
+    warmup: Literal["omit", "keep"] = "omit"
     axes: str | Sequence[str] | None = None
     models: Mapping[str, ModelLike] = field(default_factory=dict)
     repeated: Literal["auto", "keep"] = "auto"
@@ -85,6 +88,7 @@ class CalibrationOptions:
     def __post_init__(self) -> None:
         if not isinstance(self.robust, bool) and self.robust != "auto":
             raise OptionError(argument="robust", expected="'auto', False or True", got=self.robust)
+        one_of(self.warmup, "warmup", ("omit", "keep"))
         one_of(self.repeated, "repeated", ("auto", "keep"))
         _ = self.ranking  # validates its options
         biweight(self.efficiency)
@@ -140,7 +144,6 @@ class CalibrationOptions:
         return {name: getattr(self, name) for name in (*_SAVED, *_SINCE)} | {
             "within": str(self.within),
             "against": str(self.conditions),
-            "repeated": self.repeated,
             "models": {axis: str(model) for axis, model in self.models.items()},
         }
 
@@ -151,8 +154,8 @@ class CalibrationOptions:
             if name not in content:
                 raise ReadError(f"the calibration is incomplete: settings has no {name!r}", advice=AGAIN)
         try:
-            later = {name: content.get(name) for name in _SINCE}
-            later |= {"models": content.get("models", {}), "repeated": content.get("repeated", "auto")}
+            later = {name: content.get(name, default) for name, default in _SINCE.items()}
+            later["models"] = content.get("models", {})
             return cls(**{name: content[name] for name in _SAVED} | later)
         except (OptionError, ModelError) as error:
             raise ReadError(f"not a calibration: settings.{error.reason}", advice=AGAIN) from error

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import round_text
 from gmwm.calibration.averaging import WALK
-from gmwm.measuring.inspection.findings import in_datasheet_units, removal_remark
+from gmwm.measuring.inspection.findings import in_datasheet_units, of_units, removal_remark
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration
@@ -38,8 +38,11 @@ def recording_remarks(
         ):
             yield removal_remark(remark.subject, axis_calibration.regression, _left_in(axis_calibration))
             continue
+        if remark.facts.get("case") == "density" and axis_calibration is not None:
+            yield from of_units({remark.subject: axis_calibration.datasheet["N"].value})
+            continue
         affected = remark.facts.get("numbers")
-        if axis_calibration is None or not isinstance(affected, tuple):
+        if axis_calibration is None or not isinstance(affected, tuple) or not affected:
             yield remark
             continue
         sheet = axis_calibration.datasheet

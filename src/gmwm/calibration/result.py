@@ -48,7 +48,7 @@ class AxisCalibration:
     Attributes
     ----------
     fit : Fit
-        The fit of the recommended model, with a certified optimum.
+        The fit of the recommended model. Its certificate holds given the filter and the lines taken from the spectrum.
     intervals : mapping of name to (low, high)
         Confidence intervals of the parameters, which include the uncertainty of the model choice.
     test : GoodnessOfFit or None
@@ -495,7 +495,7 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         return check_reference(self, reference, horizon=horizon)
 
     def budget(
-        self, duration: float | str, *, rest: float | str = 0.0, latitude: float = 45.0, level: float = 0.95
+        self, duration: float | str, *, rest: float | str = 60.0, latitude: float = 45.0, level: float = 0.95
     ) -> Budget:
         """Compute how attitude, velocity and position errors of unaided inertial navigation grow.
 
@@ -506,7 +506,7 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
         duration : float or str
             Time of navigation (s), or text such as "60s" or "10min".
         rest : float or str
-            Time at rest before navigation starts (s), or text such as "60s".
+            Time at rest before navigation starts (s), or text such as "60s", which gives the biases and the level.
         latitude : float
             Latitude (deg).
         level : float

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm.base.axis_names import by_sensor
-from gmwm.base.remarks import Dialect, Severity, brief, texts
+from gmwm.base.remarks import Dialect, Quantity, Severity, brief, texts
 from gmwm.base.text import counted, duration_text, p_text, table_with_rule
 from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.first_screen import LEGEND, axis_lines
-from gmwm.calibration.misfit import is_line
 from gmwm.calibration.tables import SENSORS, WIDTH, bullet, in_order, key, number, with_error, wrap_text
 from gmwm.choosing.replicates.result import RecordingNumber, short_spread
 from gmwm.choosing.selection.search_steps import search_lines
@@ -21,16 +20,15 @@ from gmwm.theory.processes.ordered import Ordered
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
-    from gmwm.choosing.datasheets import Entry
-    from gmwm.theory.processes import Model
+    from gmwm.choosing.datasheets import Datasheet, Entry
 
 REST: Mapping[Dialect, str] = {
     Dialect.PYTHON: "calibration.remarks", Dialect.SHELL: "report.html (or --all-remarks)", Dialect.HTML: "",
 }  # fmt: skip
 """Where users find the remarks that the summary does not show."""
 
-HELD = "held lines"
-"""Label of the table row with the number of lines whose frequency and power are held fixed in the fit."""
+MOST_LINES = 10
+"""Largest number of lines that a table shows. A choice: the weakest of more lines hardly matter."""
 SPREAD_OF = ("N", "B", "K")
 """Symbols of the numbers whose spread between recordings the table shows."""
 _FIRST = "[1]"
@@ -84,7 +82,10 @@ def _head(calibration: Calibration) -> list[str]:
     searched = "searched for the model" if settings.searched else f"best model within {settings.within}"
     if settings.models:
         searched += f"; models given for {', '.join(settings.models)}"
-    lines.append(f"{samples} samples at {rate} Hz, {duration}; {searched}")
+    omitted = {r.facts["first"] for r in calibration.recording_remarks if r.facts.get("case") == "omitted"}
+    spans = [duration_text(first.value) for first in omitted if isinstance(first, Quantity)]
+    cut = f", without the first {_range(sorted(spans))} (warm-up)" if spans else ""
+    lines.append(f"{samples} samples at {rate} Hz, {duration}{cut}; {searched}")
     return [line for text in lines for line in wrap_text(text)]
 
 
@@ -148,8 +149,24 @@ def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
         rows.append([title, *("" if entry is None else number(entry) for entry in entries)])
     rows += _at_rest(calibrations)
     rows += _spreads(calibrations)
-    held = [len(held_lines(item.fit.model)) for item in calibrations]
-    return [*rows, [HELD, *map(str, held)]] if any(held) else rows
+    return [*rows, *_line_rows(calibrations)]
+
+
+def _line_rows(calibrations: Sequence[AxisCalibration]) -> list[list[str]]:
+    """Return the amplitudes of the lines by frequency, the strongest first, and the number of those left out."""
+    columns = [lines_of(item.datasheet) for item in calibrations]
+    strongest: dict[str, float] = {}
+    for column in columns:
+        for name, entry in column.items():
+            strongest[name] = max(strongest.get(name, 0.0), entry.value)
+    names = sorted(strongest, key=lambda name: -strongest[name])
+    rows = []
+    for name in names[:MOST_LINES]:
+        unit = next(column[name].in_units()[3] for column in columns if name in column)
+        rows.append([f"{name} ({unit})", *(number(column[name]) if name in column else "" for column in columns)])
+    if names[MOST_LINES:]:
+        rows.append(["weaker lines", *(str(len(set(names[MOST_LINES:]) & set(column))) for column in columns)])
+    return rows
 
 
 def _at_rest(calibrations: Sequence[AxisCalibration]) -> list[list[str]]:
@@ -188,24 +205,20 @@ def _number_of(calibration: AxisCalibration, symbol: str) -> RecordingNumber | N
     return next((number for number in numbers if number.symbol == symbol), None)
 
 
-def held_lines(model: Model) -> list[str]:
-    """Return the sinusoidal terms of a model whose parameters are all held fixed in the fit."""
-    return [
-        term for term, process in zip(model.terms, model.processes, strict=True)
-        if is_line(type(process)) and all(process.is_fixed(p.name) for p in process.parameters)
-    ]  # fmt: skip
+def lines_of(sheet: Datasheet) -> dict[str, Entry]:
+    """Return the amplitudes of the lines of an axis by a name with their frequency, such as "line 0.564 Hz"."""
+    frequencies = {entry.term: entry.value for entry in sheet.values() if entry.symbol.startswith("f_0")}
+    return {
+        f"line {frequencies[entry.term]:.3g} Hz": entry
+        for entry in reversed(sheet.entries)
+        if entry.term in frequencies and entry.symbol.partition("[")[0] == "A"
+    }
 
 
 def _entries_of(calibration: AxisCalibration) -> dict[str, Entry]:
-    """Return the entries to show by symbol, without sinusoids that are held. The only free sinusoid has symbols without
-    an index."""
-    model = calibration.fit.model
-    lines = {term for term, process in zip(model.terms, model.processes, strict=True) if is_line(type(process))}
-    free = lines.difference(held_lines(model))
-    return {
-        symbol.partition("[")[0] if free == {entry.term} else symbol: entry
-        for symbol, entry in calibration.datasheet.items() if entry.term not in lines or entry.term in free
-    }  # fmt: skip
+    """Return the entries to show by symbol, without lines."""
+    lines = {entry.term for symbol, entry in calibration.datasheet.items() if symbol.startswith("f_0")}
+    return {symbol: entry for symbol, entry in calibration.datasheet.items() if entry.term not in lines}
 
 
 def _others(calibration: AxisCalibration) -> str:
@@ -226,8 +239,8 @@ def _outliers(calibration: AxisCalibration) -> str:
 def _legend(calibration: Calibration) -> list[str]:
     named = key(entry for item in calibration.axes.values() for entry in _entries_of(item).values())
     level = calibration.settings.confidence
-    held = any(held_lines(item.fit.model) for item in calibration.axes.values())
-    lines = f" {HELD}: number of lines with fixed frequency and amplitude; the datasheets list them." if held else ""
+    has_lines = any(lines_of(item.datasheet) for item in calibration.axes.values())
+    lines = " line: amplitude at this frequency." if has_lines else ""
     biases = [bias for bias in calibration.rest.values() if bias.bias is not None]
     if biases:
         lines += (

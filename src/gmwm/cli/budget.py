@@ -36,10 +36,11 @@ def budget(
         str,
         typer.Option(
             help="Time at rest before navigation starts. The means over this time give the initial tilt and are "
-            "subtracted from the gyroscopes and from the vertical accelerometer.",
+            "subtracted from the gyroscopes and from the vertical accelerometer. With 0s, nothing is known about the "
+            "biases.",
             metavar="LENGTH",
         ),
-    ] = "0s",
+    ] = "60s",
     latitude: Annotated[float, typer.Option(help="Latitude (deg).")] = LATITUDE,
     rate: Annotated[
         float | None,

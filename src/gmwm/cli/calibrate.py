@@ -119,6 +119,13 @@ def calibrate(
             rich_help_panel="Bias at rest",
         ),
     ] = None,
+    warmup: Annotated[
+        Literal["omit", "keep"],
+        InputOption(
+            help="If a warm-up at the beginning raises K by more than its uncertainty: leave the beginning out (omit) "
+            "if at least half of the recording is left, or use it (keep)."
+        ),
+    ] = "omit",
     output: Annotated[
         Path | None,
         ResultOption(
@@ -158,6 +165,7 @@ def calibrate(
     options = calibration_options(
         within=within, robust=robust, efficiency=efficiency, weighting=weighting, criterion=criterion,
         confidence=confidence, seed=seed, against=against, gravity=gravity, tilt=tilt, repeated=repeated,
+        warmup=warmup,
     )  # fmt: skip
     spread = scheduler is not None or workers is not None
     if spread:

@@ -1,4 +1,4 @@
-"""gmwm convert: convert a recording to Parquet, CSV or .imu."""
+"""gmwm convert: convert a recording to Parquet, CSV, MCAP or .imu."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from gmwm.recording.options import ReadOptions
 EXAMPLES = (
     "gmwm convert flight.imr static.parquet",
     "gmwm convert survey.imu static.csv --format imu:LN200",
+    "gmwm convert static.csv static.mcap",
     "gmwm convert static.csv static.imu --to imu:IXSEA",
 )
 
@@ -27,7 +28,7 @@ EXAMPLES = (
 def convert(
     file: File,
     reading: ReadOptions,
-    output: Annotated[Path, typer.Argument(help="File to write: .parquet, .csv or .imu.", metavar="OUT")],
+    output: Annotated[Path, typer.Argument(help="File to write: .parquet, .csv, .mcap or .imu.", metavar="OUT")],
     to: Annotated[
         str | None,
         ResultOption(
@@ -37,12 +38,14 @@ def convert(
         ),
     ] = None,
 ) -> Outcome:
-    """Convert a recording to Parquet, CSV or .imu.
+    """Convert a recording to Parquet, CSV, MCAP or .imu.
 
     The output is in rad/s and m/s². Its time stamps are uniform between gaps: gaps are kept, and jitter is removed.
-    Parquet and CSV files keep all digits. An .imu file holds increments as integer counts, whose size depends on the
+    Parquet and CSV files keep all digits. An .mcap file holds messages sensor_msgs/msg/Imu of ROS 2, with stamps in
+    whole nanoseconds and no temperature. An .imu file holds increments as integer counts, whose size depends on the
     type of its records, and no temperature.
     """
+    from gmwm.recording.mcap_writer import MCAP
     from gmwm.recording.writers import RECORDS
 
     if output.exists() and output.resolve() == file.resolve():
@@ -51,7 +54,8 @@ def convert(
     # The argument `format` of the library is the option --to, because --format is the format of the input.
     with progress(f"writing {output.name}"), named_as_options({"format": "--to"}):
         imu.write(output, format=to)
-    lost = output.suffix.lower() == RECORDS and imu.temperature is not None
+    suffix = output.suffix.lower()
+    lost = suffix in (MCAP, RECORDS) and imu.temperature is not None
     wrote = f"Wrote {output}: {len(imu)} samples at {imu.rate:.10g} Hz, {imu.duration:g} s, {', '.join(imu.axes)}"
     return Outcome(
         command="convert",
@@ -63,5 +67,5 @@ def convert(
         text="\n".join([*texts(imu.remarks, Dialect.SHELL), wrote]),
         written=(output,),
         listed=False,
-        remarks=(Remark.of("not-in-file", str(output), case="temperature", format=RECORDS),) if lost else (),
+        remarks=(Remark.of("not-in-file", str(output), case="temperature", format=suffix),) if lost else (),
     )  # fmt: skip

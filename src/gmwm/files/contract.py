@@ -294,12 +294,22 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
     return file
 
 
+_DATA_SETS = (
+    "mav0/imu0/data.csv", "imu0/data.csv", "data.csv", "oxts/timestamps.txt", "ms25.csv", "sensor_data/xsens_imu.csv",
+    "accelerometer.txt",
+)  # fmt: skip
+"""Inertial data in the folders of public data sets: EuRoC and TUM VI, KITTI, NCLT, KAIST Urban, TUM RGB-D."""
+
+
 def _sign_of(folder: Path) -> Path:
     """Return the file that identifies a directory as one recording."""
     for readers in (_loaded_formats, _with_guests):
         for reader in readers().values():
             if reader.folder_sign and (folder / reader.folder_sign).is_file():
                 return folder / reader.folder_sign
+    data_set = next((folder / name for name in _DATA_SETS if (folder / name).is_file()), None)
+    if data_set is not None:
+        return data_set
     raise ReadError(f"{folder} is a directory", code="is-directory", advice="Pass the path of one recording in it.")
 
 

@@ -8,9 +8,13 @@ from functools import partial
 from types import MappingProxyType
 from typing import Any, TypeVar
 
+import numpy as np
+
+from gmwm.base.arrays import as_rate
 from gmwm.base.errors import DataError
 from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised
+from gmwm.recording.signals import MINIMUM_SAMPLES, Imu
 
 T = TypeVar("T")
 
@@ -62,3 +66,51 @@ class AxisResults(Summarised, Plotted, Mapping[str, T]):
     def _results(self) -> Mapping[str, T]:
         results: Mapping[str, T] = getattr(self, self._field)
         return results
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ResultsByAxis(AxisResults[T]):
+    """Results of one function for the axes of a recording, or for the columns of an array, by name.
+
+    Parameters
+    ----------
+    results : mapping of axis to result
+        The result of each axis.
+    """
+
+    results: Mapping[str, T]
+
+    def summary(self) -> str:
+        """Join the summaries of the axes."""
+        results: Mapping[str, Any] = self.results
+        return "\n\n".join(f"{axis}\n{result.summary()}" for axis, result in results.items())
+
+    def __repr__(self) -> str:
+        return "\n".join(f"{axis}: {result!r}" for axis, result in self.results.items())
+
+
+def signals_of(x: Any) -> dict[str, Any] | None:
+    """Return the axes of an Imu, or the columns of an (N, k) array, by name; None for anything else.
+
+    >>> list(signals_of(np.zeros((100, 2)))), signals_of(np.zeros(100))
+    (['column_0', 'column_1'], None)
+    """
+    if isinstance(x, Imu):
+        return dict(x.signals)
+    if isinstance(x, np.ndarray) and x.ndim == 2 and x.shape[0] >= MINIMUM_SAMPLES and x.shape[0] > x.shape[1] > 1:
+        return {f"column_{k}": x[:, k] for k in range(x.shape[1])}
+    return None
+
+
+def rate_of_array(rate: float | None) -> float:
+    """Return the rate of a bare array: 1 if there is none, so that time is counted in samples."""
+    return 1.0 if rate is None else as_rate(rate)
+
+
+def rate_words(rate: float, unit: str) -> str:
+    """Describe the rate of a result. Without a unit, a rate of 1 usually means that time is counted in samples.
+
+    >>> rate_words(100.0, "rad/s"), rate_words(1.0, "")
+    ('at 100 Hz', 'with rate=1, so times count samples')
+    """
+    return f"at {rate:g} Hz" if unit or rate != 1 else "with rate=1, so times count samples"

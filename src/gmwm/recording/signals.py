@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Any, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -162,6 +162,26 @@ class Signal(Plotted):
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray[Any, Any]:
         return np.array(self.values, dtype=dtype, copy=copy)
 
+    def __getitem__(self, samples: slice) -> Signal:
+        """Return a range of consecutive samples, as in `signal[:1000]`.
+
+        >>> Signal([1.0, 2.0, 3.0], 10.0, segments=((0, 2), (2, 3)), starts=(0.0, 5.0))[1:].starts
+        (0.1, 5.0)
+        """
+        first, last, step = samples.indices(len(self)) if isinstance(samples, slice) else (0, 0, 0)
+        if step != 1 or first >= last:
+            raise DataError(
+                argument="samples", expected="a range of at least one sample without a step, such as signal[:1000]",
+                got=samples, advice="Use `signal.values` for single samples.",
+            )  # fmt: skip
+        pieces = [(max(a, first), min(b, last), a, t) for (a, b), t in zip(self.segments, self.starts, strict=True)]
+        pieces = [piece for piece in pieces if piece[0] < piece[1]]
+        return replace(
+            self, values=self.values[first:last], segments=tuple((a - first, b - first) for a, b, _, _ in pieces),
+            starts=tuple(t + (a - begin) / self.rate for a, _, begin, t in pieces),
+            start=pieces[0][3] + (pieces[0][0] - pieces[0][2]) / self.rate,
+        )  # fmt: skip
+
     def __repr__(self) -> str:
         gaps = f", {len(self.segments)} segments" if len(self.segments) > 1 else ""
         what = f"{len(self)} samples at {self.rate:g} Hz, {self.unit or 'no unit'}"
@@ -284,6 +304,11 @@ class Imu(Plotted):
     def __post_init__(self) -> None:
         if not self.signals:
             raise DataError(argument="signals", expected="a mapping of at least one axis", got={})
+        if not isinstance(self.signals, Mapping) or not all(isinstance(s, Signal) for s in self.signals.values()):
+            raise DataError(
+                argument="signals", expected="a mapping of axis name to Signal", got=self.signals,
+                advice="Make an Imu from arrays by `gmwm.Imu.from_arrays(arrays, rate)`.",
+            )  # fmt: skip
         signals = list(self.signals.values())
         first = signals[0]
         for name, signal in self.signals.items():
@@ -375,12 +400,26 @@ class Imu(Plotted):
         return Imu, (dict(self.signals), self.source, self.remarks, self.time_base, self.temperature)
 
     @overload
-    def __getitem__(self, axis: Quantity) -> Imu: ...  # type: ignore[overload-overlap]
+    def __getitem__(self, axis: Quantity | list[str] | tuple[str, ...] | slice) -> Imu: ...  # type: ignore[overload-overlap]
     @overload
     def __getitem__(self, axis: str) -> Signal: ...
-    def __getitem__(self, axis: str) -> Signal | Imu:
-        """Return the signal of an axis, as in `imu["gyro_x"]`, or an Imu with the axes of a sensor, as in
-        `imu["gyro"]`."""
+    def __getitem__(self, axis: str | list[str] | tuple[str, ...] | slice) -> Signal | Imu:
+        """Return the signal of an axis, as in `imu["gyro_x"]`, or an Imu: with the axes of a sensor, as in
+        `imu["gyro"]`, with some axes, as in `imu[["gyro_x", "gyro_y"]]`, or with a range of samples, `imu[:1000]`.
+
+        >>> imu = Imu.from_arrays({"gyro_x": np.arange(9.0), "gyro_y": np.arange(9.0)}, rate=10)
+        >>> imu[["gyro_y"]], imu[2:5]["gyro_x"].values
+        (Imu(gyro_y: 9 samples at 10 Hz, 0.9 s), array([2., 3., 4.]))
+        """
+        if isinstance(axis, slice):
+            part = {name: signal[axis] for name, signal in self.signals.items()}
+            begin = next(iter(part.values())).start - next(iter(self.signals.values())).start
+            base = self.time_base
+            base = base and replace(base, start=base.start + begin, left=base.left + begin)
+            temperature = None if self.temperature is None else self.temperature[axis]
+            return replace(self, signals=part, time_base=base, temperature=temperature)
+        if not isinstance(axis, str):
+            return replace(self, signals={name: self[name] for name in axis})
         if axis in self.signals:
             return self.signals[axis]
         members = {name: signal for name, signal in self.signals.items() if name in AXES and name[:-2] == axis}
@@ -394,6 +433,11 @@ class Imu(Plotted):
 
     def __len__(self) -> int:
         return len(next(iter(self.signals.values())))
+
+    if not TYPE_CHECKING:  # for the overloads of other functions, a recording is not an array
+
+        def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray[Any, Any]:
+            return np.column_stack([signal.values for signal in self.signals.values()]).astype(dtype or np.float64)
 
     def __repr__(self) -> str:
         return f"Imu({', '.join(self.axes)}: {len(self)} samples at {self.rate:g} Hz, {self.duration:g} s)"
@@ -465,11 +509,14 @@ class Imu(Plotted):
         return between_times(self, start, stop, skip)
 
     def write(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
-        """Write the recording to a file; the suffix of the path chooses the format: .csv, .parquet or .imu.
+        """Write the recording to a file; the suffix of the path chooses the format: .csv, .parquet, .mcap or .imu.
 
         In tables the columns are `time [s]`, the axes with their units as in `gyro_x [rad/s]`, and `temperature [°C]`
         if there is one. Numbers keep full precision. Times follow the uniform clock of each segment, so gaps are kept.
         If writing fails, no partial file is left.
+
+        An .mcap file holds messages sensor_msgs/msg/Imu of ROS 2, with all three axes of a sensor and stamps in whole
+        nanoseconds.
 
         An .imu file holds the time and the increments v/f of six axes in counts of its type. If the counts are whole
         numbers, the rounding error of a sample is carried over to the next one, as a sensor of that type does: no angle

@@ -1,4 +1,4 @@
-"""Write recordings to CSV, Parquet or .imu records. CSV and Parquet keep every bit of the numbers."""
+"""Write recordings to CSV, Parquet, MCAP or .imu records. CSV and Parquet keep every bit of the numbers."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from gmwm.base.axis_names import AXES
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.forks import require_threads
 from gmwm.recording.imu_records import TYPES, RecordType, counts
+from gmwm.recording.mcap_writer import MCAP, write_mcap
 from gmwm.recording.signals import Imu, Signal
 
 SUFFIXES = (".csv", ".parquet")
@@ -27,14 +28,18 @@ def write(imu: Imu | Signal, path: str | os.PathLike[str], *, format: str | None
     """Write a recording; see `Imu.write`."""
     imu, target = _recording(imu), Path(path)
     suffix = target.suffix.lower()
-    if suffix not in (*SUFFIXES, RECORDS):
+    if suffix not in (*SUFFIXES, MCAP, RECORDS):
         raise OptionError(
-            argument="path", expected=f"a path that ends in {', '.join(SUFFIXES)} or {RECORDS}", got=target.name
+            argument="path",
+            expected=f"a path that ends in {', '.join((*SUFFIXES, MCAP))} or {RECORDS}",
+            got=target.name,
         )
     if suffix == RECORDS:
         _write_records(imu, target, _record_type(format, target))
     elif format is not None:
         raise OptionError(argument="format", expected=f"left out for a file other than {RECORDS}", got=format)
+    elif suffix == MCAP:
+        write_mcap(imu, target)
     else:
         write_table(_columns(imu), target)
 

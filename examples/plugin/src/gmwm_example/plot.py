@@ -3,7 +3,7 @@
 import numpy as np
 
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Figure, Line, Panel, Stroke
+from gmwm.showing.plots.figure import Figure, Panel, Polyline, Stroke
 from gmwm.showing.plots.linear import even_axis
 from gmwm.showing.plots.style import BLUE
 from gmwm_example.command import Spread
@@ -16,7 +16,7 @@ def spread_panel(spread: Spread) -> Panel:
     return Panel(
         even_axis(0.0, deviations.size + 1.0, "Axis number", margin=0.0),
         even_axis(0.0, float(deviations.max()), "Standard deviation (SI units)", margin=0.1),
-        (Line(numbers, deviations, Stroke(BLUE, 1.2), "Standard deviation"),),
+        (Polyline(numbers, deviations, Stroke(BLUE, 1.2), "Standard deviation"),),
     )
 
 

@@ -19,7 +19,7 @@ from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Imu
 from gmwm.showing.plots.axes import signed_axis, time_axis, value_axis
 from gmwm.showing.plots.curves import FRONT, view_for
-from gmwm.showing.plots.figure import Band, Line, Mark, Panel, Stroke
+from gmwm.showing.plots.figure import Band, Mark, Panel, Polyline, Stroke
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.plots.labels import sensor_and_letter
 from gmwm.showing.plots.linear import time_unit
@@ -230,9 +230,9 @@ def misfit(fit: Fit, view: ViewName, units: UnitSystem) -> Panel:
         times, -200 * deviation.error, 200 * deviation.error, colour=OBSERVED.colour, label="± 2 standard errors"
     )
     judged = np.where(deviation.judged, percent, np.nan)
-    line = Line(times, judged, stroke=IMPLIED_DOTS, label="Model / data − 1", layer=FRONT)
+    line = Polyline(times, judged, stroke=IMPLIED_DOTS, label="Model / data − 1", layer=FRONT)
     ends = np.array([times[0], times[-1]])
-    zero = Line(ends, np.zeros(2), stroke=Stroke(OBSERVED.colour, 0.9), label="")
+    zero = Polyline(ends, np.zeros(2), stroke=Stroke(OBSERVED.colour, 0.9), label="")
     # The axis of the misfit is linear up to 50 %.
     y = signed_axis(judged, "Model / data − 1 (%)", linear=1.0, even=50.0, least=2.0)
     return Panel(time_axis(times, shown.time_label), y, (band, zero, line))

@@ -26,7 +26,7 @@ from gmwm.applications.fleets.storage import (
 )
 from gmwm.applications.fleets.table import RUN_AGAIN, as_table, write_table
 from gmwm.applications.fleets.unit_job import UnitJob, UnitOptions, UnitOutcome
-from gmwm.applications.fleets.workers import Cluster, Here, Place, Processes, allowing_lost_workers, run_jobs
+from gmwm.applications.fleets.workers import Cluster, Here, Processes, WorkPlace, allowing_lost_workers, run_jobs
 from gmwm.base.axis_names import AXES
 from gmwm.base.errors import GmwmWarning, OptionError
 from gmwm.base.helpers import Helpers
@@ -240,7 +240,7 @@ def _outcomes(
         jobs = [replace(job, threads=1) for job in jobs]
     with ExitStack() as stack:
         if here or not jobs:
-            place: Place = Here()
+            place: WorkPlace = Here()
         elif scheduler is None:
             place = Processes(count, () if helpers is None else helpers.take_idle())
         else:

@@ -20,7 +20,7 @@ from gmwm.base.text import counted
 from gmwm.showing.plots.axes import limits_of, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Line, Mark, Panel, Stroke, Symbol, Text, Tick
+from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke, Symbol, Text, Tick
 from gmwm.showing.plots.labels import sensor_and_letter, sensor_title
 from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit
 from gmwm.showing.plots.style import BLACK, DASHED, GREY, curve_stroke, letter_stroke
@@ -141,7 +141,7 @@ def _strip(place: int, sample: ParameterSample, found: FleetStatistics, factor: 
     marks, limits = _limit_marks(place, sample, row, factor)
     if order.size <= SINGLY:
         bars = np.repeat(across, 3), np.column_stack([low, high, np.full(order.size, np.nan)]).ravel()
-        marks.append(Line(*bars, Stroke(stroke.colour, 0.8), "", BEHIND))
+        marks.append(Polyline(*bars, Stroke(stroke.colour, 0.8), "", BEHIND))
         marks += _dots(across, value, order, alike=alike, colour=stroke.colour, units=units)
         # An interval extends the axis by a factor of 3 at most (tests/plots/test_plot_limits.py).
         heights = np.concatenate([value, np.maximum(low, value / 3.0), np.minimum(high, value * 3.0)])
@@ -150,7 +150,7 @@ def _strip(place: int, sample: ParameterSample, found: FleetStatistics, factor: 
         shown = np.flatnonzero(alike)
         points = shown[np.unique(np.linspace(0, shown.size - 1, 400).astype(int))]
         curve = Stroke(stroke.colour, 1.8)
-        marks.append(Line(across[points], value[points], curve, label="Units, sorted by value", layer=MIDDLE))
+        marks.append(Polyline(across[points], value[points], curve, label="Units, sorted by value", layer=MIDDLE))
         heights = value
     further, edges = _further(place, row, factor=factor, colour=stroke.colour, confidence=found.confidence)
     marks = [*further[:1], *marks, *further[1:]]
@@ -158,7 +158,9 @@ def _strip(place: int, sample: ParameterSample, found: FleetStatistics, factor: 
     stars = [(float(w), float(v), units[k]) for k, w, v in zip(order, across, value, strict=True) if units[k] in odd]
     if stars:
         spots = np.array([star[:2] for star in stars])
-        marks.append(Line(spots[:, 0], spots[:, 1], Stroke(BLACK, 0.0, symbol="star"), label="Outlier", layer=FRONT))
+        marks.append(
+            Polyline(spots[:, 0], spots[:, 1], Stroke(BLACK, 0.0, symbol="star"), label="Outlier", layer=FRONT)
+        )
     return _Strip(marks, np.concatenate([heights, limits]), stars)
 
 
@@ -170,11 +172,11 @@ def _dots(
     if len(units) > len(UNIT_SYMBOLS):
         dots = Stroke(colour, 0.0, symbol="circle")
         label = "Unit, with its confidence interval"
-        return [Line(across[alike], value[alike], stroke=dots, label=label, layer=MIDDLE)]
+        return [Polyline(across[alike], value[alike], stroke=dots, label=label, layer=MIDDLE)]
     short = [_short(unit) for unit in units]
     names = short if len(set(short)) == len(short) else units
     return [
-        Line(across[[i]], value[[i]], Stroke(colour, 0.0, symbol=UNIT_SYMBOLS[k]), label=names[k], layer=MIDDLE)
+        Polyline(across[[i]], value[[i]], Stroke(colour, 0.0, symbol=UNIT_SYMBOLS[k]), label=names[k], layer=MIDDLE)
         for i, k in enumerate(order) if alike[i]
     ]  # fmt: skip
 
@@ -193,7 +195,7 @@ def _further(
         swatch=GREY,
     )  # fmt: skip
     typical = np.full(2, factor * row.typical)
-    line = Line(ends, typical, stroke=Stroke(BLACK, 0.9, DASHED), label="Typical value", layer=BEHIND)
+    line = Polyline(ends, typical, stroke=Stroke(BLACK, 0.9, DASHED), label="Typical value", layer=BEHIND)
     return [band, line], np.array([low, high])
 
 
@@ -206,7 +208,7 @@ def _limit_marks(place: int, sample: ParameterSample, row: FleetNumber, factor: 
     if high.size > SINGLY:
         high, width = np.quantile(high, (0.05, 0.5, 0.95)), 0.8
     stroke = Stroke(GREY, width, symbol="down", filled=False)
-    return [Line(np.full(high.size, place + HALF + 0.05), high, stroke, label="Upper limits", layer=BEHIND)], high
+    return [Polyline(np.full(high.size, place + HALF + 0.05), high, stroke, label="Upper limits", layer=BEHIND)], high
 
 
 def _stroke(place: int, axis: str) -> Stroke:

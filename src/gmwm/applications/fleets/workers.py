@@ -1,6 +1,6 @@
 """Run the jobs of a fleet: in this process, in processes on this machine, or on the workers of a Dask cluster.
 
-`run_jobs` is the one loop with its retries. A `Place` says where a job runs, and which job has ended a process: an
+`run_jobs` is the one loop with its retries. A `WorkPlace` says where a job runs, and which job has ended a process: an
 executor of the standard library does not know it."""
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Answer = tuple[UnitJob, UnitOutcome | None]
 """A job that has ended with its outcome; None if its process has ended, for example because memory is short."""
 
 
-class Place(ABC):
+class WorkPlace(ABC):
     """Where jobs run. A `with` block ends the jobs and the processes that it has started."""
 
     lost = 1  # number of processes that a job has ended if its outcome is None
@@ -61,7 +61,7 @@ class Place(ABC):
         """End all jobs at once."""
 
 
-def run_jobs(jobs: Iterable[UnitJob], place: Place, retries: int) -> Generator[UnitOutcome, None, None]:
+def run_jobs(jobs: Iterable[UnitJob], place: WorkPlace, retries: int) -> Generator[UnitOutcome, None, None]:
     """Run jobs, and yield their outcomes in the order of completion. Retries come last. The job of a process that ends
     is repeated alone after all others, because another job may have used the memory."""
     waiting, alone = deque(jobs), deque[UnitJob]()
@@ -88,7 +88,7 @@ def run_jobs(jobs: Iterable[UnitJob], place: Place, retries: int) -> Generator[U
                 yield outcome
 
 
-class Here(Place):
+class Here(WorkPlace):
     """This process, which runs one job at a time."""
 
     def room(self) -> int:
@@ -107,7 +107,7 @@ class Here(Place):
         """Do nothing: no job runs between two answers."""
 
 
-class Processes(Place):
+class Processes(WorkPlace):
     """Processes on this machine, each of which runs one job at a time. New ones import the script that runs."""
 
     def __init__(self, count: int, helpers: Sequence[Helper] = ()) -> None:
@@ -171,7 +171,7 @@ class Processes(Place):
         self._busy[helper] = None
 
 
-class Cluster(Place):
+class Cluster(WorkPlace):
     """The workers of a Dask cluster. Dask repeats the jobs of a lost worker elsewhere, and gives them up after several
     lost workers, without knowing which job caused the loss. Alone, a job is therefore repeated once."""
 

@@ -13,7 +13,7 @@ from gmwm.base.errors import DataError
 from gmwm.base.units import SI_UNIT
 from gmwm.showing.plots.axes import quiet
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Line, Mark, Panel, Stroke
+from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke
 from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.linear import even_axis, time_unit
 from gmwm.showing.plots.style import BLUE, DASHED, GREEN, ORANGE, PURPLE, VERMILLION
@@ -58,7 +58,7 @@ def _signal(trace: Trace, axis: str, events: Sequence[Event], *, x: Axis, scale:
         # One interrupted curve of vertical lines.
         at = np.repeat((np.array([event.time for event in events]) - first) / size, 3)
         height = np.tile(np.array([*y.limits, np.nan]), len(events))
-        marks.append(Line(at, height, Stroke(VERMILLION, 1.0), label="Event", layer=2))
+        marks.append(Polyline(at, height, Stroke(VERMILLION, 1.0), label="Event", layer=2))
     return Panel(x, y, tuple(marks), axis_title(axis))
 
 
@@ -66,11 +66,11 @@ def _charts(trace: Trace, axis: str, *, x: Axis, scale: tuple[float, float]) -> 
     times, heights = trace.heights(axis)
     first, size = scale
     marks: list[Mark] = [
-        Line((times - first) / size, np.minimum(heights[family], TOP), Stroke(colour, 0.9), label=label)
+        Polyline((times - first) / size, np.minimum(heights[family], TOP), Stroke(colour, 0.9), label=label)
         for family, (label, colour) in _CHARTS.items()
     ]
     ends = np.array(x.limits)
-    marks.append(Line(ends, np.ones(2), Stroke(VERMILLION, 0.9, DASHED), label="Threshold"))
+    marks.append(Polyline(ends, np.ones(2), Stroke(VERMILLION, 0.9, DASHED), label="Threshold"))
     return Panel(x, even_axis(0.0, TOP, "", margin=0.0, at_most=4), tuple(marks), "Charts (threshold: 1)")
 
 

@@ -26,6 +26,10 @@ GRAVITY = STANDARD_GRAVITY
 """Default gravity (m/s²)."""
 LATITUDE = 45.0
 """Default latitude (deg)."""
+REST = 60.0
+"""Default time at rest before navigation (s). With it, every term is an error since a known bias, so that the budget
+does not depend on whether slow noise is called flicker noise, a random walk or a Gauss-Markov process
+(docs/howto/budget.md)."""
 _DEGREE = math.pi / 180
 
 _ERRORS = {
@@ -41,15 +45,16 @@ _ERRORS = {
 
 def budget(
     noise: Mapping[str, Fit | Model | Process | str], duration: float | str, *, rate: float | None = None,
-    rest: float | str = 0.0, latitude: float = LATITUDE, gravity: float = GRAVITY, level: float = 0.95,
+    rest: float | str = REST, latitude: float = LATITUDE, gravity: float = GRAVITY, level: float = 0.95,
 ) -> Budget:  # fmt: skip
     """Compute how attitude, velocity and position errors of unaided inertial navigation grow.
 
-    The vehicle is level and at rest, with x north, y east and z down. Without a rest, all errors start at zero. With a
-    rest before navigation, the mean over the rest is subtracted from the gyroscopes and from the vertical
-    accelerometer, and the mean of the horizontal accelerometers gives the initial tilt, which has an error. Stationary
-    noise starts in its stationary distribution; random walks and flicker noise start at zero. Constant biases and scale
-    factors are not part of a noise model, so the budget does not include them.
+    The vehicle is level and at rest, with x north, y east and z down. One rule holds for all terms: the biases at the
+    start are those that a rest before navigation gives. The mean over the rest is subtracted from the gyroscopes and
+    from the vertical accelerometer, and the mean of the horizontal accelerometers gives the initial tilt, which has an
+    error. With `rest` = 0, nothing is known about the biases: stationary noise starts in its stationary distribution,
+    and random walks and flicker noise start at zero. Constant biases and scale factors are not part of a noise model,
+    so the budget does not include them.
 
     The error equations are linear. They include the effect of gravity on a tilted vehicle, the Schuler oscillation and
     the rotation of the Earth, but no accelerations of the vehicle. Strapdown integrations of simulated sensors agree
@@ -65,7 +70,7 @@ def budget(
     rate : float, optional
         Sampling rate (Hz), which is needed if `noise` has models.
     rest : float or str
-        Time at rest before navigation starts (s), or text such as "60s".
+        Time at rest before navigation starts (s), or text such as "60s", which gives the biases and the level.
     latitude : float
         Latitude (deg).
     gravity : float
@@ -91,11 +96,11 @@ def budget(
     --------
     >>> found = budget({"gyro_y": "WN(sigma2=1e-6)", "accel_x": "WN(sigma2=1e-4)"}, "60s", rate=100.0)
     >>> f"{found['tilt_y'].error[-1]:.3f} deg, {found['position_x'].error[-1]:.1f} m"
-    '0.044 deg, 6.1 m'
+    '0.063 deg, 7.6 m'
 
-    White noise of density N gives a tilt of N √t:
+    White noise of density N gives a tilt of N √(t + t²/rest), and levelling with accelerometers adds an error:
 
-    >>> np.isclose(found["tilt_y"].error[-1], np.degrees(1e-4 * 60**0.5), rtol=1e-3)
+    >>> np.isclose(found["tilt_y"].error[-1], np.degrees(1e-4 * 120**0.5), rtol=1e-2)
     np.True_
     """
     seconds, before = _seconds(duration, "duration"), _seconds(rest, "rest", least=0.0)

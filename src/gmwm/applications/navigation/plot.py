@@ -14,7 +14,7 @@ from gmwm.base.text import duration_text
 from gmwm.showing.plots.axes import limits_near, time_axis, value_axis
 from gmwm.showing.plots.curves import ABOVE, BAND, MIDDLE
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Band, Figure, Line, Mark, Panel, Stroke
+from gmwm.showing.plots.figure import Band, Figure, Mark, Panel, Polyline, Stroke
 from gmwm.showing.plots.style import BLACK, GREY, curve_stroke, term_stroke
 
 LEAST_SHARE = 0.03
@@ -58,10 +58,10 @@ def _drawn_terms(growth: Growth) -> list[str]:
 
 def _growth(growth: Growth, strokes: Mapping[str, Stroke], budget: Budget) -> Panel:
     parts = [
-        Line(growth.times, growth.terms[label], stroke=replace(strokes[label], width=1.2), label=label, layer=ABOVE)
+        Polyline(growth.times, growth.terms[label], stroke=replace(strokes[label], width=1.2), label=label, layer=ABOVE)
         for label in _drawn_terms(growth)
     ]
-    marks: list[Mark] = [Line(growth.times, growth.error, stroke=Stroke(BLACK, 2.0), label="total", layer=MIDDLE)]
+    marks: list[Mark] = [Polyline(growth.times, growth.error, stroke=Stroke(BLACK, 2.0), label="total", layer=MIDDLE)]
     if not growth.certain:
         label = f"{100 * budget.level:g} % interval"
         marks.append(Band(growth.times, growth.low, growth.high, GREY, label=label, layer=BAND))
@@ -82,7 +82,7 @@ def _alignment(budget: Budget) -> Panel:
     lines = []
     for k, (growth, y) in enumerate(zip(curves, shown, strict=True)):
         label = f"{growth.title}: above {RIGHT_ANGLE:g}°" if np.all(np.isnan(y)) else growth.title
-        lines.append(Line(growth.times, y, replace(curve_stroke(k), symbol=None), label=label, layer=MIDDLE))
+        lines.append(Polyline(growth.times, y, replace(curve_stroke(k), symbol=None), label=label, layer=MIDDLE))
     x = time_axis(budget.times, "Averaging time (s)")
     limits = limits_near(np.concatenate(shown), [], reach=1.0)
     ticks = tuple(tick.value for tick in x.ticks)

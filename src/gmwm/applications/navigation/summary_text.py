@@ -25,7 +25,7 @@ _KINDS = {
 
 def summary(budget: Budget) -> str:
     """Return the text of `Budget.summary`."""
-    lines = [headline(budget), "", *_after(budget)]
+    lines = [headline(budget), start(budget), "", *_after(budget)]
     if len(budget.times) > 1:
         lines += ["", "Growth, largest of the horizontal directions", *_growth(budget)]
     if budget.alignment:
@@ -43,6 +43,14 @@ def headline(budget: Budget) -> str:
         if (worst := largest(budget, kind)) is not None
     ]
     return f"After {duration_text(budget.duration)} of navigation without corrections: {', '.join(parts)} (1 σ)."
+
+
+def start(budget: Budget) -> str:
+    """Return one sentence with the rule for the start of all terms."""
+    if not budget.rest:
+        return "Start: nothing is known about the biases; random walks and flicker noise start at zero."
+    time = duration_text(budget.rest)
+    return f"Start: for all terms, the bias is the mean of {time} at rest, which also levels the vehicle."
 
 
 def largest(budget: Budget, kind: str) -> Growth | None:
@@ -104,14 +112,10 @@ def at(one: Growth, time: float) -> float:
 
 def method(budget: Budget) -> list[str]:
     """Return sentences that state the assumptions of the budget."""
-    start = "The errors start at zero, and nothing is known about the biases."
-    if budget.rest:
-        time = duration_text(budget.rest)
-        start = f"Before the start, {time} at rest level the vehicle and give the mean of each axis."
     return [
         f"A level vehicle at rest at {budget.latitude:g}° latitude, x north: linear error equations with the rotation "
         "of the Earth.",
-        f"{start} Constant biases, scale factors and misalignments are not included.",
+        "Constant biases, scale factors and misalignments are not included.",
     ]
 
 

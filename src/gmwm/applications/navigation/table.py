@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gmwm.applications.navigation.summary_text import error_text, headline, terms_text
+from gmwm.applications.navigation.summary_text import error_text, headline, start, terms_text
 from gmwm.base.errors import GmwmError
 from gmwm.base.remarks import Dialect, texts
 from gmwm.showing.reports.sections import Section
@@ -22,9 +22,8 @@ def budget_section(calibration: Calibration) -> Section | None:
     rows = [[growth.title, error_text(growth), terms_text(growth)] for growth in budget.growths.values()]
     return Section(
         title="An error budget: one minute without corrections",
-        text=f"{headline(budget)} A level vehicle starts at rest, and nothing is known about the biases. The errors "
-        "are those that the noise causes in unaided inertial navigation. For other durations, a rest before the start, "
-        "and the growth over time, use `gmwm budget`.",
+        text=f"{headline(budget)} {start(budget)} The errors are those that the noise causes in unaided inertial "
+        "navigation. For other durations, and the growth over time, use `gmwm budget`.",
         rows=[["Error (1 σ)", "After 60 s", "Largest contributions"], *rows],
         remarks=texts(budget.remarks, Dialect.HTML),
     )

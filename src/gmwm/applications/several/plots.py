@@ -12,7 +12,7 @@ from gmwm.base.arrays import Vector
 from gmwm.showing.plots.axes import limits_of, quiet, signed_axis, time_axis, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke
+from gmwm.showing.plots.figure import Axis, Band, Figure, Mark, Panel, Polyline, Stroke
 from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.style import BLUE, DASHED, GREY, IMPLIED, OBSERVED, ORANGE, PALE, SOLID
 
@@ -50,14 +50,14 @@ def cross_figure(result: CrossCovariance, *, confidence: bool = True) -> Figure:
 def _panel(result: CrossCovariance, a: str, b: str, *, x: Axis, y: Axis, confidence: bool) -> Panel:
     tau, r, p = result.tau, result.correlation[a, b], result.pvalues[a, b]
     significant = p <= result.size
-    marks: list[Line | Band] = [Line(np.array(x.limits), np.zeros(2), stroke=ZERO, label="", layer=BEHIND)]
+    marks: list[Polyline | Band] = [Polyline(np.array(x.limits), np.zeros(2), stroke=ZERO, label="", layer=BEHIND)]
     if confidence:
         level = f"{100 * result.confidence:g} % confidence"
         lower, upper = result.lower[a, b], result.upper[a, b]
         marks.append(Band(tau, lower, upper, colour=BLUE, opacity=0.22, label=level, layer=BAND))
-    marks.append(Line(tau, np.where(np.isfinite(p), r, np.nan), UNCERTAIN, label="may be zero", layer=FRONT))
+    marks.append(Polyline(tau, np.where(np.isfinite(p), r, np.nan), UNCERTAIN, label="may be zero", layer=FRONT))
     if np.any(significant):
-        marks.append(Line(tau[significant], r[significant], SIGNIFICANT, label="shared noise", layer=FRONT))
+        marks.append(Polyline(tau[significant], r[significant], SIGNIFICANT, label="shared noise", layer=FRONT))
     return Panel(x, y, tuple(marks), title=f"{a}, {b}")
 
 
@@ -89,13 +89,13 @@ def joint_figure(fit: JointFit) -> Figure:
 
 def _curves(tau: Vector, data: Vector, model: Vector) -> tuple[Mark, ...]:
     return (
-        Line(tau, model, stroke=IMPLIED, label="joint model", layer=MIDDLE),
-        Line(tau, data, stroke=replace(OBSERVED, width=0.0), label="data", layer=FRONT),
+        Polyline(tau, model, stroke=IMPLIED, label="joint model", layer=MIDDLE),
+        Polyline(tau, data, stroke=replace(OBSERVED, width=0.0), label="data", layer=FRONT),
     )
 
 
 def _correlations(tau: Vector, data: Vector, model: Vector, *, x: Axis, y: Axis, title: str) -> Panel:
-    zero = Line(np.array(x.limits), np.zeros(2), stroke=ZERO, label="", layer=BEHIND)
+    zero = Polyline(np.array(x.limits), np.zeros(2), stroke=ZERO, label="", layer=BEHIND)
     return Panel(x, y, (zero, *_curves(tau, data, model)), title=title)
 
 
@@ -113,12 +113,12 @@ def fusion_figure(virtual: VirtualSensor) -> Figure:
 def _axis_panel(fusion: VirtualAxis) -> Panel:
     tau = fusion.tau
     marks = [
-        Line(tau, np.sqrt(variance), SENSOR, label="each sensor" if k == 0 else "", layer=BEHIND)
+        Polyline(tau, np.sqrt(variance), SENSOR, label="each sensor" if k == 0 else "", layer=BEHIND)
         for k, variance in enumerate(fusion.each)
     ]
-    marks.append(Line(tau, np.sqrt(fusion.average), AVERAGE, label="average", layer=MIDDLE))
-    marks.append(Line(tau, fusion.deviation, VIRTUAL, label="virtual sensor, predicted", layer=FRONT))
-    marks.append(Line(tau, np.sqrt(fusion.measured), MEASURED, label="in this recording", layer=FRONT))
+    marks.append(Polyline(tau, np.sqrt(fusion.average), AVERAGE, label="average", layer=MIDDLE))
+    marks.append(Polyline(tau, fusion.deviation, VIRTUAL, label="virtual sensor, predicted", layer=FRONT))
+    marks.append(Polyline(tau, np.sqrt(fusion.measured), MEASURED, label="in this recording", layer=FRONT))
     heights = np.sqrt(np.concatenate([fusion.each.ravel(), fusion.average, fusion.variance, fusion.measured]))
     y = _deviation_axis(heights, fusion.unit)
     return Panel(time_axis(tau, "Scale τ (s)"), y, tuple(marks), title=axis_title(fusion.axis))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,10 +29,11 @@ from gmwm.fitting.estimation.intervals import Method
 from gmwm.fitting.estimation.linearised import columns_of
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.simulated_curves import simulated_variances
+from gmwm.measuring.axis_results import ResultsByAxis, signals_of
 from gmwm.measuring.covariance import Design
 from gmwm.measuring.regression.against import Against
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.recording.signals import Signal
+from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model, as_model
 from gmwm.theory.processes.validation import as_seed
@@ -52,12 +54,26 @@ Data = WaveletVariance | Signal | ArrayLike
 AnyModel = Model | Process | str
 
 
+@overload
+def select(
+    general: AnyModel, data: Imu, rate: float | None = None, *,
+    weighting: Weights = "optimal", criterion: Method = "asymptotic", confidence: float = 0.95, draws: int = DRAWS,
+    rng: int | np.random.Generator = 0, robust: bool = False, efficiency: float = 0.6, against: Against = None,
+    progress: Progress | None = None,
+) -> ResultsByAxis[Ranking]: ...  # fmt: skip
+@overload
 def select(
     general: AnyModel, data: Data | Sequence[WaveletVariance] | Sequence[Signal], rate: float | None = None, *,
     weighting: Weights = "optimal", criterion: Method = "asymptotic", confidence: float = 0.95, draws: int = DRAWS,
     rng: int | np.random.Generator = 0, robust: bool = False, efficiency: float = 0.6, against: Against = None,
     progress: Progress | None = None,
-) -> Ranking:  # fmt: skip
+) -> Ranking: ...  # fmt: skip
+def select(
+    general: AnyModel, data: Imu | Data | Sequence[WaveletVariance] | Sequence[Signal], rate: float | None = None, *,
+    weighting: Weights = "optimal", criterion: Method = "asymptotic", confidence: float = 0.95, draws: int = DRAWS,
+    rng: int | np.random.Generator = 0, robust: bool = False, efficiency: float = 0.6, against: Against = None,
+    progress: Progress | None = None,
+) -> Ranking | ResultsByAxis[Ranking]:  # fmt: skip
     """Select a model: rank every model within a general one, and recommend the simplest model that is as good as the
     best.
 
@@ -76,7 +92,7 @@ def select(
         The largest model, for example `4 * GM() + WN() + QN() + RW() + DR()`. Fixed values stay fixed, and a process
         whose values are all fixed is in every candidate. Models with more parameters than the wavelet variance has
         levels are not candidates.
-    data : WaveletVariance, Signal or (N,) array; or a list of these
+    data : WaveletVariance, Signal or (N,) array; a list of these; or an Imu or (N, k) array
         The recording, or several recordings of the same sensor. With several recordings, the candidates are fitted to
         the mean of the wavelet variances, and ranked by cross-validation. Each recording is left out in turn, and the
         loss is its distance from a fit to the other recordings. A model that describes a disturbance of one recording
@@ -102,7 +118,7 @@ def select(
 
     Returns
     -------
-    Ranking
+    Ranking; for an Imu or several columns a mapping of axis to Ranking
 
     Raises
     ------
@@ -129,9 +145,15 @@ def select(
     options = RankingOptions(
         weighting=weighting, criterion=criterion, confidence=confidence, draws=draws, seed=as_seed(rng)
     )  # fmt: skip
-    return select_within(
-        general, data, options, rate=rate, robust=robust, efficiency=efficiency, against=against, progress=progress
-    )  # fmt: skip
+
+    def search(x: Any) -> Ranking:
+        return select_within(
+            general, x, options, rate=rate, robust=robust, efficiency=efficiency, against=against, progress=progress
+        )
+
+    if isinstance(data, Imu | np.ndarray) and (signals := signals_of(data)) is not None:
+        return ResultsByAxis(results={axis: search(x) for axis, x in signals.items()})
+    return search(data)
 
 
 def select_within(
@@ -156,12 +178,27 @@ def select_within(
     return _rank(general_model, candidates, wv, options=options, progress=progress)
 
 
+@overload
+def rank(
+    models: Sequence[AnyModel], data: Imu, rate: float | None = None, *,
+    weighting: Weights = "optimal", criterion: Method = "asymptotic", confidence: float = 0.95, draws: int = DRAWS,
+    rng: int | np.random.Generator = 0, robust: bool = False, efficiency: float = 0.6, against: Against = None,
+    progress: Progress | None = None,
+) -> ResultsByAxis[Ranking]: ...  # fmt: skip
+@overload
 def rank(
     models: Sequence[AnyModel], data: Data | Sequence[WaveletVariance] | Sequence[Signal], rate: float | None = None, *,
     weighting: Weights = "optimal", criterion: Method = "asymptotic", confidence: float = 0.95, draws: int = DRAWS,
     rng: int | np.random.Generator = 0, robust: bool = False, efficiency: float = 0.6, against: Against = None,
     progress: Progress | None = None,
-) -> Ranking:  # fmt: skip
+) -> Ranking: ...  # fmt: skip
+def rank(
+    models: Sequence[AnyModel], data: Imu | Data | Sequence[WaveletVariance] | Sequence[Signal],
+    rate: float | None = None, *,
+    weighting: Weights = "optimal", criterion: Method = "asymptotic", confidence: float = 0.95, draws: int = DRAWS,
+    rng: int | np.random.Generator = 0, robust: bool = False, efficiency: float = 0.6, against: Against = None,
+    progress: Progress | None = None,
+) -> Ranking | ResultsByAxis[Ranking]:  # fmt: skip
     """Rank given models by the criterion of `select`.
 
     The weighting matrix Ω and the covariance V are computed from the smallest model that contains all candidates.
@@ -175,7 +212,7 @@ def rank(
 
     Returns
     -------
-    Ranking
+    Ranking; for an Imu or several columns a mapping of axis to Ranking
 
     Raises
     ------
@@ -200,7 +237,15 @@ def rank(
             advice="To rank all models within one, use `gmwm.select`.",
         )  # fmt: skip
     candidates = [as_model(model) for model in models]
-    return rank_models(candidates, measure(data, rate, robust, efficiency, against=against), options, progress=progress)
+
+    def ranked(x: Any) -> Ranking:
+        return rank_models(
+            candidates, measure(x, rate, robust, efficiency, against=against), options, progress=progress
+        )
+
+    if isinstance(data, Imu | np.ndarray) and (signals := signals_of(data)) is not None:
+        return ResultsByAxis(results={axis: ranked(x) for axis, x in signals.items()})
+    return ranked(data)
 
 
 def rank_models(

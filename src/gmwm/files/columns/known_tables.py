@@ -1,8 +1,8 @@
 """Recognise text tables of known programs and devices whose column names do not state the axis, the unit or the clock.
 
-Sources: PX4 guide, "ULog" and ulog2csv of pyulog; ArduPilot, libraries/AP_InertialSensor/LogStructure.h; blackbox-tools
-of Betaflight; Movella DOT user manual, "Data export"; MicroStrain MIP protocol, field sets 0x8004 and 0x8005; INSTINCT,
-VectorNavDataLogger; SensorLog for iOS.
+Sources: descriptions of NCLT and KAIST Urban; PX4 guide, "ULog" and ulog2csv of pyulog; ArduPilot,
+libraries/AP_InertialSensor/LogStructure.h; blackbox-tools of Betaflight; Movella DOT user manual, "Data export";
+MicroStrain MIP protocol, field sets 0x8004 and 0x8005; INSTINCT, VectorNavDataLogger; SensorLog for iOS.
 """
 
 from __future__ import annotations
@@ -67,6 +67,18 @@ _TABLES = (
         ),
     ),
     KnownTable(
+        "NCLT's ms25.csv",
+        (r"utime", r"rot_x"),
+        ((r"utime", "time", "us"), (r"rot_([xyz])", "gyro", _RAD), (r"accel_([xyz])", "accel", _SI)),
+        file=r"ms25$",
+    ),
+    KnownTable(
+        "KAIST Urban's xsens_imu.csv",
+        (r"timestamp", r"Eul_x"),
+        ((r"timestamp", "time", "ns"), (r"Gyr_([xyz])", "gyro", _RAD), (r"Acc_([xyz])", "accel", _SI)),
+        file=r"xsens_imu$",
+    ),
+    KnownTable(
         "Betaflight's blackbox_decode",
         (r"loopIteration", r"gyro(ADC|Unfilt)\[0\].*"),
         (
@@ -127,6 +139,22 @@ _TABLES = (
 )
 
 
+_NCLT = ("utime", "mag_x", "mag_y", "mag_z", "accel_x", "accel_y", "accel_z", "rot_x", "rot_y", "rot_z")
+_KAIST = (
+    "timestamp", "q_x", "q_y", "q_z", "q_w", "Eul_x", "Eul_y", "Eul_z", "Gyr_x", "Gyr_y", "Gyr_z",
+    "Acc_x", "Acc_y", "Acc_z", "Mag_x", "Mag_y", "Mag_z",
+)  # fmt: skip
+_NAMELESS = {"ms25.csv": _NCLT, "xsens_imu.csv": _KAIST}
+"""Names of the columns of files of public data sets that have no header, by the name of the file: NCLT ("ms25.csv" in
+the description of its sensor data) and KAIST Urban."""
+
+
+def names_by_file(path: Path, columns: int) -> tuple[str, ...]:
+    """Return the names of the columns of a file without a header, by the name of the file; () if it is not known."""
+    names = _NAMELESS.get(path.name, ())
+    return names if len(names) == columns else ()
+
+
 def known_table(names: Sequence[str], path: Path, above: Sequence[str]) -> tuple[str, Mapping[int, tuple[str, str]]]:
     """Recognise a table by its column names. Return the name of the program ("" if unknown), and the role and unit of
     each known column by its index.
@@ -142,6 +170,21 @@ def known_table(names: Sequence[str], path: Path, above: Sequence[str]) -> tuple
         if fits and re.search(table.file, path.stem) and re.search(table.above, head):
             return table.program, _roles(table, names)
     return "", {}
+
+
+def blackbox_units(above: Sequence[str]) -> dict[str, tuple[str, float]]:
+    """Return unit and scale of the sensors of a decoded blackbox log, from the headers of the log above the table. The
+    scale 1.0 of gyroscopes is that of numbers in deg/s (Betaflight's blackbox-log-viewer, FlightLog).
+
+    >>> blackbox_units(['"acc_1G","2048"', '"gyro_scale","0x3f800000"'])
+    {'accel': ('g', 0.00048828125), 'gyro': ('deg/s', 1.0)}
+    """
+    text, units = "\n".join(above), dict[str, tuple[str, float]]()
+    if gravity := re.search(r"\bacc_1G\W+(\d+)", text):
+        units["accel"] = ("g", 1 / (int(gravity[1]) or 1))
+    if re.search(r"\bgyro_scale\W+(?:0x3f800000|1\.0*\b)", text):
+        units["gyro"] = ("deg/s", 1.0)
+    return units
 
 
 def _roles(table: KnownTable, names: Sequence[str]) -> dict[int, tuple[str, str]]:

@@ -11,6 +11,7 @@ from gmwm.files.formats import (
     kalibr,
     matlab,
     npy,
+    oxts,
     parquet,
     rosbag,
     sensorlogger,
@@ -22,6 +23,6 @@ from gmwm.files.formats import (
 )  # fmt: skip
 
 __all__ = [
-    "archive", "compressed", "dataflash", "dataflash_text", "epson", "hdf5", "imr", "kalibr", "matlab", "npy",
+    "archive", "compressed", "dataflash", "dataflash_text", "epson", "hdf5", "imr", "kalibr", "matlab", "npy", "oxts",
     "parquet", "rosbag", "sensorlogger", "sentences", "text", "ulog", "waypoint", "xsens",
 ]  # fmt: skip

@@ -183,13 +183,30 @@ def _cleaning(lines: list[str]) -> tuple[tuple[tuple[bytes, bytes], ...], tuple[
 
 
 def _sensors(names: Sequence[str], rows: list[list[str]]) -> tuple[int, tuple[str, ...]] | None:
-    """Find the column that states the sensor of each row; return its index and its values in the first rows."""
-    for k, name in enumerate(names):
-        if name.casefold() in _SENSOR_COLUMNS:
-            values = sorted({row[k] for row in rows})
-            if 1 < len(values) <= 16 and all(value.isdecimal() for value in values):
-                return k, tuple(values)
+    """Find the column that states the sensor of each row; return its index and its values in the first rows. They are
+    numbers of sensors, or words such as gyroscope and accelerometer in a table of several sensors."""
+    for k, name in enumerate(names or [""] * len(rows[0] if rows else ())):
+        values = sorted({row[k] for row in rows})
+        numbered = name.casefold() in _SENSOR_COLUMNS and all(value.isdecimal() for value in values)
+        if 1 < len(values) <= 16 and (numbered or any(map(sensor_word, values))):
+            return k, tuple(values)
     return None
+
+
+def sensor_word(value: str) -> str:
+    """Return the sensor that a cell names, "gyro" or "accel"; "" if it names none, or a quantity without gravity.
+
+    >>> [sensor_word(cell) for cell in ("android.sensor.gyroscope", "ACC", "linear_acceleration", "0.1")]
+    ['gyro', 'accel', '', '']
+    """
+    if not value[:1].isalpha() or re.search(r"linear|gravity|user|vector|orient|temp", value, re.IGNORECASE):
+        return ""
+    return (
+        recognise(f"{value.rpartition('.')[2]}_x")
+        .axis.removesuffix("_x")
+        .replace("time", "")
+        .replace("temperature", "")
+    )
 
 
 _SENSOR_COLUMNS = ("i", "imu", "imu_id", "sensor", "sensor_id", "device", "device_id", "instance")

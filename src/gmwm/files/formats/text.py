@@ -17,12 +17,12 @@ import numpy as np
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
 from gmwm.files.clock.text_stamps import UNIT, is_stamp, is_time_of_day
-from gmwm.files.columns.column_names import recognise, unit_of
-from gmwm.files.columns.known_tables import known_table
+from gmwm.files.columns.column_names import named_unit, recognise, role_of, unit_of
+from gmwm.files.columns.known_tables import blackbox_units, known_table, names_by_file
 from gmwm.files.contract import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register, without_guests
 from gmwm.files.formats.byte_sources import FileSource
 from gmwm.files.formats.decimals import is_number
-from gmwm.files.formats.dialect import WEEK, Commas, TextDialect, detect, split_line
+from gmwm.files.formats.dialect import WEEK, Commas, TextDialect, detect, sensor_word, split_line
 from gmwm.files.formats.text_rows import OR_SKIP, RowParser
 
 BLOCK_BYTES = 8 << 20
@@ -73,6 +73,8 @@ class TextReader(Reader):
         if dialect.sensors is None:
             return (layout,)
         column, values = dialect.sensors
+        if any(map(sensor_word, values)):
+            return tuple(_of_sensor(layout, column, value) for value in values if sensor_word(value))
         name = dialect.names[column]
         return tuple(
             replace(layout, topic=f"{name}={value}", state=replace(dialect, sensor=(column, value))) for value in values
@@ -103,14 +105,17 @@ class TextReader(Reader):
     def layout(self, source: FileSource) -> Layout:
         """Return the layout of a file or of unpacked text."""
         dialect = detect(_head_lines(source), source, self.commas)
-        names = dialect.names or ("",) * dialect.columns
+        names = dialect.names or names_by_file(source.unpacked_path, dialect.columns) or ("",) * dialect.columns
         time, channels = _time_by_content(dialect), []
         program, roles = known_table(names, source.unpacked_path, dialect.above)
+        logged = blackbox_units(dialect.above) if "blackbox" in program else {}
         for k, name in enumerate(names):
             unit = dialect.column_units[k] if dialect.column_units else ""
             axis = recognise(name).axis
             if k in roles and not dialect.stamps[k]:
-                channels.append(Channel(name, roles[k][1] or unit, roles[k][0]))
+                role, known = roles[k]
+                stated, scale = ("", 1.0) if named_unit(name, role) else logged.get(role[:-2], ("", 1.0))
+                channels.append(Channel(name, known or unit or stated, role, scale=scale))
             elif dialect.stamps[k]:
                 channels.append(Channel(name, UNIT, "time" if k == time else ""))
             else:
@@ -153,6 +158,23 @@ class TextReader(Reader):
                 if stamp in wanted and dialect.stamp_parts is not None:
                     chunk = {k: dialect.stamp_parts.join(chunk, source) if k == stamp else chunk[k] for k in wanted}
                 yield chunk
+
+
+def _of_sensor(layout: Layout, column: int, value: str) -> Layout:
+    """Return the recording of one sensor in a table in which a column names the sensor of each row. The axes are the
+    columns named x, y and z, or the three columns of numbers behind the time."""
+    dialect: TextDialect = layout.state
+    channels, sensor = list(layout.channels), sensor_word(value)
+    free = [k for k, channel in enumerate(channels) if k != column and role_of(channel) != "time"]
+    if not dialect.names and free:
+        channels[free[0]] = replace(channels[free[0]], axis="time")
+        free = free[1:]
+    letters = {re.sub(r"[^a-z]", "", channels[k].name.partition("[")[0].casefold())[-1:]: k for k in free}
+    places = [letters[letter] for letter in "xyz"] if letters.keys() >= set("xyz") else free[:3]
+    unit = {"gyro": "rad/s", "accel": "m/s²"}[sensor] if "android" in value.casefold() else ""
+    for letter, k in zip("xyz", places, strict=False):
+        channels[k] = replace(channels[k], axis=f"{sensor}_{letter}", unit=channels[k].unit or unit)
+    return replace(layout, channels=tuple(channels), topic=value, state=replace(dialect, sensor=(column, value)))
 
 
 def text_reader(path: Path, head: bytes) -> TextReader | None:

@@ -9,7 +9,8 @@ from pathlib import Path
 from gmwm.base.arrays import as_rate
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.files.importers.datasheet import EXAMPLE, read_datasheet
-from gmwm.files.importers.files import FORMATS, Format, without_comments
+from gmwm.files.importers.documents import Document, parse
+from gmwm.files.importers.files import FORMATS, Format
 from gmwm.files.importers.values import Values
 from gmwm.theory.processes.model import Model
 
@@ -55,7 +56,8 @@ def given_noise(source: str | Path, rate: float | None = None) -> Given:
     Parameters
     ----------
     source : str or Path
-        A file, or text such as "gyro: N=0.15deg/√h, B=3deg/h over 100s; accel: N=60µg/√Hz".
+        A file, a part of a file such as "kalibr.yaml:imu1", or text such as
+        "gyro: N=0.15deg/√h, B=3deg/h over 100s; accel: N=60µg/√Hz".
     rate : float, optional
         Sampling rate (Hz); by default the rate in the file. Discrete noise models depend on it.
 
@@ -79,15 +81,18 @@ def given_noise(source: str | Path, rate: float | None = None) -> Given:
     >>> list(found.models), found.models["gyro_x"].structure
     (['gyro_x', 'gyro_y', 'gyro_z'], 'WN + RW')
     """
-    path = Path(source)
+    path, part = Path(source), ""
+    if not _is_file(path):
+        name, _, part = str(source).rpartition(":")
+        path = Path(name) if name and _is_file(Path(name)) else path
     if not _is_file(path):
         text = str(source)
         if ":" not in text or ("=" not in text and "(" not in text):
             raise OptionError(argument="source", expected=f"an existing file, or text such as '{EXAMPLE}'", got=text)
         axes = read_datasheet(text)
         return _given(axes, _rate(rate, None, text), "datasheet", text)
-    form, content = _recognised(path)
     try:
+        form, content = _recognised(path, part)
         known = form.rate(content)
         needed = rate if rate is not None else known
         if form.needs_rate and needed is None:
@@ -109,16 +114,17 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def _recognised(path: Path) -> tuple[Format, str]:
+def _recognised(path: Path, part: str) -> tuple[Format, Document]:
     if path.stat().st_size > _LARGEST:
-        raise ReadError(f"{path} is too large for a configuration file")
-    content = without_comments(path.read_text(encoding="utf-8", errors="replace"))
+        raise ReadError("the file is too large for a configuration")
+    content = parse(path.read_text(encoding="utf-8", errors="replace"), path)
+    content = content.part(part) if part else content
     for form in FORMATS:
         if form.matches(content):
             return form, content
     names = ", ".join(form.name for form in FORMATS)
     raise ReadError(
-        f"{path} has no noise numbers that gmwm knows: it recognises files of {names}",
+        f"the file has no noise numbers that gmwm knows: it recognises files of {names}",
         advice="Write the numbers as text instead, for example `gyro: N=0.15deg/√h`.",
     )
 

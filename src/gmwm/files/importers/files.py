@@ -1,7 +1,6 @@
 """Read the noise numbers in the files of other programs, and convert each by the rule of the program that uses it.
 
 A file is recognised by its keys. Only the values of these keys are read, so that a whole configuration can be passed.
-Comments do not count, a value is read whole, and a key occurs once.
 """
 
 from __future__ import annotations
@@ -12,13 +11,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from gmwm.base.errors import ReadError
-from gmwm.base.units import Quantity
+from gmwm.base.units import SI_UNIT, Quantity, noise_unit
+from gmwm.files.importers.documents import NUMBER, Document, each_axis
 from gmwm.files.importers.values import FLOOR, Values
 
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _DEGREE = math.pi / 180
 Found = dict[str, Values]
-Reader = Callable[[str, float | None], Found]
+Reader = Callable[[Document, float | None], Found]
 _QUANTITIES: tuple[Quantity, ...] = ("gyro", "accel")
 
 
@@ -43,6 +42,8 @@ class Format:
         Whether the numbers depend on the sampling rate.
     one : bool
         Whether a file has each key once.
+    density : bool
+        Whether the numbers are N and K in SI units. They may then be written with another unit.
     """
 
     name: str
@@ -52,84 +53,60 @@ class Format:
     rate_key: str = ""
     needs_rate: bool = False
     one: bool = True
+    density: bool = False
 
-    def matches(self, text: str) -> bool:
-        """Return whether text contains a key of the format."""
-        return any(re.search(rf"(?<![\w.]){re.escape(key)}(?!\w)", text) for key in self.keys)
+    def matches(self, document: Document) -> bool:
+        """Return whether a file has a key of the format."""
+        return any(document.has(key) for key in self.keys)
 
-    def written(self, text: str, axis: str) -> dict[str, tuple[str, float | None]]:
+    def written(self, document: Document, axis: str) -> dict[str, tuple[str, float | None]]:
         """Return the key and the value in the file for each number of an axis. The value is None if a file has each key
         several times."""
         quantity: Quantity = "gyro" if axis.startswith("gyro") else "accel"
         found: dict[str, tuple[str, float | None]] = {}
         for symbol, key in self.names.get(quantity, {}).items():
-            values = _find(text, key) if self.one else None
+            values = document.numbers(key, _unit(self.density, symbol, quantity)) if self.one else None
             value = None if not values else values["xyz".index(axis[-1])] if len(values) == 3 else values[0]
             found[symbol] = (key, value)
         return found
 
-    def rate(self, text: str) -> float | None:
+    def rate(self, document: Document) -> float | None:
         """Return the sampling rate in a file, if there is one."""
-        found = _find(text, self.rate_key) if self.rate_key else None
+        found = document.numbers(self.rate_key) if self.rate_key else None
         return found[0] if found else None
 
 
-def without_comments(text: str) -> str:
-    """Return text without its comments, which begin with # at the begin of a word. The bounds that gmwm writes for PX4
-    and ArduPilot are comments, so that loading the file changes nothing; they count."""
-    if re.match(r"# Noise of an IMU for [^\n]*, lower bounds\. Written by gmwm", text):
-        text = re.sub(rf"(?m)^# (?=[\d\s]*EK(?:F2|3)_\w+[\s,]+{_NUMBER})", "", text)
-    return re.sub(r"(?<!\S)#[^\n]*", "", text)
-
-
-def _find(text: str, key: str) -> list[float] | None:
-    """Return the numbers after a key: one, or a list in brackets; None if the key is not there."""
-    place = rf"(?<![\w.]){re.escape(key)}(?!\w)['\"]?\s*[:=,\s]\s*(\[[^\]]*\]|[^\s,;}}\]]*)"
-    places = list(re.finditer(place, text))
-    if not places:
-        return None
-    if len(places) > 1:
-        lines = " and ".join(str(1 + text.count("\n", 0, match.start())) for match in places[:2])
-        raise ReadError(
-            f"{key} occurs {len(places)} times in the file, for example in lines {lines}",
-            advice="Pass a file with the numbers of one IMU.",
-        )
-    line, value = 1 + text.count("\n", 0, places[0].start()), places[0][1]
-    return [_number(part, key, line) for part in _parts(value)]
-
-
-def _parts(value: str) -> list[str]:
-    """Return the parts of a list in brackets, or of a single value."""
-    return re.split(r"\s*[,\s]\s*", value[1:-1].strip()) if value.startswith("[") else [value]
-
-
-def _number(part: str, key: str, line: int) -> float:
-    if not re.fullmatch(_NUMBER, part.strip("'\"")):
-        raise ReadError(f"line {line}: the value of {key} is not a number: {part!r}", advice="Write a plain number.")
-    number = float(part.strip("'\""))
-    if not 0 <= number < math.inf:
-        raise ReadError(f"line {line}: the value of {key} must be finite, and 0 or larger: {part}")
-    return number
-
-
-def _required(text: str, key: str) -> list[float]:
-    """Return the numbers after a key that every file has."""
-    found = _find(text, key)
-    if found is None:
+def _required(document: Document, key: str, unit: str = "") -> list[float]:
+    """Return the numbers of a key that every file has."""
+    numbers = document.numbers(key, unit)
+    if numbers is None:
         raise ReadError(f"the file has no number for {key}", advice="Add it, or write the numbers as text.")
-    return found
+    return numbers
+
+
+def _unit(density: bool, symbol: str, quantity: Quantity) -> str:
+    """Return the SI unit of N or K if the numbers of the file are densities, which may be written with a unit."""
+    power = {"N": 0.5, "K": -0.5}.get(symbol)
+    return noise_unit(power, SI_UNIT[quantity])[0] if density and power else ""
 
 
 def _two(keys: Mapping[Quantity, tuple[str, str]], change: Callable[[float, float | None], float]) -> Reader:
     """Return a function that reads N and K of each sensor, or of each axis from lists of three. `change` converts a
     number in the file, given the sampling rate, to a density."""
 
-    def read(text: str, rate: float | None) -> Found:
+    def read(document: Document, rate: float | None) -> Found:
         found: Found = {}
         for sensor, pair in keys.items():
-            if all(_find(text, key) is None for key in pair):
+            if all(document.find(key) is None for key in pair):
                 continue
-            white, walk = (_three(text, key) for key in pair)
+            units = (_unit(change is _density, symbol, sensor) for symbol in "NK")
+            white, walk = (_three(document, key, unit) for key, unit in zip(pair, units, strict=True))
+            if 0 in white:
+                entry = document.find(pair[0])
+                raise ReadError(
+                    f"line {entry.line if entry else 0}: {pair[0]} is 0, but every sensor has white noise",
+                    advice="Write the number, or remove the keys of this sensor.",
+                )
             for k, letter in enumerate("xyz"):
                 found[f"{sensor}_{letter}"] = Values(N=change(white[k], rate), K=change(walk[k], rate))
         return found
@@ -157,26 +134,27 @@ def _for_step(step: float) -> Callable[[float, float | None], float]:
     return lambda value, rate: value * math.sqrt(step)
 
 
-def _imu_utils(text: str, rate: float | None) -> Found:
+def _imu_utils(document: Document, rate: float | None) -> Found:
     """Read a file of imu_utils: gyr_n is √f times the Allan deviation at 1 s, and gyr_w is its minimum."""
     found: Found = {}
     for sensor, short in (("gyro", "gyr"), ("accel", "acc")):
         for letter in "xyz":
-            block = re.search(rf"{letter}-axis\s*:\s*{short}_n\s*:\s*({_NUMBER})\s*{short}_w\s*:\s*({_NUMBER})", text)
-            if block:
-                white, floor = float(block[1]), float(block[2])
-                found[f"{sensor}_{letter}"] = Values(N=_per_step(white, rate), B=floor / FLOOR)
+            axis = f"{letter}-axis"
+            entries = tuple(entry for entry in document.entries if axis in entry.above)
+            white, floor = (Document(entries, "").numbers(f"{short}_{symbol}") for symbol in "nw")
+            if white and floor:
+                found[f"{sensor}_{letter}"] = Values(N=_per_step(white[0], rate), B=floor[0] / FLOOR)
     if not found:
         raise ReadError("the file has no numbers of the axes x, y and z", advice="Use the file that imu_utils wrote.")
     return found
 
 
-def _kf_gins(text: str, rate: float | None) -> Found:
+def _kf_gins(document: Document, rate: float | None) -> Found:
     """Read a file of KF-GINS, in deg/√h, m/s/√h, deg/h, mGal and h. The bias is a Gauss-Markov process."""
-    time = 3600.0 * _required(text, "corrtime")[0]
+    time = 3600.0 * _required(document, "corrtime")[0]
     sizes = {"arw": _DEGREE / 60, "vrw": 1 / 60, "gbstd": _DEGREE / 3600, "abstd": 1e-5}
     found: Found = {}
-    values = {key: _three(text, key) for key in sizes}
+    values = {key: _three(document, key) for key in sizes}
     for sensor, white, bias in (("gyro", "arw", "gbstd"), ("accel", "vrw", "abstd")):
         for k, letter in enumerate("xyz"):
             found[f"{sensor}_{letter}"] = Values(
@@ -185,21 +163,14 @@ def _kf_gins(text: str, rate: float | None) -> Found:
     return found
 
 
-def _three(text: str, key: str) -> list[float]:
-    return _each_axis(_required(text, key), key)
+def _three(document: Document, key: str, unit: str = "") -> list[float]:
+    return each_axis(_required(document, key, unit), key)
 
 
-def _each_axis(row: list[float], key: str) -> list[float]:
-    """Return one number for each axis, from one or three."""
-    if len(row) not in (1, 3):
-        raise ReadError(f"{key} has {len(row)} numbers, but one, or one for each of three axes, are expected")
-    return row * 3 if len(row) == 1 else row
-
-
-def _matlab(text: str, rate: float | None) -> Found:
+def _matlab(document: Document, rate: float | None) -> Found:
     """Read MATLAB code that sets the parameters of imuSensor. With the default NoiseType, N and B are smaller than the
     numbers in the code by the factor √2, and K is larger by this factor."""
-    code = re.sub(r"%[^\n]*", "", text).replace("...", "")
+    code = re.sub(r"%[^\n]*", "", document.text).replace("...", "")
     found: Found = {}
     for sensor in _QUANTITIES:
         body = re.search(rf"{sensor}params\((.*?)\)\s*;", code, re.DOTALL)
@@ -222,10 +193,10 @@ def _named_row(body: str, key: str) -> list[float]:
     match = re.search(rf"['\"]{key}['\"]\s*,\s*(\[[^\]]*\]|[^\s,)]*)", body)
     if match is None:  # the default of MATLAB
         return [0.0] * 3
-    parts = [part for part in _parts(match[1]) if part]
-    if not all(re.fullmatch(_NUMBER, part) for part in parts):
+    parts = [part for part in re.split(r"[\s,\[\]]+", match[1]) if part]
+    if not all(re.fullmatch(NUMBER, part) for part in parts):
         raise ReadError(f"{key} is not one number or a row of numbers: {match[1]}")
-    return _each_axis([float(part) for part in parts], key)
+    return each_axis([float(part) for part in parts], key)
 
 
 def _format(
@@ -236,7 +207,10 @@ def _format(
     gyro_n, gyro_k, accel_n, accel_k = keys
     pairs: dict[Quantity, tuple[str, str]] = {"gyro": (gyro_n, gyro_k), "accel": (accel_n, accel_k)}
     names: dict[Quantity, dict[str, str]] = {q: {"N": white, "K": walk} for q, (white, walk) in pairs.items()}
-    return Format(name, (gyro_n, accel_n), _two(pairs, change), names=names, rate_key=rate_key, needs_rate=needs_rate)
+    return Format(
+        name, (gyro_n, accel_n), _two(pairs, change), names=names, rate_key=rate_key, needs_rate=needs_rate,
+        density=change is _density,
+    )  # fmt: skip
 
 
 _KALIBR = ("gyroscope_noise_density", "gyroscope_random_walk", "accelerometer_noise_density",

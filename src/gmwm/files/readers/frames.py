@@ -5,6 +5,7 @@ The libraries are recognised by their methods, so that none of them is imported.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
@@ -41,9 +42,14 @@ def is_table(data: object) -> bool:
     (False, True, True)
     """
     if isinstance(data, Mapping) and not hasattr(data, "coords"):
-        return any(name not in AXES or _has_missing(values) for name, values in data.items())
+        return any(not _is_axis(name) or _has_missing(values) for name, values in data.items())
     framed = any(hasattr(type(data), name) for name in ("columns", "column_names", "collect_schema"))
     return framed or hasattr(data, "coords") or getattr(getattr(data, "dtype", None), "names", None) is not None
+
+
+def _is_axis(name: object) -> bool:
+    """Return whether a name is an axis, or that of a sensor of an array, such as gyro_1."""
+    return name in AXES or (isinstance(name, str) and re.fullmatch(r"(gyro|accel)_\d+", name) is not None)
 
 
 def _has_missing(values: Any) -> bool:

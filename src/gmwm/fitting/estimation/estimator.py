@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping, Sequence
-from typing import cast, overload
+from typing import Any, cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,13 +20,14 @@ from gmwm.fitting.estimation.reweighting import REWEIGHTED, First, WeightedSolut
 from gmwm.fitting.estimation.solver import final, solve, solve_sampled
 from gmwm.fitting.estimation.starts import Sampled
 from gmwm.fitting.estimation.weighting import Weighting, usual_weighting, weighting_matrix, weighting_remarks
+from gmwm.measuring.axis_results import ResultsByAxis, signals_of
 from gmwm.measuring.regression.against import Against, Asked
 from gmwm.measuring.regression.api import regressed_variance
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY, require_robust
 from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.recording.signals import Signal
+from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model, as_model
 
@@ -38,26 +39,28 @@ OneOrSeveral = Curve | Sequence[WaveletVariance] | Sequence[Signal]
 
 @overload
 def fit(
+    model: Model | Process | str, data: Imu, rate: float | None = None, *, weighting: Weighting | None = None,
+    robust: bool = False, efficiency: float = 0.6, certify: bool = True, start: Sampled | None = None,
+    against: Against = None,
+) -> ResultsByAxis[Fit]: ...  # fmt: skip
+@overload
+def fit(
     model: Model | Process | str, data: OneOrSeveral, rate: float | None = None, *, weighting: Weighting | None = None,
     robust: bool = False, efficiency: float = 0.6, certify: bool = True, start: Sampled | None = None,
     against: Against = None,
 ) -> Fit: ...  # fmt: skip
-
-
 @overload
 def fit(
     model: Model | Process | str, data: Mapping[float, WaveletVariance | Signal | ArrayLike], rate: float | None = None,
     *, weighting: Weighting | None = None, robust: bool = False, efficiency: float = 0.6, certify: bool = True,
     varies: Mapping[str, str] | None = None,
 ) -> ConditionsFit: ...  # fmt: skip
-
-
 def fit(
-    model: Model | Process | str, data: OneOrSeveral | Mapping[float, WaveletVariance | Signal | ArrayLike],
+    model: Model | Process | str, data: Imu | OneOrSeveral | Mapping[float, WaveletVariance | Signal | ArrayLike],
     rate: float | None = None, *, weighting: Weighting | None = None, robust: bool = False, efficiency: float = 0.6,
     certify: bool = True, start: Sampled | None = None, against: Against = None,
     varies: Mapping[str, str] | None = None,
-) -> Fit | ConditionsFit:  # fmt: skip
+) -> Fit | ConditionsFit | ResultsByAxis[Fit]:  # fmt: skip
     """Fit a sum of noise processes to a signal or to its wavelet variance.
 
     The estimate is the global minimum θ̂ = argmin (ν̂ − ν(θ))ᵀ Ω (ν̂ − ν(θ)), where ν̂ is the measured wavelet
@@ -81,8 +84,9 @@ def fit(
         the mean of their curves, `fit.replicates` tests whether the recordings have equal parameters, and intervals
         include the spread between them. A mapping such as ``{0.0: rest, 50.0: slow, 100.0: fast}`` contains recordings
         at known conditions, for example rates of a turntable or plateaus of a chamber.
+        An Imu or an (N, k) array is fitted axis by axis.
     rate : float, optional
-        Sampling rate (Hz), required if `data` is a plain array.
+        Sampling rate (Hz) of a plain array; 1 by default, so that times count samples.
     weighting : "diagonal", "optimal", "identity", (J,) or (J, J) array, optional
         Weighting matrix Ω, where V is the exact covariance of ν̂² under the fitted model
         (docs/validation/weighting.md):
@@ -122,7 +126,7 @@ def fit(
 
     Returns
     -------
-    Fit
+    Fit; for an Imu or several columns a mapping of axis to Fit
         Estimates, objective with its lower bound, fitted curve and remarks. For recordings at known conditions, the
         result is a `gmwm.estimation.ConditionsFit`.
 
@@ -156,6 +160,12 @@ def fit(
     >>> print(f"{found.parameters['WN.sigma2']:.2e}")
     4.00e-06
     """
+    if not isinstance(data, WaveletVariance) and (signals := signals_of(data)) is not None:
+        if varies is not None:
+            raise OptionError(argument="varies", expected="left out for the axes of a recording", got=varies)
+        options: dict[str, Any] = {"weighting": weighting, "robust": robust, "efficiency": efficiency}
+        options |= {"certify": certify, "start": start, "against": against}
+        return ResultsByAxis(results={axis: fit(model, x, rate, **options) for axis, x in signals.items()})
     terms = as_model(model)
     if start is not None and not isinstance(start, Sampled):
         raise OptionError(
@@ -172,8 +182,9 @@ def fit(
             "varies needs recordings at known conditions", argument="varies", got=varies,
             advice="Pass a mapping, for example `{{0.0: rest, 50.0: slow}}`.",
         )  # fmt: skip
-    wv = measure(data, rate, robust, efficiency, against=against)
-    first = None if start is None else _draws(start, wv, data)
+    recordings = cast("OneOrSeveral", data)
+    wv = measure(recordings, rate, robust, efficiency, against=against)
+    first = None if start is None else _draws(start, wv, recordings)
     chosen = usual_weighting(terms) if weighting is None else weighting
     result = fit_quietly(terms, wv, chosen, certify=certify, first=first)
     for remark in result.diagnostics.remarks:

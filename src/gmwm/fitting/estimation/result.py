@@ -250,7 +250,7 @@ class Fit(Documented, Plotted, KalmanMethods):
 
         return datasheet(self, level)
 
-    def budget(self, duration: float | str, *, rest: float | str = 0.0, level: float = 0.95) -> Budget:
+    def budget(self, duration: float | str, *, rest: float | str = 60.0, level: float = 0.95) -> Budget:
         """Compute the growth of the errors of unaided inertial navigation that the noise of this axis causes.
 
         `duration`, `rest` and `level`, the result and the errors are those of `gmwm.navigation.budget`.

@@ -220,6 +220,7 @@ def head(fit: Fit, how: IntervalMethod) -> list[str]:
         # Largest gap of a global optimum in words, 10 times `CERTIFIED_GAP`, which the limit of nodes may exceed.
         proven = fit.gap <= 1e-3 and (start is None or start.how != "sampled")
         claim = "global optimum" if proven else "best found"
+        claim += " given the fixed values" if fit.model.fixed_names else ""
         certificate = f"{claim}, no other fit is lower by more than {100 * fit.gap:.2g} %"
         if start is not None and start.how == "sampled":
             certificate += f"; {start.in_words}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -271,13 +272,21 @@ class RecordingStatistics:
         return float(self._extent.times([first])[0]), float(np.mean(still[measured]))
 
     def _densities(self) -> dict[str, float]:
-        """Return the noise density of each gyroscope (rad/s/√Hz): the median over the windows, which ignores knocks."""
-        densities = {}
+        """Return the white noise density of each gyroscope (rad/s/√Hz).
+
+        It is the smaller one of the densities from first differences and from differences of block means, because a
+        line such as a dither raises the first, and a drift the second. The medians ignore knocks.
+        """
+        densities, rate = {}, self._extent.rate
         for axis, sums in self._axes.items():
             measured, unit = sums.steps.counts > 0, find_unit(self._units[axis])
             if unit is not None and unit.quantity == "gyro" and np.any(measured):
-                noise = float(np.sqrt(np.median(sums.steps.means[measured]) / 2 / self._extent.rate))
-                densities[axis] = noise * unit.factor
+                squares = [np.median(sums.steps.means[measured]) / rate]
+                changes = np.concatenate([np.empty(0), *(np.diff(means) for _, means in sums.means())])
+                if changes.size:
+                    # 0.4549 is the median of the square of a standard normal variable.
+                    squares.append(np.median(changes**2) / 0.4549 * sums.length / rate)
+                densities[axis] = math.sqrt(min(squares) / 2) * unit.factor
         return densities
 
 

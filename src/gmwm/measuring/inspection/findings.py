@@ -14,7 +14,7 @@ from gmwm.measuring.regression.result import per
 
 if TYPE_CHECKING:
     from gmwm.measuring.inspection.knocks import Knock, Step
-    from gmwm.measuring.inspection.result import AxisInspection
+    from gmwm.measuring.inspection.result import AxisInspection, Inspection
     from gmwm.measuring.inspection.saturation import Saturation
     from gmwm.measuring.inspection.swings import Swing
     from gmwm.measuring.inspection.time_grid import Extent
@@ -110,11 +110,9 @@ def of_steps(steps: tuple[Step, ...]) -> Iterator[Remark]:
 
 def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Extent, cut: bool) -> Iterator[Remark]:
     """Yield remarks on trends, one for each axis. `cut` tells whether the beginning of the file is already left out."""
-    longest = max((trend.until for trend in trends if trend.until is not None), default=0.0)
-    duration = extent.samples / extent.rate
-    # Largest share of the recording that a warm-up may take; the rest must suffice for a calibration
-    # (docs/howto/record.md).
-    way = "late" if longest > 0.5 * duration else "again" if cut else "start"
+    longest = {small: _longest(trends, small) for small in (True, False)}
+    late = beginning_to_omit(trends, extent.samples / extent.rate) is None
+    way = "late" if late else "again" if cut else "start"
     for trend in trends:
         unit = units[trend.axis]
         facts: dict[str, Fact] = {
@@ -125,9 +123,13 @@ def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Exten
             "numbers": ("B", "K", "R"),
         }
         if trend.tau is not None and trend.until is not None:
-            tau, until = Quantity(trend.tau, "s"), Quantity(longest, "s")
-            first = Quantity(round_up(longest), "s")
-            yield Remark.of("warm-up", trend.axis, **facts, tau=tau, duration=until, first=first, way=way)
+            tau, until = Quantity(trend.tau, "s"), Quantity(longest[trend.is_small], "s")
+            if trend.is_small:
+                facts["numbers"] = ()
+                yield Remark.of("warm-up", trend.axis, case="small", **facts, tau=tau, duration=until)
+            else:
+                facts["first"] = Quantity(round_up(until.value), "s")
+                yield Remark.of("warm-up", trend.axis, case="large", **facts, tau=tau, duration=until, way=way)
         elif trend.kind == "linear":
             yield Remark.of("linear-trend", trend.axis, **facts)
         else:
@@ -142,6 +144,32 @@ def of_swings(swings: tuple[Swing, ...], units: Mapping[str, str]) -> Iterator[R
         yield Remark.of(
             "trend", swing.axis, case="swing", period=period, periods=swing.periods, size=size, numbers=numbers
         )
+
+
+def beginning_to_omit(trends: tuple[Trend, ...], duration: float) -> float | None:
+    """Return the time (s) at the beginning of a recording that is best left out because of large warm-ups; 0 if there
+    is none, and None if too little would be left of the recording."""
+    longest = _longest(trends, small=False)
+    # At least half of the recording must be left for a calibration (docs/howto/record.md).
+    return None if longest > 0.5 * duration else round_up(longest) if longest else 0.0
+
+
+def _longest(trends: tuple[Trend, ...], small: bool) -> float:
+    """Return the length (s) of the longest warm-up whose effect is small or large; 0 if there is none."""
+    return max((t.until for t in trends if t.until is not None and t.is_small == small), default=0.0)
+
+
+def omission_remarks(inspection: Inspection, start: float) -> tuple[Remark, ...]:
+    """Return a remark for each axis because of whose warm-up the first `start` seconds of a recording are left out."""
+    return tuple(
+        Remark.of(
+            "warm-up", trend.axis, case="omitted", numbers=(), first=Quantity(start, "s"),
+            whole=Quantity(inspection.duration, "s"),
+            size=in_datasheet_units(abs(trend.size), 0.0, inspection.axes[trend.axis].unit),
+        )
+        for trend in inspection.trends
+        if trend.settles and not trend.is_small
+    )  # fmt: skip
 
 
 def of_conditions(regressions: Mapping[str, Regression], unknown: str) -> Iterator[Remark]:
@@ -225,8 +253,9 @@ def of_gravity(gravity: float | None) -> Iterator[Remark]:
     # Relative error of gravity above which there is a remark, more than a good accelerometer has.
     if gravity is not None and abs(error) > 0.02:
         norm, expected = Quantity(gravity, "m/s²"), Quantity(STANDARD_GRAVITY, "m/s²")
-        # Relative error of gravity that no bias explains, so that the unit may be wrong.
-        if abs(error) > 0.05:
+        # Offsets of 100 mg on three axes and a scale factor error of 3 %, which low-cost parts may have, change gravity
+        # by up to 15 %. With a larger error, the unit may be wrong.
+        if abs(error) > 0.15:
             yield Remark.of("unit-doubtful", case="gravity", norm=norm, expected=expected)
         else:
             yield Remark.of("unit-contradicted", case="gravity", norm=norm, expected=expected, share=100 * error)

@@ -24,6 +24,9 @@ _SIZE = 0.01
 _TAIL = (8.5, 0.4)
 """The statistic exceeds t with probability 0.1·exp(−0.4 (t − 8.5)) for a random walk of moderate size, the noise that
 is most often mistaken for a trend (docs/validation/trends.md)."""
+_RAISED = 1.2
+"""Ratio of the random walk with a warm-up to its upper limit without it, up to which the warm-up is less than the
+uncertainty of K. K of a recording of hours has a 95 % interval of about ± 20 % (docs/validation/filter.md)."""
 _EXTRA = 2.0
 """Improvement of −2 log L that is subtracted for a second parameter, as in Akaike's criterion."""
 
@@ -51,6 +54,11 @@ class Trend:
     def settles(self) -> bool:
         """Whether the trend is a warm-up: an exponential that falls by at least a factor e in the recording."""
         return self.until is not None
+
+    @property
+    def is_small(self) -> bool:
+        """Whether the trend raises the random walk by less than the uncertainty of the random walk."""
+        return self.walk_with_trend <= _RAISED * self.walk_limit
 
 
 def trend_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> Trend | None:

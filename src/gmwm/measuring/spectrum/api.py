@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, overload
+from typing import Any, cast, overload
 
 from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Vector, as_rate, as_vector
 from gmwm.base.errors import OptionError
 from gmwm.base.threads import in_threads
+from gmwm.measuring.axis_results import rate_of_array, signals_of
 from gmwm.measuring.spectrum.accumulate import SpectrumAccumulator
 from gmwm.measuring.spectrum.result import PowerSpectra, PowerSpectrum
 from gmwm.measuring.spectrum.welch import Detrend
@@ -95,9 +96,9 @@ def psd(
     True
     """
     as_confidence(confidence)
-    if isinstance(x, Imu):
+    if (signals := signals_of(x)) is not None:
         options: Any = {"length": length, "detrend": detrend, "confidence": confidence, "fill_gaps": fill_gaps}
-        return PowerSpectra(spectra=in_threads(lambda _, signal: psd(signal, rate, **options), x.signals))
+        return PowerSpectra(spectra=in_threads(lambda _, signal: psd(signal, rate, **options), signals))
     segments: list[Vector]
     if isinstance(x, Signal):
         if rate is not None and as_rate(rate) != x.rate:
@@ -108,8 +109,8 @@ def psd(
         signal = x.fill_gaps() if fill_gaps else x
         segments, rate, unit, axis = signal.segment_values(), x.rate, x.unit, x.axis
     else:
-        segments, unit, axis = [as_vector(x, "x")], "", ""
-    accumulator = SpectrumAccumulator(as_rate(rate), length=length, detrend=detrend, unit=unit, axis=axis)
+        segments, unit, axis = [as_vector(cast(ArrayLike, x), "x")], "", ""
+    accumulator = SpectrumAccumulator(rate_of_array(rate), length=length, detrend=detrend, unit=unit, axis=axis)
     for segment in segments:
         accumulator.gap()
         accumulator.update(segment)

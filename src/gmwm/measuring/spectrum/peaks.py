@@ -42,7 +42,17 @@ def find_peaks(spectrum: PowerSpectrum) -> tuple[tuple[Line, ...], tuple[Bump, .
     lines, sharp, free = narrow_lines(spectrum, freedom, testable, level=FALSE_ALARMS / 2)
     wandering, broad = wide_peaks(spectrum, freedom, free, narrow=(lines, sharp), level=FALSE_ALARMS / 2)
     bumps = sorted([*sharp, *broad], key=lambda bump: bump.frequency)
-    return group_harmonics([*lines, *wandering], spectrum.resolution), tuple(bumps)
+    return group_harmonics(distinct([*lines, *wandering], spectrum.resolution), spectrum.resolution), tuple(bumps)
+
+
+def distinct(lines: Iterable[Line], resolution: float) -> list[Line]:
+    """Return the lines without those that are closer to a stronger line than the resolution (Hz) or half its width,
+    because a line that varies can be found in two bins."""
+    strongest: list[Line] = []
+    for line in sorted(lines, key=lambda line: -line.amplitude):
+        if all(abs(line.frequency - other.frequency) > max(resolution, other.width / 2) for other in strongest):
+            strongest.append(line)
+    return strongest
 
 
 def group_harmonics(lines: Iterable[Line], resolution: float) -> tuple[Line, ...]:

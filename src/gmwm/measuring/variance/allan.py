@@ -2,27 +2,42 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base import _core
 from gmwm.base.arrays import Vector
-from gmwm.measuring.variance.clusters import ClusterVariance, cluster_variance
+from gmwm.measuring.axis_results import ResultsByAxis
+from gmwm.measuring.variance.clusters import ClusterVariance, cluster_variance, of_parts
 from gmwm.measuring.variance.edf import degrees_of_freedom
 from gmwm.measuring.variance.noise_type import exponents, noise_types
 from gmwm.measuring.variance.phase import Clusters, Data, Progress, cluster_sizes, mean_squares, phase_of
 from gmwm.recording.options import as_confidence, one_of
-from gmwm.recording.signals import Signal
+from gmwm.recording.signals import Imu, Signal
 
 
+@overload
 def allan_variance(
     x: Signal | ArrayLike, rate: float | None = None, *,
     kind: Literal["overlapping", "nonoverlapping", "modified"] = "overlapping",
     clusters: Clusters | ArrayLike = "octave", data: Data = "rate", confidence: float = 0.95,
     progress: Progress | None = None,
-) -> ClusterVariance:  # fmt: skip
+) -> ClusterVariance: ...  # fmt: skip
+@overload
+def allan_variance(
+    x: Imu, rate: float | None = None, *,
+    kind: Literal["overlapping", "nonoverlapping", "modified"] = "overlapping",
+    clusters: Clusters | ArrayLike = "octave", data: Data = "rate", confidence: float = 0.95,
+    progress: Progress | None = None,
+) -> ResultsByAxis[ClusterVariance]: ...  # fmt: skip
+def allan_variance(
+    x: Imu | Signal | ArrayLike, rate: float | None = None, *,
+    kind: Literal["overlapping", "nonoverlapping", "modified"] = "overlapping",
+    clusters: Clusters | ArrayLike = "octave", data: Data = "rate", confidence: float = 0.95,
+    progress: Progress | None = None,
+) -> ClusterVariance | ResultsByAxis[ClusterVariance]:  # fmt: skip
     """Estimate the Allan variance of a signal, half the mean squared difference of adjacent cluster means.
 
     With the phase p (running sum of the rate, times Δt) and clusters of n samples, τ = n Δt, it is the mean of
@@ -37,10 +52,11 @@ def allan_variance(
 
     Parameters
     ----------
-    x : Signal, or (N,) array in any unit
-        At least 8 finite samples without a gap.
+    x : Imu, Signal, (N,) array or (N, k) array in any unit
+        At least 8 finite samples without a gap. The differences of all segments of a Signal are pooled, and none
+        extends across a gap that is not filled.
     rate : float
-        Sampling rate (Hz); leave it out for a Signal.
+        Sampling rate (Hz); leave it out for a Signal. Without it, an array has rate=1: times count samples.
     kind : "overlapping", "nonoverlapping" or "modified"
         Kind of Allan variance.
     clusters : "octave", "decade", "all", or (J,) int array
@@ -57,13 +73,13 @@ def allan_variance(
 
     Returns
     -------
-    ClusterVariance
+    ClusterVariance; for an Imu or several columns a mapping of axis, or "column_0", …, to ClusterVariance
         Averaging times, variances, deviations, limits, degrees of freedom and noise types.
 
     Raises
     ------
     DataError
-        If the signal has gaps that cannot be filled, NaN or infinities, or fewer than 8 samples.
+        If the signal has NaN or infinities, or fewer than 8 samples without a gap.
     OptionError
         If an option has an invalid value, or `rate` contradicts the rate of the Signal.
 
@@ -84,6 +100,11 @@ def allan_variance(
     """
     as_confidence(confidence)
     one_of(kind, "kind", ("overlapping", "nonoverlapping", "modified"))
+    options: dict[str, Any] = {"rate": rate, "kind": kind, "data": data, "confidence": confidence, "progress": progress}
+    divisor = 3 if kind == "modified" else 2
+    parts = of_parts(x, lambda part, sizes: allan_variance(part, clusters=sizes, **options), clusters, divisor)
+    if parts is not None:
+        return parts
     # All octaves are computed in the pass that sums the phase. The results are identical.
     at_octaves = kind == "overlapping" and isinstance(clusters, str) and clusters == "octave"
     phase = phase_of(x, rate, data, octaves=at_octaves)
@@ -118,11 +139,26 @@ def difference_counts(points: int, clusters: NDArray[np.int64], order: int, over
     return places if overlapping else (places - 1) // clusters + 1
 
 
+@overload
 def hadamard_variance(
-    x: Signal | ArrayLike, rate: float | None = None, *, kind: Literal["overlapping", "nonoverlapping"] = "overlapping",
+    x: Signal | ArrayLike, rate: float | None = None, *,
+    kind: Literal["overlapping", "nonoverlapping"] = "overlapping",
     clusters: Clusters | ArrayLike = "octave", data: Data = "rate", confidence: float = 0.95,
     progress: Progress | None = None,
-) -> ClusterVariance:  # fmt: skip
+) -> ClusterVariance: ...  # fmt: skip
+@overload
+def hadamard_variance(
+    x: Imu, rate: float | None = None, *,
+    kind: Literal["overlapping", "nonoverlapping"] = "overlapping",
+    clusters: Clusters | ArrayLike = "octave", data: Data = "rate", confidence: float = 0.95,
+    progress: Progress | None = None,
+) -> ResultsByAxis[ClusterVariance]: ...  # fmt: skip
+def hadamard_variance(
+    x: Imu | Signal | ArrayLike, rate: float | None = None, *,
+    kind: Literal["overlapping", "nonoverlapping"] = "overlapping",
+    clusters: Clusters | ArrayLike = "octave", data: Data = "rate", confidence: float = 0.95,
+    progress: Progress | None = None,
+) -> ClusterVariance | ResultsByAxis[ClusterVariance]:  # fmt: skip
     """Estimate the Hadamard variance of a signal, a sixth of the mean squared second difference of cluster means.
 
     With the phase p and clusters of n samples, τ = n Δt, it is the mean of (p_{i+3n} − 3 p_{i+2n} + 3 p_{i+n} − p_i)² /
@@ -140,7 +176,7 @@ def hadamard_variance(
 
     Returns
     -------
-    ClusterVariance
+    ClusterVariance; for an Imu or several columns a mapping of axis, or "column_0", …, to ClusterVariance
         Averaging times, variances, deviations, limits, degrees of freedom and noise types.
 
     Raises
@@ -161,6 +197,10 @@ def hadamard_variance(
     """
     as_confidence(confidence)
     one_of(kind, "kind", ("overlapping", "nonoverlapping"))
+    options: dict[str, Any] = {"rate": rate, "kind": kind, "data": data, "confidence": confidence, "progress": progress}
+    parts = of_parts(x, lambda part, sizes: hadamard_variance(part, clusters=sizes, **options), clusters, 3)
+    if parts is not None:
+        return parts
     phase = phase_of(x, rate, data, straighten=True)
     p = phase.values
     overlapping = kind == "overlapping"
@@ -189,10 +229,23 @@ _FREQUENCY_NOISE = {
 _PHASE_BIAS = {2: -4 / 3, 1: -1.0}
 
 
+@overload
 def total_variance(
-    x: Signal | ArrayLike, rate: float | None = None, *, clusters: Clusters | ArrayLike = "octave", data: Data = "rate",
+    x: Signal | ArrayLike, rate: float | None = None, *,
+    clusters: Clusters | ArrayLike = "octave", data: Data = "rate",
     confidence: float = 0.95, progress: Progress | None = None,
-) -> ClusterVariance:  # fmt: skip
+) -> ClusterVariance: ...  # fmt: skip
+@overload
+def total_variance(
+    x: Imu, rate: float | None = None, *,
+    clusters: Clusters | ArrayLike = "octave", data: Data = "rate",
+    confidence: float = 0.95, progress: Progress | None = None,
+) -> ResultsByAxis[ClusterVariance]: ...  # fmt: skip
+def total_variance(
+    x: Imu | Signal | ArrayLike, rate: float | None = None, *,
+    clusters: Clusters | ArrayLike = "octave", data: Data = "rate",
+    confidence: float = 0.95, progress: Progress | None = None,
+) -> ClusterVariance | ResultsByAxis[ClusterVariance]:  # fmt: skip
     """Estimate the total variance, an Allan variance with more degrees of freedom at long averaging times.
 
     The phase is extended beyond both ends by point reflection at the end values, and (p_{i+n} − 2 p_i + p_{i−n})² /
@@ -211,7 +264,7 @@ def total_variance(
 
     Returns
     -------
-    ClusterVariance
+    ClusterVariance; for an Imu or several columns a mapping of axis, or "column_0", …, to ClusterVariance
         Averaging times, variances, deviations, limits, degrees of freedom and noise types.
 
     Raises
@@ -233,6 +286,10 @@ def total_variance(
     np.float64(3.0)
     """
     as_confidence(confidence)
+    options: dict[str, Any] = {"rate": rate, "data": data, "confidence": confidence, "progress": progress}
+    parts = of_parts(x, lambda part, sizes: total_variance(part, clusters=sizes, **options), clusters, 2)
+    if parts is not None:
+        return parts
     phase = phase_of(x, rate, data)
     p = phase.values
     sizes = cluster_sizes(clusters, p.size - 2, phase.intervals // 2)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Vector
 from gmwm.base.documents import Documented
-from gmwm.base.errors import OptionError
+from gmwm.base.errors import DataError, OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Remark, texts
 from gmwm.base.text import Summarised, with_article
@@ -236,6 +236,11 @@ def avlr(
     True
     """
     allan = x if isinstance(x, ClusterVariance) else allan_variance(x, rate)
+    if not isinstance(allan, ClusterVariance):
+        raise DataError(
+            f"x must be one signal; got {', '.join(allan)}", argument="x", got=x, advice="Pass `{one}`.",
+            one=f"x[{next(iter(allan))!r}]",
+        )  # fmt: skip
     if allan.family == "hadamard" or allan.kind == "modified":
         raise OptionError(
             f"the lines can be fitted to an Allan deviation only; got {with_article(allan.title)}", argument="x", got=x,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, overload
+from typing import Any, cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from gmwm.base import _core
 from gmwm.base.arrays import Vector, as_rate, as_vector, require_finite
 from gmwm.base.errors import DataError
+from gmwm.measuring.axis_results import rate_of_array, signals_of
 from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.variance.biweight import require_robust
 from gmwm.measuring.variance.coefficients import (
@@ -75,11 +76,11 @@ def wavelet_variance(
 
     Parameters
     ----------
-    x : Imu, Signal, or (N,) array in any unit
+    x : Imu, Signal, (N,) array or (N, k) array in any unit
         Finite samples, at least 8 without a gap. For a Signal with gaps that are not filled, the coefficients of all
         segments are pooled, and no coefficient extends across a gap: ν̂_j² = Σ_s M_sj ν̂_sj² / Σ_s M_sj.
     rate : float
-        Sampling rate (Hz); leave it out for an Imu or a Signal.
+        Sampling rate (Hz); leave it out for an Imu or a Signal. Without it, an array has rate=1: times count samples.
     filter : str
         Wavelet filter, such as "haar", "d4" or "la8"; see `gmwm.filters.find_filter`. A filter with two or more
         vanishing moments removes a drift.
@@ -100,9 +101,9 @@ def wavelet_variance(
 
     Returns
     -------
-    WaveletVariance, or WaveletVariances for an Imu
-        Levels, scales, variances (unit²), limits and counts; for an Imu a mapping of axis to WaveletVariance. A
-        constant signal has variance 0 at every level.
+    WaveletVariance, or WaveletVariances for an Imu or several columns
+        Levels, scales, variances (unit²), limits and counts; for an Imu or several columns a mapping of axis, or
+        "column_0", …, to WaveletVariance. A constant signal has variance 0 at every level.
 
         For a robust estimate `diagnostics["robust"]["outcome"]` has the method of each level: "root", the solution of
         the equation; "mad", (MAD / 0.67449)², if there is no solution; "mean", the mean square of one or two
@@ -138,12 +139,12 @@ def wavelet_variance(
     >>> wavelet_variance(Imu.from_arrays({"gyro_x": x, "gyro_y": x}, rate=100.0))
     WaveletVariances(gyro_x, gyro_y: haar, 12 levels, 4096 samples at 100 Hz)
     """
-    if isinstance(x, Imu):
+    if (signals := signals_of(x)) is not None:
         options: Any = {
             "filter": filter, "transform": transform, "levels": levels, "robust": robust, "efficiency": efficiency,
             "confidence": confidence, "fill_gaps": fill_gaps,
         }  # fmt: skip
-        curves = {axis: wavelet_variance(signal, rate, **options) for axis, signal in x.signals.items()}
+        curves = {axis: wavelet_variance(signal, rate, **options) for axis, signal in signals.items()}
         return WaveletVariances(curves=curves)
     as_confidence(confidence)
     wavelet = find_filter(filter)
@@ -151,8 +152,8 @@ def wavelet_variance(
     require_robust(robust, efficiency)
     signal = x if isinstance(x, Signal) else None
     if signal is None:
-        segments = [as_vector(x, "x", finite=False)]
-        rate = as_rate(rate)
+        segments = [as_vector(cast(ArrayLike, x), "x", finite=False)]
+        rate = rate_of_array(rate)
     else:
         if rate is not None and as_rate(rate) != signal.rate:
             raise contradicting_rate(rate, signal.rate, "signal")

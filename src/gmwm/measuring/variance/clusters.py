@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -14,9 +14,11 @@ from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised
+from gmwm.measuring.axis_results import ResultsByAxis, rate_words, signals_of
 from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.variance.noise_type import NoiseType, noise_type
 from gmwm.measuring.variance.phase import Data, Phase
+from gmwm.recording.signals import MINIMUM_SAMPLES, Signal
 
 Family: TypeAlias = Literal["allan", "hadamard", "total"]
 Kind: TypeAlias = Literal["overlapping", "nonoverlapping", "modified"]
@@ -120,7 +122,7 @@ class ClusterVariance(Documented, Summarised, Plotted):
         unit = f" ({self.unit})" if self.unit else ""
         of = f" of {self.axis}" if self.axis else ""
         lines = [
-            f"{self.title}{of}{unit}: {self.samples} samples of the {self.data} at {self.rate:g} Hz",
+            f"{self.title}{of}{unit}: {self.samples} samples of the {self.data} {rate_words(self.rate, self.unit)}",
             f"{'cluster':>9} {'tau [s]':>12} {'deviation':>12} {'lower':>12} {'upper':>12} {'edf':>9}  noise",
         ]
         columns = (
@@ -139,7 +141,7 @@ class ClusterVariance(Documented, Summarised, Plotted):
     def __repr__(self) -> str:
         return (
             f"ClusterVariance({self.axis or 'unnamed'}, {self.title.removesuffix(' deviation')}, {len(self)} "
-            f"cluster sizes, {self.samples} samples at {self.rate:g} Hz)"
+            f"cluster sizes, {self.samples} samples {rate_words(self.rate, self.unit)})"
         )
 
 
@@ -151,4 +153,52 @@ def cluster_variance(
     return ClusterVariance(
         lower=lower, upper=upper, noise=tuple(kind.name for kind in noise), rate=phase.rate, samples=phase.samples,
         unit=phase.unit, axis=phase.axis, data=phase.data, confidence=confidence, **values,
+    )  # fmt: skip
+
+
+def of_parts(
+    x: Any, measure: Callable[[Any, Any], ClusterVariance], clusters: Any, divisor: int
+) -> ClusterVariance | ResultsByAxis[ClusterVariance] | None:
+    """Return the variance of each axis of a recording or column of an array, or the pooled variance of the segments of
+    a signal with gaps that are not filled; None for one signal without such gaps.
+
+    `measure` is a function of a signal and of cluster sizes. A segment of N samples has cluster sizes up to N/divisor.
+    """
+    if (signals := signals_of(x)) is not None:
+        return ResultsByAxis(results={axis: measure(signal, clusters) for axis, signal in signals.items()})
+    if not isinstance(x, Signal) or len(x.segments) == 1:
+        return None
+    filled = x.fill_gaps()
+    segments = [values for values in filled.segment_values() if values.size >= MINIMUM_SAMPLES]
+    if len(filled.segments) == 1 or not segments:
+        return None
+    segments.sort(key=len, reverse=True)
+    curves: list[ClusterVariance] = []
+    for values in segments:
+        sizes = clusters
+        if not isinstance(clusters, str) and curves:  # the longest segment shows whether all sizes are possible
+            sizes = [n for n in clusters if n <= values.size // divisor]
+        if isinstance(sizes, str) or len(sizes):
+            curves.append(measure(Signal(values, x.rate, x.unit, x.axis), sizes))
+    return _pooled(curves, len(filled))
+
+
+def _pooled(curves: Sequence[ClusterVariance], samples: int) -> ClusterVariance:
+    """Return the mean of the curves of segments, weighted by the numbers of squared differences; the longest segment is
+    the first. The segments are independent, so Var(Σ w v) = Σ w² 2 v²/edf determines the degrees of freedom."""
+    first = curves[0]
+    terms = np.zeros((4, len(first)))  # Σ c, Σ c v, Σ c v/b and Σ c²/edf, with the counts c and the bias b
+    for curve in curves:
+        at = np.searchsorted(first.clusters, curve.clusters)
+        low, _ = chi_square_limits(curve.variance, curve.degrees_of_freedom, curve.confidence)
+        bias = np.divide(low, curve.lower, out=np.ones(len(curve)), where=curve.lower > 0)
+        counts = curve.counts.astype(np.float64)
+        rows = (counts, counts * curve.variance, counts * curve.variance / bias, counts**2 / curve.degrees_of_freedom)
+        for row, values in zip(terms, rows, strict=True):
+            row[at] += values
+    freedom = terms[0] ** 2 / terms[3]
+    lower, upper = chi_square_limits(terms[2] / terms[0], freedom, first.confidence)
+    return replace(
+        first, variance=terms[1] / terms[0], lower=lower, upper=upper, counts=terms[0].astype(np.int64),
+        degrees_of_freedom=freedom, samples=samples,
     )  # fmt: skip

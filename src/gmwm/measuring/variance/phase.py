@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector, as_rate, as_vector, require_finite
+from gmwm.base.arrays import Vector, as_vector, require_finite
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.units import find_unit
+from gmwm.measuring.axis_results import rate_of_array
 from gmwm.recording.options import one_of
 from gmwm.recording.signals import MINIMUM_SAMPLES, Signal
 
@@ -48,9 +49,7 @@ class Phase:
         return int(self.values.size) - 1
 
 
-def phase_of(
-    x: Signal | ArrayLike, rate: float | None, data: Data, *, straighten: bool = False, octaves: bool = False
-) -> Phase:
+def phase_of(x: Any, rate: float | None, data: Data, *, straighten: bool = False, octaves: bool = False) -> Phase:
     """Compute the phase: the running sum of the rate without its mean, or the given phase without a straight line. With
     `straighten`, the rate loses a straight line too, against rounding in third differences. With `octaves`, sums of
     squared second differences come from the same pass. Raises errors as `allan_variance` does."""
@@ -60,7 +59,7 @@ def phase_of(
             raise contradicting_rate(rate, x.rate, "signal")
         values, rate, unit, axis = x.fill_gaps().whole(), x.rate, x.unit, x.axis
     else:
-        values, rate, unit, axis = as_vector(x, "x", finite=data == "phase"), as_rate(rate), "", ""
+        values, rate, unit, axis = as_vector(x, "x", finite=data == "phase"), rate_of_array(rate), "", ""
     if values.size < MINIMUM_SAMPLES:
         raise DataError(
             f"the signal must have at least {MINIMUM_SAMPLES} samples; got {values.size}", argument="x", got=values.size

@@ -16,7 +16,7 @@ from gmwm.base.errors import DataError, OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark, texts
 from gmwm.base.text import Summarised
-from gmwm.measuring.axis_results import AxisResults
+from gmwm.measuring.axis_results import AxisResults, rate_words
 from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.variance.transform import (
     Transform,
@@ -182,7 +182,7 @@ class WaveletVariance(Documented, Summarised, Plotted):
         if self.recordings:
             apart = f" in {len(self.recordings)} recordings"
         filled = f", {self.filled} of them filled," if self.filled else ""
-        return f"{self.samples} samples{filled}{apart} at {self.rate:g} Hz"
+        return f"{self.samples} samples{filled}{apart} {rate_words(self.rate, self.unit)}"
 
     @classmethod
     def from_values(

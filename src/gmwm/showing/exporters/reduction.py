@@ -172,7 +172,7 @@ def _number(axis: str, fit: Fit, entry: Entry) -> Number:
 
 
 @dataclass(frozen=True)
-class Line:
+class Sinusoid:
     """A sinusoid of a model: name of the term, frequency (Hz), and amplitude in the unit of the signal."""
 
     term: str
@@ -180,7 +180,7 @@ class Line:
     amplitude: float
 
 
-def lines_of(fit: Fit) -> list[Line]:
+def lines_of(fit: Fit) -> list[Sinusoid]:
     """Return the sinusoids of a fit, the strongest first. A filter with only N and K cannot represent them."""
     rate = fit.wavelet_variance.rate
     lines = []
@@ -189,5 +189,5 @@ def lines_of(fit: Fit) -> list[Line]:
         if line is None or process.scale == 0:
             continue
         times = {number.time_power: number.value for number in process.physical(rate) if not number.signal_power}
-        lines.append(Line(term, times.get(-1.0, abs(line[1]) * rate), math.sqrt(2 * line[0])))
+        lines.append(Sinusoid(term, times.get(-1.0, abs(line[1]) * rate), math.sqrt(2 * line[0])))
     return sorted(lines, key=lambda line: -line.amplitude)

@@ -21,9 +21,9 @@ from gmwm.showing.plots.figure import (
     Axis,
     Band,
     Figure,
-    Line,
     Mark,
     Panel,
+    Polyline,
     Stroke,
     Symbol,
     Text,
@@ -111,7 +111,7 @@ def _marks(curve: ClusterVariance, view: ClusterView, stroke: Stroke, label: str
     shown = stroke if len(curve) <= 60 else replace(stroke, symbol=None, dash=())
     limits = f"{100 * curve.confidence:g} % limits, identified noise"
     return [
-        Line(x, y, stroke=shown, label=label, layer=FRONT),
+        Polyline(x, y, stroke=shown, label=label, layer=FRONT),
         Band(x, lower, upper, stroke.colour, opacity=opacity, label=limits, layer=BAND),
     ]
 
@@ -132,7 +132,7 @@ def with_guides(panel: Panel) -> Panel:
         y = np.array([middle, middle + slope * steepest])
         position = panel.x.limits[0] * 10 ** (x * wide)
         height = panel.y.limits[0] * 10 ** (y * high)
-        marks.append(Line(position, height, stroke=Stroke(GREY, 0.7, DASHED), label="", layer=BEHIND))
+        marks.append(Polyline(position, height, stroke=Stroke(GREY, 0.7, DASHED), label="", layer=BEHIND))
         texts.append(Text(label, float(x[1]) + 0.034, float(y[1])))
     return replace(panel, marks=(*panel.marks, *marks), texts=(*panel.texts, *texts))
 
@@ -142,7 +142,9 @@ def _emptiest_corner(panel: Panel, width: float, height: float) -> tuple[float, 
     are fractions of the panel; `height` is half of the height of the guides."""
     shares = [np.empty((2, 0))]
     for mark in panel.marks:
-        for y in (mark.y,) if isinstance(mark, Line) else (mark.lower, mark.upper) if isinstance(mark, Band) else ():
+        for y in (
+            (mark.y,) if isinstance(mark, Polyline) else (mark.lower, mark.upper) if isinstance(mark, Band) else ()
+        ):
             shares.append(np.array([_share(mark.x, panel.x.limits), _share(y, panel.y.limits)]))
     points = np.concatenate(shares, axis=1)
     best, corner = points.shape[1] + 1, (FAN_MARGIN, FAN_MARGIN + height)
@@ -170,7 +172,7 @@ def avlr_panel(
     bare = allan_panel({view.title: curve}, units=units, guides=False, title=axis_title(curve.axis))
     # Draw the curve without symbols, because symbols mark the coefficients here.
     marks = [
-        replace(mark, stroke=replace(mark.stroke, symbol=None)) if isinstance(mark, Line) else mark
+        replace(mark, stroke=replace(mark.stroke, symbol=None)) if isinstance(mark, Polyline) else mark
         for mark in bare.marks
     ]
     values = []
@@ -183,7 +185,7 @@ def avlr_panel(
         stroke = replace(term_stroke(list(SYMBOLS).index(line.term)), width=1.1)
         # The line extends by a factor of 5 beyond the averaging times of its fit (tests/plots/test_plot_limits.py).
         tau = np.array([min(line.first, line.reading_time) / 5.0, max(line.last, line.reading_time) * 5.0])
-        marks.append(Line(tau, view.factor * line.deviation(tau), stroke=stroke, label="", layer=MIDDLE))
+        marks.append(Polyline(tau, view.factor * line.deviation(tau), stroke=stroke, label="", layer=MIDDLE))
         at = np.array([line.reading_time])
         symbol = replace(stroke, width=0.0, symbol=SYMBOLS[line.term])
         height = view.factor * line.deviation(at)
@@ -191,7 +193,7 @@ def avlr_panel(
         inside = y.limits[0] < height[0] < y.limits[1] and bare.x.limits[0] < at[0] < bare.x.limits[1]
         where += "" if inside else " (outside the axes)"
         label = f"{text}, {where}" if alone else f"Point that gives {line.term}"
-        marks.append(Line(at, height, stroke=symbol, label=label, layer=FRONT + 1))
+        marks.append(Polyline(at, height, stroke=symbol, label=label, layer=FRONT + 1))
     panel = replace(bare, y=y, marks=tuple(marks))
     if not alone:
         return replace(panel, texts=(*panel.texts, Text("\n".join(values), 0.62, 0.97 - 0.045 * len(values))))

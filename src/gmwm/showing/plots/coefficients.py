@@ -14,7 +14,7 @@ from gmwm.base.text import duration_text
 from gmwm.measuring.variance.transform import Dwt, Modwt
 from gmwm.showing.plots.curves import FRONT
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Figure, Line, Panel, Stroke
+from gmwm.showing.plots.figure import PAGE, Figure, Panel, Polyline, Stroke
 from gmwm.showing.plots.linear import elapsed_axis, scaled_axis
 from gmwm.showing.plots.series import DOTS, WIDTH, row_height, time_once
 from gmwm.showing.plots.style import BLUE
@@ -50,7 +50,7 @@ def _panel(transform: Modwt | Dwt, level: int, rate: float, unit: str) -> Panel:
         values.low, values.high, max(abs(values.low), abs(values.high)), name="Coefficient", unit=unit
     )
     stroke = Stroke(BLUE, WIDTH, symbol="circle" if values.y.size < 200 else None)
-    line = Line(seconds / size, values.y / scale, stroke=stroke, layer=FRONT)
+    line = Polyline(seconds / size, values.y / scale, stroke=stroke, layer=FRONT)
     return Panel(x, y, (line,), f"Level {level}, scale {duration_text((1 << level) / rate)}")
 
 

@@ -14,7 +14,7 @@ from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
 from gmwm.showing.plots.axes import limits_near, time_axis, value_axis
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Band, Figure, Foot, Line, Mark, Panel, Stroke, Text, drawable
+from gmwm.showing.plots.figure import Band, Figure, Foot, Mark, Panel, Polyline, Stroke, Text, drawable
 from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.style import GREY, OBSERVED, ROBUST
 from gmwm.showing.plots.view import UnitSystem, View, ViewName, view_of
@@ -56,13 +56,13 @@ def observed_marks(
     name = label or {"wavelet": "Wavelet variance", "allan": "Allan deviation"}[view.name] + robust
     fitted = np.ones(y.shape, dtype=bool) if used is None else np.asarray(used, dtype=bool)
     band = confidence_band(x, *band_edges(wv, view), colour=stroke.colour, label=limits_label(wv))
-    line = Line(x, y, stroke=stroke if fitted.all() else replace(stroke, symbol=None), label=name, layer=FRONT)
+    line = Polyline(x, y, stroke=stroke if fitted.all() else replace(stroke, symbol=None), label=name, layer=FRONT)
     if fitted.all():
         return line, band
     dots, rings = replace(stroke, width=0.0), replace(stroke, width=0.0, filled=False)
     return (
-        line, band, Line(x, np.where(fitted, y, np.nan), stroke=dots, layer=FRONT),
-        Line(x, np.where(fitted, np.nan, y), stroke=rings, label="Left out of the fit", layer=FRONT),
+        line, band, Polyline(x, np.where(fitted, y, np.nan), stroke=dots, layer=FRONT),
+        Polyline(x, np.where(fitted, np.nan, y), stroke=rings, label="Left out of the fit", layer=FRONT),
     )  # fmt: skip
 
 

@@ -35,7 +35,7 @@ class Stroke:
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class Polyline:
     """A curve y(x), interrupted where y is NaN. If the width of its stroke is 0, only the symbols are drawn.
 
     Parameters
@@ -96,7 +96,7 @@ class Text:
     y: float = 0.5
 
 
-Mark: TypeAlias = Line | Band | Foot
+Mark: TypeAlias = Polyline | Band | Foot
 """An element of a panel that shows data."""
 
 
@@ -135,9 +135,9 @@ class Panel:
     texts: tuple[Text, ...] = ()
 
     @property
-    def lines(self) -> tuple[Line, ...]:
+    def lines(self) -> tuple[Polyline, ...]:
         """The curves."""
-        return tuple(mark for mark in self.marks if isinstance(mark, Line))
+        return tuple(mark for mark in self.marks if isinstance(mark, Polyline))
 
     @property
     def bands(self) -> tuple[Band, ...]:

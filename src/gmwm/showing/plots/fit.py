@@ -13,7 +13,7 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.showing.plots.curves import ABOVE, MIDDLE, closed_panel, observed_marks, view_for
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Figure, Line, Panel, Stroke, Text, drawable, single_panel
+from gmwm.showing.plots.figure import Figure, Panel, Polyline, Stroke, Text, drawable, single_panel
 from gmwm.showing.plots.labels import axis_title, datasheet_label, model_text, term_label
 from gmwm.showing.plots.style import GREY, IMPLIED, term_strokes
 from gmwm.showing.plots.view import UnitSystem, View, ViewName
@@ -44,7 +44,7 @@ def fit_panel(
     shown = view_for(wv, view, units)
     implied = drawable(shown.height(np.asarray(fit.implied)))
     name = f"Model: {model_text(fit.decomposition)}" if alone else "Model"
-    model = Line(shown.time(wv.tau), implied, stroke=IMPLIED, label=name, layer=MIDDLE)
+    model = Polyline(shown.time(wv.tau), implied, stroke=IMPLIED, label=name, layer=MIDDLE)
     terms = term_lines(fit, shown, alone=alone) if decomposition else ()
     marks = [*observed_marks(wv, shown, used=getattr(fit, "used", None)), model, *terms]
     panel = closed_panel([shown], [wv], marks, around=[implied, *map(_summit, terms)], title=axis_title(wv.axis))
@@ -63,7 +63,7 @@ def _zero_text(zero: Sequence[str]) -> tuple[Text, ...]:
     return (Text("\n".join(lines), 0.5, 0.93 - 0.035 * (len(lines) - 1)),)
 
 
-def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ...]:
+def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Polyline, ...]:
     """Return the curve of each term as a thin line, in front of the model and behind the data. If `alone`, the legend
     gives its key parameters. Terms that are zero have no curve and share one entry of the legend."""
     times = view.time(fit.wavelet_variance.tau)
@@ -85,11 +85,11 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ..
             label = _term_entry(term, processes[term], view, fit.wavelet_variance)
             acting = fit.diagnostics.acts_as.get(term)
             label += f" (acts as {acting})" if acting else ""
-        lines.append(Line(times, y, stroke=strokes[term], label=label, layer=ABOVE))
+        lines.append(Polyline(times, y, stroke=strokes[term], label=label, layer=ABOVE))
     if alone and zero:
         nothing = np.full(times.shape, np.nan)
         label = f"{', '.join(zero)}: zero, not supported"
-        lines.append(Line(times, nothing, stroke=Stroke(GREY, 0.0), label=label, layer=ABOVE))
+        lines.append(Polyline(times, nothing, stroke=Stroke(GREY, 0.0), label=label, layer=ABOVE))
     return tuple(lines)
 
 
@@ -111,12 +111,12 @@ def _term_entry(term: str, process: Process, view: View, wv: WaveletVariance) ->
     return label or term_label(term, process, view, wv.rate)
 
 
-def _summit(line: Line) -> Vector:
+def _summit(line: Polyline) -> Vector:
     """Return half of the highest value of a term, as an array. An axis that includes it shows the top of the curve."""
     return np.array([0.5 * np.nanmax(line.y)]) if np.any(np.isfinite(line.y)) else np.empty(0)
 
 
-def _with_hidden_terms(panel: Panel, terms: tuple[Line, ...]) -> Panel:
+def _with_hidden_terms(panel: Panel, terms: tuple[Polyline, ...]) -> Panel:
     """Return the panel with a note in the legend entry of each term whose curve is completely below the axes."""
     low = panel.y.limits[0]
     hidden = {id(line) for line in terms if np.any(line.y > 0) and not np.any(line.y >= low)}

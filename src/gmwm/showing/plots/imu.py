@@ -11,7 +11,7 @@ from gmwm.base.errors import OptionError
 from gmwm.showing.plots.axes import quiet, thin_ticks, value_axis
 from gmwm.showing.plots.curves import wavelet_variance_panel
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Axis, Figure, Line, Mark, Panel, Stroke
+from gmwm.showing.plots.figure import PAGE, Axis, Figure, Mark, Panel, Polyline, Stroke
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.plots.labels import axis_title, sensor_and_letter, sensor_title
 from gmwm.showing.plots.overlay import Item, checked_items, overlay_panel, wavelet_variance_of
@@ -102,12 +102,12 @@ def grid_figure(panels: Mapping[str, Panel]) -> Figure:
 def _join_entries(panels: Mapping[str, Panel]) -> dict[str, Panel]:
     """Return the panels with one common legend entry for lines with the same stroke, such as "GM, GM[1]"."""
     entries: dict[Stroke, dict[str, None]] = {}
-    lines = [mark for panel in panels.values() for mark in panel.marks if isinstance(mark, Line) and mark.label]
+    lines = [mark for panel in panels.values() for mark in panel.marks if isinstance(mark, Polyline) and mark.label]
     for line in lines:
         entries.setdefault(line.stroke, {})[line.label] = None
 
     def rename(mark: Mark) -> Mark:
-        if not isinstance(mark, Line) or not mark.label:
+        if not isinstance(mark, Polyline) or not mark.label:
             return mark
         return replace(mark, label=", ".join(sorted(entries[mark.stroke])))
 

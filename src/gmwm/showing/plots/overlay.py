@@ -12,7 +12,7 @@ import numpy as np
 from gmwm.base.errors import OptionError
 from gmwm.showing.plots.curves import MIDDLE, closed_panel, curves_then_bands, observed_marks, view_for
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Band, Figure, Line, Mark, Panel, Stroke, drawable, single_panel
+from gmwm.showing.plots.figure import Band, Figure, Mark, Panel, Polyline, Stroke, drawable, single_panel
 from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.style import curve_stroke
 from gmwm.showing.plots.view import UnitSystem, View, ViewName
@@ -93,7 +93,9 @@ def _curve(name: str, item: Item, view: View, stroke: Stroke) -> list[Mark]:
     used = getattr(item, "used", None)
     dots = observed_marks(wv, view, stroke=replace(stroke, width=0.0), label=name, used=used)
     curve = drawable(view.height(np.asarray(implied)))
-    model = Line(view.time(wv.tau), curve, stroke=replace(stroke, symbol=None), label=f"{name}, model", layer=MIDDLE)
+    model = Polyline(
+        view.time(wv.tau), curve, stroke=replace(stroke, symbol=None), label=f"{name}, model", layer=MIDDLE
+    )
     return [*(_faint(mark) for mark in dots), model]
 
 

@@ -16,7 +16,7 @@ from gmwm.fitting.inference.planning import SEEN, Plan, as_accuracy
 from gmwm.showing.plots.axes import limits_of, time_axis, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Band, Figure, Line, Mark, Panel, Stroke, Symbol, single_panel
+from gmwm.showing.plots.figure import Band, Figure, Mark, Panel, Polyline, Stroke, Symbol, single_panel
 from gmwm.showing.plots.labels import model_text
 from gmwm.showing.plots.style import BLACK, DOTTED, GREY, term_strokes
 
@@ -52,13 +52,13 @@ def plan_panel(plan: Plan, *, accuracy: float = 0.1) -> Panel:
         if np.all(np.isfinite(curve) & (curve > HIGHEST)):
             label += f", above {100 * HIGHEST:g} % throughout"
         heights = np.where(curve <= HIGHEST, 100 * curve, np.nan)
-        marks.append(Line(times, heights, stroke=strokes[name], label=label, layer=MIDDLE))
+        marks.append(Polyline(times, heights, stroke=strokes[name], label=label, layer=MIDDLE))
     reached = np.array([t for t in needed.values() if times[0] < t <= times[-1]])
     dots = Stroke(BLACK, 0.0, symbol="circle", filled=False)
     marks += [
-        Line(reached, np.full(reached.shape, 100 * target), stroke=dots, label="", layer=FRONT),
-        Line(across, np.full(2, 100 * target), stroke=Stroke(BLACK, 0.7), label=chosen, layer=BEHIND),
-        Line(np.full(2, plan.duration), along, stroke=Stroke(GREY, 1.1, DOTTED), label=length, layer=BEHIND),
+        Polyline(reached, np.full(reached.shape, 100 * target), stroke=dots, label="", layer=FRONT),
+        Polyline(across, np.full(2, 100 * target), stroke=Stroke(BLACK, 0.7), label=chosen, layer=BEHIND),
+        Polyline(np.full(2, plan.duration), along, stroke=Stroke(GREY, 1.1, DOTTED), label=length, layer=BEHIND),
         Band(across, np.full(2, 100 * SEEN), np.full(2, np.inf), GREY, opacity=0.16, label=unseen, layer=BAND),
     ]
     return Panel(x, y, tuple(marks), f"{model_text(plan.model.terms)} at {plan.rate:g} Hz, weighting {plan.weighting}")

@@ -25,7 +25,7 @@ from gmwm.showing.plots.curves import (
     view_for,
 )
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Axis, Figure, Line, Mark, Panel, Stroke, Symbol, Tick, drawable
+from gmwm.showing.plots.figure import PAGE, Axis, Figure, Mark, Panel, Polyline, Stroke, Symbol, Tick, drawable
 from gmwm.showing.plots.imu import SINGLE
 from gmwm.showing.plots.labels import axis_title, model_text
 from gmwm.showing.plots.style import GREY, IMPLIED, OBSERVED, term_stroke
@@ -102,7 +102,7 @@ def _curves(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view: Vi
     heights = [drawable(shown.height(np.asarray(c.fit.implied))) for c in candidates]
     for height, stroke in zip(heights, strokes, strict=True):
         layer = MIDDLE if stroke is FIRST else ABOVE
-        marks.append(Line(shown.time(wv.tau), height, stroke=replace(stroke, symbol=None), label="", layer=layer))
+        marks.append(Polyline(shown.time(wv.tau), height, stroke=replace(stroke, symbol=None), label="", layer=layer))
     return closed_panel([shown], [wv], marks, around=heights, title="Data and models")
 
 
@@ -113,11 +113,11 @@ def _distances(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view:
     x = time_axis(times, view_for(wv, view, units).time_label)
     ends = np.array(x.limits)
     band = confidence_band(ends, np.full(2, -1.0), np.full(2, 1.0), colour=OBSERVED.colour, label=limits_label(wv))
-    marks: list[Mark] = [band, Line(ends, np.zeros(2), stroke=Stroke(OBSERVED.colour, 0.9), label="", layer=BEHIND)]
+    marks: list[Mark] = [band, Polyline(ends, np.zeros(2), stroke=Stroke(OBSERVED.colour, 0.9), label="", layer=BEHIND)]
     rows = [distance(wv, np.asarray(c.fit.implied)) for c in candidates]
     for candidate, row, stroke in zip(candidates, rows, strokes, strict=True):
         layer = MIDDLE if stroke is FIRST else ABOVE
-        marks.append(Line(times, row, stroke=stroke, label=_name(candidate), layer=layer))
+        marks.append(Polyline(times, row, stroke=stroke, label=_name(candidate), layer=layer))
     y = signed_axis(np.concatenate(rows), "Distance (confidence limit = 1)", linear=1.0, even=EVEN_DISTANCE, least=1.2)
     return Panel(x, y, tuple(marks), "Models above (+) and below (−) the data")
 
@@ -139,7 +139,7 @@ def _criteria(listed: Sequence[Candidate], strokes: dict[int, Stroke]) -> Panel:
     for candidate, place in zip(listed, places, strict=True):
         stroke = strokes.get(id(candidate), OTHER)
         at = np.array([candidate.difference])
-        marks.append(Line(at, np.array([place]), stroke=replace(stroke, width=0.0), label="", layer=FRONT))
+        marks.append(Polyline(at, np.array([place]), stroke=replace(stroke, width=0.0), label="", layer=FRONT))
     ticks = [Tick(place, _row_name(c)) for c, place in zip(listed, places, strict=True)]
     numbers = [Tick(place, _numbers(c)) for c, place in zip(listed, places, strict=True)]
     head = Tick(len(listed) + 1.0, _NUMBERS if name == "WIC" else f"{name}; {_NUMBERS}")

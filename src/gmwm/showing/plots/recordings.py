@@ -13,7 +13,7 @@ from gmwm.measuring.covariance.api import variances
 from gmwm.showing.plots.axes import signed_axis, time_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Band, Figure, Line, Mark, Panel, Stroke
+from gmwm.showing.plots.figure import Band, Figure, Mark, Panel, Polyline, Stroke
 from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.style import GREY, SOLID, curve_stroke
 
@@ -44,12 +44,12 @@ def recordings_figure(replicates: Replicates) -> Figure:
     shown = [values[wv.degrees_of_freedom[: values.size] > len(curves)] for values in ratios.values()]
     y = signed_axis(np.concatenate(shown), "Difference from all recordings (%)", linear=LINEAR, even=EVEN)
     marks: list[Mark] = [
-        Line(np.array(x.limits), np.zeros(2), stroke=MEAN, label="", layer=BEHIND),
+        Polyline(np.array(x.limits), np.zeros(2), stroke=MEAN, label="", layer=BEHIND),
         Band(wv.tau[:typical_levels], -scatter, scatter, colour=GREY, opacity=0.25, layer=BAND,
              label="95 % of equal recordings"),
     ]  # fmt: skip
     for k, (name, values) in enumerate(ratios.items()):
-        marks.append(Line(wv.tau[: values.size], values, stroke=curve_stroke(k), label=name, layer=FRONT))
+        marks.append(Polyline(wv.tau[: values.size], values, stroke=curve_stroke(k), label=name, layer=FRONT))
     return Figure(((Panel(x, y, tuple(marks), title=axis_title(wv.axis)),),), width=150.0, height=95.0)
 
 

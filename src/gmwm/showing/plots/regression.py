@@ -11,7 +11,7 @@ from gmwm.base.errors import OptionError
 from gmwm.base.units import datasheet_units
 from gmwm.measuring.regression.against import TIME, WARM_UP
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Band, Figure, Line, Panel, Stroke, single_panel
+from gmwm.showing.plots.figure import Band, Figure, Panel, Polyline, Stroke, single_panel
 from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit
 from gmwm.showing.plots.style import BLUE, GREY, ORANGE
@@ -46,16 +46,18 @@ def regression_panel(regression: Regression, *, units: UnitSystem = "si") -> Pan
     values = np.concatenate([before, after]) * size
     label = f"{axis_title(regression.axis) or 'Signal'} ({scaled_unit(unit, power)})"
     y = even_axis(float(np.min(values)), float(np.max(values)), label, margin=0.06)
-    marks: list[Line | Band] = [Line(regression.points.at, before * size, stroke=BEFORE, label="Before", layer=1)]
+    marks: list[Polyline | Band] = [
+        Polyline(regression.points.at, before * size, stroke=BEFORE, label="Before", layer=1)
+    ]
     if name != WARM_UP:
         effect = regression.curve(np.linspace(*regression.ranges[name], 100), name)
         scale = factor * size
         marks = [
             Band(effect.at, effect.lower * scale, effect.upper * scale, ORANGE, label="95 % confidence band", layer=2),
             *marks,
-            Line(effect.at, effect.value * scale, stroke=EFFECT, label="Effect", layer=3),
+            Polyline(effect.at, effect.value * scale, stroke=EFFECT, label="Effect", layer=3),
         ]
-    marks.append(Line(regression.points.at, after * size, stroke=AFTER, label="After", layer=2))
+    marks.append(Polyline(regression.points.at, after * size, stroke=AFTER, label="After", layer=2))
     return Panel(x, y, tuple(marks), f"{axis_title(regression.axis)} against {regression.against}")
 
 

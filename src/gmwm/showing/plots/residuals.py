@@ -19,7 +19,7 @@ from gmwm.recording.signals import Signal
 from gmwm.showing.plots.axes import number_text, power_text
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Band, Figure, Line, Mark, Panel, Stroke
+from gmwm.showing.plots.figure import PAGE, Band, Figure, Mark, Panel, Polyline, Stroke
 from gmwm.showing.plots.labels import axis_title, model_text
 from gmwm.showing.plots.linear import elapsed_axis, even_axis, number_at
 from gmwm.showing.plots.series import DOTS
@@ -58,9 +58,9 @@ def time_panel(residuals: Residuals) -> Panel:
     times = samples.seconds / size
     across = np.array([*x.limits, math.nan, *x.limits])
     limits = np.array([largest, largest, math.nan, -largest, -largest])
-    marks: list[Mark] = [Line(times, samples.y, stroke=LINE, layer=MIDDLE)]
+    marks: list[Mark] = [Polyline(times, samples.y, stroke=LINE, layer=MIDDLE)]
     marks += lone_dots(times, samples.y, BLUE, MIDDLE)
-    marks.append(Line(across, limits, stroke=LIMIT, label=f"{percent(LEVEL)} limits of the largest", layer=FRONT))
+    marks.append(Polyline(across, limits, stroke=LIMIT, label=f"{percent(LEVEL)} limits of the largest", layer=FRONT))
     beyond = int(np.count_nonzero(np.abs(z) > largest))
     name = ", ".join(filter(None, [axis_title(residuals.axis), model_text(residuals.model.terms)]))
     mean, spread = (number_at(round(float(value), 3), 3) for value in (np.mean(z), np.std(z)))
@@ -80,8 +80,8 @@ def quantile_panel(residuals: Residuals) -> Panel:
     normality = residuals.normality()
     marks = (
         Band(normal, lower, upper, GREY, label=f"{percent(LEVEL)} limits of each point", layer=BAND),
-        Line(np.array(x.limits), np.array(x.limits), stroke=EXPECTED, label="Expected", layer=BEHIND),
-        Line(normal, observed, stroke=DOTTED, label="Observed", layer=FRONT),
+        Polyline(np.array(x.limits), np.array(x.limits), stroke=EXPECTED, label="Expected", layer=BEHIND),
+        Polyline(normal, observed, stroke=DOTTED, label="Observed", layer=FRONT),
     )
     return Panel(x, y, marks, f"Jarque-Bera: {_p_text(normality.p_value)}")
 
@@ -171,11 +171,11 @@ def autocorrelation_panel(r: Vector, error: Vector, title: str = "") -> Panel:
     # Each of at most 200 lags has a dot (tests/plots/test_plot_residuals.py).
     marks: list[Mark] = [
         Band(lag, -limit, limit, GREY, label=label, layer=BAND),
-        Line(ends, np.zeros(2), stroke=EXPECTED, label="Expected", layer=BEHIND),
-        Line(np.repeat(lag, 3), stems, stroke=Stroke(BLUE, 0.9 if r.size <= 200 else 0.5), label="", layer=MIDDLE),
+        Polyline(ends, np.zeros(2), stroke=EXPECTED, label="Expected", layer=BEHIND),
+        Polyline(np.repeat(lag, 3), stems, stroke=Stroke(BLUE, 0.9 if r.size <= 200 else 0.5), label="", layer=MIDDLE),
     ]
     if r.size <= 200:
-        marks.append(Line(lag, r, stroke=DOTTED, label="Observed", layer=FRONT))
+        marks.append(Polyline(lag, r, stroke=DOTTED, label="Observed", layer=FRONT))
     return Panel(x, y, tuple(marks), title)
 
 

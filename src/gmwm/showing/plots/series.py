@@ -14,7 +14,7 @@ from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.plots.axes import number_text, quiet
 from gmwm.showing.plots.curves import FRONT
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Figure, Line, Mark, Panel, Stroke, Symbol
+from gmwm.showing.plots.figure import PAGE, Figure, Mark, Panel, Polyline, Stroke, Symbol
 from gmwm.showing.plots.labels import axis_title, model_text, sensor_and_letter, term_label
 from gmwm.showing.plots.linear import elapsed_axis, scaled_axis
 from gmwm.showing.plots.style import BLUE, letter_stroke, term_strokes
@@ -138,12 +138,12 @@ def _marks(row: _SignalRow, size: float, scale: float) -> tuple[Mark, ...]:
     stroke = row.stroke if x.size > 60 else replace(row.stroke, width=0.8, symbol="circle")
     symbols: tuple[Symbol, Symbol] = ("triangle", "down")
     beyond = [
-        Line(x[mask], y[mask], stroke=Stroke(CLIPPED, 0.0, symbol=symbol), label="Beyond the limits", layer=FRONT)
+        Polyline(x[mask], y[mask], stroke=Stroke(CLIPPED, 0.0, symbol=symbol), label="Beyond the limits", layer=FRONT)
         for mask, symbol in zip(row.trace.beyond(), symbols, strict=True)
         if np.any(mask)
     ]
     dots = () if stroke.symbol else lone_dots(x, y, stroke.colour, FRONT)
-    return Line(x, y, stroke=stroke, layer=FRONT), *beyond, *dots
+    return Polyline(x, y, stroke=stroke, layer=FRONT), *beyond, *dots
 
 
 def _stroke(axis: str) -> Stroke:

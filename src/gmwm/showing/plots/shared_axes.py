@@ -13,7 +13,7 @@ from matplotlib.colors import to_hex
 from gmwm.base.errors import OptionError
 from gmwm.showing.plots.axes import time_axis, value_axis
 from gmwm.showing.plots.curves import curves_then_bands, view_for
-from gmwm.showing.plots.figure import Line, Panel
+from gmwm.showing.plots.figure import Panel, Polyline
 from gmwm.showing.plots.fit import term_lines
 from gmwm.showing.plots.overlay import Item, overlay_panel, wavelet_variance_of
 from gmwm.showing.plots.style import curve_stroke
@@ -52,7 +52,7 @@ def named_fit_panel(
         return panel
     name = panel.marks[0].label
     shown = view_for(fit.wavelet_variance, view, units)
-    colour = next(mark.stroke.colour for mark in panel.marks if isinstance(mark, Line))
+    colour = next(mark.stroke.colour for mark in panel.marks if isinstance(mark, Polyline))
     terms = (
         replace(line, stroke=replace(line.stroke, colour=colour), label=f"{name}, {line.label}")
         for line in term_lines(fit, shown, alone=False)

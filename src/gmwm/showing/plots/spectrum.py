@@ -16,7 +16,7 @@ from gmwm.measuring.spectrum.welch import ENERGY_WIDTH
 from gmwm.showing.plots.axes import limits_near, limits_of, power_ticks, value_axis
 from gmwm.showing.plots.curves import ABOVE, FRONT, MIDDLE, confidence_band
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Axis, Figure, Line, Mark, Panel, Stroke, drawable, single_panel
+from gmwm.showing.plots.figure import Axis, Figure, Mark, Panel, Polyline, Stroke, drawable, single_panel
 from gmwm.showing.plots.fit import LINES
 from gmwm.showing.plots.labels import axis_title, model_text
 from gmwm.showing.plots.style import BLUE, IMPLIED, SOLID, VERMILLION, term_strokes
@@ -65,14 +65,14 @@ def spectrum_panel(
     f, y = shown.frequencies, drawable(factor * np.sqrt(shown.density))
     lower, upper = (np.where(np.isfinite(y), factor * np.sqrt(limit), np.nan) for limit in (shown.lower, shown.upper))
     marks: list[Mark] = [
-        Line(f, y, stroke=Stroke(BLUE, 0.9), label="Spectrum", layer=FRONT),
+        Polyline(f, y, stroke=Stroke(BLUE, 0.9), label="Spectrum", layer=FRONT),
         confidence_band(f, lower, upper, colour=BLUE, label=f"{100 * shown.confidence:g} % confidence"),
     ]
-    curves: list[Line] = []
+    curves: list[Polyline] = []
     if model is not None:
         curves = _model_lines(shown, model, factor=factor, alone=alone)
     marks += [*curves, *_peak_marks(shown, y, alone=alone)]
-    symbols = [mark.y for mark in marks[2 + len(curves) :] if isinstance(mark, Line)]
+    symbols = [mark.y for mark in marks[2 + len(curves) :] if isinstance(mark, Polyline)]
     tops = [line.y[:1] for line in curves[:1]]
     # Limits and models extend the axis by a factor of 5 at most (tests/plots/test_plot_limits.py).
     limits = limits_near(y, [lower, upper, *tops, *symbols], reach=5.0)
@@ -88,7 +88,7 @@ def _frequency_axis(frequencies: Vector) -> Axis:
     return Axis("Frequency (Hz)", limits, ticks, minor, grid=tuple(tick.value for tick in ticks))
 
 
-def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, alone: bool) -> list[Line]:
+def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, alone: bool) -> list[Polyline]:
     """Return curves of the one-sided root density of a model and of each term. A sinusoid is a symbol at the root
     density that its peak would have in this spectrum."""
     f, rate = spectrum.frequencies, spectrum.rate
@@ -106,19 +106,19 @@ def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, al
             height = np.array([factor * np.sqrt(power / (ENERGY_WIDTH * rate / spectrum.length))])
             symbol = Stroke(strokes[lines[0] if many else term].colour, 0.0, SOLID, "cross")
             label = "" if many and term != lines[0] else f"{len(lines)} lines" if many else term
-            terms.append(Line(np.array([cycles * rate]), drawable(height), stroke=symbol, label=label, layer=ABOVE))
+            terms.append(Polyline(np.array([cycles * rate]), drawable(height), stroke=symbol, label=label, layer=ABOVE))
         elif process.has("psd"):
             density = 2 * process.psd(f, rate)
             total += density
             if np.any(density > 0):
                 y = drawable(factor * np.sqrt(density))
                 label = "Sensor filter" if isinstance(process, Ordered) and not alone else term
-                terms.append(Line(f, y, stroke=strokes[term], label=label, layer=ABOVE))
+                terms.append(Polyline(f, y, stroke=strokes[term], label=label, layer=ABOVE))
     name = f"Model: {model_text(model.terms)}" if alone else "Model"
-    return [Line(f, drawable(factor * np.sqrt(total)), stroke=IMPLIED, label=name, layer=MIDDLE), *terms]
+    return [Polyline(f, drawable(factor * np.sqrt(total)), stroke=IMPLIED, label=name, layer=MIDDLE), *terms]
 
 
-def _peak_marks(spectrum: PowerSpectrum, heights: Vector, *, alone: bool) -> list[Line]:
+def _peak_marks(spectrum: PowerSpectrum, heights: Vector, *, alone: bool) -> list[Polyline]:
     """Return the symbols that mark the lines and the bumps of a spectrum."""
     marks = []
     lines = {line.frequency: line.height for line in spectrum.lines}
@@ -131,7 +131,7 @@ def _peak_marks(spectrum: PowerSpectrum, heights: Vector, *, alone: bool) -> lis
         strongest = sorted(ratios, key=lambda frequency: -ratios[frequency])[:3]
         more = ", …" if len(ratios) > len(strongest) else ""
         name = f"{noun}: {', '.join(f'{frequency:.4g}' for frequency in strongest)}{more} Hz" if alone else noun
-        marks.append(Line(x, y, stroke=stroke, label=name, layer=FRONT))
+        marks.append(Polyline(x, y, stroke=stroke, label=name, layer=FRONT))
     return marks
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector
 from gmwm.base.time_base import begins_of
 from gmwm.recording.signals import Signal
-from gmwm.showing.plots.figure import Line, Stroke
+from gmwm.showing.plots.figure import Polyline, Stroke
 
 
 def extremes(values: Vector, columns: int) -> NDArray[np.int64]:
@@ -159,10 +159,10 @@ def lone_values(y: Vector) -> NDArray[np.bool_]:
     return np.asarray(finite[1:-1] & ~finite[:-2] & ~finite[2:])
 
 
-def lone_dots(x: Vector, y: Vector, colour: str, layer: int) -> tuple[Line, ...]:
+def lone_dots(x: Vector, y: Vector, colour: str, layer: int) -> tuple[Polyline, ...]:
     """Return symbols at the lone_values values of a line; nothing if there are none."""
     alone = lone_values(y)
-    dots = Line(x[alone], y[alone], stroke=Stroke(colour, 0.0, symbol="circle"), layer=layer)
+    dots = Polyline(x[alone], y[alone], stroke=Stroke(colour, 0.0, symbol="circle"), layer=layer)
     return (dots,) if np.any(alone) else ()
 
 

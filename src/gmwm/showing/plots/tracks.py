@@ -18,7 +18,7 @@ from gmwm.fitting.likelihood.tracks import BIAS, Kind, Tracks, wanders
 from gmwm.showing.plots.axes import number_text, quiet
 from gmwm.showing.plots.curves import ABOVE, BAND, BEHIND, FRONT, MIDDLE
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Line, Mark, Panel, Stroke
+from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke
 from gmwm.showing.plots.labels import axis_title, model_text, term_label
 from gmwm.showing.plots.linear import elapsed_axis, scaled_axis
 from gmwm.showing.plots.series import DOTS, quantity_name
@@ -81,12 +81,12 @@ def _record_panel(tracks: Tracks, shown: View) -> tuple[Panel, float]:
     x, size = _time_axis(tracks)
     y, scale = _value_axis(samples.low, samples.high, tracks, shown)
     times, record = samples.seconds / size, samples.y / scale
-    marks: list[Mark] = [Line(times, record, stroke=RECORD, label="Record", layer=BEHIND)]
+    marks: list[Mark] = [Polyline(times, record, stroke=RECORD, label="Record", layer=BEHIND)]
     marks += lone_dots(times, record, PALE, BEHIND)
     bias = _estimates(tracks, BIAS)
     index = extremes_there(bias, COLUMNS)
     path = (shown.factor * bias[index] - mean) / scale
-    marks.append(Line(index / tracks.rate / size, path, stroke=TRACK, label=WORDS[tracks.kind], layer=FRONT))
+    marks.append(Polyline(index / tracks.rate / size, path, stroke=TRACK, label=WORDS[tracks.kind], layer=FRONT))
     name = axis_title(tracks.axis) or "Record"
     return Panel(x, y, tuple(marks), _less(f"{name} and its bias: {model_text(tracks.model.terms)}", mean, shown)), mean
 
@@ -116,7 +116,7 @@ def _track_panel(drawn: _Drawn, less: float) -> Panel:
     for values, stroke, label, layer in curves:
         index = extremes_there(values, COLUMNS)
         times = first + index / tracks.rate / size
-        marks.append(Line(times, (values[index] - less) / scale, stroke=stroke, label=label, layer=layer))
+        marks.append(Polyline(times, (values[index] - less) / scale, stroke=stroke, label=label, layer=layer))
     return Panel(x, y, tuple(marks), _less(_title(tracks, drawn.label, shown), less, shown))
 
 

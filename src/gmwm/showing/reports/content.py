@@ -10,9 +10,9 @@ import numpy as np
 
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.errors import OptionError
-from gmwm.base.remarks import Dialect, Remark, texts
+from gmwm.base.remarks import Dialect, texts
 from gmwm.base.text import version
-from gmwm.calibration.findings import SIZE, rejected_axes
+from gmwm.calibration.findings import SIZE, certificate_of, rejected_axes
 from gmwm.calibration.first_screen import model_words
 from gmwm.calibration.summary_text import rows_of
 from gmwm.calibration.tables import SENSORS
@@ -38,6 +38,7 @@ from gmwm.showing.reports.verdict import notes, verdict
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
     from gmwm.choosing.selection import Ranking
+    from gmwm.fitting.estimation.result import Fit
     from gmwm.measuring.regression import Regression
 
 
@@ -167,7 +168,7 @@ def _axis(name: str, axis: AxisCalibration, rejected: bool) -> dict[str, Any]:
         "parameters": _parameters(axis),
         "test": _test(axis, rejected),
         "rejected": rejected,
-        "certificate": _certificate(fit.gap),
+        "certificate": _certificate(fit),
         "ranking": {"rows": _ranking_rows(ranking), "remarks": texts(shown, Dialect.HTML)},
         "remarks": texts((remark.about("") for remark in axis.remarks), Dialect.HTML),
         "peaks": spectrum_tables(axis.spectrum),
@@ -221,13 +222,10 @@ def _ranking_rows(ranking: Ranking) -> list[list[str]]:
     return [*rows, *([[f"… and {more} more", *[""] * 5]] if more else [])]
 
 
-def _certificate(gap: float | None) -> str:
+def _certificate(fit: Fit) -> str:
     """Describe the certificate of the global optimum in words; "" if there is none."""
-    if gap is None:
-        return ""
-    return Remark.of("check-passed", case="optimum", gap=100 * gap, exact="no" if gap > 0 else "yes").text(
-        Dialect.PYTHON
-    )
+    remark = certificate_of([fit])
+    return "" if remark is None else remark.text(Dialect.PYTHON)
 
 
 def _number(entry: Entry) -> dict[str, Any]:

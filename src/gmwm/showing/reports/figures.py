@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.errors import OptionError
-from gmwm.showing.plots.figure import Line, Mark, Panel
+from gmwm.showing.plots.figure import Mark, Panel, Polyline
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.plots.labels import sensor_and_letter, sensor_title
 from gmwm.showing.plots.overlay import Item, overlay_panel
@@ -108,4 +108,4 @@ def _variants(
 
 
 def _without_structure(mark: Mark) -> Mark:
-    return replace(mark, label="Model") if isinstance(mark, Line) and mark.label.startswith("Model: ") else mark
+    return replace(mark, label="Model") if isinstance(mark, Polyline) and mark.label.startswith("Model: ") else mark

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from gmwm.base.arrays import Vector, runs_of
-from gmwm.showing.plots.figure import FOOT, Axis, Band, Foot, Line, Mark, Panel, Stroke, Symbol, Tick
+from gmwm.showing.plots.figure import FOOT, Axis, Band, Foot, Mark, Panel, Polyline, Stroke, Symbol, Tick
 from gmwm.showing.plots.style import GRID
 
 PIXELS = 4 / 3
@@ -115,7 +115,7 @@ def _with_entries(marks: tuple[Mark, ...]) -> Iterator[tuple[Mark, str]]:
     """Yield each mark with its legend entry. A mark without a name gets the entry of a line with its colour."""
     by_colour: dict[str, str] = {}
     for mark in marks:
-        if isinstance(mark, Line) and mark.label:
+        if isinstance(mark, Polyline) and mark.label:
             by_colour[mark.stroke.colour] = mark.label
         colour = mark.colour if isinstance(mark, Band) else mark.stroke.colour
         yield mark, mark.label or by_colour.get(colour, "")
@@ -154,7 +154,7 @@ def _look(stroke: Stroke) -> dict[str, Any]:
     return look
 
 
-def _hover(line: Line, panel: Panel, up: Scale) -> dict[str, Any]:
+def _hover(line: Polyline, panel: Panel, up: Scale) -> dict[str, Any]:
     """Return the template of the text at the pointer: name, position, and limits of the band of the line."""
     (_, time), (_, unit) = _quantity(panel.x.label), _quantity(panel.y.label)
     # On an axis that is partly linear and partly logarithmic, the position is not the value.

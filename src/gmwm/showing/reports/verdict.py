@@ -11,7 +11,7 @@ import numpy as np
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.remarks import Dialect, Remark, Severity, with_groups
 from gmwm.base.text import duration_text
-from gmwm.calibration.findings import equality_remarks, rejected_axes, unusable
+from gmwm.calibration.findings import certificate_of, equality_remarks, rejected_axes, unusable
 from gmwm.calibration.number_verdicts import Usability
 from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.choosing.datasheets.entry import Entry, significant
@@ -91,12 +91,8 @@ def _results(calibration: Calibration) -> Iterator[Remark]:
     recordings = [calibration.recording, *calibration.recordings.values()]
     if any(recordings) and all(recording.static for recording in recordings if recording is not None):
         yield Remark.of("check-passed", case="rest")
-    gaps = [fit.gap for fit in calibration.values()]
-    certified = [gap for gap in gaps if gap is not None]
-    if len(certified) == len(gaps):
-        yield Remark.of(
-            "check-passed", case="optimum", gap=100 * max(certified), exact="no" if max(certified) > 0 else "yes"
-        )
+    if (certificate := certificate_of(calibration.values())) is not None:
+        yield certificate
 
 
 def _is_clean(verdict: Verdict) -> bool:

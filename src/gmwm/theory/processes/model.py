@@ -562,7 +562,7 @@ ModelLike = Model | Process | str
 
 
 def as_model(model: Any, name: str = "model") -> Model:
-    """Convert a model, a single process or the text of a sum to a Model.
+    """Convert a model, a single process, the text of a sum, or a result with a `model` to a Model.
 
     >>> as_model("GM + WN")
     Model('GM + WN')
@@ -573,6 +573,8 @@ def as_model(model: Any, name: str = "model") -> Model:
         return Model((model,))
     if isinstance(model, str):
         return Model.parse(model)
+    if isinstance(found := getattr(model, "model", None), Model):  # a Fit, or the calibration of an axis
+        return found
     raise _no_model(model, f'{name} must be a sum of processes, such as "2*GM + WN"', name)
 
 
