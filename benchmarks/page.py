@@ -21,23 +21,17 @@ NAME = "benchmarks"
 
 PAGE = """# Run time and memory
 
-The benchmarks time gmwm and another program alternately in one process, so that changes of the machine affect both.
-Each ratio is the run time of gmwm divided by the run time of the other program. The page states the median over the
-pairs of runs, on one thread unless stated otherwise. If a ratio is below 1, gmwm is faster. Times in ms and
-ns are from one machine: {machine}. On this machine, a plain memory copy reaches {bandwidth:.1f} GB/s
-(bytes read plus bytes written).
+gmwm and another program are timed alternately in one process. Each ratio is the run time of gmwm divided by that of the
+other program, the median over pairs of runs on one thread: below 1, gmwm is faster. Times are from one machine:
+{machine}. A plain memory copy reaches {bandwidth:.1f} GB/s (bytes read plus bytes written).
 
-`make bench` runs all benchmarks, prints them, and stores the numbers in `build/benchmarks.json`. `make bench PAGE=1`
-writes this page. No number is typed by hand.
+`make bench PAGE=1` writes this page. No number is typed by hand.
 
 ![Time per sample by length of the record; time by number of Gauss-Markov terms and axes; memory.](benchmarks.svg)
 
 Top: time per sample. For small records, the confidence limits and the checks dominate: they take {small} µs per call.
-For longer records, the time per sample is constant until a record no longer fits into the caches. In chunks, the data
-of one step always fit. allantools and PyWavelets are shown up to calls of a few seconds. The stationary transform of
-PyWavelets inserts zeros into its filters, so each level takes twice as long as the previous level. Bottom: fits,
-covariance and model selection from a wavelet variance of 10⁶ samples, calibration of several axes, and the largest
-resident memory in addition to `import gmwm`, including the samples.
+Bottom: fits, covariance and model selection from 10⁶ samples, calibration of several axes, and the largest resident
+memory in addition to `import gmwm`.
 
 ## A record of any length
 

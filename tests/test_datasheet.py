@@ -293,7 +293,7 @@ def test_held_parameters_are_said_to_be_held():
     white = found["N of WN"]
     assert white.held
     assert white.low == white.high == white.value == near(1e-4)
-    assert white.text().endswith("deg/√h (held)")
+    assert white.text().endswith("deg/√h (fixed)")
     assert not found["N"].held
     assert found["T_c"].held
     assert not found["q_c"].held
