@@ -189,7 +189,7 @@ def figures(package: Path) -> dict[str, tuple[float, list[str]]]:
 
 
 def words_of_documents(docs: Path = ROOT / "docs") -> list[tuple[int, Path]]:
-    """Words of each page for users, as `wc -w` counts them, the longest page first. Pages for contributors are left out.
+    """Words of each page for users, as `wc -w` counts them, the longest first. Pages for contributors are left out.
 
     Appendices that the site makes from the records of studies are not in the folder.
     """
