@@ -12,6 +12,8 @@ from gmwm.base.remarks.explanation import cases, sentence_and_advice, severities
 from gmwm.base.remarks.registry import SECTIONS
 
 FOLDER = Path(__file__).parent / "messages"
+SHOWN = 2
+"""Largest number of examples of a message; its own text and `gmwm explain` have the others."""
 MARK = "<!-- Written by `python -m docs.message_pages` from src/gmwm/base/remarks/messages.toml. -->"
 
 HEAD = f"""\
@@ -71,10 +73,8 @@ def _entry(message: Message) -> Iterator[str]:
         sentence, advice = (_markdown(text) for text in sentence_and_advice(remark, Dialect.HTML))
         first = re.split(r"(?<=\.) (?=[A-Z])", sentence.removeprefix(f"{remark.subject}: "), maxsplit=1)[0]
         sentences.setdefault(advice, first)
-    for advice, sentence in sentences.items():
-        yield f"> {sentence}\n"
-        if advice:
-            yield f"{advice}\n"
+    for advice, sentence in list(sentences.items())[:SHOWN]:
+        yield f"“{sentence}” {advice}".rstrip() + "\n"
 
 
 def _markdown(text: str) -> str:

@@ -113,3 +113,40 @@ def test_a_swing_of_the_mean_makes_k_a_limit(periods):
     assert remark.facts["period"].value == pytest.approx(size / RATE / periods, rel=0.15)
     assert calibration.number_verdicts["gyro_x"]["K"].usability.value == "use as a bound"
     assert calibration.number_verdicts["gyro_x"]["N"].usability.value == "use"
+
+
+def test_noise_with_two_levels_gets_the_classical_curve():
+    x = faults.telegraph(2 * SAMPLES, np.random.default_rng(1))
+    calibration = gmwm.calibrate(imu_of(x))
+    assert not calibration["gyro_x"].wavelet_variance.robust
+    assert "GM" in calibration["gyro_x"].model.structure
+    assert "heavy-tails:levels" in codes(calibration.remarks)
+
+
+def test_small_outliers_in_quantization_noise_make_n_a_limit():
+    x = faults.outliers_in_quantization(2 * SAMPLES, np.random.default_rng(1))
+    calibration = gmwm.calibrate(imu_of(x), "WN + QN + RW")
+    assert only(calibration.remarks, "outliers-found:small").facts["share"] > 2
+    assert calibration.number_verdicts["gyro_x"]["N"].usability.value == "use as a bound"
+
+
+def test_tails_of_three_degrees_of_freedom_stay_in():
+    for seed in range(3):
+        x = faults.student(3.0)(SAMPLES, np.random.default_rng(seed))
+        replaced = gmwm.calibrate(imu_of(x), "WN + RW").axes["gyro_x"].verdict.replaced
+        assert not replaced.knocks
+
+
+def test_a_dither_line_is_not_a_wrong_unit():
+    x = faults.dithered(2 * SAMPLES, np.random.default_rng(3))
+    calibration = gmwm.calibrate(imu_of(x))
+    assert "unit-doubtful:density" not in codes(calibration.remarks)
+    entry = calibration.datasheets["gyro_x"]["N"]
+    assert entry.low < faults.WHITE / np.sqrt(RATE) < entry.high * 1.01
+
+
+@pytest.mark.parametrize("rate", [1e-4, 1e-3, 0.1])
+def test_slow_recordings_are_calibrated(rate):
+    x = np.random.default_rng(1).normal(0, 1e-6, 5_000)
+    calibration = gmwm.calibrate(Signal(x, rate, "rad/s", axis="gyro_x"), "WN + RW")
+    assert calibration.datasheets["gyro_x"]["N"].value == pytest.approx(1e-6 / np.sqrt(rate), rel=0.05)

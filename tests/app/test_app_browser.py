@@ -276,7 +276,7 @@ def test_a_term_is_held_by_dragging_and_by_a_button(opened, folder):
     page.press("#model", "Enter")
     page.locator("#fit h2", has_text="your model").wait_for()
     page.locator("#fit .shapelayer path").first.wait_for()
-    page.get_by_role("button", name="Hold", exact=True).first.click()
+    page.get_by_role("button", name="Fix", exact=True).first.click()
     page.get_by_role("button", name="Free", exact=True).wait_for()
     assert "WN(sigma2=fixed(" in page.input_value("#model")
     page.get_by_role("button", name="Free", exact=True).click()

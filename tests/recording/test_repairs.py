@@ -6,6 +6,7 @@ import pytest
 import gmwm
 from gmwm import Imu, Signal
 from gmwm.recording.repairs import repaired
+from gmwm.recording.repairs.levels import two_levels_of
 from gmwm.recording.repairs.repeats import repeats_of
 from gmwm.recording.repairs.wraps import modulus_of
 from tests.helpers import codes, only
@@ -148,3 +149,23 @@ def test_chunks_give_the_same_samples(tmp_path):
     assert np.array_equal(np.concatenate([part.values["gyro_x"] for part in parts]), whole["gyro_x"].values)
     assert stream.remarks == whole.remarks
     assert stream.time_base == whole.time_base
+
+
+@pytest.mark.parametrize("share", [0.05, 0.5])
+def test_noise_with_two_levels_is_named_and_not_changed(share):
+    rng, at, state, parts = np.random.default_rng(9), 0, False, []
+    while at < 60_000:
+        length = int(rng.exponential(200 if state else 200 * (1 - share) / share)) + 1
+        parts.append(np.full(length, float(state)))
+        at, state = at + length, not state
+    x = _noise(9, 60_000) + 2e-3 * np.concatenate(parts)[:60_000]
+    (part,) = repaired(_imu(x))
+    assert np.array_equal(part["gyro_x"].values, x)
+    remark = only(part.remarks, "heavy-tails:levels", "gyro_x")
+    assert remark.facts["duration"].value == pytest.approx(2.0, rel=0.5)
+
+
+def test_motion_at_the_end_is_not_a_second_level():
+    x = _noise(10, 60_000)
+    x[-3000:] += 0.05 * np.sin(np.arange(3000) / 50)
+    assert two_levels_of(x) is None

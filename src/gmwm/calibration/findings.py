@@ -20,6 +20,7 @@ from gmwm.fitting.estimation.model_error import implausible_levels
 from gmwm.fitting.inference.planning import SEEN
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.outliers import excess_text
+from gmwm.recording.repairs import axes_with_two_levels
 from gmwm.theory.filters import find_filter
 
 if TYPE_CHECKING:
@@ -48,13 +49,18 @@ LARGE = 1.5
 """Ratio of the wavelet variances of model and data (or its inverse) above which a remark says that the model does not
 describe the data (tests/calibration/test_misfit.py)."""
 
+LEFT = 0.02
+"""Share of N² that is due to wrong samples too small to be found, above which N is an upper limit, 1 % too large."""
 _RAMP = "R"
 """Symbol of the rate ramp in a datasheet."""
 
 
 def remarks_of(calibration: Calibration) -> list[Remark]:
     """Return all remarks on a calibration, the most severe first."""
-    remarks = [*calibration.recording_remarks, *_of_failed(calibration), *_of_recording(calibration)]
+    failed = [
+        Remark.of("not-calibrated", axis, case="calibration", reason=why) for axis, why in calibration.failed.items()
+    ]
+    remarks = [*calibration.recording_remarks, *failed, *_of_recording(calibration)]
     remarks += equality_remarks(calibration)
     bad = set(rejected_axes(calibration))
     for axis, axis_calibration in calibration.axes.items():
@@ -115,11 +121,6 @@ def certificate_of(fits: Collection[Fit]) -> Remark | None:
         return None
     held = any(fit.model.fixed_names for fit in fits)
     return Remark.of("check-passed", case="optimum", gap=100 * max(certified), of="shape" if held else "all")
-
-
-def _of_failed(calibration: Calibration) -> Iterator[Remark]:
-    for axis, why in calibration.failed.items():
-        yield Remark.of("not-calibrated", axis, case="calibration", reason=why)
 
 
 def _of_recording(calibration: Calibration) -> Iterator[Remark]:
@@ -208,8 +209,9 @@ def _of_outliers(axis: str, axis_calibration: AxisCalibration, calibration: Cali
         return
     if not np.any(verdict.tested):
         yield Remark.of("outliers-not-tested", axis, case="fit", reason=verdict.reason)
-    yield from _of_replaced(axis, verdict.replaced, axis_calibration.fit.wavelet_variance)
-    if verdict.heavy_tailed and not axis_calibration.fit.wavelet_variance.robust:
+    yield from _of_replaced(axis, verdict.replaced, axis_calibration)
+    switching = axis in axes_with_two_levels(calibration.recording_remarks)
+    if verdict.heavy_tailed and not axis_calibration.fit.wavelet_variance.robust and not switching:
         yield Remark.of("heavy-tails", axis, case="fit")
     if not verdict.contaminated:
         return
@@ -237,7 +239,13 @@ def _dependence(axis: str, dependence: Dependence, unit: str) -> Remark:
     )  # fmt: skip
 
 
-def _of_replaced(axis: str, replaced: Replaced, wv: WaveletVariance) -> Iterator[Remark]:
+def _of_replaced(axis: str, replaced: Replaced, axis_calibration: AxisCalibration) -> Iterator[Remark]:
+    wv, white = axis_calibration.fit.wavelet_variance, axis_calibration.datasheet.get("N")
+    if white is not None and white.value > 0:
+        share = replaced.left / wv.samples / (white.value**2 * wv.rate)
+        if share > LEFT:
+            percent = 100 * (1 - math.sqrt(max(1 - share, 0.0)))
+            yield Remark.of("outliers-found", axis, case="small", count=replaced.spikes, share=percent)
     if replaced.spikes:
         yield Remark.of("samples-replaced", axis, case="spikes", count=replaced.spikes, largest=replaced.largest)
     if replaced.knocks:

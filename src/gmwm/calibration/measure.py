@@ -182,6 +182,8 @@ def _measure_recording(
     ]
     for part in pieces:
         axes = [axis for axis in recordings.axes if axis in part.axes]
+        if not any(part is original for original in recordings.parts[name]):
+            run = replace(run, scheduler=None, workers=None)  # a repaired recording cannot be divided for processes
         conditions, passes = _read(part, axes, options, run)
         steady = part
         if options.repeated == "auto" and not run.remote and (jumps := _jumps_of(passes.inspection)):
@@ -292,6 +294,8 @@ def _curves_of(
             if verdict.contaminated:
                 other = item.curves.first.result(robust=True, efficiency=other_efficiency(options.efficiency))
                 verdict = replace(verdict, dependence=dependence(robust, other, verdict))
+            if item.two_levels:
+                verdict = replace(verdict, contaminated=False)
             classical = replace(classical, excess=screen.tails.excess(classical))
     else:
         assert isinstance(item, tuple)

@@ -144,6 +144,7 @@ class CalibrationOptions:
         return {name: getattr(self, name) for name in (*_SAVED, *_SINCE)} | {
             "within": str(self.within),
             "against": str(self.conditions),
+            "repeated": self.repeated,
             "models": {axis: str(model) for axis, model in self.models.items()},
         }
 

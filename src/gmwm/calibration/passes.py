@@ -23,6 +23,7 @@ from gmwm.measuring.spectrum import PowerSpectrum, SpectrumAccumulator
 from gmwm.measuring.streaming.passes import AxisCurves, Measurement, curves_of, measure, show_batches, unit_of
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.batches import Batch, Batches, Streamed, end_to_end, feed, part_of
+from gmwm.recording.repairs import axes_with_two_levels
 from gmwm.recording.signals import Imu, Signal
 
 if TYPE_CHECKING:
@@ -83,8 +84,9 @@ class AxisAccumulator:
     def __init__(
         self, rate: float, unit: str, axis: str, curves: AxisCurves | None = None, *,
         turn: AbstractContextManager[object] | None = None, beginning: int = 0, keep: bool = False,
+        two_levels: bool = False,
     ) -> None:  # fmt: skip
-        self.curves, self.turn = curves, turn or nullcontext()
+        self.curves, self.turn, self.two_levels = curves, turn or nullcontext(), two_levels
         self.beginning: Signal | None = None
         self._screening = Screening(rate)
         self._spectrum = SpectrumAccumulator(rate, unit=unit, axis=axis)
@@ -93,13 +95,16 @@ class AxisAccumulator:
         self._samples: list[Vector] = []
 
     def clean(self, signal: Signal) -> Signal:
-        """Return a batch with its isolated wrong samples and knocks replaced, and count them."""
-        result = cleaned(signal)
-        self._replaced += result.replaced
-        self._keep_beginning(result.signal)
+        """Return a batch with its isolated wrong samples and knocks replaced, and count them. Pulses of noise with two
+        levels look like knocks, so they are kept."""
+        if not self.two_levels:
+            result = cleaned(signal)
+            self._replaced += result.replaced
+            signal = result.signal
+        self._keep_beginning(signal)
         if self._keep:
-            self._samples.append(result.signal.values)
-        return result.signal
+            self._samples.append(signal.values)
+        return signal
 
     def _keep_beginning(self, signal: Signal) -> None:
         have = 0 if self.beginning is None else len(self.beginning)
@@ -203,10 +208,14 @@ def _first_pass(
     keep = in_memory and any(addition.needs(axes) for addition in recording_additions())
     turn = nullcontext() if in_memory else Lock()
     rate, reach = recording.rate, needed_beginning()
-    accumulators = {
-        axis: AxisAccumulator(rate, curves.first.unit, axis, curves, turn=turn, beginning=reach, keep=keep)
-        for axis, curves in curves_of(recording, axes, efficiency=efficiency, change=clean).items()
-    }
+    two_levels = axes_with_two_levels(recording.remarks)
+    accumulators = {}
+    for axis, curves in curves_of(recording, axes, efficiency=efficiency, change=clean).items():
+        if axis in two_levels:
+            curves.change = None
+        accumulators[axis] = AxisAccumulator(
+            rate, curves.first.unit, axis, curves, turn=turn, beginning=reach, keep=keep, two_levels=axis in two_levels
+        )
     also = None if inspector is None else inspector.update
     measure(map(conditions.batch, show_batches(batches, also)), accumulators, threads)
     return accumulators

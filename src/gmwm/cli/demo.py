@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 EXAMPLES = ("gmwm demo", "gmwm demo --output here --seed 3")
 
-RATE = 100.0
 RESOLUTION = {"gyro": 1e-5, "accel": 1e-4}
 """Quantization step of the simulated sensors (rad/s, m/s²): 1 % of their noise, so it does not affect the results."""
 
@@ -54,7 +53,7 @@ def demo(
     from gmwm.theory.simulation import reference_imu
 
     helpers = calibration_helpers(plots=True)
-    truth = {axis: model.sorted(RATE) for axis, model in reference_imu().items()}
+    truth = {axis: model.sorted(100.0) for axis, model in reference_imu().items()}
     file = make_directory(output) / "imu.csv"
     imu = _simulate(truth, seed, file)
     # The demo takes a minute, so it prints each result at once.
@@ -95,7 +94,7 @@ def _simulate(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
     from gmwm.theory.simulation import simulate
 
     with progress("simulating"):
-        imu = simulate(truth, rate=RATE, samples=720_000, rng=seed, resolution=RESOLUTION)
+        imu = simulate(truth, rate=100.0, samples=720_000, rng=seed, resolution=RESOLUTION)
     with progress(f"writing {file}"):
         imu.write(file)
     return imu

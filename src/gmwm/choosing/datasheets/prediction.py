@@ -14,6 +14,8 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.fitting.likelihood.system import is_ramp
 from gmwm.theory.processes.base import Process
 
+_LEGENDRE = leggauss(12)
+"""Nodes and weights of the Gauss-Legendre rule of each panel, which integrates one period of a cosine within 1e-12."""
 _FIRST = 1e-14
 """Lowest angular frequency (rad per sample) of a panel. Below, the spectrum is a power law, which is integrated in
 closed form."""
@@ -213,18 +215,20 @@ def _quadrature(spectrum: Spectrum, samples: int) -> tuple[Vector, Vector]:
     density = spectrum(edge)
     power = math.log(density[0] / density[1]) / math.log(1.01) if density[0] > 0 else 0.0
     thetas, masses = [edge[:1]], [density[:1] * _FIRST / (3 - power)]
+    theta, mass = _rule(spectrum, low, high)
     for split in range(splits + 1):
         middle = np.sqrt(low * high)
-        theta, mass = _rule(spectrum, low, high)
-        halves = sum(_rule(spectrum, *ends)[1].sum(axis=1) for ends in ((low, middle), (middle, high)))
+        halves = [_rule(spectrum, *ends) for ends in ((low, middle), (middle, high))]
+        total = sum(part.sum(axis=1) for _, part in halves)
         # Relative accuracy of the integral of a spectrum over each panel.
-        done = np.abs(halves - mass.sum(axis=1)) <= 1e-10 * np.abs(halves)
+        done = np.abs(total - mass.sum(axis=1)) <= 1e-10 * np.abs(total)
         if split == splits:
             done[:] = True
         thetas.append(theta[done].ravel())
         masses.append(mass[done].ravel())
         if np.all(done):
             break
+        theta, mass = (np.concatenate([part[~done] for part in parts]) for parts in zip(*halves, strict=True))
         low, middle, high = low[~done], middle[~done], high[~done]
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
     return np.concatenate(thetas), np.concatenate(masses) / math.pi
@@ -232,8 +236,7 @@ def _quadrature(spectrum: Spectrum, samples: int) -> tuple[Vector, Vector]:
 
 def _rule(spectrum: Spectrum, low: Vector, high: Vector) -> tuple[Matrix, Matrix]:
     """Return the nodes of Gauss-Legendre quadrature in ln θ on each panel, and the density times the weights."""
-    # Number of Gauss-Legendre nodes of each panel, which integrate one period of a cosine within 1e-12.
-    x, w = leggauss(12)
+    x, w = _LEGENDRE
     octaves = np.log(high / low)[:, None]
     theta = low[:, None] * np.exp(octaves * (x + 1) / 2)
     return theta, theta * (octaves * w / 2) * spectrum(theta.ravel()).reshape(theta.shape)

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gmwm.base.arrays import Vector
-from gmwm.base.errors import GmwmError
+from gmwm.base.errors import GmwmError, ModelError
 from gmwm.choosing.selection.api import rank_models, select_within
 from gmwm.choosing.selection.ranking import SLOW, Ranking, RankingOptions
 from gmwm.choosing.selection.search_steps import Entry, Exit, SearchStep
@@ -149,8 +149,7 @@ def _from_spectrum(
     wv: WaveletVariance, spectrum: PowerSpectrum | None, options: RankingOptions, check: Callable[[], None]
 ) -> ModelChoice:
     """Return the choice of steps 1 to 3 of the module."""
-    general = nearly_fitted(_largest(SLOW, wv), wv, options.weighting)
-    bound = Distance.of(general).surely
+    general, bound = _slow_fit(wv, spectrum, options)
     slow = SearchStep(family=general.model.structure, entered="slow", bound=bound, left="all-rejected")
     if bound >= REJECTED:
         ranking = select_within(SLOW, wv, options, progress=lambda *_: check())
@@ -181,6 +180,20 @@ def _from_spectrum(
         return within_family(SLOW, wv, options, check=check, entered="nothing-shown").after(*steps)
     # A shape that was fitted to the wavelet variance does not include white and quantization noise.
     return shown.choice(SLOW if spectrum is None else BESIDE, options, check, "shape").after(*steps)
+
+
+def _slow_fit(wv: WaveletVariance, spectrum: PowerSpectrum | None, options: RankingOptions) -> tuple[Fit, float]:
+    """Return the fit of the family of slow processes, and the upper bound of its p-value. A line that dominates the
+    wavelet variance, as of a dither motion, leaves no noise at some levels; it is then fitted too, and the bound is 0.
+    """
+    try:
+        general = nearly_fitted(_largest(SLOW, wv), wv, options.weighting)
+    except ModelError:
+        lines = () if spectrum is None else _peaks(spectrum, wv)
+        if not lines:
+            raise
+        return nearly_fitted(_largest(SLOW, wv, lines), wv, options.weighting), 0.0
+    return general, Distance.of(general).surely
 
 
 def _with_filter(choice: ModelChoice, shaped: ModelChoice) -> ModelChoice:

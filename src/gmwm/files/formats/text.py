@@ -136,7 +136,8 @@ class TextReader(Reader):
             joined = (names[parts.seconds], names[parts.fraction])
             remarks += (Remark.of("time-read", case="read", form="parts", columns=joined),)
         if dialect.comment and (count := _commented_rows(source, dialect)):
-            remarks += (Remark.of("rows-commented", str(source.unpacked_path), count=count, sign=dialect.comment),)
+            path = str(source.unpacked_path)
+            remarks += (Remark.of("left-out", path, case="commented", count=count, sign=dialect.comment),)
         return Layout(
             tuple(channels), dialect.first_row, rate=dialect.rate, units=units, remarks=remarks, state=dialect
         )

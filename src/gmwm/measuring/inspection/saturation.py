@@ -11,7 +11,9 @@ from gmwm.base.arrays import Vector
 
 _SHARE = 1e-3
 """Smallest share of samples at an extreme value that is reported. Gaussian noise that is clipped there loses 0.1 % of
-its standard deviation (tests/test_inspection_saturation.py, as the next constant)."""
+its standard deviation (tests/test_inspection_faults.py, as the next constants)."""
+_LEAST = 10
+"""Smallest number of samples at an extreme value."""
 _EXPECTED = 30.0
 """Number of samples that Gaussian noise would have beyond the extreme value, whose absence is not chance."""
 
@@ -56,7 +58,7 @@ class Extremes:
         The two largest values with n_1 and n_0 samples predict n_1²/n_0 · exp(−step²/σ²) samples beyond. A mean that
         varies makes the tail longer.
         """
-        if self.levels.size < 2 or self.counts[-1] < _SHARE * samples:
+        if self.levels.size < 2 or self.counts[-1] < max(_SHARE * samples, _LEAST):
             return False
         if not step:
             return True

@@ -7,6 +7,7 @@ changes two of them, a jump one or two, two wrong samples at most four, and a si
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -41,6 +42,8 @@ NEIGHBOURHOOD = 60.0
 """Time (s) over which a local standard deviation is measured: longer than knocks, shorter than changes of the noise."""
 _SMALL, _FALSE = 3.5, 1e-4
 """For small bursts, the smallest size of a large coefficient, and the expected number of false bursts in a panel."""
+_CHANCE = 0.01
+"""Largest expected number of bursts in a panel that heavy tails explain."""
 _ALONE, _BESIDE = 1.5, 32
 """For small bursts, the largest spread of the noise next to the burst, in local standard deviations, and the smallest
 number of coefficients for this spread."""
@@ -253,12 +256,24 @@ def _bursts(level: BurstCoefficients, small: bool) -> _LevelBursts:
     counts = np.diff(np.append(begins, at.size))
     positive = np.add.reduceat((w > 0).astype(np.int64), begins)
     huge = np.maximum.reduceat(ratio, begins) > HUGE
-    chosen = (counts >= np.where(huge, FEW, FEWEST)) & (positive > 0) & (positive < counts)
+    by_chance = _largest_by_chance(begins.size, level.size)
+    chosen = (counts >= np.where(huge, FEW, FEWEST)) & (counts > by_chance) & (positive > 0) & (positive < counts)
     if small:
         for k in np.flatnonzero(chosen).tolist():
             chosen[k] = _is_alone(level, int(at[begins[k]]), int(at[begins[k] + counts[k] - 1]) + 1)
     energy = np.add.reduceat(w**2, begins)
     return _LevelBursts(at[begins[chosen]], at[(begins + counts - 1)[chosen]], energy[chosen])
+
+
+def _largest_by_chance(groups: int, size: int) -> float:
+    """Return the largest number of large coefficients in a burst that heavy tails explain, from the number of groups of
+    large ones among all coefficients.
+
+    A single large sample makes two of them. If m samples are large with probability p each, a run of m of them with
+    distances up to `APART` occurs n·p·(2·APART·p)^(m−1) times.
+    """
+    share = 2 * APART * groups / size
+    return 2 * math.floor(1 + math.log(_CHANCE / groups) / math.log(share)) if share < 0.9 else math.inf
 
 
 def _is_alone(level: BurstCoefficients, first: int, last: int) -> bool:

@@ -65,7 +65,8 @@ def cleaned(x: Signal) -> Cleaned:
         signal=signal,
         knocks=knocks,
         replaced=Replaced(
-            spikes=len(spikes), largest=spikes.largest, knocks=tuple((start, stop) for start, stop in times.tolist()),
+            spikes=len(spikes), largest=spikes.largest, left=spikes.left,
+            knocks=tuple((start, stop) for start, stop in times.tolist()),
             in_knocks=int(np.sum(knocks[:, 1] - knocks[:, 0])),
         ),
     )  # fmt: skip

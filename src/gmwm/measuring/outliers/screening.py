@@ -17,17 +17,20 @@ from gmwm.recording.signals import Signal
 class Replaced(Documented):
     """Samples of one axis that were replaced before the measurement. `spikes` and `in_knocks` are the numbers of
     isolated wrong samples and of samples in knocks, `largest` the largest deviation of the former in local standard
-    deviations. `knocks` has the begin and end (s) of each knock, counted like the option `skip` of `read`."""
+    deviations. `left` is the sum of the squares of wrong samples that are too small to be found.
+    `knocks` has the begin and end (s) of each knock, counted like the option `skip` of `read`."""
 
     spikes: int = 0
     largest: float = 0.0
     knocks: tuple[tuple[float, float], ...] = ()
     in_knocks: int = 0
+    left: float = 0.0
 
     def __add__(self, other: Replaced) -> Replaced:
         return Replaced(
             spikes=self.spikes + other.spikes, largest=max(self.largest, other.largest),
             knocks=self.knocks + other.knocks, in_knocks=self.in_knocks + other.in_knocks,
+            left=self.left + other.left,
         )  # fmt: skip
 
 

@@ -63,10 +63,13 @@ class Spikes(FrozenArrays):
     ----------
     indices, deviations : (k,) arrays
         Indices of the spikes in the signal, and their absolute residuals in local standard deviations.
+    left : float
+        Sum of the squares of the wrong samples that are too small to be found, in the unit of the signal.
     """
 
     indices: NDArray[np.int64]
     deviations: Vector
+    left: float = 0.0
 
     def __len__(self) -> int:
         return int(self.indices.size)
@@ -133,7 +136,8 @@ def find_spikes(x: Signal) -> Spikes:
         if abs(spikes.size - before) <= _SETTLED * before:
             break
     isolated = _returns(values, filled, spikes, np.minimum(threshold, deviation) * limit)
-    return Spikes(indices=spikes[isolated], deviations=deviation[isolated])
+    left = _squares_left(deviation[isolated], limit[isolated])
+    return Spikes(indices=spikes[isolated], deviations=deviation[isolated], left=left)
 
 
 def repaired(x: Signal, spikes: Spikes) -> Signal:
@@ -279,6 +283,17 @@ def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) 
             break
         low, high = low - _BIN, low
     return chosen
+
+
+def _squares_left(deviation: Vector, limit: Vector) -> float:
+    """Return the sum of the squares of the wrong samples that are too small to be found. `deviation` has those that
+    were found, in standard deviations `limit`. Their density at the smallest deviation is assumed for all smaller
+    ones, as it is for wrong samples whose sizes have a wide distribution."""
+    if deviation.size < _FEW:
+        return 0.0
+    least = float(np.min(deviation))
+    count = int(np.count_nonzero(deviation <= APART * least))
+    return count / (APART - 1) * least**2 / 3 * float(np.mean(limit**2))
 
 
 def _in_crowds(at: NDArray[np.int64], samples: int) -> NDArray[np.int64]:

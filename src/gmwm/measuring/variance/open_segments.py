@@ -293,7 +293,7 @@ def panel_length(rate: float) -> int:
     >>> panel_length(100.0), panel_length(4000.0)
     (131072, 524288)
     """
-    return max(LEAST, 1 << int(np.ceil(np.log2(128.0 * rate))))
+    return max(LEAST, 1 << max(int(np.ceil(np.log2(128.0 * rate))), 0))
 
 
 class Panels:

@@ -2,6 +2,7 @@
 frozen or interpolated samples, and words that wrapped around."""
 
 from gmwm.recording.repairs.jumps import without_jumps
+from gmwm.recording.repairs.levels import axes_with_two_levels
 from gmwm.recording.repairs.repaired import repaired
 
-__all__ = ["repaired", "without_jumps"]
+__all__ = ["axes_with_two_levels", "repaired", "without_jumps"]

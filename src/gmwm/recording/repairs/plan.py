@@ -10,6 +10,7 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.axis_names import sensor_of
 from gmwm.recording.batches import Batch
+from gmwm.recording.repairs.levels import TwoLevels, two_levels_of
 from gmwm.recording.repairs.repeats import Repeats, repeats_of
 from gmwm.recording.repairs.runs import Indices, Mask, in_long_runs, offsets, repeats, straight
 from gmwm.recording.repairs.wraps import modulus_of, unwrapped
@@ -48,6 +49,8 @@ class Plan:
         Range of the word that overflowed, and median of the values.
     counts : mapping of axis to float
         Size of a count, for axes whose values are whole counts but for float64 rounding.
+    levels : mapping of axis to TwoLevels
+        Levels between which the mean of an axis switches. They are named, and nothing is changed.
     """
 
     axes: tuple[str, ...]
@@ -57,11 +60,14 @@ class Plan:
     dead: int = 0
     wraps: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     counts: Mapping[str, float] = field(default_factory=dict)
+    levels: Mapping[str, TwoLevels] = field(default_factory=dict)
 
     @property
     def changes_nothing(self) -> bool:
-        """Whether no sample is changed or left out."""
-        return not (self.repeats or self.frozen or self.straight or self.dead or self.wraps or self.counts)
+        """Whether no sample is changed or left out, and nothing is named."""
+        return not (
+            self.levels or self.repeats or self.frozen or self.straight or self.dead or self.wraps or self.counts
+        )
 
     @property
     def every(self) -> float:
@@ -122,7 +128,10 @@ def _plan(axes: tuple[str, ...], found: Repeats | None, batch: Batch, begins: In
     dead = max(_dead(same) for same in alone.values())
     frozen: dict[str, int] = {}
     lines: dict[str, int] = {}
+    levels: dict[str, TwoLevels] = {}
     if found is None:
+        found_levels = {axis: two_levels_of(values[axis]) for axis in axes}
+        levels = {axis: item for axis, item in found_levels.items() if item is not None}
         for axis in axes:
             least = _frozen_length(values[axis], alone[axis])
             share = np.mean(in_long_runs(alone[axis], least)[dead:]) if least else 0.0
@@ -134,7 +143,9 @@ def _plan(axes: tuple[str, ...], found: Repeats | None, batch: Batch, begins: In
                 lines[axis] = least
     dead = dead if dead < _MOST_DEAD * len(batch) else 0
     counts = {axis: count for axis in axes if (count := count_of(values[axis])) is not None}
-    return Plan(axes=axes, repeats=found, frozen=frozen, straight=lines, wraps=wraps, dead=dead, counts=counts)
+    return Plan(
+        axes=axes, repeats=found, frozen=frozen, straight=lines, wraps=wraps, dead=dead, counts=counts, levels=levels
+    )  # fmt: skip
 
 
 def _dead(same: Mask) -> int:

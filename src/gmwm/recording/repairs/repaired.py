@@ -149,11 +149,20 @@ class Repair:
             cases["dead"] = plan.axes, {"time": Quantity(plan.dead / old, "s")}
         if plan.wraps:
             cases["wrapped"] = plan.wraps, {"count": counts["wrapped"]}
-        return tuple(
+        undone = [
             Remark.of("fault-undone", axis, case=case, **facts)
             for case, (axes, facts) in cases.items()
             for axis in axes
-        )
+        ]
+        return (*undone, *self.remarks_on_levels())
+
+    def remarks_on_levels(self) -> tuple[Remark, ...]:
+        """Return remarks on axes that switch between two levels, which are known before the samples are read."""
+        return tuple(
+            Remark.of("heavy-tails", axis, case="levels", share=100 * levels.share,
+                      duration=Quantity(levels.duration / self.rate, "s"))
+            for axis, levels in self.plan.levels.items()
+        )  # fmt: skip
 
     def _count_and_share(self, name: str) -> dict[str, Fact]:
         return {"count": self._counts[name], "share": 100 * self._counts[name] / self._all}
@@ -171,7 +180,9 @@ class RepairedStream:
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """Remarks of the stream, and after an iteration on what was changed."""
-        return (*self._stream.remarks, *(() if self._repair is None else self._repair.remarks()))
+        if self._repair is None:
+            return (*self._stream.remarks, *Repair(self._plan, self._stream.rate).remarks_on_levels())
+        return (*self._stream.remarks, *self._repair.remarks())
 
     @property
     def time_base(self) -> TimeBase:

@@ -247,7 +247,7 @@ def _parameters(fit: Fit, session: Session) -> Any:
             value = html.Label(
                 [html.Span(f"Value of {row.name}", className="unseen"), text_input(name, "", row.estimate)]
             )
-        hold = button("Free" if held else "Hold", {"type": "hold", "parameter": row.name}, "small")
+        hold = button("Free" if held else "Fix", {"type": "hold", "parameter": row.name}, "small")
         shown.append([row.name, hold, value, row.interval, row.unit])
     level = f"{100 * session.confidence:g} % interval"
     return table(["Parameter", "", "Estimate", level, "Unit"], shown, "numbers")
