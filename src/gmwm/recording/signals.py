@@ -303,13 +303,13 @@ class Imu(Plotted):
     temperature: Vector | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        if not self.signals:
-            raise DataError(argument="signals", expected="a mapping of at least one axis", got={})
         if not isinstance(self.signals, Mapping):
             raise DataError(
                 argument="signals", expected="a mapping of axis name to Signal", got=self.signals,
                 advice="Make an Imu from arrays by `gmwm.Imu.from_arrays(arrays, rate)`.",
             )  # fmt: skip
+        if not self.signals:
+            raise DataError(argument="signals", expected="a mapping of at least one axis", got={})
         if not all(isinstance(signal, Signal) for signal in self.signals.values()):
             object.__setattr__(self, "signals", {axis: _as_signal(x, axis) for axis, x in self.signals.items()})
         signals = list(self.signals.values())
