@@ -285,10 +285,8 @@ def _require_end(source: FileSource, layout: Layout) -> None:
     if cut and not layout.skip_bad_lines:
         raise ReadError(
             f"{source} ends within a number: its last line ends in {cut[0]!r} without a line end, the lines before in "
-            f"numbers like {cut[1]!r}",
-            code="cut-off",
-            advice="Remove the last line." + OR_SKIP,
-        )
+            f"numbers like {cut[1]!r}", code="cut-off", advice="Remove the last line." + OR_SKIP,
+        )  # fmt: skip
 
 
 def _lacks_digits(cell: str, others: Sequence[str]) -> bool:
