@@ -14,7 +14,7 @@ import pkgutil
 import platform
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -22,14 +22,15 @@ from typing import Any
 
 import benchmarks
 import gmwm
-from benchmarks import children, harness, page, scaling, targets
+from benchmarks import children, harness, page, recordings, scaling, targets
 from benchmarks.results import Results
 from gmwm.base import _core
 from gmwm.base.atomic_files import write_text
 from gmwm.base.threads import processors
 
 OTHERS = ("numpy", "allantools", "PyWavelets", "statsmodels")
-IDENTITY = {"timings": ("module", "name", "against"), "curves": ("along", "name"), "children": ("name", "samples")}
+IDENTITY = {"timings": ("module", "name", "against"), "curves": ("along", "name"), "children": ("name", "samples"),
+            "recordings": ("name", "samples")}  # fmt: skip
 """What tells the rows of each part apart."""
 ROOM = 60
 """Bytes that a sample of the longest record in memory may take, by us or by what we compare with."""
@@ -46,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--from", type=Path, metavar="FILE", dest="earlier", help="take what an earlier run found")
     parser.add_argument(
         "--only", default="", metavar="TEXT",
-        help="only cases whose name or module contains TEXT; also: scaling, processes",
+        help="only cases whose name or module contains TEXT; also: scaling, processes, recordings",
     )  # fmt: skip
     options = parser.parse_args(arguments)
     if options.page and options.only and not options.earlier:
@@ -73,10 +74,14 @@ def measured(only: str = "") -> dict[str, Any]:
     found["timings"] = [
         {"module": module, **asdict(timing)} for module, timing in _timings(only, found["copy_bandwidth_bytes_per_s"])
     ]
-    parts = {"curves": ("scaling", scaling.curves), "children": ("processes", children.children)}
+    parts: dict[str, tuple[str, Callable[[], Iterable[Any]]]] = {
+        "curves": ("scaling", lambda: scaling.curves(largest, in_memory)),
+        "children": ("processes", lambda: children.children(largest, in_memory)),
+        "recordings": ("recordings", recordings.recordings),
+    }
     for key, (name, part) in parts.items():
         found[key] = []
-        for row in part(largest, in_memory) if only in name else ():
+        for row in part() if only in name else ():
             _tell(row.name)
             found[key].append(asdict(row))
     return found
@@ -106,7 +111,7 @@ def _timings(only: str, bandwidth: float) -> list[tuple[str, harness.Timing]]:
     timings = []
     for name in sorted(module.name for module in pkgutil.iter_modules(benchmarks.__path__)):
         # The words of one part name it alone.
-        if name.startswith("bench_") and only not in ("scaling", "processes"):
+        if name.startswith("bench_") and only not in ("scaling", "processes", "recordings"):
             for case in importlib.import_module(f"benchmarks.{name}").cases():
                 if only in case.name or only in name:
                     _tell(case.name)
@@ -134,7 +139,7 @@ def words(values: dict[str, Any]) -> str:
         unit = "ns a sample" if curve["along"] == "samples" else "ms"
         shown = (f"{n}: {1e9 * took / n if unit[0] == 'n' else 1e3 * took:.3g}" for n, took in points)
         parts.append(f"{curve['name']}, {unit}, by {curve['along']}: {', '.join(shown)}")
-    for row in values["children"]:
+    for row in (*values["children"], *values["recordings"]):
         size = f"{row['peak'] / 1e6:.0f} MB, {row['beyond'] / 1e6:.0f} beyond the import"
         all_processors = f" ({row['cpu']:.2f} s of all processors)" if row.get("cpu") else ""
         parts.append(f"{row['name']}, {row['samples']} samples: {row['seconds']:.2f} s{all_processors}, {size}")

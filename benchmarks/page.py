@@ -11,6 +11,7 @@ from benchmarks import targets
 from benchmarks.claims import CLAIMS, MARGIN
 from benchmarks.kernels import bandwidth_words
 from benchmarks.picture import draw
+from benchmarks.recordings import MEASURED, RATIOS, rows_of_others, rows_of_recordings
 from benchmarks.results import Results
 from gmwm.base.atomic_files import written_whole
 from gmwm.showing.plots.axes import number_text, power_text
@@ -20,23 +21,17 @@ NAME = "benchmarks"
 
 PAGE = """# Run time and memory
 
-The benchmarks time gmwm and another program alternately in one process, so that changes of the machine affect both.
-Each ratio is the run time of gmwm divided by the run time of the other program. The page states the median over the
-pairs of runs, on one thread unless stated otherwise. If a ratio is below 1, gmwm is faster. Times in ms and
-ns are from one machine: {machine}. On this machine, a plain memory copy reaches {bandwidth:.1f} GB/s
-(bytes read plus bytes written).
+gmwm and another program are timed alternately in one process. Each ratio is the run time of gmwm divided by that of the
+other program, the median over pairs of runs on one thread: below 1, gmwm is faster. Times are from one machine:
+{machine}. A plain memory copy reaches {bandwidth:.1f} GB/s (bytes read plus bytes written).
 
-`make bench` runs all benchmarks, prints them, and stores the numbers in `build/benchmarks.json`. `make bench PAGE=1`
-writes this page. No number is typed by hand.
+`make bench PAGE=1` writes this page. No number is typed by hand.
 
 ![Time per sample by length of the record; time by number of Gauss-Markov terms and axes; memory.](benchmarks.svg)
 
 Top: time per sample. For small records, the confidence limits and the checks dominate: they take {small} µs per call.
-For longer records, the time per sample is constant until a record no longer fits into the caches. In chunks, the data
-of one step always fit. allantools and PyWavelets are shown up to calls of a few seconds. The stationary transform of
-PyWavelets inserts zeros into its filters, so each level takes twice as long as the previous level. Bottom: fits,
-covariance and model selection from a wavelet variance of 10⁶ samples, calibration of several axes, and the largest
-resident memory in addition to `import gmwm`, including the samples.
+Bottom: fits, covariance and model selection from 10⁶ samples, calibration of several axes, and the largest resident
+memory in addition to `import gmwm`.
 
 ## A record of any length
 
@@ -47,6 +42,19 @@ samples in memory. It needs {memory:.0f} MB of memory, {beyond:.0f} MB more than
 its length. The state between two chunks is {state:.1f} MB.
 
 `python -m benchmarks --from docs/benchmarks.json --tables` prints the appendix: all ratios and limits.
+
+## Real recordings
+
+Each row is a separate process, as in the appendix; the time of a curve is without the start of Python. The
+recordings and curves are not part of the package.
+
+{recordings}
+
+What a reader would use otherwise: processor times of other programs, measured once {when}, and
+the times of gmwm in this run.
+{others_as_ratios}
+
+{others}
 """
 
 APPENDIX = """## Appendix
@@ -106,7 +114,8 @@ def text(results: Results) -> str:
         bandwidth=results.bandwidth / 1e9, small=f"{1e9 * results.per_sample(whole, 1000):.0f}",
         lengths=_lengths(results), longest=power_text(longest), stream=1e9 * stream,
         over=stream / results.per_sample(whole, 10**7), memory=live["peak"] / 1e6, beyond=live["beyond"] / 1e6,
-        state=live["state"] / 1e6,
+        state=live["state"] / 1e6, recordings=_recordings(results), when=MEASURED, others_as_ratios=RATIOS,
+        others=table(["work", "program", "its time", "gmwm"], rows_of_others(results), 2),
     )  # fmt: skip
 
 
@@ -132,6 +141,12 @@ def _lengths(results: Results) -> str:
         times = dict(zip(curve["at"], curve["seconds"], strict=True))
         rows.append([curve["name"], *(number_text(1e9 * times[n] / n, 2) if n in times else "" for n in at)])
     return table(["ns per sample", *(power_text(n) for n in at)], rows)
+
+
+def _recordings(results: Results) -> str:
+    if not results.recordings:
+        return "This run did not have them."
+    return table(["process", "samples", "s", "s of all processors", "MB"], rows_of_recordings(results))
 
 
 def _targets(results: Results) -> str:

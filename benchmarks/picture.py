@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.results import Results, Row
 from gmwm.showing.plots import style
 from gmwm.showing.plots.axes import limits_of, power_ticks
-from gmwm.showing.plots.figure import Axis, Figure, Line, Panel, Stroke, Tick
+from gmwm.showing.plots.figure import Axis, Figure, Panel, Polyline, Stroke, Tick
 
 WIDTH, HEIGHT = 180.0, 190.0
 
@@ -54,7 +54,7 @@ def _samples(results: Results) -> Panel:
     for curve in _along(results, "samples"):
         x = np.array(curve["at"], dtype=np.float64)
         y = 1e9 * np.array(curve["seconds"]) / x
-        lines.append(Line(x, y, STROKES[curve["name"]], curve["name"]))
+        lines.append(Polyline(x, y, STROKES[curve["name"]], curve["name"]))
     return Panel(_logarithmic("Samples", [line.x for line in lines]),
                  _logarithmic("Time of a sample (ns)", [line.y for line in lines]), tuple(lines))  # fmt: skip
 
@@ -80,7 +80,7 @@ def _memory(results: Results) -> Panel:
     for name in (MEMORY, PIECES):
         rows = sorted((row for row in results.children if row["name"] == name), key=lambda row: row["samples"])
         x, y = (np.array([row[key] for row in rows], dtype=np.float64) for key in ("samples", "beyond"))
-        lines.append(Line(x, y / 1e6, STROKES[name], name))
+        lines.append(Polyline(x, y / 1e6, STROKES[name], name))
     return Panel(_logarithmic("Samples", [line.x for line in lines], at_most=4),
                  _logarithmic("Memory beyond import (MB)", [line.y for line in lines]), tuple(lines))  # fmt: skip
 
@@ -89,9 +89,9 @@ def _along(results: Results, along: str) -> list[Row]:
     return [curve for curve in results.curves if curve["along"] == along]
 
 
-def _lines(curves: list[Row], scale: float) -> list[Line]:
+def _lines(curves: list[Row], scale: float) -> list[Polyline]:
     return [
-        Line(np.array(c["at"], dtype=np.float64), scale * np.array(c["seconds"]), STROKES[c["name"]], c["name"])
+        Polyline(np.array(c["at"], dtype=np.float64), scale * np.array(c["seconds"]), STROKES[c["name"]], c["name"])
         for c in curves
     ]
 

@@ -9,7 +9,7 @@ Row = Mapping[str, Any]
 
 
 class Results:
-    """The numbers of one run: `timings`, `curves` and `children` as lists of rows, `machine` as texts."""
+    """The numbers of one run: `timings`, `curves`, `children` and `recordings` as lists of rows, `machine` as texts."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         self.machine: Mapping[str, str] = values["machine"]
@@ -17,6 +17,7 @@ class Results:
         self.timings: Sequence[Row] = values["timings"]
         self.curves: Sequence[Row] = values["curves"]
         self.children: Sequence[Row] = values["children"]
+        self.recordings: Sequence[Row] = values["recordings"]
 
     def timing(self, name: str, against: str) -> Row:
         """One comparison."""

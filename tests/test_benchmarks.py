@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as suite
-from benchmarks import children, harness, page, scaling
+from benchmarks import children, harness, page, recordings, scaling
 from benchmarks.bench_wavelet_variance import decimated, pyramid, stationary
 from benchmarks.claims import CLAIMS, MARGIN, ROOT, Claim
 from benchmarks.results import Results
@@ -29,7 +30,8 @@ def record() -> dict[str, Any]:
 
 
 def empty() -> dict[str, Any]:
-    return {"machine": {}, "copy_bandwidth_bytes_per_s": 1e9, "timings": [], "curves": [], "children": []}
+    return {"machine": {}, "copy_bandwidth_bytes_per_s": 1e9, "timings": [], "curves": [], "children": [],
+            "recordings": []}  # fmt: skip
 
 
 # --- claims -----------------------------------------------------------------------------------------------------------
@@ -145,3 +147,24 @@ def test_memory_of_a_process_is_its_own() -> None:
     assert child.seconds > child.inside > 0
     with pytest.raises(RuntimeError, match="wrong"):
         children.run("y", "raise ValueError('wrong')")
+
+
+# --- real recordings --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_recordings_that_are_missing_are_left_out(tmp_path: Path) -> None:
+    rows = [asdict(row) for row in recordings.recordings(tmp_path, samples=60_000)]
+    results = Results(empty() | {"recordings": rows})
+    assert [row[:2] for row in recordings.rows_of_recordings(results)] == [
+        ["gmwm calibrate, 1 kHz, no sample lost", "4×10⁵"],
+        ["gmwm calibrate, 1 kHz, 0.5 % of the samples lost", "4×10⁵"],
+    ]
+    assert all(row["seconds"] > 0 and row["peak"] > 1e7 for row in rows)
+
+
+def test_the_times_of_other_programs_stand_without_a_run(record: dict[str, Any]) -> None:
+    assert {row[-1] for row in recordings.rows_of_others(Results(empty()))} == {""}
+    ours = [row[-1] for row in recordings.rows_of_others(Results(record))]
+    assert len(ours) == len(recordings.OTHERS)
+    assert ours.count("") == 1

@@ -13,7 +13,7 @@ import gmwm
 from gmwm import AR1, DR, GM, QN, RW, SIN, WN, Model, Signal, WaveletVariance, fixed
 from gmwm.base.errors import OptionError
 from gmwm.base.units import datasheet_units, noise_unit
-from gmwm.choosing.datasheets import Datasheet, Entry
+from gmwm.choosing.datasheets import Datasheet, Entry, model_datasheet, with_limits
 from gmwm.choosing.datasheets.bias import lowest
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from gmwm.theory.processes import Process, registry
@@ -50,6 +50,16 @@ def near(x: float, rel: float = 1e-6) -> object:
 
 
 # --- the numbers --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("ratio", "repeated"), [(1.04, True), (0.96, True), (1.06, False), (0.94, False)])
+def test_a_number_of_a_term_is_left_out_within_five_per_cent_of_the_number_of_a_filter(ratio, repeated):
+    truth = Model.parse("WN(sigma2=1e-6) + RW(gamma2=1e-12)")
+    fit = gmwm.fit("WN + RW", exact(truth))
+    sheet = model_datasheet(fit, 0.95)
+    of_filter = sheet["N"].value
+    entries = [replace(e, value=ratio * of_filter) if e.symbol == "N of WN" else e for e in sheet.entries]
+    assert ("N of WN" not in with_limits(replace(sheet, entries=tuple(entries)), fit)) == repeated
 
 
 def test_numbers_are_those_of_the_formulas():
@@ -283,7 +293,7 @@ def test_held_parameters_are_said_to_be_held():
     white = found["N of WN"]
     assert white.held
     assert white.low == white.high == white.value == near(1e-4)
-    assert white.text().endswith("deg/√h (held)")
+    assert white.text().endswith("deg/√h (fixed)")
     assert not found["N"].held
     assert found["T_c"].held
     assert not found["q_c"].held

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from examples import array, contaminated, navigation, paper
+from examples import array, contaminated, imu_tools, navigation, paper
 
 SEED = 2018
 
@@ -50,6 +50,19 @@ def test_array(tmp_path):
         assert np.all(np.abs(found - 1)[:8] < 0.05)
         assert np.all(np.abs(found - 1) < 0.5)
     assert pictures(tmp_path) == {"array"}
+
+
+@pytest.mark.slow
+def test_tools_of_slopes_find_n_and_not_always_k():
+    walk, markov = imu_tools.main(hours=1.0).values()
+    white = (2e-6 / imu_tools.RATE) ** 0.5
+    assert walk["gmwm"] == pytest.approx((white, (1e-12 * imu_tools.RATE) ** 0.5), rel=0.25)
+    assert walk["MATLAB's example"][0] == pytest.approx(white, rel=0.02)
+    assert walk["… measure_rate: 100"][0] == pytest.approx(2**0.5 * white, rel=0.12)
+    assert walk["imu_utils (gyr_n, gyr_w)"][0] == pytest.approx(imu_tools.RATE**0.5 * white, rel=0.1)
+    needed = (2 * 0.01 * 2e-9) ** 0.5  # rad/s²/√Hz of the driving noise
+    assert markov["gmwm"][1] == pytest.approx(needed, rel=0.4)
+    assert markov["allan_variance_ros"][1] < needed / 2
 
 
 def test_contaminated(tmp_path):

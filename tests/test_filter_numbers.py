@@ -134,9 +134,29 @@ def test_a_ramp_is_followed():
     assert found.gain.g == pytest.approx(at[np.argmin(error)], rel=5e-3)
 
 
-def test_sinusoids_are_left_out():
+@pytest.mark.parametrize("periods", [0.32, 11.0])
+def test_sinusoids_far_from_the_horizon_are_left_out(periods):
     model = WN(sigma2=1.0) + RW(gamma2=1e-6)
-    assert numbers(model + SIN(frequency=0.5, power=3.0)) == numbers(model)
+    assert numbers(model + SIN(frequency=periods, power=3.0)) == numbers(model)
+
+
+@pytest.mark.parametrize("frequency", [0.34, 0.56, 3.1, 9.1])
+def test_sinusoids_near_the_horizon_are_part_of_the_error(frequency):
+    rng, samples = np.random.default_rng(4), 400_000
+    model, power = WN(sigma2=1.0) + RW(gamma2=1e-6), 0.3
+    found = filter_numbers((model + SIN(frequency=frequency, power=power)).processes, RATE, 1.0)
+    phase = 2 * np.pi * frequency * np.arange(samples) / RATE + 1.0
+    x = rng.normal(size=samples) + np.cumsum(1e-3 * rng.normal(size=samples)) + np.sqrt(2 * power) * np.sin(phase)
+    g = found.gain.g
+    bias = lfilter([g], [1, g - 1], x)
+    ahead = np.convolve(x, np.ones(100) / 100, "valid")  # the mean of 100 samples from each sample on
+    error = ahead[20_001:] - bias[20_000 : 20_000 + ahead.size - 20_001]
+    stated = found.N**2 * RATE * found.gain.claim(100)[0]
+    assert np.mean(error**2) == pytest.approx(stated, rel=0.05)
+    # The filter does not follow the line, however strong it is.
+    for strength in (power, 10.0, 1e3):
+        strong = filter_numbers((model + SIN(frequency=frequency, power=strength)).processes, RATE, 1.0)
+        assert strong.gain.bandwidth < filter_numbers(model.processes, RATE, 1.0).gain.bandwidth
 
 
 def test_resonances_are_integrated():

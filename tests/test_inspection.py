@@ -340,3 +340,53 @@ def test_a_jump_at_a_short_gap_is_a_restart_and_another_one_is_not():
     lost[29_500:30_500] = False
     (step,) = found(np.where(lost, np.nan, values)).steps
     assert not step.at_gap
+
+
+def dance(positions, seconds=60, rate=100.0, seed=3):
+    """A recording of still positions (unit vectors of gravity) with turns of 2 s by hand between them."""
+    rng = np.random.default_rng(seed)
+    gravity, turning = [], []
+    for k, up in enumerate(positions):
+        size = int(rate * (seconds + 10 * (k == 1)))
+        gravity.append(np.tile(up, (size, 1)))
+        turning.append(np.zeros(size))
+        if k + 1 < len(positions):
+            share = np.linspace(0, 1, int(2 * rate))[:, None]
+            path = (1 - share) * up + share * np.asarray(positions[k + 1]) + 0.01
+            gravity.append(path / np.linalg.norm(path, axis=1, keepdims=True))
+            turning.append(np.ones(len(share)))
+    accel = np.vstack(gravity) * 9.80665
+    moving = np.concatenate(turning)[:, None]
+    accel = accel + rng.normal(size=accel.shape) * (0.02 + 0.5 * moving)
+    gyro = rng.normal(size=accel.shape) * (1e-3 + 0.8 * moving)
+    axes = {
+        f"{name}_{axis}": table[:, k]
+        for name, table in (("gyro", gyro), ("accel", accel))
+        for k, axis in enumerate("xyz")
+    }
+    return Imu.from_arrays(axes, rate=rate)
+
+
+SIX = [(0, 0, 1), (0, 0, -1), (0, 1, 0), (0, -1, 0), (1, 0, 0), (-1, 0, 0)]
+
+
+@pytest.mark.parametrize("positions", [SIX, SIX[::2]])
+def test_a_calibration_dance_is_not_a_recording_at_rest(positions):
+    inspection = inspect(dance(positions))
+    remark = only(inspection.remarks, "recording-moved:positions")
+    assert remark.facts["count"] == len(positions)
+    begin, end = (remark.facts[edge].value for edge in ("begin", "end"))
+    assert 62 <= begin < 64  # the second position is 10 s longer
+    assert 130 <= end <= 132
+    assert inspection.knocks == inspection.steps == ()
+    assert not inspection.static
+    codes = [item.code for item in inspection.remarks]
+    assert "knocks" not in codes
+    assert "level-steps" not in codes
+    assert f"{begin:.3f}".rstrip("0").rstrip(".") + " s" in inspection.summary()
+
+
+def test_one_turn_and_rest_are_no_dance():
+    for positions in ([(0, 0, 1)], [(0, 0, 1), (0, 1, 0)]):
+        codes = [f"{remark.code}:{remark.facts.get('case', '')}" for remark in inspect(dance(positions)).remarks]
+        assert "recording-moved:positions" not in codes

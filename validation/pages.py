@@ -11,7 +11,7 @@ from typing import Any
 
 SENTENCES = 3
 """Largest number of sentences on a page."""
-ROWS = 5
+ROWS = 4
 """Largest number of rows of the table on a page."""
 GOLDEN = (5**0.5 - 1) / 2
 
@@ -25,9 +25,7 @@ def page(study: ModuleType, result: Mapping[str, Any]) -> str:
     rows = table[2:]
     if rows:
         parts.append("\n".join([*table[:2], *_spread(rows)]))
-    shown = f"{ROWS} of {len(rows)} rows; " if len(rows) > ROWS else ""
-    parts.append(f"{shown}`python -m validation --tables {study.NAME}` prints all tables.")
-    return "\n\n".join([*parts, _foot(study, result)]) + "\n"
+    return "\n\n".join([*parts, _foot(study, result, len(rows))]) + "\n"
 
 
 def appendix(study: ModuleType, result: Mapping[str, Any]) -> str:
@@ -59,7 +57,8 @@ def _spread(rows: list[str]) -> list[str]:
     return [rows[place] for place in places]
 
 
-def _foot(study: ModuleType, result: Mapping[str, Any]) -> str:
+def _foot(study: ModuleType, result: Mapping[str, Any], rows: int) -> str:
     made_with = ", ".join(f"{package} {number}" for package, number in result["versions"].items())
     reduced = "--reduced " if result["reduced"] else ""
-    return f"Seed {study.SEED}; {made_with}; written by `python -m validation {reduced}{study.NAME}`."
+    every = f"all {rows} rows" if rows > ROWS else "all tables"
+    return f"Seed {study.SEED}; {made_with}; `python -m validation {reduced}{study.NAME}`, `--tables` for {every}."

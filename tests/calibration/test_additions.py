@@ -31,7 +31,7 @@ class Means(RecordingAddition):
     def of_recording(self, signals, *, threads=None):
         return len(signals)
     def remarks(self, finding, axes, size):
-        yield Remark.of("candidates-reduced", "guest", count=finding)
+        yield Remark.of("recommended", "guest", case="reduced", count=finding)
 
 class Twice(AxisAddition):
     name = "peak"
@@ -80,7 +80,7 @@ def test_a_guest_adds_values_remarks_and_a_paragraph(guest):
     largest = abs(imu["gyro_x"].values[:5_000]).max()
     assert calibration.axes["gyro_x"].additions["peak"] == largest
     assert calibration.addition("peak") == {"gyro_x": largest}
-    assert only(calibration.recording_remarks, "candidates-reduced", "guest").facts["count"] == 1
+    assert only(calibration.recording_remarks, "recommended:reduced", "guest").facts["count"] == 1
     assert "Largest samples: gyro_x." in calibration.summary(details=True)
     document = json.loads(json.dumps(calibration.to_dict()))
     assert document["axes"]["gyro_x"]["peak"] == largest

@@ -41,7 +41,7 @@ def test_a_held_parameter_says_so():
     fit = gmwm.fit("GM(beta=fixed(2.0)) + WN", x := noise(), RATE)
     likely = gmwm.fit_ml("GM(beta=fixed(2.0)) + WN", x, RATE)
     for found in (fit, likely):
-        assert said(found.standard_errors, "GM.beta") == "GM.beta has no standard error: it is held at its value"
+        assert said(found.standard_errors, "GM.beta") == "GM.beta has no standard error: it is fixed at its value"
 
 
 @pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")

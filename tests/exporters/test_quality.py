@@ -77,6 +77,16 @@ def test_the_file_states_them_and_names_the_remedy(units):
     assert "Filters with Gauss-Markov states" not in words(units["quantized"].export())
 
 
+@pytest.mark.parametrize(
+    ("claims", "sentence"), [((1.0, 1.0, 1.4), "up to 10 s"), ((1.0, 0.75, 0.73), "up to 1 s"), ((1.0, 0.9, 1.2), "")]
+)
+def test_the_file_says_up_to_which_time_the_numbers_hold(units, monkeypatch, claims, sentence):
+    monkeypatch.setattr("gmwm.showing.exporters.quality.qualities", lambda axis: [Quality(1.0, c) for c in claims])
+    text = words(units["quantized"].export())
+    assert ("N and K hold for predictions of" in text) == bool(sentence)
+    assert sentence in text
+
+
 @pytest.mark.parametrize(("loss", "advised"), [(1.15, False), (1.3, True)])
 def test_a_loss_of_20_per_cent_over_a_minute_advises_more_states(units, monkeypatch, loss, advised):
     monkeypatch.setattr(quality, "qualities", lambda axis: (Quality(1.0, 1.0), Quality(1.0, 1.0), Quality(loss, 1.0)))

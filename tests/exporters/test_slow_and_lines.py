@@ -59,7 +59,7 @@ def test_lines_are_named_and_not_counted(lines, format):
     assert of_axes["gyro_x"][0]["amplitude"].value == pytest.approx(math.sqrt(8e-8), rel=1e-3)
     assert of_axes["gyro_x"][0]["amplitude"].unit == "rad/s"
     assert sorted(facts["frequency"].value for facts in of_axes["accel_y"]) == pytest.approx([0.7, 20.0], rel=1e-3)
-    assert "leave out periodic disturbances: gyro_x 0.7 Hz (0.00028 rad/s)" in words(text)
+    assert "Periodic disturbances, which N and K cannot predict: gyro_x 0.7 Hz (0.00028 rad/s)" in words(text)
 
 
 def test_ros_leaves_lines_out(lines):
@@ -76,4 +76,4 @@ def test_tables_have_frequency_and_amplitude(lines):
     assert found["f_0[2]"] == (pytest.approx(20.0, rel=1e-3), "Hz")
     assert found["A[2]"] == (pytest.approx(math.sqrt(8e-6), rel=1e-3), "m/s²")
     assert r"f\_0[2] (Hz)" in lines.export(format="latex")
-    assert "f_0 frequency of a line; A amplitude of a line" in words(lines.summary(details=True))
+    assert "line: amplitude at this frequency" in words(lines.summary(details=True))

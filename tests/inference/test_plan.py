@@ -165,8 +165,8 @@ def test_as_plain_numbers_and_in_a_notebook():
         ("WN(sigma2=1e140) + RW(gamma2=1e140)", ModelError, ["double precision"], "unit"),
         (WN(sigma2=1.0) + RW(gamma2=0.0), ModelError, ["RW is zero"], "Leave it out"),
         (2 * GM(beta=1.0, sigma2=0.0) + WN(sigma2=1.0), ModelError, ["GM[1], GM[2] is zero"], "Leave it out"),
-        ("WN(sigma2=fixed(1.0))", ModelError, ["WN(sigma2=fixed(1.0))", "held"], "fixed("),
-        ("GM(beta=1.0, sigma2=fixed(1.0)) + WN(sigma2=1.0)", ModelError, ["sigma2 is held while beta"], "Hold beta"),
+        ("WN(sigma2=fixed(1.0))", ModelError, ["WN(sigma2=fixed(1.0))", "fixed"], "fixed("),
+        ("GM(beta=1.0, sigma2=fixed(1.0)) + WN(sigma2=1.0)", ModelError, ["sigma2 is fixed while beta"], "Fix beta"),
         (DR(omega=1.0), ModelError, ["no noise at some level"], "WN"),
     ],
 )

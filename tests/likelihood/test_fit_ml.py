@@ -338,10 +338,10 @@ def good():
         ("WN", good(), {"start": "RW(gamma2=1.0)"}, ModelError, ("start", "WN", "RW")),
         ("WN + RW", good(), {"start": "WN(sigma2=1.0)"}, ModelError, ("start", "WN + RW", "got WN")),
         ("WN + RW", good(), {"start": "WN(sigma2=1.0) + RW"}, ModelError, ("start", "RW.gamma2")),
-        ("WN(sigma2=fixed(1.0))", good(), {}, ModelError, ("WN(sigma2=fixed(1.0))", "held")),
+        ("WN(sigma2=fixed(1.0))", good(), {}, ModelError, ("WN(sigma2=fixed(1.0))", "fixed")),
         ("SIN", good(), {"start": "SIN(frequency=7.0, power=1.0)"}, ModelError, ("SIN(frequency=7.0", "exactly")),
         ("AR(2, phi1=fixed(0.5), sigma2=1.0)", good(), {"start": "AR(2, phi1=0.5, phi2=0.1, sigma2=1.0)"}, ModelError,
-         ("AR(2)", "held", "free")),
+         ("AR(2)", "fixed", "free")),
     ],
 )  # fmt: skip
 def test_errors_name_the_cause(model, data, options, error, facts):

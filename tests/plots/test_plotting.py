@@ -8,6 +8,7 @@ import pytest
 
 import gmwm
 from gmwm.base import guests, plotting
+from gmwm.base.differences import DifferenceTests
 from tests.helpers import raises
 from tests.test_house import modules
 
@@ -56,7 +57,7 @@ def test_every_result_has_a_plot_and_every_registered_type_exists():
     for kind in classes:
         assert kind.plot.__doc__.startswith("Draw "), kind
         assert "path" in inspect.signature(kind.plot).parameters, kind
-    names = {f"{kind.__module__}.{kind.__qualname__}" for kind in classes}
+    names = {f"{kind.__module__}.{kind.__qualname__}" for kind in (*classes, DifferenceTests)}  # a base with a plot
     assert {f"gmwm.{name}" for name in gmwm.plots._RESULTS} <= names
 
 

@@ -131,5 +131,5 @@ def test_slow_noise_and_no_noise_have_no_numbers():
 def test_a_quality_factor_has_no_unit():
     entry = Entry(symbol="Q_r", title="quality factor of the resonance", value=7.48, low=7.0, high=8.0, unit="1")
     assert entry.text() == "7.48 (7.00 … 8.00)"
-    assert replace(entry, held=True).text("si") == "7.480 (held)"
+    assert replace(entry, held=True).text("si") == "7.480 (fixed)"
     assert str(replace(entry, upper_only=True)) == "Q_r ≤ 8.00"

@@ -68,8 +68,8 @@ def test_commented_rows_are_counted(tmp_path):
     )  # fmt: skip
     imu = gmwm.read(path)
     assert len(imu) == 200
-    assert only(imu.remarks, "rows-commented").facts == {"count": 100, "sign": "#"}
-    assert "rows-commented" in codes(gmwm.stream(path).remarks)
+    assert only(imu.remarks, "left-out:commented").facts == {"case": "commented", "count": 100, "sign": "#"}
+    assert "left-out:commented" in codes(gmwm.stream(path).remarks)
 
 
 @pytest.mark.parametrize(

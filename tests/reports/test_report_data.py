@@ -267,7 +267,7 @@ def test_a_test_is_judged_among_those_of_all_axes(calibration):
 
     axis, points = of(0.03)
     assert (axis["rejected"], points) == (False, [])
-    assert axis["test"].endswith("it is not rejected at the 5 % level for all axes together")
+    assert axis["test"].endswith("the model is not rejected at the 5 % level for all axes together")
     axis, (point,) = of(1e-5)
     assert axis["rejected"]
     assert "gyro_x" in point["text"]
@@ -341,6 +341,22 @@ def test_names_between_backticks_are_code_and_nothing_else_is():
     assert str(_code_as_html("see `gmwm info` <b>`a<b`</b>")) == (
         "see <code>gmwm info</code> &lt;b&gt;<code>a&lt;b</code>&lt;/b&gt;"
     )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("remark", "words"),
+    [
+        (Remark.of("recording-settles", angle=Quantity(0.4, "°")), "did not move"),
+        (Remark.of("samples-replaced", "gyro_x", case="spikes", count=189, largest=20.0), "no outliers"),
+    ],
+)
+def test_there_is_one_statement_about_one_thing(remark, words):
+    imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, rng=1)
+    clean = gmwm.calibrate(imu, "WN + RW")
+    doubtful = dataclasses.replace(clean, recording_remarks=(remark,))
+    found = [any(words in point["text"] for point in verdict(one)["points"]) for one in (clean, doubtful)]
+    assert found == [True, False]
 
 
 @pytest.mark.slow

@@ -103,7 +103,7 @@ def test_the_remarks_say_what_the_table_marks(ranking):
         [others] if others else []
     )
     reduced = len(ranking) - len(ranking.distinct)
-    assert only(ranking.remarks, "candidates-reduced").facts["count"] == reduced
+    assert only(ranking.remarks, "recommended:reduced").facts["count"] == reduced
     assert "model-rejected:ranking" not in codes(ranking.remarks)
     assert {remark.subject for remark in ranking.remarks} == {"gyro_x"}
     assert "model-rejected:ranking" in codes(gmwm.rank(["WN", "RW"], simulated(), RATE).remarks)

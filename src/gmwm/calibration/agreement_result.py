@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from statistics import geometric_mean
 from typing import Any
 
+from gmwm.base.differences import Difference, DifferenceTests
 from gmwm.base.documents import Documented, plain
 from gmwm.base.remarks import Remark, sorted_remarks
-from gmwm.base.text import Summarised, round_text
+from gmwm.base.text import round_text
 from gmwm.calibration.agreement_text import summary
 from gmwm.calibration.tables import number
 from gmwm.choosing.datasheets import Entry
@@ -70,7 +72,7 @@ class SharedNumber(Documented):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Agreement(Summarised, Sequence[SharedNumber]):
+class Agreement(DifferenceTests, Sequence[SharedNumber]):
     """Comparison of the datasheet numbers of several recordings of one unit.
 
     Attributes
@@ -108,6 +110,25 @@ class Agreement(Summarised, Sequence[SharedNumber]):
     def disagreeing(self) -> tuple[SharedNumber, ...]:
         """The numbers that differ between the recordings by more than chance."""
         return tuple(row for row in self.rows if row.agrees is False)
+
+    @property
+    def tests(self) -> tuple[Difference, ...]:
+        """Each tested number in each recording, over the geometric mean of all recordings."""
+        tests = []
+        for row in self.compared:
+            values = {
+                label: entry for label, entry in zip(self.labels, row.entries, strict=True)
+                if entry is not None and not entry.upper_only and entry.value > 0
+            }  # fmt: skip
+            centre = geometric_mean(entry.value for entry in values.values()) if values else 1.0
+            tests += [
+                Difference(name=f"{row.axis} {row.symbol}, {label}", ratio=entry.value / centre,
+                           lower=None if entry.low is None else entry.low / centre,
+                           upper=None if entry.high is None else entry.high / centre,
+                           pvalue=row.adjusted, differs=row.agrees is False)
+                for label, entry in values.items()
+            ]  # fmt: skip
+        return tuple(tests)
 
     @property
     def verdict(self) -> Remark:

@@ -59,7 +59,10 @@ _RAMP = "R"
 
 def remarks_of(calibration: Calibration) -> list[Remark]:
     """Return all remarks on a calibration, the most severe first."""
-    remarks = [*calibration.recording_remarks, *_of_failed(calibration), *_of_recording(calibration)]
+    failed = [
+        Remark.of("not-calibrated", axis, case="calibration", reason=why) for axis, why in calibration.failed.items()
+    ]
+    remarks = [*calibration.recording_remarks, *failed, *_of_recording(calibration)]
     remarks += equality_remarks(calibration)
     bad = set(rejected_axes(calibration))
     for axis, axis_calibration in calibration.axes.items():
@@ -120,11 +123,6 @@ def certificate_of(fits: Collection[Fit]) -> Remark | None:
         return None
     held = any(fit.model.fixed_names for fit in fits)
     return Remark.of("check-passed", case="optimum", gap=100 * max(certified), of="shape" if held else "all")
-
-
-def _of_failed(calibration: Calibration) -> Iterator[Remark]:
-    for axis, why in calibration.failed.items():
-        yield Remark.of("not-calibrated", axis, case="calibration", reason=why)
 
 
 def _of_recording(calibration: Calibration) -> Iterator[Remark]:

@@ -325,14 +325,10 @@ def _row_text(row: ReferenceNumber, in_file: bool) -> list[str]:
     if in_file:
         cells.append(row.key if row.written is None else f"{row.key} {row.written:.4g}")
     value, unit = row.shown
-    cells += [f"{significant(value, 3)} {unit}", _measured_text(row.measured)]
+    cells += [f"{significant(value, 3)} {unit}", "–" if row.measured is None else row.measured.text()]
     if in_file:
         shown = row.as_written
         limit = "≤ " if row.measured is not None and row.measured.upper_only else ""
         cells.append("" if shown is None else f"{limit}{shown:.4g}")
     factor = row.factor
     return [*cells, "" if factor is None else f"{factor:.3g}", _WORDS[row.verdict]]
-
-
-def _measured_text(entry: Entry | None) -> str:
-    return "–" if entry is None else entry.text()

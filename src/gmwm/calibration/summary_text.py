@@ -223,7 +223,7 @@ def _entries_of(calibration: AxisCalibration) -> dict[str, Entry]:
 
 def _others(calibration: AxisCalibration) -> str:
     others = len(calibration.ranking.equivalent) - 1
-    return "no other" if others < 1 else counted(others, "other")
+    return "none" if others < 1 else counted(others, "model")
 
 
 def _outliers(calibration: AxisCalibration) -> str:
@@ -232,7 +232,7 @@ def _outliers(calibration: AxisCalibration) -> str:
     if not np.any(calibration.verdict.tested):
         return "not tested"
     if not calibration.verdict.contaminated:
-        return "none"
+        return "replaced" if calibration.verdict.replaced.knocks or calibration.verdict.replaced.spikes else "none"
     return "yes: left out" if calibration.fit.wavelet_variance.robust else "yes: kept"
 
 

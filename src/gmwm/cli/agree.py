@@ -11,7 +11,8 @@ import typer
 from gmwm.base.durations import parse_length
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
-from gmwm.cli.output import Outcome, calibration_file, progress
+from gmwm.cli.options import Plot
+from gmwm.cli.output import Outcome, calibration_file, plot_file, progress
 from gmwm.cli.read_options import names_of
 from gmwm.files.importers.quantities import parse_reference
 
@@ -62,6 +63,7 @@ def agree(
             metavar="LENGTH",
         ),
     ] = "1s",
+    plot: Plot = None,
 ) -> Outcome:
     """Test whether calibrations of one unit agree with each other, or with a reference.
 
@@ -81,6 +83,8 @@ def agree(
             advice="Pass another calibration of the unit, or numbers or a file with {--reference}.",
         )  # fmt: skip
     if len(calibrations) == 1:
+        if plot is not None:
+            raise OptionError("--plot draws several calibrations", argument="plot", got=plot, advice="Leave it out.")
         checked = calibrations[0].agree(references, horizon=parse_length(horizon, "horizon"))
         return Outcome(
             command="agree", document={"files": [str(files[0])], **checked.to_dict()}, text=checked.summary()
@@ -93,7 +97,8 @@ def agree(
     names = label or (None if len(recordings) == len(files) else names_of(files))
     agreement = agree(calibrations, size=size, labels=names, reference=references)
     return Outcome(
-        command="agree", document={"files": list(map(str, files)), **agreement.to_dict()}, text=agreement.summary()
+        command="agree", document={"files": list(map(str, files)), **agreement.to_dict()}, text=agreement.summary(),
+        files=plot_file(plot, lambda path: agreement.plot(path=path)),
     )  # fmt: skip
 
 

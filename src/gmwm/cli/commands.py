@@ -39,7 +39,7 @@ NAMES = {
     "export": "Write the noise of a calibrated unit in the format of another program.",
     "explain": "Explain a message: what it means for the results, and what to do.",
     "plan": "Plan how long to record: print the standard error of each parameter for several durations.",
-    "convert": "Convert a recording to Parquet, CSV or .imu.",
+    "convert": "Convert a recording to Parquet, CSV, MCAP or .imu.",
     "simulate": "Simulate a static recording with known noise.",
     "demo": "Simulate a six-axis IMU, calibrate it, and compare the result with the truth.",
 }

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gmwm.base.remarks import Dialect, Remark
+from gmwm.base.remarks import Dialect
+from gmwm.calibration.findings import certificate_of
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.summary_text import summary
 from gmwm.calibration.tables import wrap_text
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 
 EXAMPLES = ("gmwm demo", "gmwm demo --output here --seed 3")
 
-RATE = 100.0
 RESOLUTION = {"gyro": 1e-5, "accel": 1e-4}
 """Quantization step of the simulated sensors (rad/s, m/s²): 1 % of their noise, so it does not affect the results."""
 
@@ -54,7 +54,7 @@ def demo(
     from gmwm.theory.simulation import reference_imu
 
     helpers = calibration_helpers(plots=True)
-    truth = {axis: model.sorted(RATE) for axis, model in reference_imu().items()}
+    truth = {axis: model.sorted(100.0) for axis, model in reference_imu().items()}
     file = make_directory(output) / "imu.csv"
     imu = _simulate(truth, seed, file)
     # The demo takes a minute, so it prints each result at once.
@@ -95,7 +95,7 @@ def _simulate(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
     from gmwm.theory.simulation import simulate
 
     with progress("simulating"):
-        imu = simulate(truth, rate=RATE, samples=720_000, rng=seed, resolution=RESOLUTION)
+        imu = simulate(truth, rate=100.0, samples=720_000, rng=seed, resolution=RESOLUTION)
     with progress(f"writing {file}"):
         imu.write(file)
     return imu
@@ -157,11 +157,8 @@ def _comparison_text(rows: Sequence[Mapping[str, Any]], truth: Mapping[str, Mode
             lines += wrap_text(
                 f"{axis}: {truth[axis].structure} was simulated, {fit.model.structure} is recommended.{tie}"
             )
-    gaps = [fit.gap for fit in found.values() if fit.gap is not None]
-    if gaps:
-        lines += wrap_text(
-            Remark.of("check-passed", case="optimum", gap=100 * max(gaps), exact="no").text(Dialect.SHELL)
-        )
+    if certificate := certificate_of(found.values()):
+        lines += wrap_text(certificate.text(Dialect.SHELL))
     return "\n".join(lines)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
@@ -196,14 +196,8 @@ def _all(found: Calibration, files: Sequence[Path], folder: Path, choice: _Expor
     return Outcome(
         command="export", document={**document_of(files), "written": list(map(str, paths)), "left_out": refused},
         written=paths, closing=f"\nWrote {len(paths)} of {len(paths) + len(refused)} formats.",
-        remarks=tuple(_reasons(refused)),
+        remarks=tuple(Remark.of("format-not-written", name, reason=reason) for name, reason in refused.items()),
     )  # fmt: skip
-
-
-def _reasons(left: Mapping[str, str]) -> Iterator[Remark]:
-    """Yield a remark with the reason for each format that is not written."""
-    for name, reason in left.items():
-        yield Remark.of("format-not-written", name, reason=reason)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -350,9 +350,7 @@ def _sensor_text(group: Mapping[str, Fit], how: IntervalMethod) -> str:
     tests = [test_in_words(axis_fit, how)[0] for axis_fit in group.values()]
     rows.append(["p of the fit", *("not tested" if t is None else t.pvalue_in_words for t in tests)])
     rows.append(["objective", *(f"{axis_fit.objective:.5g}" for axis_fit in group.values())])
-    rows.append(["optimality gap", *_gaps(list(group.values()))])
+    rows.append(
+        ["optimality gap", *("none" if fit.gap is None else f"{100 * fit.gap:.2g} %" for fit in group.values())]
+    )
     return f"{table_text(['parameter', *group], rows, rules=[last])}\n{units_text(units)}"
-
-
-def _gaps(fits: Sequence[Fit]) -> list[str]:
-    return ["none" if axis_fit.gap is None else f"{100 * axis_fit.gap:.2g} %" for axis_fit in fits]

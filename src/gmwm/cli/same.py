@@ -10,7 +10,8 @@ import typer
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
-from gmwm.cli.output import Outcome
+from gmwm.cli.options import Plot
+from gmwm.cli.output import Outcome, plot_file
 from gmwm.cli.read_options import Axes, chosen_axes, load, names_of
 from gmwm.recording.options import ReadOptions
 
@@ -41,6 +42,7 @@ def same(
     size: Annotated[
         float, typer.Option(help="Significance level: probability of any false difference in all tests.")
     ] = 0.05,
+    plot: Plot = None,
 ) -> Outcome:
     """Test whether recordings have the same noise at each scale, or the same parameters of a model.
 
@@ -58,5 +60,6 @@ def same(
     recordings = [Imu(chosen_axes(load(file, reading), axis)) for file in files]
     noise = same(*recordings, labels=names_of(files), model=model, tolerance=tolerance, size=size)
     return Outcome(
-        command="same", document={"files": list(map(str, files)), **noise.to_dict()}, text=noise.summary(Dialect.SHELL)
+        command="same", document={"files": list(map(str, files)), **noise.to_dict()}, text=noise.summary(Dialect.SHELL),
+        files=plot_file(plot, lambda path: noise.plot(path=path)),
     )  # fmt: skip

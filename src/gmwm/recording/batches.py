@@ -334,9 +334,10 @@ def end_to_end(signals: Sequence[Signal], continues: Sequence[bool]) -> Signal:
 def part_of(signal: Signal, first: int, last: int) -> Signal:
     """Return the samples number `first` … `last` − 1 of a signal."""
     last = min(last, len(signal))
+    place = bisect_right(signal.segments, first, key=lambda segment: segment[1])
+    stop = bisect_left(signal.segments, last, key=lambda segment: segment[0])
     segments, starts = [], []
-    for (begin, end), start in zip(signal.segments, signal.starts, strict=True):
-        if begin < last and end > first:
-            segments.append((max(begin, first) - first, min(end, last) - first))
-            starts.append(start + max(first - begin, 0) / signal.rate)
+    for (begin, end), start in zip(signal.segments[place:stop], signal.starts[place:stop], strict=True):
+        segments.append((max(begin, first) - first, min(end, last) - first))
+        starts.append(start + max(first - begin, 0) / signal.rate)
     return replace(signal, values=signal.values[first:last], segments=tuple(segments), starts=tuple(starts), filled=0)

@@ -270,7 +270,8 @@ class Imu(Plotted):
     Parameters
     ----------
     signals : mapping of axis name to Signal
-        The axes; they have the same length, rate and segments.
+        The axes; they have the same length, rate and segments. An array becomes a Signal in rad/s or m/s² with rate=1,
+        so that times count samples; `from_arrays` takes a rate.
     source : str
         File or other origin, for titles and reports.
     remarks : tuple of Remark
@@ -302,13 +303,15 @@ class Imu(Plotted):
     temperature: Vector | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        if not self.signals:
-            raise DataError(argument="signals", expected="a mapping of at least one axis", got={})
-        if not isinstance(self.signals, Mapping) or not all(isinstance(s, Signal) for s in self.signals.values()):
+        if not isinstance(self.signals, Mapping):
             raise DataError(
                 argument="signals", expected="a mapping of axis name to Signal", got=self.signals,
                 advice="Make an Imu from arrays by `gmwm.Imu.from_arrays(arrays, rate)`.",
             )  # fmt: skip
+        if not self.signals:
+            raise DataError(argument="signals", expected="a mapping of at least one axis", got={})
+        if not all(isinstance(signal, Signal) for signal in self.signals.values()):
+            object.__setattr__(self, "signals", {axis: _as_signal(x, axis) for axis, x in self.signals.items()})
         signals = list(self.signals.values())
         first = signals[0]
         for name, signal in self.signals.items():
@@ -569,6 +572,11 @@ class Imu(Plotted):
             time_base=base and replace(base, start=start, gaps=(), backward=0, left=base.left + begin),
             temperature=None if self.temperature is None else self.temperature[first:last],
         )
+
+
+def _as_signal(x: Any, axis: str) -> Signal:
+    """Return a signal, or an array in SI units as a signal whose times count samples."""
+    return x if isinstance(x, Signal) else Signal(as_vector(x, axis), 1.0, unit=SI_UNIT[axis_quantity(axis)], axis=axis)
 
 
 def _columns(array: ArrayLike, axes: Sequence[str]) -> dict[str, ArrayLike]:

@@ -94,7 +94,8 @@ def _panel(sensor: str, samples: Sequence[ParameterSample], statistics: FleetSta
     if size < 0.005:
         power = power_of(size)
         strips = _strips(samples, statistics, factor / 10.0**power, units)
-    x = Axis("", (0.5, len(samples) + 0.7), _ticks(samples), linear=math.inf)  # upper limits are beside the last strip
+    ticks = tuple(Tick(k, sensor_and_letter(sample.axis)[1].upper()) for k, sample in enumerate(samples, start=1))
+    x = Axis("", (0.5, len(samples) + 0.7), ticks, linear=math.inf)  # upper limits are beside the last strip
     label = f"{first.symbol} ({scaled_unit(unit, power)})"
     y = _height_axis(np.concatenate([strip.heights for strip in strips]), label, signed=signed)
     marks = tuple(sorted((mark for strip in strips for mark in strip.marks), key=_rank(units)))
@@ -106,10 +107,6 @@ def _rank(units: Sequence[str]) -> Callable[[Mark], int]:
     """Return a function that orders marks for the legend: units in their order, then what is said about all units."""
     order = [_short(unit) for unit in units] + [*units, "Unit", "Outlier", "Typical value", "Range", "Upper limits"]
     return lambda mark: next((k for k, start in enumerate(order) if mark.label.startswith(start)), len(order))
-
-
-def _ticks(samples: Sequence[ParameterSample]) -> tuple[Tick, ...]:
-    return tuple(Tick(k, sensor_and_letter(sample.axis)[1].upper()) for k, sample in enumerate(samples, start=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +134,7 @@ def _strip(place: int, sample: ParameterSample, found: FleetStatistics, factor: 
     value, low, high = (factor * part[order] for part in (sample.value, sample.low, sample.high))
     odd = {outlier.unit for outlier in found.outliers if (outlier.axis, outlier.symbol) == (sample.axis, sample.symbol)}
     alike = np.array([units[k] not in odd for k in order], dtype=bool)
-    stroke = _stroke(place, sample.axis)
+    stroke = letter_stroke(sensor_and_letter(sample.axis)[1]) or curve_stroke(place - 1)
     marks, limits = _limit_marks(place, sample, row, factor)
     if order.size <= SINGLY:
         bars = np.repeat(across, 3), np.column_stack([low, high, np.full(order.size, np.nan)]).ravel()
@@ -209,10 +206,6 @@ def _limit_marks(place: int, sample: ParameterSample, row: FleetNumber, factor: 
         high, width = np.quantile(high, (0.05, 0.5, 0.95)), 0.8
     stroke = Stroke(GREY, width, symbol="down", filled=False)
     return [Polyline(np.full(high.size, place + HALF + 0.05), high, stroke, label="Upper limits", layer=BEHIND)], high
-
-
-def _stroke(place: int, axis: str) -> Stroke:
-    return letter_stroke(sensor_and_letter(axis)[1]) or curve_stroke(place - 1)
 
 
 def _height_axis(values: Vector, label: str, *, signed: bool) -> Axis:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from gmwm.applications.fleets.findings import remarks_of
 from gmwm.applications.fleets.summary_text import statistics_text
+from gmwm.base.differences import Difference, DifferenceTests
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.remarks import Remark
-from gmwm.base.text import Summarised
 
 if TYPE_CHECKING:
     import polars
@@ -159,7 +159,7 @@ class AxisDifference:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class FleetStatistics(Summarised):
+class FleetStatistics(DifferenceTests):
     """Statistics of the noise parameters of a fleet of units.
 
     Attributes
@@ -196,6 +196,20 @@ class FleetStatistics(Summarised):
         if (axis, symbol) not in self._places:
             raise KeyError(f"{name}; there are {', '.join(f'{axis}.{symbol}' for axis, symbol in self._places)}")
         return self.rows[self._places[axis, symbol]]
+
+    @property
+    def tests(self) -> tuple[Difference, ...]:
+        """The outliers over the typical values, and the axes of each sensor over the mean of its axes."""
+        units = [
+            Difference(name=f"{unit.axis} {unit.symbol}, {unit.unit}", ratio=unit.times, lower=unit.low / unit.typical,
+                       upper=unit.high / unit.typical, pvalue=unit.pvalue, differs=True)
+            for unit in self.outliers if unit.times is not None
+        ]  # fmt: skip
+        axes = [
+            Difference(name=f"{axis} {test.symbol}", ratio=ratio, pvalue=test.adjusted, differs=test.differs)
+            for test in self.differences if test.symbol != SIGNED for axis, ratio in test.relative.items()
+        ]  # fmt: skip
+        return (*units, *axes)
 
     @property
     def remarks(self) -> tuple[Remark, ...]:

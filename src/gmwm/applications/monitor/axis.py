@@ -15,9 +15,6 @@ from gmwm.applications.monitor.stored import number, numbers, whole
 from gmwm.applications.monitor.whitening import Gain, Whitener
 from gmwm.base.arrays import Vector
 
-HISTORY = 4096
-"""Number of innovations, and of their sums, that determine the kind of a fault."""
-
 _EVERYTHING = frozenset({"noise up", "noise down", "level", "spike", "constant"})
 _EXPLAINED: Mapping[str, frozenset[str]] = {
     "noise-up": _EVERYTHING - {"constant"}, "hum": _EVERYTHING - {"constant"}, "noise-down": frozenset({"noise down"}),
@@ -61,8 +58,9 @@ class MonitoredAxis:
         alarms = self._constant(x)
         e = self.whitener.update(x)
         alarms += self.charts.update(e)
-        self.fast = np.concatenate([self.fast, e])[-HISTORY:]
-        self.slow = np.concatenate([self.slow, self.charts.recent])[-HISTORY:]
+        # 4096 innovations, and as many sums, determine the kind of a fault.
+        self.fast = np.concatenate([self.fast, e])[-4096:]
+        self.slow = np.concatenate([self.slow, self.charts.recent])[-4096:]
         return [alarm for alarm in sorted(alarms) if not self._is_explained(alarm)]
 
     def _constant(self, x: Vector) -> list[Alarm]:

@@ -20,8 +20,6 @@ from gmwm.showing.plots.style import BLUE, DASHED, GREEN, ORANGE, PURPLE, VERMIL
 from gmwm.showing.plots.view import view_of
 
 _CHARTS = {"noise up": ("Noise up", ORANGE), "noise down": ("Noise down", GREEN), "level": ("Level", PURPLE)}
-TOP = 1.1
-"""Largest value of a chart statistic that is drawn. Larger values are drawn at this value; the threshold is 1."""
 
 
 def trace_figure(trace: Trace) -> Figure:
@@ -65,13 +63,14 @@ def _signal(trace: Trace, axis: str, events: Sequence[Event], *, x: Axis, scale:
 def _charts(trace: Trace, axis: str, *, x: Axis, scale: tuple[float, float]) -> Panel:
     times, heights = trace.heights(axis)
     first, size = scale
+    # Values above 1.1 are drawn at 1.1, because the threshold is 1.
     marks: list[Mark] = [
-        Polyline((times - first) / size, np.minimum(heights[family], TOP), Stroke(colour, 0.9), label=label)
+        Polyline((times - first) / size, np.minimum(heights[family], 1.1), Stroke(colour, 0.9), label=label)
         for family, (label, colour) in _CHARTS.items()
     ]
     ends = np.array(x.limits)
     marks.append(Polyline(ends, np.ones(2), Stroke(VERMILLION, 0.9, DASHED), label="Threshold"))
-    return Panel(x, even_axis(0.0, TOP, "", margin=0.0, at_most=4), tuple(marks), "Charts (threshold: 1)")
+    return Panel(x, even_axis(0.0, 1.1, "", margin=0.0, at_most=4), tuple(marks), "Charts (threshold: 1)")
 
 
 @drawing

@@ -35,11 +35,7 @@ def models_of(calibration: Mapping[str, Any], axes: Sequence[str] | None) -> dic
     unknown = [axis for axis in names if axis not in calibration]
     if unknown or not names:
         raise OptionError(argument="axes", expected=f"some of {', '.join(calibration)}", got=(unknown or [""])[0])
-    return {axis: _model(calibration[axis]) for axis in names}
-
-
-def _model(item: Any) -> Model:
-    return item.model if isinstance(item, Fit) else as_model(item)
+    return {axis: item.model if isinstance(item := calibration[axis], Fit) else as_model(item) for axis in names}
 
 
 def common_rate(calibration: Mapping[str, Any], rate: float | None) -> float:

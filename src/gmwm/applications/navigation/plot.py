@@ -17,8 +17,6 @@ from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Band, Figure, Mark, Panel, Polyline, Stroke
 from gmwm.showing.plots.style import BLACK, GREY, curve_stroke, term_stroke
 
-LEAST_SHARE = 0.03
-"""Ratio to the total error above which a term is drawn. Pinned by tests/plots/test_plot_budget.py."""
 _TITLES = {"tilt": "Attitude error", "heading": "Attitude error", "velocity": "Velocity error",
            "position": "Position error", "height": "Position error"}  # fmt: skip
 
@@ -53,7 +51,8 @@ def _chosen(budget: Budget) -> dict[str, Growth]:
 
 def _drawn_terms(growth: Growth) -> list[str]:
     with np.errstate(divide="ignore", invalid="ignore"):
-        return [label for label, values in growth.terms.items() if np.nanmax(values / growth.error) > LEAST_SHARE]
+        # Terms of at least 3 % of the total error are drawn (tests/plots/test_plot_budget.py).
+        return [label for label, values in growth.terms.items() if np.nanmax(values / growth.error) > 0.03]
 
 
 def _growth(growth: Growth, strokes: Mapping[str, Stroke], budget: Budget) -> Panel:

@@ -17,9 +17,6 @@ from numpy.typing import NDArray
 from gmwm.applications.several.moments import entries, symmetric
 from gmwm.base.arrays import Matrix, Vector
 
-STEPS = 300
-"""Largest number of Newton steps; 30 to 60 are usual (tests/joint/test_conic.py)."""
-
 
 @dataclass(frozen=True, eq=False)
 class Cone:
@@ -105,7 +102,8 @@ def _least_squares(design: Matrix, target: Vector, cone: Cone, *, gap: float, wa
     mu, steps, inside = 0.1 if warm is None else 1e-7, 0, s
     for near in (1.0, 0.1):  # squared Newton decrement over μ at the end of a round: of all rounds, and of the last one
         while True:
-            while steps < STEPS:
+            # 30 to 60 Newton steps are usual (tests/joint/test_conic.py).
+            while steps < 300:
                 gradient, hessian = barrier.at(s, mu)
                 gradient += quadratic @ s + linear
                 hessian += quadratic
@@ -118,7 +116,7 @@ def _least_squares(design: Matrix, target: Vector, cone: Cone, *, gap: float, wa
             if mu >= 1e-7:
                 inside = s
             value = float(np.sum((rows @ s - y) ** 2)) + beyond
-            if 2 * rank * mu <= gap * value or steps >= STEPS or mu < 1e-15:
+            if 2 * rank * mu <= gap * value or steps >= 300 or mu < 1e-15:
                 break
             mu *= 0.02
     _, hessian = barrier.at(s, mu)

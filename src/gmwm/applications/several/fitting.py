@@ -23,8 +23,6 @@ LEAST_PER_SCALE = 5.0
 """Least coefficients per scale of a level. With 3, the test rejects up to 8 % at 5 % (docs/validation/joint.md)."""
 MOST_SIGNALS = 12
 """Largest number of signals. The covariance matrix of all moments takes 10 MB for 12 signals and 0.5 GB for 28."""
-PRIOR = 1000.0
-"""Degrees of freedom of the fitted variances in the average that scales V; see `gmwm.estimation.reweighting`."""
 MEMORY = (-3.0, 0.9)
 """Limits of the extrapolation. It reduces the change of six signals in round 12 from 0.4 % to 0.004–0.06 %."""
 
@@ -144,7 +142,8 @@ def _scale(problem: JointProblem, implied: Matrix) -> Matrix:
     freedom = problem.design.degrees_of_freedom[:, None]
     gamma = symmetric(problem.moments.reshape(-1, problem.design.levels.size).T, problem.d)
     observed = np.einsum("jaa->ja", gamma)
-    ratio = np.sqrt((freedom * observed / implied + PRIOR) / (freedom + PRIOR))
+    # The fitted variances have 1000 degrees of freedom in the average that scales V; see `gmwm.estimation.reweighting`.
+    ratio = np.sqrt((freedom * observed / implied + 1000.0) / (freedom + 1000.0))
     scale = stack(ratio[:, :, None] * ratio[:, None, :])
     return np.outer(scale, scale)
 

@@ -79,7 +79,9 @@ def joint_figure(fit: JointFit) -> Figure:
         row: list[Panel | None] = []
         for m, other in enumerate(fit.axes[:k]):
             side = y if m == 0 else quiet(y)
-            row.append(_correlations(tau, *(r[:, k, m] for r in pairs), x=bottom, y=side, title=f"{other}, {axis}"))
+            zero = Polyline(np.array(bottom.limits), np.zeros(2), stroke=ZERO, label="", layer=BEHIND)
+            curves = _curves(tau, *(r[:, k, m] for r in pairs))
+            row.append(Panel(bottom, side, (zero, *curves), title=f"{other}, {axis}"))
         heights = [s[:, k] for s in size]
         side = _deviation_axis(np.concatenate(heights), fit.units.get(axis, ""))
         panel = Panel(bottom, side, _curves(tau, *heights), title=axis)
@@ -92,11 +94,6 @@ def _curves(tau: Vector, data: Vector, model: Vector) -> tuple[Mark, ...]:
         Polyline(tau, model, stroke=IMPLIED, label="joint model", layer=MIDDLE),
         Polyline(tau, data, stroke=replace(OBSERVED, width=0.0), label="data", layer=FRONT),
     )
-
-
-def _correlations(tau: Vector, data: Vector, model: Vector, *, x: Axis, y: Axis, title: str) -> Panel:
-    zero = Polyline(np.array(x.limits), np.zeros(2), stroke=ZERO, label="", layer=BEHIND)
-    return Panel(x, y, (zero, *_curves(tau, data, model)), title=title)
 
 
 def fusion_figure(virtual: VirtualSensor) -> Figure:

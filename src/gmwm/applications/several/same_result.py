@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
+from gmwm.base.differences import Difference
 from gmwm.base.documents import plain_fields
 from gmwm.base.multiple_tests import holm
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
@@ -130,6 +131,17 @@ class SameNoise(RecordingComparison):
         """Return the ratio with the most significant difference for an axis, of one recording or of all."""
         rows = [row for row in self[axis] if recording in ("", row.recording)]
         return min(rows, key=lambda row: (row.pvalue if row.pvalue is not None else 1.0, -abs(row.ratio - 1)))
+
+    @property
+    def tests(self) -> tuple[Difference, ...]:
+        """The ratios of all levels or, with a model, of its parameters."""
+        if not self.parameters:
+            return tuple(row.difference for row in self.levels)
+        return tuple(
+            Difference(name=f"{test.axis} {part.name}, {part.recording}", ratio=part.ratio, lower=part.lower,
+                       upper=part.upper, pvalue=test.pvalue, differs=test.differs)
+            for test in self.parameters for part in test.ratios
+        )  # fmt: skip
 
     @property
     def remarks(self) -> tuple[Remark, ...]:

@@ -54,8 +54,8 @@ def effective_noise(fit: Fit, horizon: float = HORIZON, level: float = 0.95) -> 
     The filter predicts the mean of the noise over the next T seconds. N and K make the error of the prediction as small
     as possible, and the error that the filter states equal to the real error; see `filter_numbers`. They depend only on
     the spectrum of the model, so that models with the same curve have the same numbers. White noise plus a random walk
-    gives the coefficients of its terms for every T. The noise includes quantization noise and a drift, and leaves out
-    sinusoids, and oscillations with a period longer than T.
+    gives the coefficients of its terms for every T. The noise includes quantization noise, a drift, and sinusoids with
+    a period between T/10 and 3 T. It leaves out other sinusoids, and oscillations with a period longer than T.
 
     At scales where the model differs from the measured wavelet variance by more than three standard errors, the
     spectrum of the model is multiplied by the ratio of the two variances, and the interval includes the numbers of the

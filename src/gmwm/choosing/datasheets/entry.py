@@ -107,7 +107,7 @@ class Entry:
         value, low, high, unit = self.in_units(units)
         unit = "" if unit == "1" else f" {unit}"
         if self.held:
-            return f"{significant(value, 4)}{unit} (held)"
+            return f"{significant(value, 4)}{unit} (fixed)"
         if low is None or high is None:
             return f"{significant(value, 4)}{unit}"
         if not math.isfinite(high):

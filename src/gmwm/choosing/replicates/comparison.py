@@ -11,9 +11,10 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from gmwm.base.arrays import Vector
+from gmwm.base.differences import Difference, DifferenceTests
 from gmwm.base.errors import DataError
 from gmwm.base.multiple_tests import holm
-from gmwm.base.text import Summarised
+from gmwm.base.text import duration_text
 from gmwm.measuring.covariance.api import variances
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.mixture import mixture
@@ -54,8 +55,16 @@ class LevelRatio:
     pvalue: float | None = None
     differs: bool = False
 
+    @property
+    def difference(self) -> Difference:
+        """The ratio in the form of all comparisons."""
+        name = f"{self.axis} at {duration_text(self.tau)}, {self.recording}".removeprefix(" ")
+        return Difference(
+            name=name, ratio=self.ratio, lower=self.lower, upper=self.upper, pvalue=self.pvalue, differs=self.differs
+        )  # fmt: skip
 
-class RecordingComparison(Summarised):
+
+class RecordingComparison(DifferenceTests):
     """Base of the answers to the question whether recordings differ, with the same decision and the same ratios."""
 
     recordings: tuple[str, ...]

@@ -11,8 +11,8 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from gmwm.base.differences import Difference
 from gmwm.base.documents import plain, plain_fields
-from gmwm.base.plotting import Plotted
 from gmwm.base.random_effects import prediction_limits
 from gmwm.base.remarks import Remark, texts
 from gmwm.base.text import list_text, p_relation, round_text, table_with_rule
@@ -78,7 +78,7 @@ class RecordingNumber:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Replicates(RecordingComparison, Plotted):
+class Replicates(RecordingComparison):
     """Comparison of several recordings of one unit.
 
     Attributes
@@ -120,6 +120,11 @@ class Replicates(RecordingComparison, Plotted):
             if number.symbol == symbol:
                 return number
         raise KeyError(f"{symbol}; there are {', '.join(number.symbol for number in self.numbers)}")
+
+    @property
+    def tests(self) -> tuple[Difference, ...]:
+        """The ratios of all levels, with p-values that are adjusted for their number."""
+        return tuple(row.difference for row in decide(self.levels, self.size))
 
     @property
     def spread(self) -> dict[str, float]:

@@ -46,7 +46,7 @@ true model WN + RW is excluded in 10 % of recordings; with 4, it was excluded in
 REJECTED = 0.005
 """A model is not equivalent to the best one if the p-value of its goodness-of-fit test is below this level, and the
 p-value of the best one is more than `BETTER` times as large. A true model has such a p-value in 5 of 1000 recordings
-(tests/selection/test_equivalence.py)."""
+(tests/selection/test_decisions.py)."""
 BETTER = 10.0
 """Ratio of p-values; see `REJECTED`."""
 

@@ -254,7 +254,7 @@ class Ranking(Plotted):
         if chosen.pvalue is not None and chosen.pvalue < REJECTED:
             yield Remark.of("model-rejected", axis, case="ranking", p=chosen.pvalue)
         if reduced := len(self.candidates) - len(self.distinct):
-            yield Remark.of("candidates-reduced", axis, count=reduced)
+            yield Remark.of("recommended", axis, case="reduced", count=reduced)
 
     def summary(self, limit: int | None = LISTED) -> str:
         """Write the table of the first `limit` candidates, and the remarks."""

@@ -21,7 +21,7 @@ from gmwm.theory.processes.ordered import find_class
 
 FELT = 0.1
 """If a drift is less than this share of the wavelet variance at the longest scale, the segments of a recording cannot
-show it (tests/selection/test_gaps.py)."""
+show it (tests/selection/test_decisions.py)."""
 
 
 def without_values(model: Model) -> Model:

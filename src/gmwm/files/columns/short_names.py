@@ -17,16 +17,14 @@ _SENSORS = {
 
 # For each sensor, patterns of the words of a name without blanks. A group matches the axis.
 _TRIPLES: tuple[tuple[str, str, Sequence[str], str], ...] = (
-    ("gyro", r"([pqr])", "pqr", ""),
-    ("gyro", rf"(roll|pitch|yaw){_TURNS}", ("roll", "pitch", "yaw"), ""),
-    ("gyro", rf"{_TURNS}(roll|pitch|yaw)", ("roll", "pitch", "yaw"), ""),
-    ("accel", r"t([xyz])", "xyz", r"w[xyz]"),
+    ("gyro", r"([pqr])", "pqr", ""), ("gyro", rf"(roll|pitch|yaw){_TURNS}", ("roll", "pitch", "yaw"), ""),
+    ("gyro", rf"{_TURNS}(roll|pitch|yaw)", ("roll", "pitch", "yaw"), ""), ("accel", r"t([xyz])", "xyz", r"w[xyz]"),
     *(
         (sensor, rf"{words}({'|'.join(digits)})", digits, "")
         for sensor, words in _SENSORS.items()
         for digits in ("123", "012")
     ),
-)
+)  # fmt: skip
 _TIMES = (
     "systime", "systemtime", "hosttime", "imutime", "imutimestamp", "sensortimestamp", "unixtime", "epochtime",
     "uptime", "boottime", "itow", "sow", "gpssow", "gpsseconds", "secondsofweek", "timeofweek", "timeboot",

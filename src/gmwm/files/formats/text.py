@@ -136,7 +136,8 @@ class TextReader(Reader):
             joined = (names[parts.seconds], names[parts.fraction])
             remarks += (Remark.of("time-read", case="read", form="parts", columns=joined),)
         if dialect.comment and (count := _commented_rows(source, dialect)):
-            remarks += (Remark.of("rows-commented", str(source.unpacked_path), count=count, sign=dialect.comment),)
+            path = str(source.unpacked_path)
+            remarks += (Remark.of("left-out", path, case="commented", count=count, sign=dialect.comment),)
         return Layout(
             tuple(channels), dialect.first_row, rate=dialect.rate, units=units, remarks=remarks, state=dialect
         )
@@ -284,10 +285,8 @@ def _require_end(source: FileSource, layout: Layout) -> None:
     if cut and not layout.skip_bad_lines:
         raise ReadError(
             f"{source} ends within a number: its last line ends in {cut[0]!r} without a line end, the lines before in "
-            f"numbers like {cut[1]!r}",
-            code="cut-off",
-            advice="Remove the last line." + OR_SKIP,
-        )
+            f"numbers like {cut[1]!r}", code="cut-off", advice="Remove the last line." + OR_SKIP,
+        )  # fmt: skip
 
 
 def _lacks_digits(cell: str, others: Sequence[str]) -> bool:

@@ -98,9 +98,7 @@ def parse_reference(text: str) -> tuple[str, tuple[float, str]]:
         raise OptionError(argument="reference", expected=_REFERENCE, got=text, advice=advice, number=number) from None
     if not match[2]:
         raise OptionError(
-            f"the value of {name} has no unit: {given}",
-            argument="reference",
-            got=text,
+            f"the value of {name} has no unit: {given}", argument="reference", got=text,
             advice="Add it, for example {--reference=gyro.N=2.0deg/√h}.",
-        )
+        )  # fmt: skip
     return name, (value, match[2])

@@ -248,10 +248,8 @@ def require_time(layout: Layout, choice: ColumnChoice, rate: float | None, path:
         if role != "time" and holds_stamps(layout, column):
             raise ReadError(
                 f"{column_words(layout, choice, role, path)} holds dates and times ({layout.first_row[column]!r}), "
-                "expected numbers",
-                code="column-not-numbers",
-                advice="Name another column for it with {--columns}.",
-            )
+                "expected numbers", code="column-not-numbers", advice="Name another column for it with {--columns}.",
+            )  # fmt: skip
     if "time" not in choice.columns:
         if rate is None and layout.stray_time:
             raise ReadError(

@@ -158,7 +158,7 @@ def why_no_error(model: Model, errors: Mapping[str, float], acts_as: Mapping[str
             if name in errors:
                 continue
             if process.is_fixed(parameter.name):
-                reason = "it is held at its value"
+                reason = "it is fixed at its value"
             elif term in acts_as:
                 reason = f"{term} acts as {acts_as[term]}, so the data do not determine its parameters one by one"
             elif process.scale == 0 and parameter.scale_power is None:

@@ -111,7 +111,7 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix | Weights) -> Problem
     count = len(linear) + sum(1 + len(to_find(model.processes[place])) for place in shaped)
     if count == 0:
         raise ModelError(
-            f"there is nothing to estimate: every parameter of {model} is held",
+            f"there is nothing to estimate: every parameter of {model} is fixed",
             advice="Free a parameter by leaving out `fixed(…)`.",
         )
     if count > len(wv):
@@ -189,8 +189,8 @@ def by_kind(model: Model) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, 
         if process.is_fixed(scale):
             if free:
                 raise ModelError(
-                    f"{process}: {scale} is held while {', '.join(free)} is free",
-                    advice="Hold {free} too, or free {scale}.", free=tuple(free), scale=scale,
+                    f"{process}: {scale} is fixed while {', '.join(free)} is free",
+                    advice="Fix {free} too, or free {scale}.", free=tuple(free), scale=scale,
                 )  # fmt: skip
             held.append(place)
         else:

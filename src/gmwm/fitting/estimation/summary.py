@@ -113,7 +113,7 @@ def rows_of(
             continue
         interval, error = "", ""
         if name in fit.model.fixed_names:
-            interval = "held"
+            interval = "fixed"
         elif name in intervals:
             interval = interval_text(*intervals[name])
             if math.isfinite(share := errors.get(name, math.inf) / abs(value) if value else math.inf):
@@ -149,7 +149,7 @@ def short_texts(
         if row.name in unknown:
             words[row.name] = "—"
         elif acting is not None:
-            words[row.name] = "held" if row.name in fit.model.fixed_names else f"as {acting}"
+            words[row.name] = "fixed" if row.name in fit.model.fixed_names else f"as {acting}"
         elif math.isfinite(high) and low in (0.0, -high):
             words[row.name] = f"≤ {high:.2e}"
         else:

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.threads import check_stop
 from gmwm.fitting.estimation.atoms import shapes
 from gmwm.fitting.estimation.branch_and_bound import Search
@@ -197,7 +197,12 @@ class Surface:
 
     def slopes(self, found: Projection) -> Matrix:
         """Return the derivatives (d, J) of Σ weight · unit vector with respect to every coordinate, for constant
-        lengths."""
+        lengths. A point keeps them, because a search often begins where another one has ended."""
+        if (known := found.__dict__.get("_slopes")) is None:
+            known = found.__dict__["_slopes"] = freeze(self._slopes(found))
+        return cast(Matrix, known)
+
+    def _slopes(self, found: Projection) -> Matrix:
         problem, first = self.problem, len(self.fixed)
         u, z = self.split(found.point)
         branches = found.point.branches
@@ -237,7 +242,7 @@ class Surface:
         for k, branch in enumerate(point.branches):
             x[k] = min(max(x[k], branch.low), branch.high)
         count = len(point.branches)
-        x[count:] = np.clip(x[count:], self.ends[:, 0], self.ends[:, 1])
+        x[count:] = np.minimum(np.maximum(x[count:], self.ends[:, 0]), self.ends[:, 1])
         return ShapePoint(point.branches, x)
 
     def downhill(self, start: ShapePoint | Projection, steps: int = 100) -> Projection | None:
@@ -261,7 +266,7 @@ class Surface:
             while damping < 1e10:
                 step = np.zeros(best.point.x.size)
                 damped = square + damping * np.diag(size + np.finfo(float).tiny)
-                step[able] = np.clip(_solve(damped, -gradient[able]), -longest_step, longest_step)
+                step[able] = np.minimum(np.maximum(_solve(damped, -gradient[able]), -longest_step), longest_step)
                 trial = self.at(self.move(best.point, step))
                 if trial is not None and trial.objective < best.objective:
                     better = trial

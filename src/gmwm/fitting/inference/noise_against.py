@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import dataclass, replace
 
@@ -9,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import FrozenArrays, Matrix, Vector
+from gmwm.base.differences import Difference, DifferenceTests
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, FitWarning, OptionError
-from gmwm.base.text import Summarised
+from gmwm.base.multiple_tests import holm
+from gmwm.base.text import duration_text
 from gmwm.base.time_base import begins_of, times_of
 from gmwm.fitting.estimation import fit
 from gmwm.measuring.covariance import Design, covariance
@@ -48,7 +51,7 @@ class Slope:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class NoiseAgainst(FrozenArrays, Documented, Summarised):
+class NoiseAgainst(FrozenArrays, Documented, DifferenceTests):
     """Dependence of the noise of an axis on a condition.
 
     Attributes
@@ -84,6 +87,18 @@ class NoiseAgainst(FrozenArrays, Documented, Summarised):
     pvalue: float
     terms: dict[str, Slope]
     pvalue_terms: float | None
+
+    @property
+    def tests(self) -> tuple[Difference, ...]:
+        """Deviation at the highest over that at the lowest value of the condition, at each level, with 95 % limits."""
+        span = self.range[1] - self.range[0]
+        adjusted = holm([slope.pvalue for slope in self.slopes]).tolist()
+        return tuple(
+            Difference(name=f"{self.axis} at {duration_text(float(tau))}".strip(), ratio=math.exp(slope.value * span),
+                       lower=math.exp((slope.value - 1.96 * slope.error) * span),
+                       upper=math.exp((slope.value + 1.96 * slope.error) * span), pvalue=p, differs=p <= 0.05)
+            for tau, slope, p in zip(self.tau, self.slopes, adjusted, strict=True)
+        )  # fmt: skip
 
     def summary(self) -> str:
         """Format a table of the slopes of levels and terms in per cent per unit, with standard errors and p-values."""

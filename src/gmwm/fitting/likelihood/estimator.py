@@ -128,7 +128,7 @@ def fit_ml(
     drifts = any(not r.flat for r in problem.regressors)
     if not problem.coordinates and not drifts:
         raise ModelError(
-            f"there is nothing to estimate: every parameter of {terms} is held",
+            f"there is nothing to estimate: every parameter of {terms} is fixed",
             advice="Free a parameter by leaving out `fixed(…)`; `Model.loglikelihood` computes the likelihood.",
         )
     assemble(problem.model, problem.rate)

@@ -82,15 +82,15 @@ class LikelihoodProblem:
             held = [process.is_fixed(p.name) for p in shapes]
             if any(held) and not all(held):
                 raise ModelError(
-                    f"some shape parameters of {self.model.terms[k]} are held and some are free",
-                    advice="Hold all of them, or none.",
+                    f"some shape parameters of {self.model.terms[k]} are fixed and some are free",
+                    advice="Fix all of them, or none.",
                 )
             if shapes and not held[0]:
                 free.extend(FreeCoordinate(k, i) for i in range(len(shapes)))
         if len(free) > _core.most_slopes:
             raise ModelError(
                 f"the model has {len(free)} free parameters, and maximum likelihood allows {_core.most_slopes}",
-                advice="Use a smaller model, or hold parameters with `fixed(…)`.",
+                advice="Use a smaller model, or fix parameters with `fixed(…)`.",
             )
         return tuple(free)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,16 +88,16 @@ class Design:
         """Length of the longest segment without a gap."""
         return max(self.lengths)
 
-    @property
+    @cached_property
     def counts(self) -> NDArray[np.int64]:
         """Number M_j (J,) of coefficients of each level in all segments, including those that strides leave out."""
-        return pooled_counts(self.lengths, self.levels, self.filter, self.transform)[0]
+        return freeze(pooled_counts(self.lengths, self.levels, self.filter, self.transform)[0])
 
-    @property
+    @cached_property
     def degrees_of_freedom(self) -> Vector:
         """Degrees of freedom η_j (J,) of a classical estimate, which do not depend on the model."""
         eta = pooled_counts(self.lengths, self.levels, self.filter, self.transform)[1]
-        return np.asarray(eta / self.loss_factor)
+        return freeze(np.asarray(eta / self.loss_factor))
 
     @property
     def loss_factor(self) -> float:

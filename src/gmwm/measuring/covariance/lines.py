@@ -31,6 +31,7 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import MissingTheoryError
 from gmwm.measuring.covariance import filtered
 from gmwm.measuring.covariance.design import Design
+from gmwm.theory.filters import WaveletFilter
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
 
@@ -93,13 +94,18 @@ def excess(noise: Model | None, lines: tuple[TermLine, ...], design: Design, *, 
 
 def _gains(cycles: float, design: Design) -> NDArray[np.complex128]:
     """Compute the gains H_j = Σ_l h_{j,l} e^(−iωl) (J,) of the wavelet filters h_j at the frequency ω = 2π `cycles`."""
-    smooth, wavelet = design.filter.scaling / np.sqrt(2.0), design.filter.wavelet / np.sqrt(2.0)
-    gain, found = 1.0 + 0.0j, np.empty(int(design.levels[-1]), dtype=np.complex128)
-    for j in range(found.size):
+    return _all_gains(cycles, design.filter, int(design.levels[-1]))[design.levels - 1]
+
+
+@lru_cache(maxsize=256)
+def _all_gains(cycles: float, filter: WaveletFilter, count: int) -> NDArray[np.complex128]:
+    smooth, wavelet = filter.scaling / np.sqrt(2.0), filter.wavelet / np.sqrt(2.0)
+    gain, gains = 1.0 + 0.0j, np.empty(count, dtype=np.complex128)
+    for j in range(count):
         z = np.exp(-2j * np.pi * np.fmod(np.ldexp(cycles, j), 1.0))
-        found[j] = gain * np.polyval(wavelet[::-1], z)
+        gains[j] = gain * np.polyval(wavelet[::-1], z)
         gain *= complex(np.polyval(smooth[::-1], z))
-    return found[design.levels - 1]
+    return gains
 
 
 # --- the phases ---------------------------------------------------------------------------------------
@@ -123,12 +129,20 @@ def _of_phases(noise: Model | None, lines: tuple[TermLine, ...], design: Design)
 
 def _mean_turn(cycles: float, design: Design) -> NDArray[np.complex128]:
     """Compute the mean (J,) of e^(2πi t cycles) over the times t of the coefficients of each level."""
-    count = design.counts.astype(np.float64)
-    if design.transform == "dwt":
-        step = np.ldexp(1.0, design.levels)
-        last = step * (design.samples >> design.levels) - 1.0
+    levels, counts = (tuple(values.tolist()) for values in (design.levels, design.counts))
+    return _mean_turns(cycles, levels, counts, samples=design.samples, decimated=design.transform == "dwt")
+
+
+@lru_cache(maxsize=1024)
+def _mean_turns(
+    cycles: float, levels: tuple[int, ...], counts: tuple[int, ...], samples: int, decimated: bool
+) -> NDArray[np.complex128]:
+    count = np.array(counts, dtype=np.float64)
+    if decimated:
+        step = np.ldexp(1.0, np.array(levels))
+        last = step * (samples >> np.array(levels)) - 1.0
     else:
-        step, last = np.ones_like(count), np.full_like(count, design.samples - 1.0)
+        step, last = np.ones_like(count), np.full_like(count, samples - 1.0)
     # `half` and `whole` are half the angles of one step and of all steps. `still` marks steps of whole cycles.
     half, whole = (np.pi * np.fmod(step * cycles * times, 2.0) for times in (1.0, count))
     still = np.abs(np.sin(half)) < 1e-12

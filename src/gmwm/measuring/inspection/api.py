@@ -20,6 +20,7 @@ from gmwm.measuring.inspection import findings
 from gmwm.measuring.inspection.axis_statistics import AxisStatistics
 from gmwm.measuring.inspection.jumps import jumps_of
 from gmwm.measuring.inspection.knocks import Step, knocks_of, steps_of
+from gmwm.measuring.inspection.positions import still_parts
 from gmwm.measuring.inspection.result import AxisInspection, Inspection, combined
 from gmwm.measuring.inspection.saturation import Extremes, Saturation, saturation_of
 from gmwm.measuring.inspection.swings import swing_of
@@ -186,9 +187,10 @@ class RecordingStatistics:
         extent, statistics = self._extent, self._axes
         axes = {axis: self._axis(axis, sums) for axis, sums in statistics.items()}
         gravity, tilt, tilt_noise = _gravity(statistics, axes, extent.samples)
-        knocks = knocks_of({axis: sums.outliers() for axis, sums in statistics.items()}, extent)
+        parts = still_parts({axis: sums.levels() for axis, sums in statistics.items()}, self._length, extent)
+        knocks = () if parts else knocks_of({axis: sums.outliers() for axis, sums in statistics.items()}, extent)
         means = {axis: _noise(axis, sums, conditions) for axis, sums in statistics.items()}
-        steps = self._steps(means)
+        steps = () if parts else self._steps(means)
         calm = {axis: _without_steps(of_axis, steps, axis, self._axes[axis].length) for axis, of_axis in means.items()}
         candidates = (trend_of(axis, of_axis, extent) for axis, of_axis in calm.items())
         trends = tuple(trend for trend in candidates if trend is not None)
@@ -210,12 +212,15 @@ class RecordingStatistics:
         # Change of the direction of gravity (standard errors) that noise does not explain.
         turned = tilt is not None and tilt > max(0.1, 5.0 * tilt_noise)
         moved = tilt is not None and turned and tilt > findings.MOVED
+        motions = findings.of_motion(restless, tilt if turned else None, knocks)
         remarks = (
             *findings.of_time(extent, self._base, self._same), *findings.of_stuck(stuck),
             *findings.of_saturation(saturations, self._units),
-            *findings.of_motion(restless, tilt if turned else None, knocks), *findings.of_steps(steps),
+            *(findings.of_positions(parts) if parts else motions),
+            *findings.of_steps(steps),
             *findings.of_swings(swings, self._units),
-            *findings.of_trends(trends, self._units, extent, self._base.left > 0), *findings.of_gravity(gravity),
+            *findings.of_trends(trends, self._units, extent, self._base.left > 0),
+            *findings.of_gravity(None if parts else gravity),
             *findings.of_rounding(axes, extent.rate), *findings.of_units(self._densities()),
             *findings.of_conditions(conditions.found, conditions.unknown),
             *(remark for remark in self._remarks if remark.code not in findings.OF_STAMPS),
@@ -224,10 +229,15 @@ class RecordingStatistics:
         return Inspection(
             source=self._source, rate=extent.rate, duration=extent.samples / extent.rate, samples=extent.samples,
             segments=segments, time_base=self._base, axes=axes, gravity=gravity, tilt=tilt,
-            static=not (moved or restless), knocks=knocks, steps=steps, trends=trends,
+            static=not (moved or restless or parts), knocks=knocks, steps=steps, trends=trends,
             swings=swings,
             temperature=self._temperature, regressions=dict(conditions.found), remarks=remarks,
         )  # fmt: skip
+
+    @property
+    def _length(self) -> int:
+        """Number of samples of a block."""
+        return next(iter(self._axes.values())).length
 
     def _steps(self, means: Mapping[str, list[tuple[int, Vector]]]) -> tuple[Step, ...]:
         """Return the jumps of all axes: those between neighbouring blocks, and those that stand out of the noise at any

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from gmwm.base.remarks import Fact, Quantity, Remark
-from gmwm.base.text import counted, duration_text, round_text
+from gmwm.base.text import counted, duration_text, moment, round_text
 from gmwm.base.time_base import TimeBase, lost_samples
 from gmwm.base.units import STANDARD_GRAVITY, datasheet_units, noise_unit
 from gmwm.measuring.regression.result import per
@@ -94,6 +94,14 @@ def of_motion(
         )
     if knocks:
         yield Remark.of("knocks", count=len(knocks), first=Quantity(knocks[0].time, "s"))
+
+
+def of_positions(parts: Sequence[tuple[float, float]]) -> Iterator[Remark]:
+    """Yield the remark on a recording that was turned between positions, with its still parts (s)."""
+    begin, end = max(parts, key=lambda part: part[1] - part[0])
+    shown = tuple(f"{moment(a)} to {moment(b)}" for a, b in parts)
+    longest = {"begin": Quantity(begin, "s"), "end": Quantity(end, "s")}
+    yield Remark.of("recording-moved", case="positions", count=len(parts), parts=shown, **longest)
 
 
 def of_steps(steps: tuple[Step, ...]) -> Iterator[Remark]:

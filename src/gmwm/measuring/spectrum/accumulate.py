@@ -15,15 +15,9 @@ from gmwm.measuring.spectrum.result import PowerSpectrum
 from gmwm.measuring.spectrum.welch import Detrend, Periodograms, degrees_of_freedom, one_sided_density, periodograms
 from gmwm.recording.options import one_of
 
-SHORTEST = 32
-"""Smallest length of the blocks (samples) that is chosen automatically."""
-LONGEST = 1 << 16
-"""Largest length of a block (samples) that is chosen automatically. It is 11 min at 100 Hz and takes 1 MB of memory."""
 ENOUGH = 15
 """Number of blocks of one length from which shorter blocks are not used: the blocks of eight lengths without gaps. The
 standard error of the density is then 27 %, and means over frequencies are as precise as with shorter blocks."""
-LEAST_SAMPLES = 64
-"""Smallest number of samples without a gap, three blocks of the shortest length."""
 FOLD = 1 << 18
 """Number of samples that are buffered before they are processed."""
 
@@ -91,7 +85,8 @@ class SpectrumAccumulator(OneAtATime):
         self.length, self.start = checked_length(length), start
         one_of(detrend, "detrend", ("constant", "linear"))
         self.detrend = detrend
-        powers = range(LONGEST.bit_length() - 1, SHORTEST.bit_length() - 2, -1)
+        # Lengths that are chosen automatically: 2^5 to 2^16 samples, 11 min at 100 Hz, which take 1 MB of memory.
+        powers = range(16, 4, -1)
         lengths = [1 << power for power in powers] if self.length is None else [self.length]
         # Sums by length of the blocks, the longest first.
         self._sums = {n: _PeriodogramSums(Periodograms.none(n)) for n in lengths}
@@ -182,7 +177,8 @@ class SpectrumAccumulator(OneAtATime):
         """
         self._fold()
         longest = max(self._segments, default=0)
-        least = LEAST_SAMPLES if self.length is None else self.length
+        # Smallest number of samples without a gap, three blocks of the shortest length.
+        least = 64 if self.length is None else self.length
         lengths = [n for n, sums in self._sums.items() if sums.blocks >= ENOUGH]
         length = max(lengths) if lengths else max(self._sums, key=lambda n: (self._sums[n].blocks, n))
         sums = self._sums[length]

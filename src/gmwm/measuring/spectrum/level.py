@@ -14,8 +14,6 @@ NEIGHBOURS = (4 / 9, 1 / 36)
 FLANK_SHARE = 5.0
 """Degrees of freedom of the median of a flank, relative to one value. Its 16 frequencies have the information of 8
 independent values, and a median has the efficiency 2/π."""
-GROUP = 256
-"""Number of neighbouring frequencies whose scatter checks the degrees of freedom, with a standard error of 7 %."""
 
 
 class Flanks(NamedTuple):
@@ -79,17 +77,19 @@ def effective_freedom(density: Vector, freedom: Vector) -> Vector:
     """Return the degrees of freedom of each density, reduced where neighbours scatter more than in stationary noise."""
     from scipy.special import polygamma
 
+    # Number of neighbouring frequencies whose scatter checks the degrees of freedom, with a standard error of 7 %.
+    size = 256
     reduced = freedom.copy()
     with np.errstate(divide="ignore"):
         logs = np.log(density)
-    firsts = np.arange(2, density.size - GROUP // 4, GROUP)
+    firsts = np.arange(2, density.size - size // 4, size)
     expected = np.sqrt(polygamma(1, freedom[firsts + 1] / 2))
-    complete = np.count_nonzero(firsts + GROUP <= density.size)
-    scatter = _scatter(logs[2 : 2 + complete * GROUP].reshape(complete, GROUP))
+    complete = np.count_nonzero(firsts + size <= density.size)
+    scatter = _scatter(logs[2 : 2 + complete * size].reshape(complete, size))
     if complete < firsts.size:
         scatter = np.append(scatter, _scatter(logs[None, firsts[-1] :]))
     for first, spread, usual in zip(firsts.tolist(), scatter.tolist(), expected.tolist(), strict=True):
-        part = reduced[first : first + GROUP]
+        part = reduced[first : first + size]
         excess = spread / usual / (1 + 3 * 1.6 / np.sqrt(part.size))
         if part.size >= 16 and excess > 1:  # not where the scatter is NaN
             part /= excess**2

@@ -103,14 +103,6 @@ class Bump(Documented):
 
 CORRELATIONS = (1.0, 2 / 3, 1 / 6)
 """Absolute correlations of the Fourier coefficients of a block with a Hann window that are 0, 1 and 2 bins apart."""
-FREQUENCY_OVERLAP = 0.4
-"""Variance of the mean frequency over half-overlapping blocks, relative to independent blocks. The noise is weighted by
-the window times its derivative, whose overlapping halves have the correlation −3/10: 1 − 2 · 3/10."""
-WINDOW_MOMENT = 1 / 3
-"""Second central moment (bins²) of a line with a Hann window: −r''(0) / 4π², with the autocorrelation r of the window.
-"""
-TRUNCATION = 3e-4
-"""Largest error (bins) of the mean frequency over seven bins, from the side lobes outside these bins."""
 
 
 def measured_line(
@@ -127,21 +119,26 @@ def measured_line(
     middle = float(np.clip(place @ excess / total, first, last))
     away = place - middle
     moment = float(away**2 @ excess) / total
-    spread = moment - WINDOW_MOMENT
+    # Second central moment (bins²) of a line with a Hann window: −r''(0) / 4π², with the autocorrelation r of the
+    # window.
+    spread = moment - (1 / 3)
     error = math.sqrt(_variance((away**2 - moment) / total, excess, level=level, freedom=freedom, wandering=False))
     wandering = spread > 2 * error
+    # Variance of the mean frequency over half-overlapping blocks, relative to independent blocks. The noise is weighted
+    # by the window times its derivative, whose overlapping halves have the correlation −3/10: 1 − 2 · 3/10.
     scatter = {
         name: math.sqrt(
             _variance(weights, excess, level=level, freedom=freedom, wandering=wandering, overlap=overlap)
         )
         for name, weights, overlap in (
-            ("power", np.ones(place.size), 1.0), ("frequency", away / total, FREQUENCY_OVERLAP)
+            ("power", np.ones(place.size), 1.0), ("frequency", away / total, 0.4)
         )
     }  # fmt: skip
     power = total * spacing
     amplitude = math.sqrt(2 * power)
+    # Largest error (bins) of the mean frequency over seven bins, from the side lobes outside these bins.
     return Line(
-        frequency=middle * spacing, frequency_error=spacing * math.hypot(scatter["frequency"], TRUNCATION),
+        frequency=middle * spacing, frequency_error=spacing * math.hypot(scatter["frequency"], 3e-4),
         amplitude=amplitude, amplitude_error=scatter["power"] * spacing / amplitude,
         width=2 * math.sqrt(2 * math.log(2)) * math.sqrt(spread) * spacing if wandering else 0.0, height=height,
         p_value=p_value,
@@ -170,10 +167,6 @@ def _variance(
     return max(2 / freedom * total, 0.0)
 
 
-WITHIN = 3.0
-"""Largest factor by which a fit may change the width; beyond, it describes another feature of the spectrum."""
-
-
 def lorentz_fit(
     frequencies: Vector, density: Vector, freedom: Vector, *, center: float, width: float
 ) -> tuple[float, float] | None:
@@ -182,6 +175,8 @@ def lorentz_fit(
     `width` the start of w (Hz). Returns the fitted f₀ and w (Hz), or None if the fit fails."""
     from scipy.optimize import least_squares
 
+    # Largest factor by which a fit may change the width; beyond, it describes another feature of the spectrum.
+    largest_factor = 3.0
     positive = density > 0
     frequencies, density, freedom = frequencies[positive], density[positive], freedom[positive]
     # The shape has five parameters.
@@ -201,6 +196,6 @@ def lorentz_fit(
 
     fit = least_squares(residuals, start, method="lm", max_nfev=400)
     shift, size = float(fit.x[3]), math.exp(float(np.clip(fit.x[4], -200, 200)))
-    if not fit.success or abs(shift) > 1 or not width / WITHIN <= size <= width * WITHIN:
+    if not fit.success or abs(shift) > 1 or not width / largest_factor <= size <= width * largest_factor:
         return None
     return center + shift * width, size

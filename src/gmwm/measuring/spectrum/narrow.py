@@ -25,11 +25,6 @@ LEAST_FLANK = 6
 """Smallest number of bins of a flank; with fewer, the frequency is too close to zero for the test."""
 INNER, OUTER = 2, 8
 """A peak is narrow if the excess at 3 to 8 bins from it is less than half of the excess within 2 bins."""
-OUTSIDE_NOISE = 6.0
-"""Standard error of the summed excess at 3 to 8 bins on both sides, relative to one density: √12 for 12 bins, √1.94 for
-the correlation of neighbours, and 12 times 0.3 for the error of the level."""
-CORE = 3
-"""Number of bins on each side of a line, which contain all of its power except a share of 7e-5."""
 
 
 def narrow_lines(
@@ -107,11 +102,16 @@ def _resonance_width(spectrum: PowerSpectrum, line: Line, freedom: Vector) -> fl
 def _half_width(density: Vector, k: int, level: float, noise: float) -> int | None:
     """Return the number of bins on each side that contain the power of the peak at bin k; None if it is not narrow.
     `noise` is the standard error of one density."""
+    # Number of bins on each side of a line, which contain all of its power except a share of 7e-5.
+    core = 3
+    # Standard error of the summed excess at 3 to 8 bins on both sides, relative to one density: √12 for 12 bins, √1.94
+    # for the correlation of neighbours, and 12 times 0.3 for the error of the level.
+    outside_noise = 6.0
     excess = density[max(k - OUTER, 0) : k + OUTER + 1] - level
     distance = np.abs(np.arange(excess.size) - min(k, OUTER))
     inside, outside = float(excess[distance <= INNER].sum()), float(excess[distance > INNER].sum())
-    if outside > inside / 2 + OUTSIDE_NOISE * noise:
+    if outside > inside / 2 + outside_noise * noise:
         return None
     # The peak is wider than the core if the power outside the core exceeds what the window and the noise explain.
-    beyond = float(excess[distance > CORE].sum())
-    return OUTER if beyond > inside / 10 + OUTSIDE_NOISE * noise else CORE
+    beyond = float(excess[distance > core].sum())
+    return OUTER if beyond > inside / 10 + outside_noise * noise else core

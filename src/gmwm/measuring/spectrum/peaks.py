@@ -24,10 +24,6 @@ FALSE_ALARMS = 0.01
 """Largest probability of a false line or bump in a spectrum of noise with a monotone density, by Bonferroni's
 inequality: one half for narrow lines and one half for wide peaks."""
 
-STATIONARY = 0.5
-"""Smallest degrees of freedom, relative to stationary noise, at which peaks are searched. The spectrum of a short knock
-has bumps, because it correlates neighbouring frequencies."""
-
 
 def find_peaks(spectrum: PowerSpectrum) -> tuple[tuple[Line, ...], tuple[Bump, ...]]:
     """Return the lines and the bumps of a spectrum, sorted by frequency. A line is a peak of a few bins whose density
@@ -37,7 +33,9 @@ def find_peaks(spectrum: PowerSpectrum) -> tuple[tuple[Line, ...], tuple[Bump, .
     if spectrum.density.size < FIRST_BIN + 2 * FAR or not np.any(spectrum.density[FIRST_BIN:] > 0):
         return (), ()
     freedom = effective_freedom(spectrum.density, spectrum.degrees_of_freedom)
-    testable = freedom > STATIONARY * nominal_freedom(spectrum.blocks, spectrum.blocks - 1)
+    # Smallest degrees of freedom, relative to stationary noise, at which peaks are searched. The spectrum of a short
+    # knock has bumps, because it correlates neighbouring frequencies.
+    testable = freedom > 0.5 * nominal_freedom(spectrum.blocks, spectrum.blocks - 1)
     testable[:FIRST_BIN] = testable[-1] = False
     lines, sharp, free = narrow_lines(spectrum, freedom, testable, level=FALSE_ALARMS / 2)
     wandering, broad = wide_peaks(spectrum, freedom, free, narrow=(lines, sharp), level=FALSE_ALARMS / 2)

@@ -26,15 +26,11 @@ samples, the most that the covariance supports. A zero must be inside the unit c
 FLAT = 0.25
 """Largest absolute logarithm of the ratio of the density at the frequency 0 to that at the lowest frequency of the
 data. A resonance at four times the lowest frequency changes it by 0.13; the data support no larger step."""
-ACCURACY = 0.005
-"""Relative error that is added to every density, so that a few precise frequencies do not determine the shape."""
 FLOOR = 1e-4
 """Density, relative to low frequencies, below which a stop band is ignored, far below the noise of rounded outputs."""
 KNOWN = 2.0
 """Prior standard deviation of the logarithm of the factor on the known part. Its slow terms come from a fit without
 this shape, and may be wrong by a factor of several (docs/validation/sensors.md)."""
-LEAST_KNOWN = 1e-3
-"""Smallest known part, relative to the density at low frequencies. It decreases with frequency as for a random walk."""
 LIKELY = 0.01
 """Smallest weight for which a process of another order is reported in addition to the best process."""
 _ITERATIONS, _FIRST, _KEPT = 40, 6, 2
@@ -89,11 +85,13 @@ def short_memory(
     """
     angles = 2 * math.pi * frequencies / rate
     plateau = float(np.median(density[: max(density.size // 8, 3)]))
-    least = LEAST_KNOWN * plateau * (np.sin(angles[0] / 2) / np.sin(angles / 2)) ** 2
+    # Smallest known part, relative to the density at low frequencies. It decreases with frequency as for a random walk.
+    least = 1e-3 * plateau * (np.sin(angles[0] / 2) / np.sin(angles / 2)) ** 2
+    # Relative error that is added to every density, so that a few precise frequencies do not determine the shape.
     data = _Data.of(
         angles, known=np.maximum(known, least), floor=FLOOR * plateau,
         logs=np.log(density + FLOOR * plateau) - _log_bias(degrees_of_freedom),
-        weights=1 / (2 / degrees_of_freedom + ACCURACY**2),
+        weights=1 / (2 / degrees_of_freedom + 0.005**2),
     )  # fmt: skip
     white = _descend(data, np.zeros(0), np.zeros(0), float(np.average(data.logs, weights=data.weights)))
     price = math.log(density.size)

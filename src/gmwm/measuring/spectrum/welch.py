@@ -18,8 +18,6 @@ ENERGY_WIDTH = 1.5
 """Equivalent noise bandwidth of the Hann window, L Σ w² / (Σ w)², in bins (Harris 1978, table 1)."""
 HALF_POWER_WIDTH = 1.44
 """Width of a line at half its power with a Hann window, in bins (Harris 1978, table 1)."""
-BATCH = 1 << 17
-"""Number of samples that are transformed at once: 1 MB, which stays in the cache of the processor."""
 
 
 @lru_cache(maxsize=16)
@@ -71,7 +69,8 @@ def periodograms(values: Vector, length: int, detrend: Detrend) -> Periodograms:
     edges = band_edges(length)
     sizes = np.diff(np.append(edges, length // 2 + 1))
     total, levels, squares = sums[:3]
-    step = max(1, BATCH // length)
+    # Number of samples that are transformed at once: 1 MB, which stays in the cache of the processor.
+    step = max(1, (1 << 17) // length)
     for first in range(0, len(blocks), step):
         batch = blocks[first : first + step]
         mean = batch.mean(axis=1, keepdims=True)

@@ -27,9 +27,6 @@ INNER, OUTER = 1, 5
 than half of that within one bin, so that the flanks are outside the peak."""
 AROUND, PER_WIDTH = 3.0, 6.0
 """The fit uses the frequencies within three widths on each side, and bins of at most a sixth of the width."""
-LEAST_HEIGHT = 1.25
-"""Smallest ratio of the density of a bump to the level on both sides; ripples in the response of a filter are smaller.
-"""
 
 
 class DensityGrid(NamedTuple):
@@ -121,7 +118,9 @@ def _peaks(grid: DensityGrid, level: float) -> list[WidePeak]:
     top = np.ones(ratio.size, dtype=bool)
     top[1:] &= ~(grid.density[1:] < grid.density[:-1])
     top[:-1] &= ~(grid.density[:-1] < grid.density[1:])
-    (hits,) = np.nonzero(top & np.isfinite(p) & (p < level) & (ratio >= LEAST_HEIGHT))
+    # Smallest ratio of the density of a bump to the level on both sides; ripples in the response of a filter are
+    # smaller.
+    (hits,) = np.nonzero(top & np.isfinite(p) & (p < level) & (ratio >= 1.25))
     peaks = []
     for k in sorted(hits.tolist(), key=lambda k: -ratio[k]):
         between = float(surroundings.between[k])

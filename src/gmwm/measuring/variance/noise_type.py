@@ -116,7 +116,7 @@ def _drift_variance(phase: Vector, n: int) -> float:
 def _by_autocorrelation(phase: Vector, n: int, reddest: int) -> NoiseType | None:
     z = phase
     for d in range(4):
-        z = z - z.mean()
+        z = z - np.add.reduce(z) / z.size
         squares = inner_product(z, z)
         if not squares > 0:
             return None
@@ -124,7 +124,7 @@ def _by_autocorrelation(phase: Vector, n: int, reddest: int) -> NoiseType | None
         delta = r1 / (1 + r1)
         if delta < 0.25 or d == 3:
             break
-        z = np.diff(z)
+        z = z[1:] - z[:-1]
     if d in AUTOCORRELATION and n > 1:
         expected = AUTOCORRELATION[d]
         alpha = min(expected, key=lambda exponent: abs(expected[exponent] - r1))

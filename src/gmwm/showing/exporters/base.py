@@ -134,14 +134,9 @@ def find_exporter(format: str) -> Exporter:
     return _EXPORTERS[format]
 
 
-def title_line(exporter: Exporter) -> str:
-    """Return the first line of the head of a file, with the program that reads the file and the version of gmwm."""
-    return f"Noise of an IMU for {exporter.title}. Written by gmwm {version()}."
-
-
 def top(exporter: Exporter, calibration: Calibration) -> list[str]:
     """Return the paragraphs with which a file begins: its title and its verdict."""
-    return [title_line(exporter), verdict(calibration)]
+    return [f"Noise of an IMU for {exporter.title}. Written by gmwm {version()}.", verdict(calibration)]
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ def not_measured(remarks: Iterable[Remark]) -> list[str]:
 
 
 def left_out(sensors: Iterable[SensorNoise]) -> list[str]:
-    """Return a sentence on the sinusoids that N and K leave out: the strongest of each sensor, and their number."""
+    """Return sentences on the sinusoids: the strongest of each sensor, their number, and their effect on N and K."""
     parts, count = [], 0
     for sensor in sensors:
         lines = [(line, axis.axis) for axis in sensor.axes for line in lines_of(axis.fit)]
@@ -82,4 +82,7 @@ def left_out(sensors: Iterable[SensorNoise]) -> list[str]:
             parts.append(f"{axis} {line.frequency:.3g} Hz ({line.amplitude:.2g} {SI_UNIT[sensor.quantity]})")
             count += len(lines)
     more = f" and {count - len(parts)} more" if count > len(parts) else ""
-    return [f"N and K leave out periodic disturbances: {', '.join(parts)}{more}."] if parts else []
+    if not parts:
+        return []
+    near = "N and K contain their error if the period is between 1/10 and 3 times the horizon."
+    return [f"Periodic disturbances, which N and K cannot predict: {', '.join(parts)}{more}.", near]

@@ -6,15 +6,17 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
 from gmwm.base.text import duration_text
 from gmwm.showing.exporters.base import ExportOptions, Noise, TwoNumbers
 from gmwm.showing.exporters.reduction import AxisNoise, Number, SensorNoise, ruled
-from gmwm.showing.exporters.two_states import LONGEST, WIDEST, Curve, fit_states
+from gmwm.showing.exporters.two_states import LONGEST, WIDEST, Curve, States, cached, fit_states
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
+    from gmwm.fitting.estimation.result import Fit
 
 
 @dataclass(frozen=True)
@@ -43,11 +45,7 @@ def biases(axes: Sequence[AxisNoise], low: float, high: float, *, common: bool) 
     groups = [slow] if common and slow else [[axis] for axis in slow]
     fitted: dict[str, Bias] = {}
     for group in groups:
-        curves = [Curve.of(axis.fit, low, high) for axis in group]
-        # White noise is fitted beside a bias whose correlation time may be far longer, like that of a random walk.
-        # At 1e5 times the longest averaging time, it is a walk within 1e-5 (tests/importers/test_files.py).
-        white = [fit_states([curve], 1, low, 1e5 * high)[0].white for curve in curves]
-        states = fit_states(curves, 1, low, high, white=white)
+        states = [_alone(group[0].fit, low, high)] if len(group) == 1 else _together([a.fit for a in group], low, high)
         fitted |= {
             axis.axis: Bias(
                 axis=axis.axis, N=Number(state.white, axis.N.upper), sigma=Number(state.sigma[0], False),
@@ -61,6 +59,27 @@ def biases(axes: Sequence[AxisNoise], low: float, high: float, *, common: bool) 
             sigma = axis.K.scaled(math.sqrt(high / 6))
             fitted[axis.axis] = Bias(axis=axis.axis, N=axis.N, sigma=sigma, time=time, error=0.0)
     return fitted
+
+
+def _alone(fit: Fit, low: float, high: float) -> States:
+    """Return the white noise and the bias of one axis, which are computed once."""
+    return cached(fit, "bias", (low, high), lambda: _together([fit], low, high)[0])
+
+
+def _together(fits: Sequence[Fit], low: float, high: float) -> list[States]:
+    """Return the white noise and the bias of each axis, with one correlation time for all."""
+    curves = [Curve.of(fit, low, high) for fit in fits]
+    # White noise is fitted beside a bias whose correlation time may be far longer, like that of a random walk.
+    # At 1e5 times the longest averaging time, it is a walk within 1e-5 (tests/importers/test_files.py).
+    white = [
+        cached(fit, "white", (low, high), partial(_beside_walk, curve, low, high))
+        for fit, curve in zip(fits, curves, strict=True)
+    ]
+    return fit_states(curves, 1, low, high, white=white)
+
+
+def _beside_walk(curve: Curve, low: float, high: float) -> float:
+    return fit_states([curve], 1, low, 1e5 * high)[0].white
 
 
 @dataclass(frozen=True)

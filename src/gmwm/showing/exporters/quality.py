@@ -13,6 +13,9 @@ from gmwm.showing.exporters.reduction import NAMES, AxisNoise, SensorNoise
 
 TIMES = (1.0, 10.0, 60.0)
 """Times (s) over which the predictions of the filters are compared."""
+TRUE = (0.8, 1.3)
+"""Ratios of the stated to the real error between which a file says nothing more. A convention, pinned by
+tests/exporters/test_quality.py."""
 LARGE = 1.2
 """Loss at the longest time from which a file advises a filter with more states. A convention, pinned by
 tests/exporters/test_quality.py."""
@@ -41,9 +44,10 @@ def qualities(axis: AxisNoise) -> tuple[Quality, ...]:
 def _quality(axis: AxisNoise, time: float) -> Quality:
     processes, rate = axis.fit.model.processes, axis.fit.wavelet_variance.rate
     samples, gain = samples_in(time, rate), FilterGain(axis.K.value / (axis.N.value * rate))
-    error = Forecast.of(processes, rate, samples).error(gain)[0]
+    # The filter of the full model has no sinusoids either.
+    error = Forecast.of(processes, rate, samples, lines=False).error(gain)[0]
     ratio = curve_ratio(axis.fit)
-    real = error if ratio is None else Forecast.of(processes, rate, samples, ratio).error(gain)[0]
+    real = Forecast.of(processes, rate, samples, ratio).error(gain)[0]
     least = smallest_error(processes, rate, samples)
     stated = axis.N.value**2 * rate * gain.claim(samples)[0]
     return Quality(None if least is None else math.sqrt(max(error / least, 1.0)), math.sqrt(stated / real))
@@ -64,6 +68,12 @@ def predictions(sensors: Iterable[SensorNoise]) -> list[str]:
         if not any(map(math.isnan, losses)):
             text += f"error / full model's error {_listed(losses)}; "
         lines.append(f"{text}stated / real error {_listed(claims)}.")
+        true = [time for time, claim in zip(TIMES, claims, strict=True) if TRUE[0] <= claim <= TRUE[1]]
+        if true and true[-1] < TIMES[-1]:
+            lines.append(
+                f"{NAMES[sensor.quantity].capitalize()}: N and K hold for predictions of up to {true[-1]:g} s; for "
+                "longer ones, set the horizon to their length."
+            )
         large = large or losses[-1] > LARGE
     return [*lines, "Filters with Gauss-Markov states (format state-space) predict better."] if large else lines
 

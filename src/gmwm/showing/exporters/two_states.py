@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,7 @@ _TRIED = {1: 80, 2: 16}
 refined."""
 
 Clusters = NDArray[np.int64]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -83,10 +85,15 @@ def two_states(fit: Fit, horizon: float, duration: float | None = None) -> TwoSt
     """Fit white noise and two Gauss-Markov states to a model, from the horizon to the duration (s; by default one hour,
     or a shorter recording), by least squares of the logarithm of the Allan variance. Return None if a filter without
     random walk is best."""
-    known: dict[tuple[float, float | None], TwoStates | None] = fit.__dict__.setdefault("_two_states", {})
-    if (horizon, duration) not in known:
-        known[horizon, duration] = _two_states(fit, horizon, duration)
-    return known[horizon, duration]
+    return cached(fit, "two states", (horizon, duration), lambda: _two_states(fit, horizon, duration))
+
+
+def cached(fit: Fit, what: str, options: tuple[float | None, ...], compute: Callable[[], T]) -> T:
+    """Return a value that depends on a fit, and compute it the first time. The formats have many values in common."""
+    values: dict[tuple[str, tuple[float | None, ...]], T] = fit.__dict__.setdefault("_exported", {})
+    if (what, options) not in values:
+        values[what, options] = compute()
+    return values[what, options]
 
 
 def _two_states(fit: Fit, horizon: float, duration: float | None) -> TwoStates | None:

@@ -36,6 +36,7 @@ __all__ = [
 ]  # fmt: skip
 
 _RESULTS = {
+    "base.differences.DifferenceTests": "differences.plot_differences",
     "calibration.result.Calibration": "imu.plot_imu",
     "choosing.replicates.result.Replicates": "recordings.plot_recordings",
     "choosing.selection.ranking.Comparison": "ranking.plot_candidates",

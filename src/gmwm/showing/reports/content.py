@@ -12,7 +12,7 @@ from gmwm.base.axis_names import by_sensor
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect, texts
 from gmwm.base.text import version
-from gmwm.calibration.findings import SIZE, certificate_of, rejected_axes
+from gmwm.calibration.findings import certificate_of, rejected_axes
 from gmwm.calibration.first_screen import model_words
 from gmwm.calibration.summary_text import rows_of
 from gmwm.calibration.tables import SENSORS
@@ -199,14 +199,16 @@ def regression_table(regression: Regression | None) -> dict[str, Any]:
 def _test(axis: AxisCalibration, rejected: bool) -> str:
     """Describe the goodness-of-fit test of one axis in words.
 
-    If several axes are tested, single p-values below 5 % are expected by chance. The text says so if it applies.
+    If several axes are tested, single p-values below 5 % are expected by chance, so the level is that of all axes.
     """
     if axis.test is None:
         return "No test: there are too few levels"
-    alone = axis.test.pvalue <= SIZE and not rejected
     summary = axis.test.summary()
-    note = "; it is not rejected at the 5 % level for all axes together" if alone else ""
-    return f"{summary[:1].upper()}{summary[1:]}{note}"
+    if not rejected:
+        summary = summary.replace(
+            "is rejected at the 5 % level", "is not rejected at the 5 % level for all axes together"
+        )
+    return f"{summary[:1].upper()}{summary[1:]}"
 
 
 def _ranking_rows(ranking: Ranking) -> list[list[str]]:

@@ -33,6 +33,11 @@ _STATES: Mapping[Severity, State] = {
 }
 
 
+_OUTLIERS = frozenset({"samples-replaced", "heavy-tails", "outliers-left-out", "outliers-found"})
+_MOTION = frozenset({"recording-moved", "recording-settles"})
+"""Codes of remarks on outliers and on motion. If there is one, it is the only statement about them."""
+
+
 def state_of(remark: Remark) -> State:
     """Return the state that belongs to the severity of a remark."""
     return _STATES[remark.severity]
@@ -75,6 +80,7 @@ def _results(calibration: Calibration) -> Iterator[Remark]:
     total = len(calibration.axes) + len(calibration.failed)
     length = duration_text(wv.samples / wv.rate)
     lost = unusable(calibration)
+    codes = {remark.code for remark in calibration.remarks}
     if not lost:  # Otherwise the headline states the number of axes that cannot be used.
         rate = f"{wv.rate:g} Hz"
         yield Remark.of("results", case="axes", axes=len(calibration.axes), total=total, length=length, rate=rate)
@@ -86,10 +92,11 @@ def _results(calibration: Calibration) -> Iterator[Remark]:
         if axis.test is not None and name not in misfits:
             yield Remark.of("check-passed", name, case="model")
     # If an axis could not be tested, another remark says so.
-    if calibration.verdicts and all(_is_clean(verdict) for verdict in calibration.verdicts.values()):
+    clean = calibration.verdicts and all(_is_clean(verdict) for verdict in calibration.verdicts.values())
+    if clean and not codes & _OUTLIERS:
         yield Remark.of("check-passed", case="no-outliers")
     recordings = [calibration.recording, *calibration.recordings.values()]
-    if any(recordings) and all(recording.static for recording in recordings if recording is not None):
+    if any(recordings) and all(recording.static for recording in recordings if recording) and not codes & _MOTION:
         yield Remark.of("check-passed", case="rest")
     if (certificate := certificate_of(calibration.values())) is not None:
         yield certificate

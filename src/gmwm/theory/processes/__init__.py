@@ -12,19 +12,10 @@ from gmwm.theory.processes.matern import MAT as MAT  # isort: skip
 from gmwm.theory.processes.oscillator import OSC as OSC  # isort: skip
 from gmwm.theory.processes.sinusoid import SIN as SIN  # isort: skip
 from gmwm.theory.processes.arma import AR as AR, MA as MA, ARMA as ARMA, SARMA as SARMA  # isort: skip
-from gmwm.theory.processes.base import Process as Process
-from gmwm.theory.processes.base import registry as registry
-from gmwm.theory.processes.model import Model as Model
-from gmwm.theory.processes.model import ModelLike as ModelLike
-from gmwm.theory.processes.model import as_model as as_model
-from gmwm.theory.processes.ordered import Ordered as Ordered
-from gmwm.theory.processes.ordered import every_class as every_class
-from gmwm.theory.processes.ordered import ordered_classes as ordered_classes
-from gmwm.theory.processes.parameter import Branch as Branch
-from gmwm.theory.processes.parameter import Fixed as Fixed
-from gmwm.theory.processes.parameter import Parameter as Parameter
-from gmwm.theory.processes.parameter import Physical as Physical
-from gmwm.theory.processes.parameter import fixed as fixed
+from gmwm.theory.processes.base import Process, registry
+from gmwm.theory.processes.model import Model, ModelLike, as_model
+from gmwm.theory.processes.ordered import Ordered, every_class, ordered_classes
+from gmwm.theory.processes.parameter import Branch, Fixed, Parameter, Physical, fixed
 
 __all__ = [
     "AR", "AR1", "ARMA", "DR", "FGN", "FN", "GM", "MA", "MAT", "OSC", "PL", "QN", "RW", "SARMA", "SIN", "WN", "Branch",

@@ -22,8 +22,6 @@ from gmwm.theory.statespace import StateSpace
 CRITICAL, SHARPEST = 0.5, 1e9
 """Quality factors between which the process is an oscillator. At ½ it no longer oscillates, and a recording of 10⁹
 periods cannot distinguish larger ones from a sinusoid."""
-_TERMS = 40
-"""Terms of the series of the autocovariance at ω₀t < 1, whose n-th term is below 2ⁿ/n!."""
 PERIODIC = 2.0
 """Quality factor from which the process is nearly periodic: its density at low frequencies is less than a quarter of
 that at the peak."""
@@ -103,7 +101,8 @@ class OSC(Process):
         x = 2.0 * math.pi * self.value("frequency") / as_rate(rate) * np.abs(as_lags(lags))
         before, last, series = 1.0, 0.0, np.zeros(x.shape)  # coefficients of x⁰ and x¹ in r/σ²
         small = np.minimum(x, 1.0)
-        for n in range(2, _TERMS):
+        # Terms of the series of the autocovariance at ω₀t < 1, whose n-th term is below 2ⁿ/n!.
+        for n in range(2, 40):
             before, last = last, -((n - 1) / self.value("quality") * last + before) / (n * (n - 1))
             series += last * small**n
         return np.asarray(np.where(x < 1.0, self.scale * series, self.autocovariance(lags, rate) - self.scale))

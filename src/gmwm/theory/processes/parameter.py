@@ -241,6 +241,8 @@ def _power(base: str, power: int) -> str:
 
 
 def _as_number(value: object, name: str) -> float:
+    if type(value) is float and math.isfinite(value):
+        return value
     if isinstance(value, bool) or not isinstance(value, Real):
         raise _wrong(name, "a number", value, argument=name, advice=_ESTIMATED)
     try:

@@ -122,11 +122,18 @@
     });
   }
 
+  // A table or text that is wider than the page can be scrolled with the keyboard.
+  const focusable = () => {
+    for (const part of document.querySelectorAll(".wide, pre")) part.tabIndex = part.scrollWidth > part.clientWidth ? 0 : -1;
+  };
+  document.addEventListener("toggle", focusable, true);
+
   let width = window.innerWidth;
   window.addEventListener("resize", () => {
     if (window.innerWidth === width || printing) return;
     width = window.innerWidth;
     drawAll();
+    focusable();
   });
 
   let closed = [];
@@ -143,5 +150,6 @@
   });
 
   openTarget();
+  focusable();
   document.documentElement.dataset.drawn = String(drawAll());
 })();
