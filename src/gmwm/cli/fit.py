@@ -196,9 +196,8 @@ def fit(
         recordings, axis, robust=robust, efficiency=strength, against=against, filter=filter, transform=transform
     )
     fits = fit_axes(
-        dict.fromkeys(signals, parsed), signals, weighting=weighting, robust=robust,
-        efficiency=strength, certify=certify, filter=filter, transform=transform,
-        start=None if start_draws is None else Sampled(start_draws, seed),
+        dict.fromkeys(signals, parsed), signals, start=None if start_draws is None else Sampled(start_draws, seed),
+        weighting=weighting, robust=robust, efficiency=strength, certify=certify, filter=filter, transform=transform,
     )  # fmt: skip
     _tell_curves(fits)
     carried = {}
