@@ -58,8 +58,8 @@ def duration_text(seconds: float, digits: int = 2) -> str:
     ('0.05 s', '115 s', '3.2 h', '5.8 d', '32 years')
     """
     unit, size = next((unit, size) for unit, size, least in _DURATIONS if seconds >= least)
-    whole = len(f"{seconds / size:.0f}") if seconds < 1e3 * size else 0
-    return f"{round_text(seconds / size, max(digits, whole))} {unit}"
+    integer_digits = len(f"{seconds / size:.0f}") if seconds < 1e3 * size else 0
+    return f"{round_text(seconds / size, max(digits, integer_digits))} {unit}"
 
 
 def moment(seconds: float) -> str:

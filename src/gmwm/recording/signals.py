@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from operator import ge
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, overload
 
@@ -86,11 +87,12 @@ class Signal(Plotted):
         require_measurable(vector, unit, axis)
         if vector.flags.writeable:
             vector = freeze(vector.view())
-        ranges = tuple((int(a), int(b)) for a, b in segments) or ((0, vector.size),)
-        if ranges[0][0] != 0 or ranges[-1][1] != vector.size or any(a >= b for a, b in ranges):
+        firsts, ends = (tuple(map(int, part)) for part in zip(*(tuple(segments) or ((0, vector.size),)), strict=True))
+        ranges = tuple(zip(firsts, ends, strict=True))
+        if firsts[0] != 0 or ends[-1] != vector.size or any(map(ge, firsts, ends)):
             expected = f"non-empty ranges that cover all {vector.size} samples"
             raise DataError(argument="segments", expected=expected, got=segments)
-        if any(before[1] != right[0] for before, right in pairwise(ranges)):
+        if firsts[1:] != ends[:-1]:
             raise DataError(argument="segments", expected="consecutive ranges without overlap", got=segments)
         rate = as_rate(rate)
         times = tuple(map(float, starts)) or tuple(start + (a + k) / rate for k, (a, _) in enumerate(ranges))

@@ -43,10 +43,10 @@ def by_short_names(names: Sequence[str], roles: Iterable[str]) -> dict[str, int]
     """
     missing, words = set(roles), ["".join(bare_words(name)) for name in names]
     out: dict[str, int] = {}
-    for sensor, pattern, letters, beside in _TRIPLES:
+    for sensor, pattern, letters, neighbour in _TRIPLES:
         if not {f"{sensor}_{axis}" for axis in "xyz"} <= missing - set(out):
             continue
-        if beside and not any(re.fullmatch(beside, word) for word in words):
+        if neighbour and not any(re.fullmatch(neighbour, word) for word in words):
             continue
         places = [(match[1], k) for k, word in enumerate(words) if (match := re.fullmatch(pattern, word))]
         if sorted(letter for letter, _ in places) == sorted(letters):

@@ -112,7 +112,9 @@ def understand(
     rate, integrals = time.base.rate, options.integrals
     ones = {axis: np.ones(1) for axis in choice.axes}
     counts = _first_samples(rows, choice, axes)
-    offset = [s for s in SI_UNIT if (own := [a for a in axes if axis_quantity(a) == s]) and offset_counts(own, counts)]
+    offset = [
+        s for s in SI_UNIT if (members := [a for a in axes if axis_quantity(a) == s]) and offset_counts(members, counts)
+    ]
     about_scale = multiply(layout, choice, factors=options.scale, increments=integrals, raw=ones, rate=rate)
     numbers = {axis: values * ones[axis] for axis, values in counts.items()}
     scales = resolve(layout, choice, declared=options.units, values=numbers, rate=rate, increments=integrals)

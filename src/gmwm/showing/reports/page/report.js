@@ -18,7 +18,7 @@
     const longest = Math.max(0, ...picture.data.filter((t) => t.showlegend).map((t) => t.name.length));
     // Plotly limits the legend to the width of the panel. Entries that do not fit are in the next row.
     const room = width - (printing ? 62 : 78);
-    const entry = Math.min(room, printing ? 44 + 4.8 * longest : 48 + 6.5 * longest);
+    const entry = Math.min(room, printing ? 44 + 4.8 * longest : 44 + 5.7 * longest);
     const rows = Math.ceil(picture.entries / Math.max(1, Math.floor(room / entry)));
     // A row of the legend has at least 19 pixels. If the margin is too small, Plotly moves the title of the axis up.
     const foot = (printing ? 44 : 50) + 19 * rows;
